@@ -69,11 +69,11 @@ def measure(options: TrainingOptions) -> BenchmarkResult:
 
 def rollouts(config: TrainConfig, rounds: int) -> dict[str, Floats]:
     """Seconds of each part in each of so many rollouts, (rounds,), after a first one that does not count."""
-    env, true_step = make_env(config), Simulation._step
+    env, true_step = make_env(config), Simulation._step_physics
     model = make_ppo(config, env)
     model.set_logger(configure(format_strings=[]))
     watch = Stopwatch()
-    Simulation._step = watch.timed("physics", true_step)  # type: ignore[method-assign]
+    Simulation._step_physics = watch.timed("physics", true_step)  # type: ignore[method-assign]
     env.step_wait = watch.timed("robots", env.step_wait)  # type: ignore[method-assign]
     model.train = watch.timed("update", model.train)  # type: ignore[method-assign]
     learn = watch.timed("whole", model.learn)
@@ -86,7 +86,7 @@ def rollouts(config: TrainConfig, rounds: int) -> dict[str, Floats]:
                 taken.append(dict(watch.seconds))
                 advance()
     finally:
-        Simulation._step = true_step  # type: ignore[method-assign]
+        Simulation._step_physics = true_step  # type: ignore[method-assign]
         env.close()
     physics, robots, update, whole = (
         np.array([each[part] for each in taken[1:]]) for part in ("physics", "robots", "update", "whole")

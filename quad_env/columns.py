@@ -6,7 +6,7 @@ are taken in order, by `total`: NumPy's own adds pairwise, and Python's compensa
 
 import math
 import operator
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -20,6 +20,8 @@ EnvSelection = slice | EnvIndices
 ScalarOrBatch = TypeVar("ScalarOrBatch", float, Array)
 Components = Sequence[ScalarOrBatch]
 """k columns: a tuple, or an array (k, n) of n robots'."""
+ComponentReader = Callable[[Array], Components[ScalarOrBatch]]
+"""Takes the components of the selected robots out of the rows of all, (n, k)."""
 BoolOrMask = bool | Mask
 """A column of truth values; combine them with `&` and `|`."""
 
@@ -32,6 +34,11 @@ def to_components(rows: Array) -> Components[Array]:
 def to_scalars(rows: Array) -> Components[float]:
     """The columns in the only row (1, k) of one robot."""
     return tuple(rows.tolist()[0])
+
+
+def component_reader(env_ids: EnvSelection | None) -> ComponentReader[Any]:
+    """Return the reader of the components of the robots `env_ids`; None: floats of the only robot."""
+    return to_scalars if env_ids is None else lambda rows: to_components(rows[env_ids])
 
 
 def in_single_precision(vectors: Sequence[Components[ScalarOrBatch]]) -> NDArray[np.float32]:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from functools import partial
-from typing import Any, ClassVar, Self, TypedDict
+from typing import Any, ClassVar, Generic, NamedTuple, Self, TypedDict
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -12,12 +12,22 @@ from numpy.typing import NDArray
 from quad_env.actuation.hardware import hardware_profile
 from quad_env.actuation.models import ACTUATORS, Actuator
 from quad_env.actuation.models import actuator as find_actuator
-from quad_env.actuation.runtime import action_delay_of
-from quad_env.columns import BoolOrMask, Components, EnvIndices, ScalarOrBatch, fraction_above
+from quad_env.actuation.runtime import make_action_delay
+from quad_env.columns import (
+    Array,
+    BoolOrMask,
+    EnvIndices,
+    EnvSelection,
+    ScalarOrBatch,
+    any_true,
+    component_reader,
+    fraction_above,
+    where,
+)
 from quad_env.config import TaskConfig
 from quad_env.envs.attributes import check_settable
 from quad_env.physics.batch import MUJOCO
-from quad_env.physics.simulation import Simulation
+from quad_env.physics.simulation import ALL, Simulation, SimulationConfig
 from quad_env.physics.state import QuadState
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot, parse_servo_gains
@@ -33,6 +43,7 @@ from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_plain
 from quad_env.task.observations import ObservationTerm, user_terms
 from quad_env.task.rewards import reward_terms, step_weights, user_rewards
+from quad_env.task.terminations import fall_reason_code
 
 
 class EnvKwargs(TypedDict, total=False):
@@ -62,8 +73,12 @@ class QuadEnvBase:
 
     SETTABLE: ClassVar[frozenset[str]] = frozenset()
     """Attributes that take effect when they are set."""
-    _view: Any = None  # so that what was made in part can be closed
+    terminate_on_fall: bool
+    """True if a fall ends the episode."""
+    _view: Any = None
+    """Window or renderer, once there is one; a class attribute, so that an environment that failed to build closes."""
     _made = False
+    """True once the environment is built."""
     _arguments: tuple[tuple[Any, ...], dict[str, Any]]
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -100,105 +115,202 @@ class QuadEnvBase:
         servo: Any = None,
         simulator: str = MUJOCO,
     ) -> tuple["Box[np.float32]", "Box[np.float32]"]:
-        """Make the parts of n robots; the spaces of observations and of actions of one.
+        """Create the parts of n robots. Mappings stand for settings, as in an `EnvSpec` that went through JSON.
 
-        Mappings stand for settings, as in an `EnvSpec` that went through JSON.
+        Args:
+            num_envs: Number of robots.
+            nthread: Threads of the simulation.
+            scenario: Scenario or its name.
+            readings: True to measure contacts and motors.
+            config: See `SimpleQuadEnv`, as all that follow.
+            actuator: Actuator.
+            sensors: Sensors.
+            robot: Robot.
+            estimator: Estimator.
+            height_scan: Height scan.
+            rewards: Reward terms of the user.
+            observations: Observation terms of the user.
+            servo: Servo gains.
+            simulator: Simulator.
+
+        Returns:
+            observation_space: Of one robot.
+            action_space: Of one robot.
         """
-        config = _setting(config)
-        if config is not None and not isinstance(config, TaskConfig):
-            raise ValueError(f"config is a quad_env.TaskConfig or None, got {config!r}")
-        self.config = config or TaskConfig()
-        robot = get_robot(robot)
-        own = robot.servo_stiffness, robot.servo_damping
-        gains = parse_servo_gains(own if servo is None else servo, num_envs)
-        differ = bool(np.ptp(gains, axis=1).any())
-        self.robot = robot = robot.with_servo(*(gains.mean(axis=1) if differ else gains[:, 0]))
-        """All that the environment knows of the robot; the mean of the servo gains where robots differ."""
-        self.scenario = find_scenario(_setting(scenario), robot)
-        """What the robot has to cope with."""
+        self.config = _task_config(config)
         rate = self.config.control_rate
         self.dt = 1 / rate
         """Control period, s."""
-        self._min_trunk_height = self.config.fall_rule.lowest(robot.leg_length)
-        motors, suite = find_actuator(_setting(actuator)), sensor_suite(_setting(sensors))
-        if self.scenario.hardware:
-            if (motors, suite, estimator) != (ACTUATORS["ideal"], None, COMPLEMENTARY):
-                has = f"{self.scenario.name} has the robot's hardware profile"
-                raise ValueError(f"{has}: leave out actuator, sensors and estimator, or take the scenario without it")
-            motors, named, estimator = hardware_profile(robot)
-            suite = sensor_suite(named)
-        check_estimator(estimator, suite)
-        imu = None if suite is None else (suite.imu.position, suite.imu.rotation)
+        self.robot, servo_gains = _robot_with_servo(robot, servo, num_envs)
+        """All that the environment knows of the robot; its servo gains are the mean if they differ between robots."""
+        self.scenario = find_scenario(_setting(scenario), self.robot)
+        """Scenario that is simulated."""
+        equipment = self._select_equipment(_setting(actuator), _setting(sensors), estimator)
+        self._min_trunk_height = self.config.fall_rule.lowest(self.robot.leg_length)
+        self._reward_weights = step_weights(self.config.reward_weights, self.dt)
         self._user_rewards = user_rewards(rewards)
         self._user_terms = user_terms(observations)
-        self._weights = step_weights(self.config.reward_weights, self.dt)
-        self._reward_keys = (*self._weights, *self._user_rewards)
-        weights = self.config.reward_weights
-        weighted_feet = weights.foot_air_time != 0.0 or weights.touchdown_speed != 0.0
-        feet = weighted_feet or bool(self._user_rewards or self._user_terms)
-        self.simulation = Simulation(
-            *(robot, self.scenario, num_envs, nthread, rate, readings, motors, imu, feet),
-            timestep=self.config.timestep,
-            solver_iterations=self.config.solver_iterations,
-            servo=gains if differ else None,
-            simulator=simulator,
+        self._reward_keys = (*self._reward_weights, *self._user_rewards)
+        simulation_config = self._simulation_config(num_envs, nthread, readings, servo_gains, equipment, simulator)
+        self.simulation = Simulation(self.robot, self.scenario, simulation_config)
+        """The simulated robots."""
+        self._schedule = EpisodeSchedule(self.robot, self.scenario, num_envs, self.dt)
+        self._action_delay = make_action_delay(self.robot, self.scenario, num_envs, self.dt)
+        self._sensors = make_observation_model(
+            equipment.sensors, equipment.estimator, self.simulation, self.scenario, num_envs, rate
         )
-        self._schedule = EpisodeSchedule(robot, self.scenario, num_envs, self.dt)
-        self._action_delay = action_delay_of(robot, self.scenario, num_envs, self.dt)
-        self._sensors = make_observation_model(suite, estimator, self.simulation, self.scenario, num_envs, rate)
         scan = _setting(height_scan)
         self._scanner = make_scanner(scan, self.scenario, num_envs, rate)
-        self.observation_table = table = table_with(robot, scan, self._user_terms)
+        self.observation_table = table_with(self.robot, scan, self._user_terms)
         """Terms and slices of the observation."""
-        self._lower, self._upper = robot.joint_lower, robot.joint_upper
-        actions = Box(self._lower.astype(np.float32), self._upper.astype(np.float32))
-        return Box(-table.bound, table.bound), actions
+        self._rows = np.arange(num_envs)
+        self._tracked_command = np.zeros((num_envs, 3))
+        """Command that each robot tracked in its last step, (n, 3)."""
+        return self._make_spaces()
+
+    def _select_equipment(self, actuator: Any, sensors: Any, estimator: str) -> "Equipment":
+        """Return the requested equipment, or the robot's hardware profile if the scenario has it."""
+        equipment = Equipment(find_actuator(actuator), sensor_suite(sensors), estimator)
+        if self.scenario.hardware:
+            if equipment != Equipment(ACTUATORS["ideal"], None, COMPLEMENTARY):
+                raise ValueError(
+                    f"{self.scenario.name} has the robot's hardware profile: leave out actuator, sensors and "
+                    "estimator, or take the scenario without it"
+                )
+            profile = hardware_profile(self.robot)
+            equipment = Equipment(profile.actuator, sensor_suite(profile.sensors), profile.estimator)
+        check_estimator(equipment.estimator, equipment.sensors)
+        return equipment
+
+    def _simulation_config(
+        self,
+        num_envs: int,
+        nthread: int,
+        readings: bool,
+        servo_gains: Array | None,
+        equipment: "Equipment",
+        simulator: str,
+    ) -> SimulationConfig:
+        """Return the options of the simulation."""
+        weights = self.config.reward_weights
+        has_weighted_feet = weights.foot_air_time != 0.0 or weights.touchdown_speed != 0.0
+        suite = equipment.sensors
+        return SimulationConfig(
+            num_envs=num_envs,
+            nthread=nthread,
+            control_rate=self.config.control_rate,
+            timestep=self.config.timestep,
+            solver_iterations=self.config.solver_iterations,
+            simulator=simulator,
+            actuator=equipment.actuator,
+            servo_gains=servo_gains,
+            imu=None if suite is None else (suite.imu.position, suite.imu.rotation),
+            has_meter=readings,
+            tracks_footsteps=has_weighted_feet or bool(self._user_rewards or self._user_terms),
+        )
+
+    def _make_spaces(self) -> tuple["Box[np.float32]", "Box[np.float32]"]:
+        """Return the spaces of observations and actions of one robot."""
+        bound = self.observation_table.bound
+        self._lower = self.robot.joint_lower
+        self._upper = self.robot.joint_upper
+        return Box(-bound, bound), Box(self._lower.astype(np.float32), self._upper.astype(np.float32))
 
     @property
     def estimator(self) -> Estimator | None:
-        """What gravity and velocity of the observation are estimated by; None where they are the truth."""
+        """Estimator of gravity and velocity in the observation; None if these are the true state's."""
         return self._sensors.estimator if isinstance(self._sensors, SensorObservation) else None
 
     @property
     def observes_true_state(self) -> bool:
-        """Whether the observation shows every reading as it is, at once."""
+        """True if the observation is the undelayed true state without noise."""
         return self._sensors is None
 
     def _reset_episodes(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Start these episodes of those robots."""
+        """Start the episodes of the robots `env_ids`, (k,)."""
         self.simulation.reset(env_ids, *stack_initial_conditions(episodes))
         for part in (self._action_delay, self._sensors, self._scanner):
             if part is not None:
                 part.reset(env_ids, episodes)
+        self._tracked_command[env_ids] = self._schedule.command[env_ids]
 
-    def _observation_of(
-        self,
-        state: QuadState[ScalarOrBatch],
-        command: Components[ScalarOrBatch],
-        clock: NDArray[np.int64],
-        env_ids: EnvIndices,
-    ) -> NDArray[np.float32]:
-        """What those robots, (k,), observe, whose `state` it is: (size,), or (k, size) of a batch."""
-        observation: NDArray[np.float32] = self.observation_table.observe(state, command)
-        if self._sensors is not None:
-            self._sensors.sense(np.atleast_2d(observation), clock, env_ids)
-        further: list[NDArray[np.float32]] = [term.evaluate(state) for term in self._user_terms]
-        if self._scanner is not None:
-            further.insert(0, self._scanner.scan(state, clock, env_ids))
-        if not further:
-            return observation
-        return np.concatenate((observation, *(part if observation.ndim == 2 else part[0] for part in further)), axis=-1)
+    def _advance(self, targets: Array, env_ids: EnvSelection | None) -> "StepResult[Any]":
+        """Advance robots by one control step, in the order of its phases.
+
+        Args:
+            targets: Joint targets of all robots, clipped, (n, 12), rad.
+            env_ids: Robots to advance; None: the only robot of a batch of one, with results in floats.
+
+        Returns:
+            Results of the k robots.
+        """
+        moving = ALL if env_ids is None else env_ids
+        delayed_targets = self._apply_action(targets, moving)
+        self._simulate(targets, delayed_targets, moving)
+        diverged = self._reset_diverged(env_ids)
+        state = self._compute_state(env_ids)
+        fall, terminated = self._terminate(state, diverged)
+        terms = self._step_terms(state, terminated, diverged)
+        self._schedule.resample_commands(moving)
+        observation = self._observe(state, env_ids)
+        return StepResult(state, observation, terms, fall, diverged, terminated)
+
+    def _apply_action(self, targets: Array, env_ids: EnvSelection) -> Array | None:
+        """Return the targets that the servos receive, (n, 12), rad; None: those of the action."""
+        if self._action_delay is None:
+            return None
+        return self._action_delay.update(targets, self._schedule.step_count[env_ids], self._rows[env_ids])
+
+    def _simulate(self, targets: Array, delayed_targets: Array | None, env_ids: EnvSelection) -> None:
+        """Advance the simulation and the clocks of robots by a control period."""
+        schedule = self._schedule
+        self.simulation.step(targets, schedule.force(), env_ids, delayed_targets)
+        self._tracked_command[env_ids] = schedule.command[env_ids]
+        schedule.step_count[env_ids] += 1
+
+    def _reset_diverged(self, env_ids: EnvSelection | None) -> BoolOrMask:
+        """Return True for robots that diverged, and reset these so that their readings are finite."""
+        diverged: BoolOrMask = self.simulation.diverged(env_ids)
+        if any_true(diverged):
+            rows = self._rows if env_ids is None else self._rows[env_ids]
+            self.simulation.reset_diverged(rows[np.atleast_1d(diverged)])
+        return diverged
+
+    def _compute_state(self, env_ids: EnvSelection | None) -> QuadState[Any]:
+        """Return the present state of robots, with the command that they tracked in their last step."""
+        return self.simulation.state(component_reader(env_ids)(self._tracked_command), env_ids)
+
+    def _terminate(self, state: QuadState[ScalarOrBatch], diverged: BoolOrMask) -> tuple[Any, BoolOrMask]:
+        """Return the code of the fall, see `config.FALL_REASONS`, and True for robots whose episode ends."""
+        fall = where(diverged, 0, fall_reason_code(state, self.config.fall_rule, self._min_trunk_height))
+        return fall, diverged | ((fall > 0) & self.terminate_on_fall)
 
     def _step_terms(
-        self, state: QuadState[ScalarOrBatch], ended: BoolOrMask, diverged: BoolOrMask
+        self, state: QuadState[ScalarOrBatch], terminated: BoolOrMask, diverged: BoolOrMask
     ) -> dict[str, ScalarOrBatch]:
-        """What a step earned and cost: mechanical power, W, the share of joints above their rated speed, rewards."""
+        """Return mechanical power, W, the fraction of joints above their rated speed, and the reward terms."""
         return {
             "mechanical_power": state.mechanical_power,
             "overspeed": fraction_above(state.joint_velocity, self.robot.rated_speed),
-            **reward_terms(state, ended, diverged, self._weights),
+            **reward_terms(state, terminated, diverged, self._reward_weights),
             **{key: term.weighted(state, diverged, self.dt) for key, term in self._user_rewards.items()},
         }
+
+    def _observe(self, state: QuadState[ScalarOrBatch], env_ids: EnvSelection | None) -> NDArray[np.float32]:
+        """Return the observation of robots, (k, size), or (size,) for None, with the command to track next."""
+        rows = self._rows if env_ids is None else self._rows[env_ids]
+        clock = self._schedule.step_count[rows]
+        command = component_reader(env_ids)(self._schedule.command)
+        observation: NDArray[np.float32] = self.observation_table.observe(state, command)
+        if self._sensors is not None:
+            self._sensors.sense(np.atleast_2d(observation), clock, rows)
+        further_terms = [] if self._scanner is None else [self._scanner.scan(state, clock, rows)]
+        further_terms += [term.evaluate(state) for term in self._user_terms]
+        if not further_terms:
+            return observation
+        if env_ids is None:
+            further_terms = [values[0] for values in further_terms]
+        return np.concatenate((observation, *further_terms), axis=-1)
 
     def close_extras(self, **_: Any) -> None:
         """Close the window or the renderer; the simulation itself needs no closing."""
@@ -207,5 +319,48 @@ class QuadEnvBase:
             self._view = None
 
 
+class Equipment(NamedTuple):
+    """Actuator, sensors and estimator of a robot."""
+
+    actuator: Actuator
+    sensors: SensorSuite | None
+    estimator: str
+
+
+class StepResult(NamedTuple, Generic[ScalarOrBatch]):
+    """Results of a control step: of one robot in floats, or of k robots in arrays."""
+
+    state: QuadState[ScalarOrBatch]
+    """State after the step; its command is the one that was tracked."""
+    observation: NDArray[np.float32]
+    """(size,) or (k, size)."""
+    terms: dict[str, ScalarOrBatch]
+    """Mechanical power, overspeed and reward terms."""
+    fall: Any
+    """Code of the fall, see `config.FALL_REASONS`; 0 for none."""
+    diverged: BoolOrMask
+    """True if the simulation diverged."""
+    terminated: BoolOrMask
+    """True if the episode ends by a fall or by divergence."""
+
+
 def _setting(value: Any) -> Any:
+    """Return the setting that a mapping stands for, or the value itself."""
     return from_plain(value) if isinstance(value, Mapping) else value
+
+
+def _task_config(config: Any) -> TaskConfig:
+    """Return the task configuration, the default for None; raise ValueError for anything else."""
+    config = _setting(config)
+    if config is not None and not isinstance(config, TaskConfig):
+        raise ValueError(f"config is a quad_env.TaskConfig or None, got {config!r}")
+    return config or TaskConfig()
+
+
+def _robot_with_servo(robot: str | Robot, servo: Any, num_envs: int) -> tuple[Robot, Array | None]:
+    """Return the robot with its servo gains, and the gains of each robot, (2, n, 12), or None if they are the same."""
+    robot = get_robot(robot)
+    requested = (robot.servo_stiffness, robot.servo_damping) if servo is None else servo
+    gains = parse_servo_gains(requested, num_envs)
+    differ = bool(np.ptp(gains, axis=1).any())
+    return robot.with_servo(*(gains.mean(axis=1) if differ else gains[:, 0])), gains if differ else None

@@ -10,18 +10,14 @@ from numpy.typing import NDArray
 
 from quad_env import columns
 from quad_env.envs.arguments import check_frame, joint_targets, reset_options, warn_of_no_render_mode
-from quad_env.envs.base import EnvKwargs, QuadEnvBase
+from quad_env.envs.base import EnvKwargs, QuadEnvBase, StepResult
 from quad_env.envs.vector_env import Observation
-from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import seeds_of
 from quad_env.sensing.observation import SensorObservation
-from quad_env.task.terminations import fall_reason_code
 
 RENDER_MODES = ("rgb_array", "human")
-_ROW = np.zeros(1, np.intp)
-"""The only robot among those of a batch of one."""
 
 
 class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -77,9 +73,10 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode
-        self._tracked_command: columns.Components[float] = (0.0, 0.0, 0.0)
         self._fall = 0
-        self._started = self._diverged = self._terminated = False
+        self._started = False
+        self._diverged = False
+        self._terminated = False
         self._frame = (width, height, camera)
         self._made = True
 
@@ -96,16 +93,30 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start an episode; `options["command"]`, (3,), is held for its whole length."""
-        mask, held = reset_options(options, 1)
+        """Start an episode.
+
+        Args:
+            seed: Seed of the episodes from now on; None: the next episode of the present seed.
+            options: "command", (3,): forward m/s, lateral m/s, yaw rate rad/s, fixed for the whole episode.
+
+        Returns:
+            observation: First observation.
+            info: See docs/environment.md.
+
+        Raises:
+            ValueError: A seed or command of the wrong shape or kind, or a `reset_mask`.
+        """
+        mask, fixed_command = reset_options(options, 1)
         seed = None if seed is None else seeds_of([seed], 1)[0]
         super().reset(seed=seed)
         if "reset_mask" in (options or ()):
             raise ValueError("options['reset_mask'] is for batches; a single environment always resets")
         self._schedule.reseed(seed, mask)
-        self._reset_episodes(_ROW, self._schedule.reset(_ROW, held))
-        self._fall, self._started, self._diverged, self._terminated = 0, True, False, False
-        self._tracked_command = columns.to_scalars(self._schedule.command)
+        self._reset_episodes(self._rows, self._schedule.reset(self._rows, fixed_command))
+        self._fall = 0
+        self._started = True
+        self._diverged = False
+        self._terminated = False
         self.simulation.sync_model(0)
         observation, info = self._current_observation()
         if self.render_mode == "human":
@@ -113,10 +124,21 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return observation, info
 
     def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Advance by `dt` seconds with target joint positions (12,), rad; a robot whose episode has ended stands still.
+        """Advance by one control period; a robot whose episode has ended stands still.
+
+        Args:
+            action: Joint targets, (12,), rad; targets beyond the joint limits are clipped.
+
+        Returns:
+            observation: Observation after the step.
+            reward: Sum of the reward terms.
+            terminated: True if the robot fell or diverged.
+            truncated: False; the time limit is a wrapper.
+            info: See docs/environment.md.
 
         Raises:
-            ValueError: a wrong shape or a non-finite target; the robot has not moved then.
+            ValueError: A wrong shape or a non-finite target; the robot has not moved then.
+            ResetNeeded: The environment was never reset.
         """
         targets = joint_targets(action, self._lower.shape, self._lower, self._upper)
         if not self._started:
@@ -124,49 +146,29 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         if self._terminated:
             observation, info = self._current_observation()
             return observation, 0.0, True, False, info
-        schedule, action_delay = self._schedule, self._action_delay
-        delayed_targets = (
-            None if action_delay is None else action_delay.received(targets[None], schedule.step_count, _ROW)
-        )
-        self.simulation.step(targets[None], schedule.force(), delayed_targets=delayed_targets)
-        schedule.step_count += 1
-        state = self._update_termination()
-        step_terms = self._step_terms(state, self._terminated, self._diverged)
-        schedule.resample_commands(ALL)
-        observation = self._observe(state)
+        result: StepResult[float] = self._advance(targets[None], None)
+        self._fall = result.fall
+        self._diverged = bool(result.diverged)
+        self._terminated = bool(result.terminated)
+        reward = columns.ordered_sum(result.terms[key] for key in self._reward_keys)
         if self.render_mode == "human":
             self.render()
-        reward = columns.ordered_sum(step_terms[key] for key in self._reward_keys)
-        return observation, reward, self._terminated, False, self._info(state, step_terms)
-
-    def _update_termination(self) -> QuadState[float]:
-        """Readings of the robot that just moved; whether it fell, and whether that ends the episode."""
-        self._diverged = bool(self.simulation.diverged(None))
-        if self._diverged:
-            self.simulation.reset_diverged(_ROW)
-        self._tracked_command = columns.to_scalars(self._schedule.command)
-        state = self.simulation.state(self._tracked_command, None)
-        self._fall = 0 if self._diverged else fall_reason_code(state, self.config.fall_rule, self._min_trunk_height)
-        self._terminated = self._diverged or (self._fall > 0 and self.terminate_on_fall)
-        return state
+        return result.observation, reward, self._terminated, False, self._info(result.state, result.terms)
 
     def _current_observation(self) -> tuple[Observation, dict[str, Any]]:
-        """Observation and info of a robot that has not moved."""
-        state = self.simulation.state(self._tracked_command, None)
-        step_terms = dict.fromkeys(("mechanical_power", "overspeed", *self._reward_keys), 0.0)
-        return self._observe(state), self._info(state, step_terms)
+        """Return observation and info of a robot that has not moved."""
+        state: QuadState[float] = self._compute_state(None)
+        terms = dict.fromkeys(("mechanical_power", "overspeed", *self._reward_keys), 0.0)
+        return self._observe(state, None), self._info(state, terms)
 
-    def _observe(self, state: QuadState[float]) -> Observation:
-        command = columns.to_scalars(self._schedule.command)
-        return self._observation_of(state, command, self._schedule.step_count, _ROW)
-
-    def _info(self, state: QuadState[float], step_terms: dict[str, float]) -> dict[str, Any]:
+    def _info(self, state: QuadState[float], terms: dict[str, float]) -> dict[str, Any]:
+        """Return the info of a step."""
         info: dict[str, Any] = {
             "command": np.array(state.command),
             "heading_velocity": np.array(state.heading_velocity),
             "fall": np.int8(self._fall),
             "diverged": np.array(self._diverged),  # Gymnasium's batches would make an object of a `np.bool_`
-            **{key: np.float64(value) for key, value in step_terms.items()},
+            **{key: np.float64(value) for key, value in terms.items()},
         }
         if isinstance(self._sensors, SensorObservation):
             info |= {key: values[0] for key, values in self._sensors.readings().items()}

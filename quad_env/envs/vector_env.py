@@ -10,16 +10,15 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from quad_env import columns
-from quad_env.columns import Array, EnvSelection, Mask
+from quad_env.columns import Array, EnvIndices, EnvSelection, Mask
 from quad_env.envs import arguments
-from quad_env.envs.base import EnvKwargs, QuadEnvBase
+from quad_env.envs.base import EnvKwargs, QuadEnvBase, StepResult
 from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.episode import PushPlan
 from quad_env.scenarios.scenario import Scenario
 from quad_env.sensing.observation import SensorObservation
 from quad_env.task.readings import readings as readings_of
-from quad_env.task.terminations import fall_reason_code
 
 Observation = NDArray[np.float32]
 Infos = dict[str, Any]
@@ -84,12 +83,11 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self.max_episode_steps = max_episode_steps
         self.terminate_on_fall = terminate_on_fall
         self._readings = readings
-        self._rows = np.arange(num_envs)
         self._started = np.zeros(num_envs, bool)
         self._terminated, self._truncated = np.zeros(num_envs, bool), np.zeros(num_envs, bool)
         # What the caller is shown copies of: a robot that does not move keeps its row.
         self._observation: Observation = np.zeros((num_envs, self.observation_table.size), np.float32)
-        self._tracked_command, self._heading_velocity = np.zeros((num_envs, 3)), np.zeros((num_envs, 3))
+        self._heading_velocity = np.zeros((num_envs, 3))
         self._diverged, self._fall = np.zeros(num_envs, bool), np.zeros(num_envs, np.int8)
         self._all_true_mask = np.ones(num_envs, bool)
         self._all_true_mask.flags.writeable = False
@@ -112,7 +110,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         mask, fixed_command = arguments.reset_options(options, self.num_envs)
         self._schedule.reseed(seed, mask)
         super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None)
-        self._begin(np.flatnonzero(mask), fixed_command)
+        self._start_episodes(np.flatnonzero(mask), fixed_command)
         return self._observation.copy(), self._infos(self._zero_step_terms())
 
     def step(self, actions: NDArray[np.floating[Any]]) -> tuple[Observation, Array, Mask, Mask, Infos]:
@@ -129,19 +127,16 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         targets = arguments.joint_targets(actions, (self.num_envs, self.robot.num_joints), self._lower, self._upper)
         done = self._terminated | self._truncated
         moving = np.flatnonzero(~done) if done.any() else ALL
-        schedule, received = self._schedule, None
-        if self._action_delay is not None:
-            received = self._action_delay.received(targets, schedule.step_count[moving], self._rows[moving])
-        self.simulation.step(targets, schedule.force(), moving, received)
-        schedule.step_count[moving] += 1
-        step_terms = self._update_termination(moving)
-        rewards = columns.ordered_sum(step_terms[key] for key in self._reward_keys)
+        result: StepResult[Array] = self._advance(targets, moving)
+        self._store(result, moving)
+        terms = {key: self._scatter(values, moving) for key, values in result.terms.items()}
+        rewards = columns.ordered_sum(terms[key] for key in self._reward_keys)
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and moving is not ALL:
-            self._begin(np.flatnonzero(done), None)
+            self._start_episodes(np.flatnonzero(done), None)
         terminated, truncated = self._terminated.copy(), self._truncated.copy()
-        infos = self._infos(step_terms)
+        infos = self._infos(terms)
         if self.autoreset_mode is AutoresetMode.SAME_STEP and (finished := terminated | truncated).any():
-            infos = self._restart(finished, infos, step_terms)
+            infos = self._restart(finished, infos, terms)
         return self._observation.copy(), rewards, terminated, truncated, infos
 
     def steer(self, command: ArrayLike) -> None:
@@ -181,53 +176,38 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         """The pushes of every env's present episode."""
         return self._schedule.pushes
 
-    def _begin(self, env_ids: NDArray[np.intp], held: Array | None) -> None:
-        """Start the next episode of those envs and look; `held` are the commands of all, or None to draw."""
+    def _start_episodes(self, env_ids: EnvIndices, fixed_commands: Array | None) -> None:
+        """Start the next episode of the robots `env_ids`; commands of all, (n, 3), or None to draw them."""
         if not len(env_ids):
             return
+        for flags in (self._terminated, self._truncated, self._diverged):
+            flags[env_ids] = False
         self._started[env_ids] = True
-        self._terminated[env_ids] = self._truncated[env_ids] = self._diverged[env_ids] = False
         self._fall[env_ids] = 0
         self._state = None
-        episodes = self._schedule.reset(env_ids, held)
-        self._reset_episodes(env_ids, episodes)
-        self._update_observation(self._compute_state(env_ids), env_ids)
-
-    def _compute_state(self, env_ids: EnvSelection) -> QuadState[Array]:
-        """Readings of those robots, which were following their present commands."""
-        self._tracked_command[env_ids] = self._schedule.command[env_ids]
-        return self.simulation.state(columns.to_components(self._tracked_command[env_ids]), env_ids)
-
-    def _update_observation(self, state: QuadState[Array], env_ids: EnvSelection) -> None:
-        """Take the observation of those robots, whose `state` it is, with the command to follow next."""
-        self._heading_velocity[env_ids] = np.transpose(state.heading_velocity)
-        command, clock = columns.to_components(self._schedule.command[env_ids]), self._schedule.step_count[env_ids]
-        self._observation[env_ids] = self._observation_of(state, command, clock, self._rows[env_ids])
-
-    def _update_termination(self, env_ids: EnvSelection) -> Infos:
-        """Falls, ends, observations of the robots that just moved; gives what the step earned and cost, all (n,)."""
-        diverged = self.simulation.diverged(env_ids)
-        if diverged.any():
-            self.simulation.reset_diverged(self._rows[env_ids][diverged])
+        self._reset_episodes(env_ids, self._schedule.reset(env_ids, fixed_commands))
         state = self._compute_state(env_ids)
-        self._state = state if env_ids is ALL else None
-        fall = fall_reason_code(state, self.config.fall_rule, self._min_trunk_height)
-        fall[diverged] = 0
-        ended = diverged | ((fall > 0) & self.terminate_on_fall)
-        self._diverged[env_ids], self._fall[env_ids], self._terminated[env_ids] = diverged, fall, ended
+        self._store_observation(state, self._observe(state, env_ids), env_ids)
+
+    def _store(self, result: StepResult[Array], env_ids: EnvSelection) -> None:
+        """Store the result of a step of the robots `env_ids`, and whether it is their last within the time limit."""
+        self._state = result.state if env_ids is ALL else None
+        self._diverged[env_ids] = result.diverged
+        self._fall[env_ids] = result.fall
+        self._terminated[env_ids] = result.terminated
         if self.max_episode_steps is not None:
             self._truncated[env_ids] = self._schedule.step_count[env_ids] >= self.max_episode_steps
-        self._schedule.resample_commands(env_ids)
-        self._update_observation(state, env_ids)
-        step_terms = self._step_terms(state, ended, diverged)
-        return (
-            step_terms
-            if env_ids is ALL
-            else {key: self._scatter(values, env_ids) for key, values in step_terms.items()}
-        )
+        self._store_observation(result.state, result.observation, env_ids)
+
+    def _store_observation(self, state: QuadState[Array], observation: Observation, env_ids: EnvSelection) -> None:
+        """Store the observation and the heading velocity of the robots `env_ids`."""
+        self._heading_velocity[env_ids] = np.transpose(state.heading_velocity)
+        self._observation[env_ids] = observation
 
     def _scatter(self, values: Array, env_ids: EnvSelection) -> Array:
-        """Values of those robots among zeros for the others, (n,)."""
+        """Return the values of the robots `env_ids` among zeros for the others, (n,)."""
+        if env_ids is ALL:
+            return values
         out = np.zeros(self.num_envs)
         out[env_ids] = values
         return out
@@ -257,6 +237,6 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
             "final_obs": np.where(finished[:, None], self._observation, np.float32(0)),
             "final_info": {key: finished.copy() if key.startswith("_") else value for key, value in infos.items()},
         }
-        self._begin(env_ids, None)
+        self._start_episodes(env_ids, None)
         infos = self._infos({key: np.where(finished, 0.0, values) for key, values in step_terms.items()})
         return infos | extra | {f"_{key}": finished.copy() for key in extra}

@@ -1,5 +1,6 @@
-"""What the simulation needs of a simulator: the calls of MuJoCo's batch that it makes, which others answer too."""
+"""Protocol of the simulators: the calls of MuJoCo's batch that the simulation makes, and the features of each."""
 
+from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any, Protocol
 
@@ -9,92 +10,216 @@ from quad_env.scenarios.disturbances import Motors
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, SmoothRandom
 
-MUJOCO, DRAKE, WARP = "mujoco", "drake", "warp"
-SIMULATORS = MUJOCO, DRAKE
-"""Those that evaluate; WARP is for training alone."""
+MUJOCO = "mujoco"
+DRAKE = "drake"
+WARP = "warp"
+SIMULATORS = (MUJOCO, DRAKE)
+"""Simulators of evaluations. WARP is for training only."""
 RELATIVE_STEP_TIME = {MUJOCO: 1.0, DRAKE: 12.0}
-"""Time that each takes for a control step of a robot, times MuJoCo's."""
-_PACKAGES = {DRAKE: "pydrake", WARP: "mujoco_warp"}
-_SUPPORTED = {
-    DRAKE: "ideal motors, the true state, and level ground, slopes and stairs of any friction, with pushes, forces, "
-    "payloads",
-    WARP: "ideal motors and all else but height fields, slow motors and sensors of the robot",
-}
+"""Time of a control step of one robot, relative to MuJoCo's."""
 
-_BEYOND_DRAKE = "jnt_stiffness", "jnt_stiffnesspoly", "dof_dampingpoly"
-"""Fields of a model that Drake's plant does not have."""
+
+@dataclass(frozen=True)
+class SimulatorFeatures:
+    """Features of the environment that a simulator supports; the defaults are those of MuJoCo."""
+
+    package: str | None = None
+    """Python package that the simulator needs beyond this project's own; None: none."""
+    summary: str = ""
+    """Supported features in words, for error messages."""
+    robot_sensors: bool = True
+    """Simulated sensors on the robot, which read outputs of the present state."""
+    energy: bool = True
+    """Measurement of work, heat and foot impulse in every physics step."""
+    hardware_profile: bool = True
+    actuator_models: bool = True
+    """Actuators other than the ideal servo, and motors with a bandwidth."""
+    weak_motors: bool = True
+    """`Motors` of a scenario that differ from the defaults."""
+    height_fields: bool = True
+    soft_ground: bool = True
+    per_env_models: bool = True
+    """Domain randomisation: model fields that differ between robots."""
+    per_env_servo_gains: bool = True
+    nonlinear_joints: bool = True
+    """Joint springs and quadratic or cubic joint damping."""
+    implicit_damping: bool = True
+    """True if `actuator_force` lacks the implicitly integrated damping, which `qDeriv` holds; False if it is the torque
+    that the joint received."""
+
+
+SIMULATOR_FEATURES = {
+    MUJOCO: SimulatorFeatures(),
+    DRAKE: SimulatorFeatures(
+        package="pydrake",
+        summary="ideal motors, the true state, and level ground, slopes and stairs of any friction, with pushes, "
+        "forces, payloads",
+        robot_sensors=False,
+        hardware_profile=False,
+        actuator_models=False,
+        weak_motors=False,
+        height_fields=False,
+        soft_ground=False,
+        per_env_models=False,
+        per_env_servo_gains=False,
+        nonlinear_joints=False,
+        implicit_damping=False,
+    ),
+    WARP: SimulatorFeatures(
+        package="mujoco_warp",
+        summary="ideal motors and all else but height fields, slow motors and sensors of the robot",
+        robot_sensors=False,
+        energy=False,
+        hardware_profile=False,
+        actuator_models=False,
+        height_fields=False,
+        implicit_damping=False,
+    ),
+}
+"""Features of each simulator, by name."""
+_NONLINEAR_JOINT_FIELDS = ("jnt_stiffness", "jnt_stiffnesspoly", "dof_dampingpoly")
+"""Model fields of joint springs and nonlinear joint damping."""
 
 
 class Batch(Protocol):
-    """n robots of one compiled model. Fields have MuJoCo's names, order, units and frames, a row a robot."""
+    """n robots of one compiled model. Fields have MuJoCo's names, order, units and frames, one row per robot."""
 
     warning: Any
-    """Warnings of each robot since its reset, (n, kinds of MuJoCo's warnings, 2): last, and how many."""
+    """Warnings of each robot since its reset, (n, kinds of MuJoCo's warnings, 2): last value and count."""
+
+    @property
+    def features(self) -> SimulatorFeatures:
+        """Features that the simulator of this batch supports."""
 
     def bind(self, field: str) -> Array:
-        """A field of the state or the outputs, which follow every step; what is written there moves the robots."""
+        """Return the live array of a state or output `field`; writing to a state field moves the robots."""
 
     def expand(self, field: str) -> Array:
-        """A field of the model, of each robot its own from now on."""
+        """Give every robot its own values of a model `field`, and return them, (n, ...)."""
 
     def sensor(self, name: str) -> Any:
-        """A sensor, whose `data`, (n, size), are of the state before the last physics step."""
+        """Return the sensor called `name`; its `data`, (n, size), belong to the state before the last physics step."""
 
     def reset(self, ids: EnvIndices, keyframe: int | None = None, *, stage: int) -> None:
-        """Put those robots at the model's start, or at a keyframe, at rest."""
+        """Put robots at the start of the model, at rest.
+
+        Args:
+            ids: Indices of the robots, (k,).
+            keyframe: Index of a keyframe to start from instead.
+            stage: Last stage of MuJoCo's forward dynamics to compute, an `mjtStage`.
+        """
 
     def forward(self, ids: EnvIndices, *, stage: int = ...) -> None:
-        """Work out where the bodies and sites of those robots are."""
+        """Compute the positions of bodies and sites.
+
+        Args:
+            ids: Indices of the robots, (k,).
+            stage: Last stage of MuJoCo's forward dynamics to compute, an `mjtStage`.
+        """
 
     def step(self, ids: EnvSelection | None, nstep: int) -> None:
-        """Move those robots, or all, on by some physics steps. Raises mujoco.batch.SimulationError."""
+        """Advance robots by physics steps; MuJoCo's batch raises `mujoco.batch.SimulationError`.
+
+        Args:
+            ids: Robots to step; None for all.
+            nstep: Number of physics steps.
+        """
 
     def set_const(self, ids: EnvIndices) -> None:
-        """Work out what depends on the expanded fields of those robots."""
+        """Recompute the model constants that depend on expanded fields, for the robots `ids`, (k,)."""
 
     def get_model(self, robot: int, model: Any) -> None:
-        """Write one robot's model there."""
+        """Write the expanded fields of one `robot`, an index, into `model`."""
 
     def get_data(self, robot: int) -> Any:
-        """A copy of one robot's simulation."""
+        """Return a copy of the simulation data of one `robot`, an index."""
 
 
 def check_simulator(
-    simulator: str, scenario: Scenario, actuator: Actuator, sensors: bool = False, readings: bool = False
+    simulator: str,
+    scenario: Scenario,
+    actuator: Actuator,
+    sensors: bool = False,
+    readings: bool = False,
+    per_env_servo_gains: bool = False,
 ) -> None:
-    """ValueError, one line, unless the simulator of that name can do that; `sensors`: the robot has some of its own,
-    `readings`: energy is measured."""
-    if simulator not in (*SIMULATORS, WARP):
+    """Check that a simulator supports a scenario and a robot's equipment.
+
+    Args:
+        simulator: Name of the simulator.
+        scenario: Scenario to simulate.
+        actuator: Actuator of the joints.
+        sensors: True if the robot has simulated sensors.
+        readings: True if energy is measured.
+        per_env_servo_gains: True if servo gains differ between robots.
+
+    Raises:
+        ValueError: The simulator is unknown, not installed, or does not support a requested feature; one line.
+    """
+    if simulator not in SIMULATOR_FEATURES:
         raise ValueError(f"unknown simulator {simulator!r}; valid: {', '.join(SIMULATORS)}")
-    if simulator == MUJOCO:
-        return
-    if find_spec(_PACKAGES[simulator]) is None:
+    features = SIMULATOR_FEATURES[simulator]
+    if features.package is not None and find_spec(features.package) is None:
         raise ValueError(f'the simulator {simulator} needs its packages: pip install -e ".[{simulator}]"')
-    terrain, on_drake = scenario.terrain, simulator == DRAKE
-    slow = scenario.motors.bandwidth is not None
-    unsupported = {
-        "sensors of the robot": sensors,
-        "readings, for it measures no energy": simulator == WARP and readings,
-        f"the hardware profile of {scenario.name!r}": scenario.hardware,
-        f"the motors of {scenario.name!r}": slow or (on_drake and scenario.motors != Motors()),
-        "motors other than ideal ones": actuator != ACTUATORS["ideal"],
-        f"the ground of {scenario.name!r}": isinstance(terrain, SmoothRandom | HeightField),
-        f"the domain randomisation of {scenario.name!r}": on_drake and scenario.randomisation is not None,
-        f"the soft ground of {scenario.name!r}": on_drake and scenario.ground.sink_depth > 0,
-    }
-    if found := [what for what, asked in unsupported.items() if asked]:
-        known = f"the simulator {simulator} knows {_SUPPORTED[simulator]}"
-        raise ValueError(f"{known}; not {' and '.join(found)}: take mujoco for that")
+    requested = _requested_features(scenario, actuator, sensors, readings, per_env_servo_gains)
+    unsupported = [name for feature, name in requested if not getattr(features, feature)]
+    if unsupported:
+        raise ValueError(
+            f"the simulator {simulator} does not support {' and '.join(unsupported)}; "
+            f"it supports {features.summary}; use mujoco instead"
+        )
+
+
+def _requested_features(
+    scenario: Scenario, actuator: Actuator, sensors: bool, readings: bool, per_env_servo_gains: bool
+) -> list[tuple[str, str]]:
+    """Return the field of `SimulatorFeatures` and the name, for messages, of every requested feature."""
+    motors = f"the motors of {scenario.name!r}"
+    candidates = (
+        (sensors, "robot_sensors", "sensors of the robot"),
+        (readings, "energy", "readings, which include energy"),
+        (scenario.hardware, "hardware_profile", f"the hardware profile of {scenario.name!r}"),
+        (scenario.motors.bandwidth is not None, "actuator_models", motors),
+        (scenario.motors != Motors() and scenario.motors.bandwidth is None, "weak_motors", motors),
+        (actuator != ACTUATORS["ideal"], "actuator_models", "motors other than ideal ones"),
+        (
+            isinstance(scenario.terrain, SmoothRandom | HeightField),
+            "height_fields",
+            f"the ground of {scenario.name!r}",
+        ),
+        (
+            scenario.randomisation is not None,
+            "per_env_models",
+            f"the domain randomisation of {scenario.name!r}",
+        ),
+        (scenario.ground.sink_depth > 0, "soft_ground", f"the soft ground of {scenario.name!r}"),
+        (per_env_servo_gains, "per_env_servo_gains", "servo gains that differ between robots"),
+    )
+    return [(feature, name) for is_requested, feature, name in candidates if is_requested]
 
 
 def make_batch(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch:
-    """n robots of that compiled model in the simulator of that name."""
+    """Create a batch of robots in a simulator.
+
+    Args:
+        simulator: Name of the simulator.
+        model: Compiled `mujoco.MjModel` of every robot.
+        num_envs: Number of robots.
+        nthread: Threads of the simulation; MuJoCo only.
+
+    Returns:
+        The batch.
+
+    Raises:
+        ValueError: The model has joint springs or nonlinear joint damping, which the simulator does not support.
+    """
+    has_nonlinear_joints = any(getattr(model, field).any() for field in _NONLINEAR_JOINT_FIELDS)
+    if has_nonlinear_joints and not SIMULATOR_FEATURES[simulator].nonlinear_joints:
+        raise ValueError(
+            f"the simulator {simulator} does not support joint springs or quadratic or cubic joint damping, which the "
+            "model of the robot has; it supports linear damping; use mujoco instead"
+        )
     if simulator == DRAKE:
-        if any(getattr(model, field).any() for field in _BEYOND_DRAKE):
-            raise ValueError(
-                f"the simulator {simulator} knows linear damping of joints; not springs and not quadratic or cubic "
-                "damping, which the model of the robot has: take mujoco for that"
-            )
         from quad_env.physics.drake.batch import DrakeBatch  # an extra
 
         return DrakeBatch(model, num_envs)
@@ -102,6 +227,6 @@ def make_batch(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch
         from quad_env.physics.warp_batch import WarpBatch  # an extra
 
         return WarpBatch(model, num_envs)
-    from mujoco.batch import Batch as MujocoBatch
+    from quad_env.physics.mujoco_batch import MujocoBatch  # MuJoCo takes long to import
 
-    return MujocoBatch(model, num_envs, nthread)  # type: ignore[no-any-return]
+    return MujocoBatch(model, num_envs, nthread)

@@ -1,56 +1,73 @@
-"""The steps of n robots' feet: how long each was in the air when it touches down, and how fast it came down."""
+"""Foot contacts of n robots: swing time and touchdown speed of each foot."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from quad_env.columns import Array, Components, EnvSelection, Mask, ScalarOrBatch
+from quad_env.columns import Array, EnvSelection, Mask
 
 MAX_BOUNCE_STEPS = 1
-"""Control steps in a row off the ground that are no swing, as in legged_gym's `contact_filt`: landing feet bounce."""
-Columns = Callable[[Array], Components[ScalarOrBatch]]
-"""Takes the columns of the wanted robots out of the rows of all."""
+"""Control steps in a row off the ground that count as a bounce of a landing foot, not as a swing; as in the
+`contact_filt` of legged_gym."""
 
 
 class FootContactTracker:
-    """Looks at the feet of n robots after every control step of `period` seconds.
+    """Tracks swing time and touchdown speed of the feet of n robots; updated after every control step.
 
-    `contacts`: of each foot what its sensors found in the last substep, see `touching`; `places`: of all sites of the
-    model in the world frame, (n, sites, 3), m, among them the feet's, `feet`.
+    Args:
+        period: Control period, s.
+        contacts: Data of the contact sensors of each foot, (n, 1) each; see `touching`.
+        site_positions: Positions of all sites of the model, world frame, (n, sites, 3), m.
+        foot_sites: Indices of the feet among the sites.
     """
 
-    def __init__(self, period: float, contacts: Sequence[Sequence[Array]], places: Array, feet: Sequence[int]) -> None:
-        self._period, self._sensed, self._places, self._feet = period, contacts, places, list(feet)
+    def __init__(
+        self, period: float, contacts: Sequence[Sequence[Array]], site_positions: Array, foot_sites: Sequence[int]
+    ) -> None:
+        self._period = period
+        self._contacts = contacts
+        self._site_positions = site_positions
+        self._foot_sites = list(foot_sites)
         self._air_steps = np.zeros((len(contacts[0][0]), len(contacts)))
-        """Control steps that each foot is off the ground; counted, so that no time is rounded more than once."""
+        """Control steps that each foot has been off the ground; a count, so that times are rounded only once."""
         self.swing_time = np.zeros_like(self._air_steps)
         """See `QuadState`, (n, 4), s."""
         self.touchdown_speed = np.zeros_like(self._air_steps)
         """See `QuadState`, (n, 4), m/s."""
-        self._height, self._descent_speed = np.zeros_like(self._air_steps), np.zeros_like(self._air_steps)
+        self._height = np.zeros_like(self._air_steps)
+        self._descent_speed = np.zeros_like(self._air_steps)
 
     def reset(self, ids: EnvSelection) -> None:
-        """Begin the episode of those robots: no step of theirs is under way."""
-        self._air_steps[ids] = self.swing_time[ids] = self.touchdown_speed[ids] = self._descent_speed[ids] = 0.0
-        self._height[ids] = self._heights(ids)
+        """Start an episode of the robots `ids`: no foot is in a swing."""
+        for values in (self._air_steps, self.swing_time, self.touchdown_speed, self._descent_speed):
+            values[ids] = 0.0
+        self._height[ids] = self._foot_heights(ids)
 
-    def advance(self, ids: EnvSelection) -> None:
-        """Take note of the control step that those robots have just made."""
-        contact, air = touching(self._sensed, ids), self._air_steps[ids]
-        landed = contact & (air > MAX_BOUNCE_STEPS)
-        self.swing_time[ids] = np.where(landed, self._period * air, 0.0)
-        self.touchdown_speed[ids] = np.where(landed, self._descent_speed[ids], 0.0)
-        height = self._heights(ids)
+    def update(self, ids: EnvSelection) -> None:
+        """Update swings and speeds after a control step of the robots `ids`."""
+        contact = touching(self._contacts, ids)
+        air_steps = self._air_steps[ids]
+        has_landed = contact & (air_steps > MAX_BOUNCE_STEPS)
+        self.swing_time[ids] = np.where(has_landed, self._period * air_steps, 0.0)
+        self.touchdown_speed[ids] = np.where(has_landed, self._descent_speed[ids], 0.0)
+        height = self._foot_heights(ids)
         self._descent_speed[ids] = np.maximum(self._height[ids] - height, 0.0) / self._period
         self._height[ids] = height
-        self._air_steps[ids] = np.where(contact, 0.0, air + 1.0)
+        self._air_steps[ids] = np.where(contact, 0.0, air_steps + 1.0)
 
-    def _heights(self, ids: EnvSelection) -> Array:
-        return self._places[ids][:, self._feet, 2]
+    def _foot_heights(self, ids: EnvSelection) -> Array:
+        return self._site_positions[ids][:, self._foot_sites, 2]
 
 
 def touching(contacts: Sequence[Sequence[Array]], ids: EnvSelection) -> Mask:
-    """Which parts of those robots touched the ground, (k, parts); `contacts` are what each part's sensors counted,
-    (n, 1) each."""
-    counts = [sum((found[ids] for found in others), first[ids]) for first, *others in contacts]
+    """Return True for each part of a robot that touched the ground.
+
+    Args:
+        contacts: Contact counts of the sensors of each part, (n, 1) each.
+        ids: Indices of k robots.
+
+    Returns:
+        Contact of each part, (k, parts).
+    """
+    counts = [sum((count[ids] for count in others), first[ids]) for first, *others in contacts]
     return np.concatenate(counts, axis=1) > 0

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from quad_env.columns import Array, EnvIndices, ordered_sum, to_components
 from quad_env.config import GRAVITY
-from quad_env.physics.energy import summed, touch_sensors
+from quad_env.physics.energy import sum_foot_forces, touch_sensors
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.robot import Robot
 
@@ -64,7 +64,7 @@ class IdealSensors:
             "accelerometer": np.where(first[:, None], acceleration, mean),
             "up": axes[:, 2],
             "joint_position": self._qpos[rows, self._joints],
-            "foot_contact": summed(self._touch, rows),
+            "foot_contact": sum_foot_forces(self._touch, rows),
             "joint_torque": self._torque[rows, self._joints],
         }
 

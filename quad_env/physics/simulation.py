@@ -1,9 +1,10 @@
-"""n robots on one batch of a simulator: joint targets in, state out."""
+"""n robots in one batch of a simulator: joint targets in, state out."""
 
-import itertools
 import os
 from collections.abc import Iterable, Sequence
-from typing import Any, cast
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any, NamedTuple, cast
 
 import mujoco
 import numpy as np
@@ -11,22 +12,23 @@ from mujoco.batch import SimulationError
 from numpy.typing import NDArray
 
 from quad_env.actuation.models import ACTUATORS, Actuator
-from quad_env.actuation.runtime import actuator_models_of
+from quad_env.actuation.runtime import make_target_filter, make_thermal_model
 from quad_env.columns import (
     Array,
+    ComponentReader,
     Components,
     EnvIndices,
     EnvSelection,
     Mask,
     ScalarOrBatch,
+    component_reader,
     not_finite,
     ordered_sum,
     to_components,
-    to_scalars,
 )
-from quad_env.physics.batch import DRAKE, MUJOCO, check_simulator, make_batch
+from quad_env.physics.batch import MUJOCO, check_simulator, make_batch
 from quad_env.physics.energy import MotorMeter, touch_sensors
-from quad_env.physics.footsteps import Columns, FootContactTracker, touching
+from quad_env.physics.footsteps import FootContactTracker, touching
 from quad_env.physics.model import (
     PAYLOAD,
     Mounting,
@@ -51,109 +53,193 @@ from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom
 
 ALL = slice(None)
+"""Selection of every robot."""
 _DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
-"""MuJoCo's warnings of a bad position, velocity, acceleration or control, which follow each other."""
+"""MuJoCo's consecutive warnings of a bad position, velocity, acceleration or control."""
 _LINKS = ("thigh", "calf")
-_HIGH = 10.0
-"""How far up robots of users are looked at before they are put on bumpy ground, leg lengths: with a trunk of many geoms
-in the ground MuJoCo finds more contacts than it has memory for."""
+_SPAWN_HEIGHT = 10.0
+"""Height, in leg lengths, from which imported robots are lowered onto bumpy ground. If a trunk of many geoms starts in
+the ground, MuJoCo finds more contacts than it has memory for."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationConfig:
+    """Options of a `Simulation`, beyond robot and scenario."""
+
+    num_envs: int = 1
+    """Number of robots."""
+    nthread: int = 1
+    """Threads of the simulator; results do not depend on it."""
+    control_rate: float = 100.0
+    """Control steps per second, Hz; a control step must be a whole number of physics steps."""
+    timestep: float | None = None
+    """Physics step, s; None: the MJCF's."""
+    solver_iterations: int | None = None
+    """Contact-solver iterations per physics step; None: the MJCF's."""
+    simulator: str = MUJOCO
+    """Name of the simulator; see `quad_env.physics.batch`."""
+    actuator: Actuator = ACTUATORS["ideal"]
+    """Actuator of the joints."""
+    servo_gains: Array | None = None
+    """Stiffness, N·m/rad, and damping, N·m·s/rad, of the servos of each robot, (2, n, 12); None: the robot's."""
+    imu: Mounting | None = None
+    """Place of an IMU; with one, the simulation has a `probe`. None: no simulated sensors."""
+    has_meter: bool = False
+    """True: sense the contacts of feet and legs, see `ground_contacts`, and measure the motors, see `meter`."""
+    tracks_footsteps: bool = False
+    """True: swing times and touchdown speeds are part of the state."""
+
+
+class _ContactSensorNames(NamedTuple):
+    """Names of the contact sensors that a simulation reads."""
+
+    trunk: list[str]
+    feet: list[list[str]]
+    """One list per foot; empty if foot contacts are not read."""
+    links: list[str]
+    """Sensors of thighs and calves."""
 
 
 class Simulation:
-    """State of n robots, stepped together on `nthread` threads; results do not depend on n or the threads.
+    """State of n robots that are stepped together; results do not depend on n or the number of threads.
 
-    With `contacts` the ground contacts of feet and legs are sensed too, see `ground_contacts`, and a `meter` measures
-    the motors; with an `imu`, mounted there, there is a `probe`; with `feet` their swings are part of the state. Servos
-    have the gains of the robot, or each robot's `servo` its own, stiffness and damping, (2, n, 12). Every `simulator`
-    has MuJoCo's fields and conventions, see `quad_env.physics.batch`.
+    An environment makes one. Every simulator has MuJoCo's fields and conventions, see `quad_env.physics.batch`.
+
+    Args:
+        robot: Robot to simulate.
+        scenario: Terrain, ground, payload, motors and randomisation.
+        config: Further options.
+
+    Raises:
+        ValueError: The simulator does not support the request, or a control step is no whole number of physics steps.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        scenario: Scenario,
-        num_envs: int,
-        nthread: int,
-        control_rate: float,
-        contacts: bool = False,
-        actuator: Actuator = ACTUATORS["ideal"],
-        imu: Mounting | None = None,
-        feet: bool = False,
-        timestep: float | None = None,
-        solver_iterations: int | None = None,
-        servo: Array | None = None,
-        simulator: str = MUJOCO,
-    ) -> None:
-        check_simulator(simulator, scenario, actuator, sensors=imu is not None, readings=contacts)
-        if simulator == DRAKE and servo is not None:
-            raise ValueError(f"the simulator {simulator} knows no servo gains that differ from robot to robot")
-        self.robot, self.terrain = robot, scenario.terrain
-        self.model = compile_model(robot, scenario, actuator, timestep, solver_iterations)
-        """Model of every robot, but for its payload's place, what its hot motors can do and what is randomised: there
-        it is that of the robot that `show_load` named last."""
-        if imu is not None:
-            mount_imu(self.model, imu)
-        period = 1 / control_rate
-        self.substeps = round(period / self.model.opt.timestep)
-        if self.substeps < 1 or abs(self.substeps * self.model.opt.timestep - period) > 1e-9:
-            raise ValueError(
-                f"at {control_rate} Hz a control step is no whole number of physics steps ({self.model.opt.timestep} s)"
-            )
-        trunk = contact_sensors(self.model, "trunk")
-        soles = [contact_sensors(self.model, f"{leg}_foot") for leg in robot.leg_names if contacts or feet]
-        links = [contact_sensors(self.model, f"{leg}_{link}") for leg in robot.leg_names for link in _LINKS if contacts]
-        read = [
-            *trunk,
-            *itertools.chain(*soles, *links),
-            *(() if imu is None else ideal_sensor_names(robot, self.model)),
-        ]
-        read += itertools.chain(*touch_sensors(robot, self.model)) if contacts else []
+    def __init__(self, robot: Robot, scenario: Scenario, config: SimulationConfig | None = None) -> None:
+        config = config or SimulationConfig()
+        check_simulator(
+            config.simulator,
+            scenario,
+            config.actuator,
+            sensors=config.imu is not None,
+            readings=config.has_meter,
+            per_env_servo_gains=config.servo_gains is not None,
+        )
+        self.robot = robot
+        self.terrain = scenario.terrain
+        self.model = compile_model(robot, scenario, config.actuator, config.timestep, config.solver_iterations)
+        """Model of every robot, except for fields that differ between robots: payload position, torque limits of hot
+        motors, randomised parameters. These are those of the robot of the last `sync_model`."""
+        if config.imu is not None:
+            mount_imu(self.model, config.imu)
+        self.substeps = _count_substeps(config.control_rate, self.model.opt.timestep)
+        """Physics steps of a control step."""
+        contact_names = _contact_sensor_names(robot, self.model, config)
         self._process = os.getpid()
-        self._threaded = nthread > 1
-        self.batch = make_batch(simulator, make_stepping_model(self.model, read), num_envs, nthread)
+        self._has_threads = config.nthread > 1
+        stepping_model = make_stepping_model(self.model, _sensor_names(robot, self.model, config, contact_names))
+        self.batch = make_batch(config.simulator, stepping_model, config.num_envs, config.nthread)
         """The robots as the simulator steps them."""
-        self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
-        """Positions, (n, 19), and velocities, (n, 18), in MuJoCo's order; what is written there moves the robots."""
+        self._bind_state(config.num_envs)
+        self._bind_sensors(config)
+        self._bind_contacts(contact_names)
+        self._bind_geometry(config)
+        self._bind_servo_gains(config.servo_gains)
+        self._bind_loads(scenario)
+        self._bind_actuators(scenario, config)
+        self._bind_randomisation(scenario)
+
+    def _bind_state(self, num_envs: int) -> None:
+        """Bind positions, velocities, targets and torques; create the stored actions."""
+        self.qpos = self.batch.bind("qpos")
+        """Positions, (n, 19), in MuJoCo's order; writing to it moves the robots."""
+        self.qvel = self.batch.bind("qvel")
+        """Velocities, (n, 18), in MuJoCo's order; writing to it changes the robots' motion."""
         self._ctrl = self.batch.bind("ctrl")
-        self._push = self.batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
-        self.torque = self.batch.bind("actuator_force")
-        """Torques of the servos in the last physics step, (n, 12), N·m."""
-        self.meter = MotorMeter(robot, self.batch, self.model, actuator, simulator) if contacts else None
-        self.probe = None if imu is None else IdealSensors(robot, self.batch, self.model, period)
-        if self.probe is not None:  # which computes the outputs of the last substep again
-            self.torque = self.probe.copy(self.torque)
-        self._trunk_contacts = self._sensed(trunk)
-        self._foot_contacts = [self._sensed(names) for names in soles]
-        self._link_contacts = self._sensed(itertools.chain(*links))
+        self._filtered_ctrl = self.batch.bind("act") if self.model.na else None
         self._warnings = self.batch.warning[:, _DIVERGENCE, 1]
-        self._feet = [self.model.site(f"{leg}_foot").id for leg in robot.leg_names]
-        ends = [joint for joint in range(robot.num_joints) if joint % JOINTS_PER_LEG]
-        self._thighs = [self.model.joint(robot.joint_names[joint]).id for joint in ends]
-        self._corners = trunk_corners(self.model)
-        bumpy = isinstance(self.terrain, SmoothRandom | HeightField)
-        self._spawn_clearance = _HIGH * robot.leg_length if robot.imported and bumpy else 0.0
-        if isinstance(self.terrain, HeightField):  # which may be anywhere, and of many small cells
-            self._spawn_clearance += self.terrain.heights.lowest + self.terrain.heights.span
-        self._has_per_env_models = servo is not None or scenario.randomisation is not None
-        if servo is not None:
-            give_servo_gains(self.model, self.batch.expand, servo)
-        self._sites, self._joints = self.batch.bind("site_xpos"), self.batch.bind("xanchor")
-        self._footsteps = FootContactTracker(period, self._foot_contacts, self._sites, self._feet) if feet else None
-        self._filtered = self.batch.bind("act") if self.model.na else None
-        load = None if scenario.payload is None else self.model.body(PAYLOAD).id
-        self._load = None if load is None else self.batch.expand("body_pos")[:, load, :2]
-        self._history = self.batch.bind("history") if self.model.nhistory else None
-        self._initial_history = initial_actuator_history(self.model, robot.home_pose) if self.model.nhistory else None
-        rows, timestep = (self.batch.bind, self.batch.expand), self.model.opt.timestep
-        self._actuators = actuator_models_of(robot, scenario.motors, actuator, *rows, self.substeps, timestep)
-        self._randomised = None
-        if scenario.randomisation is not None:
-            limits = None if self._actuators is None else self._actuators.full_range
-            self._randomised = RandomisedModels(self.model, self.batch.expand, limits)
-        self._force: Array | None = None
-        self._alignment = slope_quaternion(self.terrain) if isinstance(self.terrain, Slope) else None
-        self._action = np.tile(robot.home_pose, (num_envs, 1))
+        self._servo_torque = self.batch.bind("actuator_force")
+        self.torque = self._servo_torque
+        """Torques of the servos in the last physics step, (n, 12), N·m."""
+        self._action = np.tile(self.robot.home_pose, (num_envs, 1))
         self._previous_action = self._action.copy()
+
+    def _bind_sensors(self, config: SimulationConfig) -> None:
+        """Create the motor meter and the noise-free sensors."""
+        robot, model = self.robot, self.model
+        self.meter = MotorMeter(robot, self.batch, model, config.actuator) if config.has_meter else None
+        """Measures motors and foot forces; None unless requested."""
+        self.probe = None if config.imu is None else IdealSensors(robot, self.batch, model, 1 / config.control_rate)
+        """Noise-free sensor values; None without an IMU."""
+        if self.probe is not None:  # it recomputes the outputs of the last physics step
+            self.torque = self.probe.copy(self.torque)
+
+    def _bind_contacts(self, names: _ContactSensorNames) -> None:
+        """Bind the contact sensors of trunk, feet and links."""
+        self._trunk_contacts = self._contact_data(names.trunk)
+        self._foot_contacts = [self._contact_data(sensors) for sensors in names.feet]
+        self._link_contacts = self._contact_data(names.links)
+
+    def _contact_data(self, names: Iterable[str]) -> list[Array]:
+        """Return the contact counts of sensors in the last physics step, (n, 1) each."""
+        data = [self.batch.sensor(name).data for name in names]
+        return data if self.probe is None else [self.probe.copy(count) for count in data]
+
+    def _bind_geometry(self, config: SimulationConfig) -> None:
+        """Bind the places that the spawn height and footsteps depend on."""
+        robot, model = self.robot, self.model
+        self._site_positions = self.batch.bind("site_xpos")
+        self._joint_positions = self.batch.bind("xanchor")
+        self._feet = [model.site(f"{leg}_foot").id for leg in robot.leg_names]
+        self._thighs = [model.joint(name).id for joint, name in enumerate(robot.joint_names) if joint % JOINTS_PER_LEG]
+        self._corners = trunk_corners(model)
+        self._spawn_clearance = self._compute_spawn_clearance()
+        self._alignment = slope_quaternion(self.terrain) if isinstance(self.terrain, Slope) else None
+        self._footsteps = None
+        if config.tracks_footsteps:
+            period = 1 / config.control_rate
+            self._footsteps = FootContactTracker(period, self._foot_contacts, self._site_positions, self._feet)
+
+    def _compute_spawn_clearance(self) -> float:
+        """Return the extra height, m, at which robots are placed before they are lowered onto the ground."""
+        is_bumpy = isinstance(self.terrain, SmoothRandom | HeightField)
+        clearance = _SPAWN_HEIGHT * self.robot.leg_length if self.robot.imported and is_bumpy else 0.0
+        if isinstance(self.terrain, HeightField):  # it may be at any height and have many small cells
+            clearance += self.terrain.heights.lowest + self.terrain.heights.span
+        return clearance
+
+    def _bind_servo_gains(self, servo_gains: Array | None) -> None:
+        """Give every robot servo gains of its own."""
+        if servo_gains is not None:
+            give_servo_gains(self.model, self.batch.expand, servo_gains)
+        self._has_per_env_models = servo_gains is not None
+
+    def _bind_loads(self, scenario: Scenario) -> None:
+        """Bind the pushing force on the trunk and the position of the payload."""
+        self._push = self.batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
+        self._steady_force: Array | None = None
+        """Part of the force that acts at every step of an episode, world frame, (n, 2), N."""
+        self._payload_position: Array | None = None
+        if scenario.payload is not None:
+            self._payload_position = self.batch.expand("body_pos")[:, self.model.body(PAYLOAD).id, :2]
+
+    def _bind_actuators(self, scenario: Scenario, config: SimulationConfig) -> None:
+        """Create target filter and thermal model, and bind the history of MuJoCo's delayed actuators."""
+        robot, model, actuator = self.robot, self.model, config.actuator
+        self._history = self.batch.bind("history") if model.nhistory else None
+        self._initial_history = initial_actuator_history(model, robot.home_pose) if model.nhistory else None
+        timestep = model.opt.timestep
+        self._target_filter = make_target_filter(robot, scenario.motors, actuator, config.num_envs, timestep)
+        self._thermal_model = make_thermal_model(robot, actuator, timestep, self.batch.expand)
+        self._steps_singly = any((self.meter, self._target_filter, self._thermal_model))
+        """True if something happens between the physics steps of a control step."""
+
+    def _bind_randomisation(self, scenario: Scenario) -> None:
+        """Create the randomised models."""
+        self._randomised: RandomisedModels | None = None
+        if scenario.randomisation is not None:
+            limits = None if self._thermal_model is None else self._thermal_model.full_range
+            self._randomised = RandomisedModels(self.model, self.batch.expand, limits)
+            self._has_per_env_models = True
 
     def reset(
         self,
@@ -163,58 +249,105 @@ class Simulation:
         load: Array | None = None,
         randomization: Sequence[RandomizationSample] = (),
     ) -> None:
-        """Start the robots `ids` (sorted) from the given start rows, see `episode.draw_start`, just on the ground.
+        """Start episodes: put robots into their start states, just on the ground.
 
-        A row holds x, y, yaw, roll, pitch, 12 joint offsets from home, 6 trunk and 12 joint velocities. `force`,
-        (k, 2), N, acts on their trunks at every step, world frame; `load`, (k, 2), m, is where their payloads are, base
-        frame; `drawn`, k or none, are figures that differ from episode to episode.
+        Args:
+            env_ids: Indices of the robots, sorted, (k,).
+            rows: Start rows, (k, 35), see `episode.draw_start`: x, y, yaw, roll, pitch, 12 joint offsets from home, 6
+                trunk and 12 joint velocities.
+            force: Force on the trunk at every step, world frame, (k, 2), N.
+            load: Position of the payload, base frame, (k, 2), m.
+            randomization: Randomised parameters of the episodes, k or none.
         """
         self._check_process()
-        robot = self.robot
         self.batch.reset(env_ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self.batch.warning[env_ids] = 0
-        qpos = np.empty((len(env_ids), self.model.nq))
-        qpos[:, 0:2], qpos[:, 2] = rows[:, 0:2], robot.home_height
-        qpos[:, 3:7] = quaternion(rows[:, 3], rows[:, 4], rows[:, 2])
-        if self._alignment is not None:
-            for orientation in qpos[:, 3:7]:
-                mujoco.mju_mulQuat(orientation, self._alignment, orientation.copy())
-        offsets, velocities = np.split(rows[:, 5:], [robot.num_joints], axis=1)
-        qpos[:, 7:] = np.clip(robot.home_pose + offsets, robot.joint_lower, robot.joint_upper)
+        qpos = self._start_positions(rows)
         self.qpos[env_ids] = qpos
-        self.qvel[env_ids] = velocities
-        self._ctrl[env_ids] = self._action[env_ids] = self._previous_action[env_ids] = robot.home_pose
-        if self._filtered is not None:
-            self._filtered[env_ids] = robot.home_pose
-        if self._history is not None:
-            self._history[env_ids] = self._initial_history
-        if self._randomised is not None and randomization:
-            self._randomised.reset(env_ids, randomization)
-        if self._actuators is not None:
-            self._actuators.reset(env_ids)
-        if force is not None:
-            self._force = np.zeros_like(self._push) if self._force is None else self._force
-            self._force[env_ids] = self._push[env_ids] = force
-        if self._load is not None:
-            self._load[env_ids] = 0.0 if load is None else load
-        if self._load is not None or self._randomised is not None:
-            self.batch.set_const(env_ids)
-        qpos[:, 2] += self._spawn_clearance
-        self.qpos[env_ids, 2] = qpos[:, 2]
-        self.batch.forward(env_ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
-        self.qpos[env_ids, 2] += self._penetration_correction(env_ids, qpos)
-        self._begin_readings(env_ids)
+        self.qvel[env_ids] = rows[:, 5 + self.robot.num_joints :]
+        self._reset_actuators(env_ids, randomization)
+        self._reset_loads(env_ids, force, load)
+        self._place_on_ground(env_ids, qpos)
+        self._reset_readings(env_ids)
 
     def _check_process(self) -> None:
-        """Raise RuntimeError in a forked process: it has no threads of the batch, so it would wait for ever."""
-        if self._threaded and os.getpid() != self._process:
+        """Raise RuntimeError in a forked process: it lacks the threads of the batch, so a step would wait forever."""
+        if self._has_threads and os.getpid() != self._process:
             raise RuntimeError(
                 f"this batch has threads of process {self._process}, which a fork, {os.getpid()}, does not have: make "
                 "it in the process that steps it, start processes by spawn, or give nthread=1"
             )
 
-    def _begin_readings(self, env_ids: EnvSelection) -> None:
-        """Nothing has happened to those robots yet."""
+    def _start_positions(self, rows: Array) -> Array:
+        """Return the positions of start rows, (k, 19), at the home height above z = 0."""
+        robot = self.robot
+        qpos = np.empty((len(rows), self.model.nq))
+        qpos[:, 0:2] = rows[:, 0:2]
+        qpos[:, 2] = robot.home_height
+        qpos[:, 3:7] = quaternion(rows[:, 3], rows[:, 4], rows[:, 2])
+        if self._alignment is not None:
+            for orientation in qpos[:, 3:7]:
+                mujoco.mju_mulQuat(orientation, self._alignment, orientation.copy())
+        offsets = rows[:, 5 : 5 + robot.num_joints]
+        qpos[:, 7:] = np.clip(robot.home_pose + offsets, robot.joint_lower, robot.joint_upper)
+        return qpos
+
+    def _reset_actuators(self, env_ids: EnvIndices, randomization: Sequence[RandomizationSample]) -> None:
+        """Reset targets, actuator models and randomised parameters."""
+        for targets in (self._ctrl, self._action, self._previous_action, self._filtered_ctrl):
+            if targets is not None:
+                targets[env_ids] = self.robot.home_pose
+        if self._history is not None:
+            self._history[env_ids] = self._initial_history
+        if self._randomised is not None and randomization:
+            self._randomised.reset(env_ids, randomization)
+        self._reset_actuator_models(env_ids)
+
+    def _reset_actuator_models(self, env_ids: EnvIndices) -> None:
+        """Reset target filters and motor temperatures."""
+        for part in (self._target_filter, self._thermal_model):
+            if part is not None:
+                part.reset(env_ids)
+
+    def _reset_loads(self, env_ids: EnvIndices, force: Array | None, load: Array | None) -> None:
+        """Set steady forces and payloads, and recompute the model constants that depend on the episode."""
+        if force is not None:
+            if self._steady_force is None:
+                self._steady_force = np.zeros_like(self._push)
+            self._steady_force[env_ids] = force
+            self._push[env_ids] = force
+        if self._payload_position is not None:
+            self._payload_position[env_ids] = 0.0 if load is None else load
+        if self._payload_position is not None or self._randomised is not None:
+            self.batch.set_const(env_ids)
+
+    def _place_on_ground(self, env_ids: EnvIndices, qpos: Array) -> None:
+        """Move robots with the positions `qpos`, (k, 19), vertically until they just touch the ground."""
+        qpos[:, 2] += self._spawn_clearance
+        self.qpos[env_ids, 2] = qpos[:, 2]
+        self.batch.forward(env_ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
+        self.qpos[env_ids, 2] += self._penetration_correction(env_ids, qpos)
+
+    def _penetration_correction(self, env_ids: EnvIndices, qpos: Array) -> Array:
+        """Return the height by which to raise robots at `qpos`, (k, 19), out of the ground, (k,), m."""
+        rotation = np.stack([np.stack(row, -1) for row in rotation_matrix(to_components(qpos[:, 3:7]))], 1)  # (k, 3, 3)
+        corners = qpos[:, None, :3] + self._corners @ rotation.transpose(0, 2, 1)
+        feet = self._site_positions[env_ids][:, self._feet]
+        thighs = self._joint_positions[env_ids][:, self._thighs]
+        foot_extra_depth = foot_depths(self.robot, rotation, qpos[:, 7:]) - self.robot.foot_radius
+        spheres = (
+            (feet, self.robot.foot_radius, foot_extra_depth),
+            (thighs, self.robot.thigh_radius, 0.0),
+            (corners, 0.0, 0.0),
+        )
+        corrections = [
+            self.terrain.sphere_center_height(centre[:, :, 0], centre[:, :, 1], radius) - centre[:, :, 2] + extra_depth
+            for centre, radius, extra_depth in spheres
+        ]
+        return cast("Array", np.concatenate(corrections, axis=1).max(axis=1))
+
+    def _reset_readings(self, env_ids: EnvSelection) -> None:
+        """Reset footsteps, meter and probe."""
         if self._footsteps is not None:
             self._footsteps.reset(env_ids)
         if self.meter is not None:
@@ -222,27 +355,16 @@ class Simulation:
         if self.probe is not None:
             self.probe.refresh(env_ids)
 
-    def _penetration_correction(self, env_ids: NDArray[np.intp], qpos: Array) -> Array:
-        """How far up those robots, (k, 19), have to go for nothing of them to be below the ground, (k,), m."""
-        rotation = np.stack([np.stack(row, -1) for row in rotation_matrix(to_components(qpos[:, 3:7]))], 1)  # (k, 3, 3)
-        corners = qpos[:, None, :3] + self._corners @ rotation.transpose(0, 2, 1)
-        feet = self._sites[env_ids][:, self._feet]
-        thighs = self._joints[env_ids][:, self._thighs]
-        below = foot_depths(self.robot, rotation, qpos[:, 7:]) - self.robot.foot_radius
-        balls = ((feet, self.robot.foot_radius, below), (thighs, self.robot.thigh_radius, 0.0), (corners, 0.0, 0.0))
-        lifts = [
-            self.terrain.sphere_center_height(at[:, :, 0], at[:, :, 1], radius) - at[:, :, 2] + deeper
-            for at, radius, deeper in balls
-        ]
-        return cast("Array", np.concatenate(lifts, axis=1).max(axis=1))
-
     def step(
         self, action: Array, push: Array | None, env_ids: EnvSelection = ALL, delayed_targets: Array | None = None
     ) -> None:
-        """Advance those robots by one control period with joint targets (n, 12) and trunk forces (n, 2), N, of all.
+        """Advance robots by one control period.
 
-        None instead of forces leaves them as they are: since the reset, without any push. `received` are the
-        targets that the servos hear, (n, 12), where they are not those of the action.
+        Args:
+            action: Joint targets of the policies, clipped, (n, 12), rad.
+            push: Forces on the trunks, world frame, (n, 2), N; None keeps the present ones: no push since the reset.
+            env_ids: Robots to advance.
+            delayed_targets: Joint targets that the servos receive, (n, 12), rad; None: those of the action.
         """
         self._check_process()
         self._previous_action[env_ids] = self._action[env_ids]
@@ -250,49 +372,69 @@ class Simulation:
         targets = (action if delayed_targets is None else delayed_targets)[env_ids]
         self._ctrl[env_ids] = targets
         if push is not None:
-            self._push[env_ids] = push[env_ids] if self._force is None else push[env_ids] + self._force[env_ids]
-        if self._actuators is None:
-            self._advance(env_ids, self.substeps)
+            steady = self._steady_force
+            self._push[env_ids] = push[env_ids] if steady is None else push[env_ids] + steady[env_ids]
+        if self.meter is not None:
+            self.meter.start(env_ids)
+        if not self._steps_singly:
+            self._step_physics(env_ids, self.substeps)
         else:
-            self._actuators.advance(targets, env_ids, self._advance)
+            for _ in range(self.substeps):
+                if self._target_filter is not None:
+                    self._ctrl[env_ids] = self._target_filter.update(targets, env_ids)
+                self._step_physics(env_ids, 1)
+                if self._thermal_model is not None:
+                    self._thermal_model.update(self._servo_torque[env_ids], env_ids)
+                if self.meter is not None:
+                    self.meter.record(env_ids)
         if self.meter is not None:
             self.meter.finish(env_ids)
         if self.probe is not None:
             self.probe.refresh(env_ids)
         if self._footsteps is not None:
-            self._footsteps.advance(env_ids)
+            self._footsteps.update(env_ids)
 
-    def _advance(self, env_ids: EnvSelection, substeps: int) -> None:
-        if self.meter is None:
-            self._step(env_ids, substeps)
-        else:
-            self.meter.advance(env_ids, substeps, self._step)
-
-    def _step(self, env_ids: EnvSelection, substeps: int) -> None:
+    def _step_physics(self, env_ids: EnvSelection, count: int) -> None:
+        """Advance robots by `count` physics steps; a failed simulation counts a warning."""
         try:
-            self.batch.step(None if env_ids is ALL else env_ids, substeps)
+            self.batch.step(None if env_ids is ALL else env_ids, count)
         except SimulationError as error:
             self._warnings[error.ids] += 1
 
     def diverged(self, env_ids: EnvSelection | None = ALL) -> Any:
-        """Which of those robots' simulations MuJoCo warned about since their reset, or whose state is not finite: a
-        column of truth values, of the only robot of a batch of one for None."""
-        columns = _columns_of(env_ids)
-        warned = ordered_sum(columns(self._warnings)) > 0
-        return warned | not_finite(columns(self.qpos)) | not_finite(columns(self.qvel))
+        """Return True for robots whose simulation diverged.
+
+        That is a warning of MuJoCo since the reset, or a state that is not finite.
+
+        Args:
+            env_ids: The robots; None: the only robot of a batch of one.
+
+        Returns:
+            Mask, (k,), or a bool for None.
+        """
+        components = component_reader(env_ids)
+        has_warning = ordered_sum(components(self._warnings)) > 0
+        return has_warning | not_finite(components(self.qpos)) | not_finite(components(self.qvel))
 
     def reset_diverged(self, env_ids: NDArray[np.intp]) -> None:
-        """Put diverged robots into the home pose at the origin, at rest, so that every reading is finite."""
-        if self._actuators is not None:
-            self._actuators.reset(env_ids)
+        """Put diverged robots into the home pose at the origin, at rest, so that their readings are finite."""
+        self._reset_actuator_models(env_ids)
         self.batch.reset(env_ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
-        self._begin_readings(env_ids)
+        self._reset_readings(env_ids)
 
     def state(self, command: Components[ScalarOrBatch], env_ids: EnvSelection | None = ALL) -> QuadState[ScalarOrBatch]:
-        """Readings of those robots now, as floats of the only robot of a batch of one for None; `command`, (3), is the
-        one they were following."""
-        columns: Columns[ScalarOrBatch] = _columns_of(env_ids)
-        qpos, qvel = columns(self.qpos), columns(self.qvel)
+        """Return the present state of robots.
+
+        Args:
+            command: Command that the robots tracked in the last step, (3), see `QuadState`.
+            env_ids: The robots; None: the only robot of a batch of one, in floats.
+
+        Returns:
+            The state.
+        """
+        components: ComponentReader[ScalarOrBatch] = component_reader(env_ids)
+        qpos = components(self.qpos)
+        qvel = components(self.qvel)
         rotation = rotation_matrix(qpos[3:7])
         x, y, z = qpos[:3]
         return QuadState(
@@ -306,13 +448,13 @@ class Simulation:
             vertical_velocity=qvel[2],
             joint_position=qpos[7:],
             joint_velocity=qvel[6:],
-            joint_torque=columns(self.torque),
-            trunk_contact=ordered_sum(columns(found)[0] for found in self._trunk_contacts) > 0,
+            joint_torque=components(self.torque),
+            trunk_contact=ordered_sum(components(count)[0] for count in self._trunk_contacts) > 0,
             command=command,
-            action=columns(self._action),
-            previous_action=columns(self._previous_action),
-            swing_time=None if self._footsteps is None else columns(self._footsteps.swing_time),
-            touchdown_speed=None if self._footsteps is None else columns(self._footsteps.touchdown_speed),
+            action=components(self._action),
+            previous_action=components(self._previous_action),
+            swing_time=None if self._footsteps is None else components(self._footsteps.swing_time),
+            touchdown_speed=None if self._footsteps is None else components(self._footsteps.touchdown_speed),
         )
 
     @property
@@ -322,39 +464,73 @@ class Simulation:
 
     @property
     def push(self) -> Array:
-        """Pushing force on every trunk during the last step, world frame, x and y, (n, 2), N; no steady one."""
-        return self._push.copy() if self._force is None else self._push - self._force
+        """Pushing force on every trunk during the last step, without the steady force, world frame, (n, 2), N."""
+        return self._push.copy() if self._steady_force is None else self._push - self._steady_force
 
     @property
     def winding_temperature(self) -> Array | None:
-        """Winding temperature of every motor, (n, 12), °C; None where motors have no thermal model."""
-        return None if self._actuators is None else self._actuators.temperature
+        """Winding temperature of every motor, (n, 12), °C; None if the motors have no thermal model."""
+        return None if self._thermal_model is None else self._thermal_model.temperature.copy()
 
     def ground_contacts(self) -> tuple[Mask, Mask]:
-        """Whether each foot, (n, 4), and whether a thigh or calf, (n,), touched the ground in the last substep."""
+        """Return the ground contacts in the last physics step.
+
+        Returns:
+            feet: True for each foot on the ground, (n, 4).
+            links: True if a thigh or calf is on the ground, (n,).
+        """
         links = sum(self._link_contacts, np.zeros((len(self.qpos), 1)))
         return touching(self._foot_contacts, ALL), np.asarray(links[:, 0] > 0)
 
-    def _sensed(self, names: Iterable[str]) -> list[Array]:
-        """What contact sensors of those names found in the last substep, (n, 1) each."""
-        found = [self.batch.sensor(name).data for name in names]
-        return found if self.probe is None else [self.probe.copy(each) for each in found]
-
     def sync_model(self, robot: int) -> None:
-        """Make `model` that of this robot, whose payload, hot motors and randomised figures are its own."""
-        if self._load is not None or self.winding_temperature is not None or self._has_per_env_models:
-            stages, start = self.model.sensor_needstage.copy(), self.model.qpos0.copy()
-            flags = self.model.opt.disableflags
-            self.batch.get_model(robot, self.model)
-            self.model.sensor_needstage[:], self.model.qpos0[:], self.model.opt.disableflags = stages, start, flags
+        """Copy the fields of one `robot`, an index, that differ between robots into `model`."""
+        differs = self._payload_position is not None or self._thermal_model is not None or self._has_per_env_models
+        if not differs:
+            return
+        model = self.model
+        sensor_stages = model.sensor_needstage.copy()
+        start = model.qpos0.copy()
+        flags = model.opt.disableflags
+        self.batch.get_model(robot, model)
+        model.sensor_needstage[:] = sensor_stages
+        model.qpos0[:] = start
+        model.opt.disableflags = flags
 
     def snapshot(self, robot: int) -> mujoco.MjData:
-        """A copy of one robot's simulation with every derived field current, to be looked at with `model`."""
+        """Return a copy of the data of one `robot`, an index, for `model`, with every derived field current."""
         self.sync_model(robot)
         data = self.batch.get_data(robot)
         mujoco.mj_forward(self.model, data)
         return data
 
 
-def _columns_of(env_ids: EnvSelection | None) -> Columns[Any]:
-    return to_scalars if env_ids is None else lambda rows: to_components(rows[env_ids])
+def _count_substeps(control_rate: float, timestep: float) -> int:
+    """Return the physics steps of `timestep` seconds in a control step; raise ValueError for no whole number."""
+    period = 1 / control_rate
+    substeps = round(period / timestep)
+    if substeps < 1 or abs(substeps * timestep - period) > 1e-9:
+        raise ValueError(f"at {control_rate} Hz a control step is no whole number of physics steps ({timestep} s)")
+    return substeps
+
+
+def _contact_sensor_names(robot: Robot, model: mujoco.MjModel, config: SimulationConfig) -> _ContactSensorNames:
+    """Return the names of the contact sensors that the simulation reads."""
+    feet = robot.leg_names if config.has_meter or config.tracks_footsteps else ()
+    links = [f"{leg}_{link}" for leg in robot.leg_names for link in _LINKS] if config.has_meter else []
+    return _ContactSensorNames(
+        trunk=contact_sensors(model, "trunk"),
+        feet=[contact_sensors(model, f"{leg}_foot") for leg in feet],
+        links=list(chain.from_iterable(contact_sensors(model, link) for link in links)),
+    )
+
+
+def _sensor_names(
+    robot: Robot, model: mujoco.MjModel, config: SimulationConfig, contacts: _ContactSensorNames
+) -> list[str]:
+    """Return the names of all sensors that the simulation reads."""
+    names = [*contacts.trunk, *chain.from_iterable(contacts.feet), *contacts.links]
+    if config.imu is not None:
+        names += ideal_sensor_names(robot, model)
+    if config.has_meter:
+        names += chain.from_iterable(touch_sensors(robot, model))
+    return names

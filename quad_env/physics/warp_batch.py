@@ -13,6 +13,7 @@ import warp
 
 from quad_env.columns import Array, EnvIndices, EnvSelection
 from quad_env.physics.array_batch import ArrayBatch
+from quad_env.physics.batch import SIMULATOR_FEATURES, WARP
 
 _UPLOADED_FIELDS = "qpos", "qvel", "ctrl", "xfrc_applied", "act"
 _DOWNLOADED_FIELDS = "qpos", "qvel", "act", "actuator_force", "xanchor", "site_xpos", "sensordata"
@@ -28,6 +29,9 @@ class WarpBatch(ArrayBatch):
     The state lies here, in double precision; a step takes it to the device and back. So all else of an environment is
     the same code as for MuJoCo.
     """
+
+    features = SIMULATOR_FEATURES[WARP]
+    """Features that this simulator supports."""
 
     def __init__(self, model: mujoco.MjModel, num_envs: int) -> None:
         super().__init__(copy.copy(model), num_envs, dict.fromkeys((*_UPLOADED_FIELDS, *_DOWNLOADED_FIELDS)))

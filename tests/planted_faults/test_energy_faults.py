@@ -123,23 +123,23 @@ def check_work_is_that_of_every_physics_step() -> None:
 
 
 def without_damping(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(energy, "received_torque", lambda batch, *_: lambda ids, _: batch.bind("actuator_force")[ids])
+    patch.setattr(
+        energy, "make_applied_torque_reader", lambda batch, *_: lambda ids, _: batch.bind("actuator_force")[ids]
+    )
 
 
 def in_the_last_substep_alone(patch: pytest.MonkeyPatch) -> None:
-    def advance(self: MotorMeter, ids: Any, count: int, step: Any) -> None:
-        if count > 1:
-            step(ids, count - 1)
-        true(self, ids, 1, step)
-        self._steps *= count
+    def finish(self: MotorMeter, ids: Any) -> None:
+        self._samples[:] = self._samples[-1:] * len(self._samples)
+        true(self, ids)
 
-    true = MotorMeter.advance
-    patch.setattr(MotorMeter, "advance", advance)
+    true = MotorMeter.finish
+    patch.setattr(MotorMeter, "finish", finish)
 
 
 def at_the_speed_before_the_step(patch: pytest.MonkeyPatch) -> None:
     def finish(self: MotorMeter, ids: Any) -> None:
-        self._steps[:] = [(before, before, *others) for before, _, *others in self._steps]
+        self._samples[:] = [sample._replace(speed_after=sample.speed_before) for sample in self._samples]
         true(self, ids)
 
     true = MotorMeter.finish

@@ -86,19 +86,17 @@ def check_a_touchdown_s_speed_is_that_of_the_step_before_it() -> None:
 
 def of_the_landing(patch: pytest.MonkeyPatch) -> None:
     """Speeds of the step in which the foot was braked."""
-    true_advance = FootContactTracker.advance
+    true_update = FootContactTracker.update
 
-    def advance(self: FootContactTracker, ids: Any) -> None:
-        self._descent_speed[ids] = (
-            np.maximum(self._height[ids] - self._places[ids][:, self._feet, 2], 0.0) / self._period
-        )
-        true_advance(self, ids)
+    def update(self: FootContactTracker, ids: Any) -> None:
+        self._descent_speed[ids] = np.maximum(self._height[ids] - self._foot_heights(ids), 0.0) / self._period
+        true_update(self, ids)
 
-    patch.setattr(FootContactTracker, "advance", advance)
+    patch.setattr(FootContactTracker, "update", update)
 
 
 def bounces_counted(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(footsteps, "BOUNCE", 0)
+    patch.setattr(footsteps, "MAX_BOUNCE_STEPS", 0)
 
 
 def begun(change: Callable[[Any], Any]) -> Plant:
@@ -106,7 +104,7 @@ def begun(change: Callable[[Any], Any]) -> Plant:
 
     def plant(patch: pytest.MonkeyPatch) -> None:
         true_begin = FootContactTracker.reset
-        patch.setattr(FootContactTracker, "begin", lambda self, ids: true_begin(self, change(ids)))
+        patch.setattr(FootContactTracker, "reset", lambda self, ids: true_begin(self, change(ids)))
 
     return plant
 

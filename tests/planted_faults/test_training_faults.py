@@ -186,7 +186,7 @@ def scan_kept(patch: pytest.MonkeyPatch) -> None:
 
 def figures(robots: Any, row: int) -> dict[str, float]:
     """Of a robot's own model: what it would move by."""
-    robots.simulation.show_load(row)
+    robots.simulation.sync_model(row)
     model = robots.simulation.model
     trunk = model.body("base_link")
     return {
@@ -255,7 +255,7 @@ FAULTS: Faults = {
         check_training_robots_are_randomised,
     ),
     "randomisation that never reaches the models": (
-        lambda patch: patch.setattr(RandomisedModels, "begin", lambda *_: None),
+        lambda patch: patch.setattr(RandomisedModels, "reset", lambda *_: None),
         check_training_robots_are_randomised,
     ),
     "height scan of the step before": (a_step_ago, check_a_sighted_network_sees_the_ground_about_its_robot_now),

@@ -148,7 +148,9 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
         pytest.approx([(20 * 60) ** 0.5, (0.06 * 0.2) ** 0.5, 0.5, 0.5]),
     ),
     "effort_ramp": (  # the second of two segments begins half-way
-        lambda ran: [ran.of("training")[which].env._weights["reward_torque"] / REWARDS.torque for which in (0, -1)],
+        lambda ran: [
+            ran.of("training")[which].env._reward_weights["reward_torque"] / REWARDS.torque for which in (0, -1)
+        ],
         pytest.approx([0.0, 0.005]),
     ),
     "max_episode_steps": (  # first episodes are cut where the robots' seeds say

@@ -265,7 +265,7 @@ LEFT_OUT = {
     "torch's generator": lambda patch: patch.setattr(torch, "set_rng_state", lambda _: None),
     "NumPy's generator": lambda patch: patch.setattr(np.random, "set_state", lambda _: None),
     "adaptive rate": lambda patch: patch.setattr(callbacks.TrainingCallback, "_restore_rate", lambda _: None),
-    "swings that end with their episode": lambda patch: patch.setattr(FootContactTracker, "begin", lambda *_: None),
+    "swings that end with their episode": lambda patch: patch.setattr(FootContactTracker, "reset", lambda *_: None),
     "new episodes": lambda patch: patch.setattr(callbacks.TrainingCallback, "_begin_segment", lambda _: None),
     "severities": forget(shares=[]),
     "weights of effort": lambda patch: patch.setattr(callbacks, "effort_at", lambda *_: 0.0),

@@ -11,6 +11,7 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
 from quad_env.columns import Array, EnvIndices, EnvSelection
 from quad_env.physics.array_batch import ArrayBatch
+from quad_env.physics.batch import DRAKE, SIMULATOR_FEATURES
 from quad_env.physics.drake.plant import inertia, plant_of
 from quad_env.robots.collision_rules import foot_geoms
 
@@ -26,6 +27,9 @@ class DrakeBatch(ArrayBatch):
     Forces act on trunks alone. `actuator_force` is what the joint received: the servo's torque at the end of the step,
     within its limits, its damping included.
     """
+
+    features = SIMULATOR_FEATURES[DRAKE]
+    """Features that this simulator supports."""
 
     def __init__(self, model: mujoco.MjModel, num_envs: int) -> None:
         super().__init__(model, num_envs, (*_STEPPED, "xanchor", "site_xpos"))

@@ -24,7 +24,7 @@ from tests.evaluate.measures.uneventful import uneventful
 FLAT = SCENARIOS["flat"]
 ENV: Any = SimpleNamespace(
     robot=SIMPLE_QUAD,
-    shows_truth=False,
+    observes_true_state=False,
     observation_table=observation_table(SIMPLE_QUAD),
     dt=0.02,
     scenario=FLAT,
@@ -71,7 +71,7 @@ def test_every_step_is_kept_in_its_row_and_the_start_in_none() -> None:
 
 def test_a_policy_that_is_shown_the_truth_and_never_stops_has_no_such_signals() -> None:
     recorder = Recorder(None, np.array([7, 8]), 2)
-    env = SimpleNamespace(**{**vars(ENV), "shows_truth": True})
+    env = SimpleNamespace(**{**vars(ENV), "observes_true_state": True})
     recorder(dataclasses.replace(told(0), env=env))
     recorder(dataclasses.replace(told(1), env=env))
     found = recorder.episodes()

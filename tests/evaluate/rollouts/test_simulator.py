@@ -40,7 +40,7 @@ def test_of_a_battery_it_takes_what_it_knows_and_names_the_rest(capsys: pytest.C
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ({"scenarios": ("push", "rough")}, "--scenarios rough: the simulator drake knows"),
+        ({"scenarios": ("push", "rough")}, "--scenarios rough: the simulator drake does not support"),
         ({"scenarios": ("push+hardware",)}, "--scenarios push"),
         ({"scenarios": ("push",), "hardware": True}, "the hardware profile of 'push"),
         ({"actuator": "motor"}, "motors other than ideal ones"),

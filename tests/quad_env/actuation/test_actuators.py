@@ -8,7 +8,7 @@ import pytest
 
 import policies
 from quad_env.actuation.models import Actuator, Thermal, TorqueSpeed
-from quad_env.physics.simulation import Simulation
+from quad_env.physics.simulation import Simulation, SimulationConfig
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Motors
 from quad_env.scenarios.scenario import Scenario
@@ -21,7 +21,11 @@ HOT = Thermal(resistance=2.0, time_constant=2.0, derated=0.25)
 
 
 def simulate(actuator: Actuator, rate: float = EVERY_SUBSTEP, motors: Motors | None = None) -> Simulation:
-    simulation = Simulation(SIMPLE_QUAD, Scenario("made", motors=motors or Motors()), 1, 1, rate, actuator=actuator)
+    simulation = Simulation(
+        SIMPLE_QUAD,
+        Scenario("made", motors=motors or Motors()),
+        SimulationConfig(control_rate=rate, actuator=actuator),
+    )
     simulation.reset(np.arange(1), np.zeros((1, 35)))
     return simulation
 
@@ -52,7 +56,9 @@ def test_the_largest_torque_lies_on_the_curve_and_braking_is_held_to_the_current
     speed: float, torque: float
 ) -> None:
     """A positive speed with an upward target drives, a negative one brakes; above 10 rad/s only braking is left."""
-    stiff = Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, EVERY_SUBSTEP).model.actuator_gainprm[0, 0]
+    stiff = Simulation(
+        SIMPLE_QUAD, Scenario("made"), SimulationConfig(control_rate=EVERY_SUBSTEP)
+    ).model.actuator_gainprm[0, 0]
     assert stiff * 0.5 - 10 * 9 >= 10  # half a radian of error asks for more than the curve gives up to 9 rad/s
     far = 100 * np.ones(12)
     for sign in (1, -1):

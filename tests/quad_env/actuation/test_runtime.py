@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from quad_env.actuation.models import ResolvedTorqueSpeed, Thermal
-from quad_env.actuation.runtime import ActionDelay, FirstOrderFilter, MotorThermalModel, action_delay_of
+from quad_env.actuation.runtime import ActionDelay, FirstOrderFilter, MotorThermalModel, make_action_delay
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Dropouts, Latency
 from quad_env.scenarios.episode import EpisodeSample
@@ -23,7 +23,7 @@ VARIED = replace(LOST, latency=Latency(action=0.01), randomisation=DomainRandomi
 
 def delays(scenario: Scenario, seeds: list[int]) -> tuple[ActionDelay, list[EpisodeSample]]:
     """The way of the targets to the servos of robots that begin the episodes of these seeds."""
-    delay = action_delay_of(SIMPLE_QUAD, scenario, len(seeds), DT)
+    delay = make_action_delay(SIMPLE_QUAD, scenario, len(seeds), DT)
     assert delay is not None
     episodes = [EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, DT) for seed in seeds]
     delay.reset(np.arange(len(seeds)), episodes)
@@ -44,9 +44,9 @@ def test_each_robot_of_a_batch_that_moves_in_part_receives_what_it_would_alone(s
     lost = 0
     for step, targets in enumerate(wild(90, 4)):
         rows = np.array(some[step % 3])
-        received = together.received(targets, clock[rows], rows)
+        received = together.update(targets, clock[rows], rows)
         for row in rows:
-            own = alone[row].received(targets[row : row + 1], clock[row : row + 1], np.zeros(1, np.intp))
+            own = alone[row].update(targets[row : row + 1], clock[row : row + 1], np.zeros(1, np.intp))
             np.testing.assert_array_equal(received[row], own[0])
             lost += (own[0] == found[row]).any()
             found[row] = own[0]
@@ -63,7 +63,7 @@ def test_a_joint_that_hears_nothing_holds_its_target_and_the_others_follow() -> 
     for step, targets in enumerate(wild(70, 1)):
         silent = {int(joint) for start, joint in zip(starts, joints, strict=True) if start <= step < start + 10}
         expected = np.array([expected[joint] if joint in silent else targets[0, joint] for joint in range(12)])
-        np.testing.assert_array_equal(delay.received(targets, np.array([step]), np.zeros(1, np.intp))[0], expected)
+        np.testing.assert_array_equal(delay.update(targets, np.array([step]), np.zeros(1, np.intp))[0], expected)
 
 
 def test_targets_are_as_late_as_the_scenario_s_delay_and_the_drawn_one_together() -> None:
@@ -72,7 +72,7 @@ def test_targets_are_as_late_as_the_scenario_s_delay_and_the_drawn_one_together(
     late, targets = np.array([2 + round(each.randomised.delay / DT) for each in episodes]), wild(15, 20)  # type: ignore
     assert set(late) == {2, 3, 4, 5}
     for step in range(15):
-        received = delay.received(targets[step], np.full(20, step), np.arange(20))
+        received = delay.update(targets[step], np.full(20, step), np.arange(20))
         arrived = targets[np.maximum(step - late, 0), np.arange(20)]
         np.testing.assert_array_equal(received, np.where((step >= late)[:, None], arrived, HOME))
 
@@ -82,18 +82,18 @@ def test_targets_of_the_episode_before_never_arrive_in_the_next() -> None:
     delay, _ = delays(LATE, [1, 2])
     both, targets = np.arange(2), wild(8, 2)
     for step in range(5):
-        received = delay.received(targets[step], np.full(2, step), both)
+        received = delay.update(targets[step], np.full(2, step), both)
         np.testing.assert_array_equal(received, np.tile(HOME, (2, 1)) if step < 2 else targets[step - 2])
     delay.reset(np.array([1]), [EpisodeSample(SIMPLE_QUAD, LATE, 2, 1, DT)])
     for step in range(3):
-        received = delay.received(targets[5 + step], np.array([5 + step, step]), both)
+        received = delay.update(targets[5 + step], np.array([5 + step, step]), both)
         np.testing.assert_array_equal(received[0], targets[3 + step, 0])
         np.testing.assert_array_equal(received[1], HOME if step < 2 else targets[5, 1])
 
 
 def test_targets_have_no_way_to_go_where_nothing_delays_them() -> None:
     for scenario in (Scenario("made"), Scenario("made", dropouts=Dropouts(count=0), latency=Latency(0.0, 0.05))):
-        assert action_delay_of(SIMPLE_QUAD, scenario, 2, DT) is None
+        assert make_action_delay(SIMPLE_QUAD, scenario, 2, DT) is None
 
 
 def test_a_lag_follows_the_targets_of_those_robots_that_move_and_begins_at_home() -> None:
@@ -101,10 +101,10 @@ def test_a_lag_follows_the_targets_of_those_robots_that_move_and_begins_at_home(
     lag, share = FirstOrderFilter(1.0 / (2.0 * math.pi), 0.1, 3, HOME), 0.0951626
     targets, moving = np.tile(HOME + 1.0, (2, 1)), np.array([0, 2])
     for reached in (0.0, share, share + (1.0 - share) * share):
-        np.testing.assert_allclose(lag.follow(targets, moving), HOME + np.full((2, 12), reached), atol=1e-6)
-    np.testing.assert_array_equal(lag.follow(targets[:1], np.array([1])), HOME[None])
+        np.testing.assert_allclose(lag.update(targets, moving), HOME + np.full((2, 12), reached), atol=1e-6)
+    np.testing.assert_array_equal(lag.update(targets[:1], np.array([1])), HOME[None])
     lag.reset(np.array([2]))
-    now = lag.follow(targets, moving)
+    now = lag.update(targets, moving)
     np.testing.assert_array_equal(now[1], HOME)
     assert (now[0] > HOME + 0.25).all()
 
@@ -124,12 +124,12 @@ def test_windings_heat_by_their_own_torque_and_leave_less_the_hotter_they_are() 
     torque = np.zeros((2, 12))
     torque[1, 3] = -8.0
     moving = np.array([0, 2])
-    drive.heat(torque, moving)
+    drive.update(torque, moving)
     assert drive.temperature[2, 3] == pytest.approx(26.0904, abs=1e-4)
     assert np.delete(drive.temperature.ravel(), 2 * 12 + 3) == pytest.approx(20.0)
     np.testing.assert_array_equal(limits, np.tile([-10.0, 10.0], (3, 12, 1)))
     for _ in range(3):
-        drive.heat(torque, moving)
+        drive.update(torque, moving)
     share = 0.25 + 0.75 * (60.0 - 41.0995) / 20.0
     assert limits[2, 3] == pytest.approx([-10.0 * share, 10.0 * share], abs=1e-3)
 
@@ -139,14 +139,14 @@ def test_a_winding_that_was_too_hot_is_off_until_its_robot_begins_again() -> Non
     hot, both = np.zeros((2, 12)), np.arange(2)
     hot[0, 5] = hot[1, 5] = 10.0  # towards 120 °C
     for _ in range(6):
-        drive.heat(hot, both)
+        drive.update(hot, both)
     for _ in range(30):
-        drive.heat(np.zeros((2, 12)), both)
+        drive.update(np.zeros((2, 12)), both)
     assert (drive.temperature < 30.0).all()
     assert not limits[:, 5].any()
     assert (limits[:, 4, 1] == 10.0).all()
     drive.reset(np.array([1]))
     assert limits[:, 5, 1].tolist() == [0.0, 10.0]
     assert (drive.temperature[1] == 20.0).all()
-    drive.heat(np.zeros((2, 12)), both)
+    drive.update(np.zeros((2, 12)), both)
     assert limits[:, 5, 1].tolist() == [0.0, 10.0]

@@ -39,7 +39,7 @@ WITHOUT_EFFECT = {
     "action_space": None,
     "model": None,
     "data": None,
-    "shows_truth": False,
+    "observes_true_state": False,
     "control_rate": 50.0,
     "reward_weights": quad_env.RewardWeights(torque=-1.0),
     "fall_rule": quad_env.FallRule(tilt=1.0),

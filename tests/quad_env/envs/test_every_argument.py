@@ -605,7 +605,7 @@ def test_the_model_of_a_single_environment_carries_the_load_of_its_episode() -> 
 
 def test_the_model_of_a_robot_has_the_constants_that_follow_from_its_load() -> None:
     robot = Robot(False, **scene(payload=quad_env.Payload(40.0)))
-    robot.base.simulation.show_load(robot.row)
+    robot.base.simulation.sync_model(robot.row)
     worked_out = copy.copy(robot.model)
     worked_out.qpos0[2] = worked_out.key("home").qpos[2]
     mujoco.mj_setConst(worked_out, mujoco.MjData(worked_out))

@@ -11,7 +11,7 @@ from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics import batch
 from quad_env.physics.batch import check_simulator
 from quad_env.physics.model import compile_model
-from quad_env.physics.simulation import Simulation
+from quad_env.physics.simulation import Simulation, SimulationConfig
 from quad_env.robots.registry import get_robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario
@@ -51,7 +51,7 @@ def test_mass_matrix_is_mujocos(name: str, on: str) -> None:
 def test_it_stands_as_in_mujoco() -> None:
     """To 0.5 mm and 0.001 rad, with the same torques to 0.2 N·m, on feet that carry its weight."""
     simulations = [
-        Simulation(SIMPLE_QUAD, scenario("flat"), 1, 1, 100.0, contacts=True, simulator=name)
+        Simulation(SIMPLE_QUAD, scenario("flat"), SimulationConfig(has_meter=True, simulator=name))
         for name in batch.SIMULATORS
     ]
     home = SIMPLE_QUAD.home_pose[None]

@@ -64,7 +64,7 @@ def test_drift_is_the_change_of_the_feet_s_velocities_at_a_constant_generalised_
 
 
 def test_the_centre_of_mass_moves_as_it_says(state: State) -> None:
-    np.testing.assert_allclose(state.bodies().centre_velocity, state.difference("centre"), atol=1e-7)
+    np.testing.assert_allclose(state.bodies().centre_velocity, state.difference("com_position"), atol=1e-7)
 
 
 def test_the_bias_at_rest_is_the_weight(state: State) -> None:

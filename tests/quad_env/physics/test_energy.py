@@ -8,6 +8,7 @@ import pytest
 
 from quad_env.actuation.models import Actuator, TorqueSpeed
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.physics.batch import SimulatorFeatures
 from quad_env.physics.energy import JOINT_READINGS, MotorMeter
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -21,6 +22,7 @@ class Batch:
     def __init__(self) -> None:
         self.fields = {name: np.zeros((2, 18)) for name in ("qvel", "qDeriv")} | {"actuator_force": np.zeros((2, 12))}
         self.touch = np.zeros((2, 1))
+        self.features = SimulatorFeatures()
 
     def bind(self, name: str) -> np.ndarray:
         return self.fields[name]
@@ -48,11 +50,14 @@ def test_a_control_step_by_hand() -> None:
     batch, meter = metered(Actuator(TorqueSpeed(40.0, 10.0)))
     steps = iter([(10.0, 1.0, 30.0), (-3.0, -3.0, 50.0)])
 
-    def step(ids: Any, _: int) -> None:
+    def step(ids: Any) -> None:
         batch.fields["actuator_force"][0, 0], batch.fields["qvel"][0, 6], batch.touch[0] = next(steps)
+        meter.record(ids)
 
     meter.reset(np.arange(2))
-    meter.advance(np.array([0]), 2, step)
+    meter.start(np.array([0]))
+    step(np.array([0]))
+    step(np.array([0]))
     meter.finish(np.array([0]))
     found = {name: reading[0, 0] for name, reading in meter.readings.items()}
     assert found == pytest.approx(
@@ -70,7 +75,8 @@ def test_a_control_step_by_hand() -> None:
     assert not any(reading[1].any() for reading in meter.readings.values())
     assert (meter.torque_limit.tolist(), meter.speed_limit.tolist()) == ([80.0] * 12, [10.0] * 12)
     steps = iter([(4.0, -3.0, 0.0)])
-    meter.advance(slice(None), 1, step)
+    meter.start(slice(None))
+    step(slice(None))
     meter.finish(slice(None))
     assert meter.readings["torque_change"][0, 0] == pytest.approx(6.5 - 4.0)
     assert meter.readings["foot_impulse"][0, 0] == 0.0
@@ -82,7 +88,8 @@ def test_the_change_of_a_robot_s_torque_is_from_its_own_before_where_it_moves_al
     both = np.arange(2)
     for ids, torques, changes in (([0, 1], [5.0, 7.0], [5.0, 7.0]), ([1], [0.0, 4.0], [5.0, 3.0])):
         batch.fields["actuator_force"][:, 2] = torques
-        meter.advance(np.array(ids), 1, lambda *_: None)
+        meter.start(np.array(ids))
+        meter.record(np.array(ids))
         meter.finish(np.array(ids))
         assert meter.readings["torque_change"][both, 2].tolist() == changes
     assert meter.readings["peak_torque"][both, 2].tolist() == [5.0, 4.0]
@@ -90,7 +97,8 @@ def test_the_change_of_a_robot_s_torque_is_from_its_own_before_where_it_moves_al
 
 def test_motors_without_a_curve_have_no_heat_and_the_rated_speed() -> None:
     _, meter = metered(Actuator())
-    meter.advance(slice(None), 1, lambda *_: None)
+    meter.start(slice(None))
+    meter.record(slice(None))
     meter.finish(slice(None))
     assert np.isnan(meter.readings["joule_heat"]).all()
     assert meter.speed_limit.tolist() == [SIMPLE_QUAD.rated_speed] * 12
@@ -100,8 +108,8 @@ def test_physics_steps_are_taken_one_by_one_for_readings_alone(monkeypatch) -> N
     for readings, lengths in ((False, [5]), (True, [1] * 5)):
         env, taken = SimpleQuadVectorEnv(2, readings=readings), []
         env.reset(seed=0)
-        true = env.simulation._step
-        monkeypatch.setattr(env.simulation, "_step", lambda ids, n: (taken.append(n), true(ids, n)))  # noqa: B023
+        true = env.simulation._step_physics
+        monkeypatch.setattr(env.simulation, "_step_physics", lambda ids, n: (taken.append(n), true(ids, n)))  # noqa: B023
         env.step(np.tile(HOME, (2, 1)))
         assert taken == lengths
         assert (env.simulation.meter is None) != readings

@@ -23,7 +23,7 @@ class Robots:
         self.contacts[0][len(contact) % 2][:] = 0.0
         self.contacts[0][0][ids, 0] = contact
         self.places[ids, FEET[0], 2] = height
-        self.steps.advance(ids)
+        self.steps.update(ids)
 
     @property
     def seen(self) -> list[tuple[float, float]]:

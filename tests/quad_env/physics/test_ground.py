@@ -23,18 +23,14 @@ def stand(simulation: Simulation, steps: int, force: tuple[float, float] = (0.0,
 
 @pytest.mark.parametrize(("terrain", "depth"), [(Flat(), 0.005), (Stairs(), 0.08)])
 def test_standing_feet_sink_to_the_depth_that_was_asked_for(terrain: Terrain, depth: float) -> None:
-    feet = stand(
-        Simulation(SIMPLE_QUAD, Scenario("made", terrain=terrain, ground=Ground(sink_depth=depth)), 1, 1, 100.0), 300
-    )
+    feet = stand(Simulation(SIMPLE_QUAD, Scenario("made", terrain=terrain, ground=Ground(sink_depth=depth))), 300)
     assert SIMPLE_QUAD.foot_radius - feet[:, 2].mean() == pytest.approx(depth, rel=0.05)
 
 
 @pytest.mark.parametrize(("terrain", "friction"), [(Flat(), 0.1), (Stairs(), 0.3)])
 def test_a_robot_slides_where_the_side_force_exceeds_friction_times_weight(terrain: Terrain, friction: float) -> None:
     def slid(share: float) -> float:
-        simulation = Simulation(
-            SIMPLE_QUAD, Scenario("made", terrain=terrain, ground=Ground(friction=friction)), 1, 1, 100.0
-        )
+        simulation = Simulation(SIMPLE_QUAD, Scenario("made", terrain=terrain, ground=Ground(friction=friction)))
         side = (0.0, share * friction * WEIGHT)
         return float((stand(simulation, 150, side) - stand(simulation, 50, side))[:, 1].mean())
 

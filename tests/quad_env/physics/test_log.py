@@ -13,7 +13,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.terrain import Flat
 
 def diverge():
-    simulation = Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, Scenario("made"))
     simulation.reset(np.arange(1), np.zeros((1, 35)))
     simulation.batch.bind("qvel")[0, 4] = 1e12
     simulation.step(np.zeros((1, 12)), None)

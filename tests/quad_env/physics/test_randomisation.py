@@ -38,7 +38,7 @@ def robots(name: str = "flat+randomised", **options: Any) -> Iterator[SimpleQuad
 
 def figures(env: Any, row: int = 0) -> dict[str, np.ndarray]:
     """A robot's own model."""
-    env.simulation.show_load(row)
+    env.simulation.sync_model(row)
     return {field: getattr(env.simulation.model, field).copy() for field in FIELDS}
 
 
@@ -169,7 +169,9 @@ def test_servo_gains_of_each_robot_are_randomised_about_its_own() -> None:
 
 def test_drake_refuses_it_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(batch, "find_spec", lambda _: object())
-    with pytest.raises(ValueError, match=r"not the domain randomisation of 'flat\+randomised': take mujoco") as error:
+    with pytest.raises(
+        ValueError, match=r"not support the domain randomisation of 'flat\+randomised'; it supports"
+    ) as error:
         check_simulator("drake", scenario("flat+randomised"), ACTUATORS["ideal"])
     assert "\n" not in str(error.value)
 

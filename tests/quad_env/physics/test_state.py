@@ -52,7 +52,7 @@ def test_a_pitched_trunk_keeps_its_heading_and_yaw_rate_is_about_the_worlds_vert
 @pytest.mark.parametrize("name", [*SCENARIOS, "payload+randomised"])
 def test_steps_have_the_bits_of_a_bare_loop_over_the_public_model(name: str) -> None:
     rng, touches = np.random.default_rng(0), 0
-    simulation = Simulation(SIMPLE_QUAD, scenario(name), 1, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, scenario(name))
     start, *others = stack_initial_conditions([EpisodeSample(SIMPLE_QUAD, scenario(name), 0, 0, 0.01)])
     start[0, 3] = 3.0  # rad of roll: it lies on its back
     simulation.reset(np.arange(1), start, *others)

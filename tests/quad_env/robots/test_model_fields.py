@@ -233,7 +233,7 @@ def test_springs_of_joints_are_the_cause_where_they_pull_the_robot_down(stiffnes
 @pytest.mark.parametrize("attribute", ['stiffness="3"', 'stiffness="0 1 0"', 'damping="0.1 0.2 0"'])
 def test_drake_refuses_springs_that_it_has_not(attribute: str, tmp_path: Path) -> None:
     robot = robot_of_text(tmp_path, PLAIN.replace('<joint name="A1"', f'<joint name="A1" {attribute}'))
-    with pytest.raises(ValueError, match="not springs and not quadratic or cubic damping"):
+    with pytest.raises(ValueError, match="does not support joint springs or quadratic or cubic joint damping"):
         make_batch("drake", robot.model, 1, 1)
 
 

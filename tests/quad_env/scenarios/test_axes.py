@@ -9,7 +9,7 @@ from evaluate.measures.outcomes import MOVING
 from quad_env import OBSERVATION
 from quad_env.config import CommandRanges, StartNoise
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.physics.simulation import Simulation
+from quad_env.physics.simulation import Simulation, SimulationConfig
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.disturbances import Dropouts, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
@@ -62,7 +62,7 @@ def test_the_first_three_scenarios_are_as_ever() -> None:
 
 def started(scenario: Scenario) -> Simulation:
     """Eight robots at the start of an episode."""
-    simulation = Simulation(SIMPLE_QUAD, scenario, 8, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, scenario, SimulationConfig(num_envs=8))
     simulation.reset(
         np.arange(8),
         *stack_initial_conditions([EpisodeSample(SIMPLE_QUAD, scenario, seed, 0, 0.01) for seed in range(8)]),

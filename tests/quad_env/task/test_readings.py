@@ -7,7 +7,7 @@ import pytest
 import policies
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.energy import JOINT_READINGS
-from quad_env.physics.simulation import Simulation
+from quad_env.physics.simulation import Simulation, SimulationConfig
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.scenario import Scenario
 
@@ -96,7 +96,7 @@ def test_readings_are_those_of_mujoco_after_the_same_step(scenario: str) -> None
 
 def test_contacts_are_those_of_the_last_substep() -> None:
     """Single substeps make the state before the last one visible: MuJoCo's own contacts there are what is read."""
-    simulation = Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 500.0, contacts=True)
+    simulation = Simulation(SIMPLE_QUAD, Scenario("made"), SimulationConfig(control_rate=500.0, has_meter=True))
     model = simulation.model
     rng = np.random.default_rng(0)
     simulation.reset(np.arange(1), np.zeros((1, 35)))

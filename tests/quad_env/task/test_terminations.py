@@ -17,7 +17,7 @@ TILT, HEIGHT = FALL_REASONS.index("tilt"), FALL_REASONS.index("height")
 
 @pytest.fixture(scope="module")
 def standing() -> QuadState[float]:
-    simulation = Simulation(SIMPLE_QUAD, Scenario("made"), 1, 1, 100.0)
+    simulation = Simulation(SIMPLE_QUAD, Scenario("made"))
     simulation.reset(np.arange(1), np.zeros((1, 35)))
     simulation.step(np.zeros((1, 12)), np.zeros((1, 2)))
     return simulation.state((0.0, 0.0, 0.0), None)
