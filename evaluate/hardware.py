@@ -25,7 +25,7 @@ class HardwareConfig:
     servo: str = ""
     """Stiffness/damping of the servos for all our controllers, N·m/rad and N·m·s/rad; by default each has its own."""
     simulator: str = "mujoco"
-    """Simulator of the physics, one of `quad_env.physics.batch.SIMULATORS`."""
+    """Simulator of the physics, one of `quad_env.physics.simulators.SIMULATORS`."""
 
     @property
     def robot_model(self) -> "Robot":
@@ -97,7 +97,7 @@ def check(hardware: HardwareConfig, scenario: "Scenario | None" = None) -> None:
     """ValueError, which lists the valid names, where one is unknown, a robot cannot be had, an estimator has no sensors
     or the simulator cannot do that, in that scenario."""
     from quad_env.actuation.models import actuator
-    from quad_env.physics.batch import check_simulator
+    from quad_env.physics.simulators import check_simulator
     from quad_env.scenarios.scenario import Scenario
     from quad_env.sensing.estimators import check_estimator
     from quad_env.sensing.suite import sensor_suite

@@ -14,7 +14,7 @@ from policies.parameters import limits_of, parameter
 from quad_env.actuation.models import actuator
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.config import RewardWeights
-from quad_env.physics.batch import WARP, check_simulator
+from quad_env.physics.simulators import WARP, check_simulator
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario

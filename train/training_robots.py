@@ -16,7 +16,7 @@ from policies.base import Policy
 from quad_env.columns import Array, to_components
 from quad_env.config import TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.physics.batch import WARP
+from quad_env.physics.simulators import WARP
 from quad_env.physics.state import rotation_matrix, to_heading
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.seeding import episode_seeds

@@ -26,7 +26,7 @@ from quad_env.cli.interrupt import Interrupt
 from quad_env.cli.program import format_os_error
 from quad_env.cli.progress import show_progress, show_waiting
 from quad_env.files.writing import exclusive_lock
-from quad_env.physics.batch import MUJOCO, RELATIVE_STEP_TIME
+from quad_env.physics.simulators import MUJOCO, RELATIVE_STEP_TIME
 
 
 def execute(plan: Plan, show: Show = print_results) -> int:

@@ -24,7 +24,7 @@ from evaluate.records.manifest import CHUNKS, FILES, Manifest
 from evaluate.rollouts import battery, rollout
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.writing import exclusive_lock, make_writable_folder
-from quad_env.physics.batch import MUJOCO
+from quad_env.physics.simulators import MUJOCO
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 

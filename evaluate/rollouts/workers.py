@@ -19,7 +19,7 @@ from evaluate.rollouts.run import Executor, TaskProgress, sequential, simulate
 from quad_env.cli.child_process import exit_with_parent, without_ctrl_c
 from quad_env.cli.command_line import UsageError
 from quad_env.files.text import format_exception
-from quad_env.physics.batch import RELATIVE_STEP_TIME
+from quad_env.physics.simulators import RELATIVE_STEP_TIME
 
 POLL_PERIOD = 0.1
 """s between two looks at whether the user has interrupted."""

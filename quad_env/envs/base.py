@@ -26,8 +26,8 @@ from quad_env.columns import (
 )
 from quad_env.config import TaskConfig
 from quad_env.envs.attributes import check_settable
-from quad_env.physics.batch import MUJOCO
 from quad_env.physics.simulation import ALL, Simulation, SimulationConfig
+from quad_env.physics.simulators import MUJOCO
 from quad_env.physics.state import QuadState
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot, parse_servo_gains

@@ -2,7 +2,7 @@
 
 from mujoco.batch import Batch
 
-from quad_env.physics.batch import MUJOCO, SIMULATOR_FEATURES
+from quad_env.physics.simulators import MUJOCO, SIMULATOR_FEATURES
 
 
 class MujocoBatch(Batch):  # type: ignore[misc]

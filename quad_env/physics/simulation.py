@@ -26,7 +26,7 @@ from quad_env.columns import (
     ordered_sum,
     to_components,
 )
-from quad_env.physics.batch import MUJOCO, check_simulator, make_batch
+from quad_env.physics.batch import make_batch
 from quad_env.physics.energy import MotorMeter, touch_sensors
 from quad_env.physics.footsteps import FootContactTracker, touching
 from quad_env.physics.model import (
@@ -44,6 +44,7 @@ from quad_env.physics.model import (
 from quad_env.physics.probe import IdealSensors, ideal_sensor_names
 from quad_env.physics.randomisation import RandomisedModels
 from quad_env.physics.rotations import quaternion
+from quad_env.physics.simulators import MUJOCO, check_simulator
 from quad_env.physics.state import QuadState, heading_velocity, rotation_matrix, to_body
 from quad_env.robots.kinematics import foot_depths
 from quad_env.robots.robot import Robot
@@ -77,7 +78,7 @@ class SimulationConfig:
     solver_iterations: int | None = None
     """Contact-solver iterations per physics step; None: the MJCF's."""
     simulator: str = MUJOCO
-    """Name of the simulator; see `quad_env.physics.batch`."""
+    """Name of the simulator; see `quad_env.physics.simulators`."""
     actuator: Actuator = ACTUATORS["ideal"]
     """Actuator of the joints."""
     servo_gains: Array | None = None
@@ -103,7 +104,7 @@ class _ContactSensorNames(NamedTuple):
 class Simulation:
     """State of n robots that are stepped together; results do not depend on n or the number of threads.
 
-    An environment makes one. Every simulator has MuJoCo's fields and conventions, see `quad_env.physics.batch`.
+    An environment makes one. Every simulator has MuJoCo's fields and conventions, see `quad_env.physics.simulators`.
 
     Args:
         robot: Robot to simulate.

@@ -13,7 +13,7 @@ import warp
 
 from quad_env.columns import Array, EnvIndices, EnvSelection
 from quad_env.physics.array_batch import ArrayBatch
-from quad_env.physics.batch import SIMULATOR_FEATURES, WARP
+from quad_env.physics.simulators import SIMULATOR_FEATURES, WARP
 
 _UPLOADED_FIELDS = "qpos", "qvel", "ctrl", "xfrc_applied", "act"
 _DOWNLOADED_FIELDS = "qpos", "qvel", "act", "actuator_force", "xanchor", "site_xpos", "sensordata"

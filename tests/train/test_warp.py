@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from quad_env.cli.command_line import UsageError
-from quad_env.physics import batch
+from quad_env.physics import simulators
 from train.commands.run import parse
 from train.config import check
 from train.run import make_env
@@ -18,10 +18,10 @@ SMALL = "--device cuda --threads 1 --ppo.envs 4 --ppo.rollout-steps 2 --ppo.mini
 
 
 def test_what_the_gpu_cannot_simulate_is_refused_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(batch, "find_spec", lambda _: None)
+    monkeypatch.setattr(simulators, "find_spec", lambda _: None)
     with pytest.raises(UsageError, match=r'^--device cuda: the simulator warp needs its packages: .*"\.\[warp\]"$'):
         check(parse(SMALL.split()))
-    monkeypatch.setattr(batch, "find_spec", bool)
+    monkeypatch.setattr(simulators, "find_spec", bool)
     with pytest.raises(UsageError, match=r"^--device cuda: the simulator warp does not support the ground of 'rough'"):
         check(parse([*SMALL.split(), "rough", "1"]))
     check(parse([*SMALL.split(), "rough", "0"]))
@@ -41,4 +41,4 @@ def test_robots_are_stepped_there_and_validated_here() -> None:
         if not torch.cuda.is_available():
             with pytest.raises(UsageError, match="finds no NVIDIA GPU"):
                 make_ppo(config, env)
-    assert config.hardware.simulator == batch.MUJOCO
+    assert config.hardware.simulator == simulators.MUJOCO

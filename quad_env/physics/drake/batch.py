@@ -11,8 +11,8 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
 from quad_env.columns import Array, EnvIndices, EnvSelection
 from quad_env.physics.array_batch import ArrayBatch
-from quad_env.physics.batch import DRAKE, SIMULATOR_FEATURES
 from quad_env.physics.drake.plant import inertia, plant_of
+from quad_env.physics.simulators import DRAKE, SIMULATOR_FEATURES
 from quad_env.robots.collision_rules import foot_geoms
 
 _Forces = Value[list[ExternallyAppliedSpatialForce]]

@@ -15,8 +15,8 @@ from evaluate.records import manifest as manifests
 from evaluate.rollouts import rollout
 from evaluate.rollouts.workers import estimated_steps
 from quad_env.cli.command_line import UsageError
-from quad_env.physics import batch
-from quad_env.physics.batch import DRAKE, RELATIVE_STEP_TIME
+from quad_env.physics import simulators
+from quad_env.physics.simulators import DRAKE, RELATIVE_STEP_TIME
 
 pytest.importorskip("pydrake")
 
@@ -66,7 +66,7 @@ def test_a_run_says_that_it_is_slow_comes_again_and_is_told_apart(
     assert made.versions["drake"]
     assert manifests.differences(made, replace(made, hardware=IDEAL)) == ["simulator was drake and is mujoco"]
     assert main(["replay", str(tmp_path), "0"]) == 0
-    monkeypatch.setattr(batch, "find_spec", lambda _: None)
+    monkeypatch.setattr(simulators, "find_spec", lambda _: None)
     with pytest.raises(UsageError, match="pip install"):
         replay.main(replay.Options(tmp_path, 0))
 

@@ -8,10 +8,10 @@ from quad_env.actuation.models import ACTUATORS
 from quad_env.config import GRAVITY
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.physics import batch
-from quad_env.physics.batch import check_simulator
+from quad_env.physics import simulators
 from quad_env.physics.model import compile_model
 from quad_env.physics.simulation import Simulation, SimulationConfig
+from quad_env.physics.simulators import check_simulator
 from quad_env.robots.registry import get_robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scenario
@@ -52,7 +52,7 @@ def test_it_stands_as_in_mujoco() -> None:
     """To 0.5 mm and 0.001 rad, with the same torques to 0.2 N·m, on feet that carry its weight."""
     simulations = [
         Simulation(SIMPLE_QUAD, scenario("flat"), SimulationConfig(has_meter=True, simulator=name))
-        for name in batch.SIMULATORS
+        for name in simulators.SIMULATORS
     ]
     home = SIMPLE_QUAD.home_pose[None]
     for each in simulations:
@@ -134,6 +134,6 @@ def test_the_hardware_profile_and_own_servo_gains_are_refused() -> None:
 
 
 def test_without_the_package_the_line_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(batch, "find_spec", lambda _: None)
+    monkeypatch.setattr(simulators, "find_spec", lambda _: None)
     with pytest.raises(ValueError, match=r"pip install -e \"\.\[drake\]\""):
         check_simulator("drake", scenario("flat"), ACTUATORS["ideal"])

@@ -8,8 +8,8 @@ import pytest
 
 from quad_env.actuation.models import Actuator, TorqueSpeed
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.physics.batch import SimulatorFeatures
 from quad_env.physics.energy import JOINT_READINGS, MotorMeter
+from quad_env.physics.simulators import SimulatorFeatures
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 MEASURED = (*JOINT_READINGS, "foot_impulse")

@@ -16,9 +16,9 @@ from quad_env import OBSERVATION, SIMPLE_QUAD, DomainRandomisation, Scenario, sc
 from quad_env.actuation.models import ACTUATORS, Thermal
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.physics import batch
-from quad_env.physics.batch import check_simulator
+from quad_env.physics import simulators
 from quad_env.physics.model import compile_model
+from quad_env.physics.simulators import check_simulator
 from quad_env.scenarios.episode import EpisodeSample
 from quad_env.seeding import EpisodeStreams
 
@@ -168,7 +168,7 @@ def test_servo_gains_of_each_robot_are_randomised_about_its_own() -> None:
 
 
 def test_drake_refuses_it_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(batch, "find_spec", lambda _: object())
+    monkeypatch.setattr(simulators, "find_spec", lambda _: object())
     with pytest.raises(
         ValueError, match=r"not support the domain randomisation of 'flat\+randomised'; it supports"
     ) as error:
