@@ -304,7 +304,9 @@ class QuadEnvBase:
         observation: NDArray[np.float32] = self.observation_table.observe(state, command)
         if self._sensors is not None:
             self._sensors.sense(np.atleast_2d(observation), clock, rows)
-        further_terms = [] if self._scanner is None else [self._scanner.scan(state, clock, rows)]
+        further_terms: list[NDArray[np.float32]] = []
+        if self._scanner is not None:
+            further_terms.append(self._scanner.scan(state, clock, rows))
         further_terms += [term.evaluate(state) for term in self._user_terms]
         if not further_terms:
             return observation
