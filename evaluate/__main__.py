@@ -18,7 +18,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from evaluate.commands.options import PROGRAM as NAME
-from evaluate.commands.options import Options
+from evaluate.commands.options import EvaluateOptions
 from quad_env.cli.command_line import parse
 from quad_env.cli.program import Command, Program
 
@@ -54,7 +54,7 @@ def compare(words: list[str]) -> int:
 
 def _plan(words: list[str]) -> "Plan":
     """What the words ask for; the defaults of --resume are the options of the run."""
-    read = partial(parse, Options, words, program=NAME, description=f"{__doc__}{PROGRAM.listing()}")
+    read = partial(parse, EvaluateOptions, words, program=NAME, description=f"{__doc__}{PROGRAM.listing()}")
     options = read()
     from evaluate.commands.plan import check, load_run_options  # after --help, which is to be quick
 

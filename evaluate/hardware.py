@@ -73,7 +73,7 @@ class HardwareConfig:
 IDEAL = HardwareConfig()
 
 
-def words(hardware: HardwareConfig) -> str:
+def describe_hardware(hardware: HardwareConfig) -> str:
     """` Robot: go1. Motors: motor; sensors: typical.`, an unusual estimator named too; nothing of what is usual."""
     robot = "" if hardware.robot == IDEAL.robot else f" Robot: {hardware.robot}."
     robot += f" Servos: {hardware.servo}." if hardware.servo else ""
@@ -87,13 +87,13 @@ def words(hardware: HardwareConfig) -> str:
 def parse_robot_option(robot: str, option: str = "--robot") -> HardwareConfig:
     """The robot of that name or path, otherwise as usual. Raises UsageError."""
     try:
-        check(found := HardwareConfig(robot=robot))
+        check_hardware(found := HardwareConfig(robot=robot))
     except ValueError as error:
         raise UsageError(f"{option}: {error}") from error
     return found
 
 
-def check(hardware: HardwareConfig, scenario: "Scenario | None" = None) -> None:
+def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None) -> None:
     """ValueError, which lists the valid names, where one is unknown, a robot cannot be had, an estimator has no sensors
     or the simulator cannot do that, in that scenario."""
     from quad_env.actuation.models import actuator

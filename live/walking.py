@@ -80,7 +80,7 @@ def walk(policy: Policy, subject: DoctorSubject) -> tuple[list[str], list[str]]:
     """Words about each of COMMANDS that it follows, such as `forward 0.49 of 0.50 m/s`, and about each other one."""
     found = walks_of(policy, HardwareConfig(robot=subject.name), COMMANDS, np.arange(1))
     tracked, not_tracked = (
-        [each.words for each in found if (each.deviation <= 1.0) is followed] for followed in (True, False)
+        [each.description for each in found if (each.deviation <= 1.0) is followed] for followed in (True, False)
     )
     return tracked, not_tracked
 
@@ -157,7 +157,7 @@ def _finding(subject: DoctorSubject, ways: tuple[str, ...]) -> Finding:
         return NO_DESCRIPTION
     found = [walk for walk in _walks(subject) if walk.command_name in ways]
     if not (seen := diagnosis.failure_messages(found)):
-        return ok("; ".join({walk.command_name: walk.words for walk in found}.values()))
+        return ok("; ".join({walk.command_name: walk.description for walk in found}.values()))
     if diagnosis.failed(found):
         return problem("; ".join(seen.values()), "the network itself", "export it again")
     return problem(

@@ -217,7 +217,7 @@ def check(config: TrainConfig) -> None:
         what = f"--ppo.minibatch, {config.ppo.minibatch}, must divide ppo.envs x ppo.rollout-steps, {total}"
         raise UsageError(f"{what}, which must be at most {LARGEST_ROLLOUT}")
     try:
-        hardware.check(config.hardware)
+        hardware.check_hardware(config.hardware)
     except ValueError as error:
         raise UsageError(str(error)) from None
     _check_mixture(config)

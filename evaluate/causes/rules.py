@@ -33,7 +33,7 @@ class Event(NamedTuple):
     cause: str
     step: int
     score: float
-    words: str
+    description: str
     is_instantaneous: bool = False
 
 

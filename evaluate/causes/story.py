@@ -24,7 +24,7 @@ def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tu
     shown = {found.event.cause: found.event}
     for event in sorted(found.triggered_events, key=lambda event: -event.score):
         shown.setdefault(event.cause, event)
-    moments = [(event.step, event.words) for event in list(shown.values())[:3]]
+    moments = [(event.step, event.description) for event in list(shown.values())[:3]]
     if record.fell and record.end:
         if found.event.cause in (GAIT, UNCLEAR) and found.event.step == record.onset:
             moments = []  # nothing more is known than what follows

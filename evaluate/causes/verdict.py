@@ -28,7 +28,7 @@ class Verdict(NamedTuple):
     @property
     def detail(self) -> str:
         """What decided, and how certain it is."""
-        return f"{self.event.words} ({'certain' if self.certain else 'likely'})"
+        return f"{self.event.description} ({'certain' if self.certain else 'likely'})"
 
 
 def with_causes(measures: Measures, episodes: Episodes) -> Measures:

@@ -11,7 +11,7 @@ from quad_env.cli.command_line import UsageError
 
 
 @dataclass(frozen=True)
-class Options(comparison.Options):
+class AxesOptions(comparison.EvaluateOptions):
     """Which axes; the other options are those of python -m evaluate."""
 
     axes: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
@@ -26,7 +26,7 @@ class Options(comparison.Options):
     """Folder for the files of an evaluation."""
 
 
-def main(options: Options) -> int:
+def main(options: AxesOptions) -> int:
     """Run the command; the exit code. Raises UsageError."""
     from evaluate.commands.plan import check
     from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -35,9 +35,9 @@ def main(options: Options) -> int:
     known = known_axes(SIMPLE_QUAD)
     if unknown := [name for name in options.axes if name not in known]:
         raise UsageError(f"there is no axis {', '.join(unknown)}; the axes are {', '.join(known)}")
-    given = {field.name: getattr(options, field.name) for field in fields(comparison.Options)}
+    given = {field.name: getattr(options, field.name) for field in fields(comparison.EvaluateOptions)}
     levels = (f"{name}:all" for name in dict.fromkeys(options.axes or AXES))
-    plan = check(comparison.Options(**given | {"scenarios": (*levels, *options.scenarios)}))
+    plan = check(comparison.EvaluateOptions(**given | {"scenarios": (*levels, *options.scenarios)}))
     from evaluate.commands.execution import execute
     from evaluate.report.table import print_levels
 

@@ -28,7 +28,7 @@ from quad_env.files.writing import write_atomically
 
 
 @dataclass(frozen=True)
-class Options:
+class CompareOptions:
     """What to compare."""
 
     a: Annotated[Path, tyro.conf.Positional]
@@ -41,7 +41,7 @@ class Options:
     """File for the figures."""
 
 
-def main(options: Options) -> int:
+def main(options: CompareOptions) -> int:
     """Run the command; the exit code. Raises UsageError."""
     if options.json is not None:
         make_folder_of(options.json, "--json")
@@ -81,7 +81,7 @@ def _folder(path: Path) -> Path:
     return path.parent if path.name in ("results.json", "episodes.parquet", "manifest.json") else path
 
 
-def _pairs(options: Options, a: Manifest, b: Manifest) -> list[tuple[str, str]]:
+def _pairs(options: CompareOptions, a: Manifest, b: Manifest) -> list[tuple[str, str]]:
     """Which policy of A goes with which of B. Raises UsageError."""
     if options.policies is not None:
         for policy, manifest, folder in zip(options.policies, (a, b), (options.a, options.b), strict=True):
@@ -94,7 +94,7 @@ def _pairs(options: Options, a: Manifest, b: Manifest) -> list[tuple[str, str]]:
 
 
 def _labels(
-    options: Options, found: Sequence[Match], a: Manifest, b: Manifest
+    options: CompareOptions, found: Sequence[Match], a: Manifest, b: Manifest
 ) -> tuple[dict[str, str], dict[str, str]]:
     """What the policies of A and of B are called: with the folder where both have that name, but once where all of its
     episodes are the same."""
@@ -127,7 +127,7 @@ def _success(match: Match) -> MetricDifference:
     return next(each for each in match.contrasts if each.metric == SUCCESS_RATE)
 
 
-def _table(options: Options, found: Sequence[Match], heads: Mapping[str, str]) -> FittedTable:
+def _table(options: CompareOptions, found: Sequence[Match], heads: Mapping[str, str]) -> FittedTable:
     title = f"B minus A, 95 % interval, p of success corrected with all claims\nA: {options.a}\nB: {options.b}"
     groups: dict[str, list[dict[str, str]]] = {match.scenario: [] for match in found}
     for match in found:
@@ -169,7 +169,7 @@ def _left_out(a: StoredRun, b: StoredRun) -> Iterator[str]:
             yield f"{name} is not finished, and left out of it are: {', '.join(left)}"
 
 
-def _write(options: Options, both: CombinedRuns, changed: list[str], path: Path) -> None:
+def _write(options: CompareOptions, both: CombinedRuns, changed: list[str], path: Path) -> None:
     contents = {"schema": 1, "a": str(options.a), "b": str(options.b), "differences": changed}
     contents |= {"ranking": asdict(both.ranking), "comparisons": [asdict(match) for match in both.matches]}
     contents |= {"rank_correlation": asdict(both.correlation) if both.correlation else None}

@@ -23,7 +23,7 @@ RESULT_NEUTRAL_OPTIONS = ("out", "threads", "at_once", "resume", "baseline", "tr
 
 
 @dataclass(frozen=True)
-class Options:
+class EvaluateOptions:
     """Policies and scenarios to compare, and the folder of the results."""
 
     policies: tuple[str, ...] = DEFAULT_POLICIES
@@ -97,13 +97,13 @@ class Options:
 
 def options_from_json(found: Mapping[str, Any]) -> dict[str, Any]:
     """Fields of Options from what `of_the_run` gave; ValueError for what it never gives."""
-    names = {field.name for field in fields(Options)} - set(RESULT_NEUTRAL_OPTIONS)
+    names = {field.name for field in fields(EvaluateOptions)} - set(RESULT_NEUTRAL_OPTIONS)
     if set(found) != names:
         raise ValueError(f"its options are those of another version: {', '.join(sorted(set(found) ^ names))}")
     return {name: tuple(value) if isinstance(value, list) else value for name, value in found.items()}
 
 
-def describe_changes(then: Options, now: Options) -> list[str]:
+def describe_changes(then: EvaluateOptions, now: EvaluateOptions) -> list[str]:
     """`--seed was 0, not 1` for every option of a run that is not as it was."""
     before, after = then.run_options(), now.run_options()
     return [
@@ -115,7 +115,7 @@ def describe_changes(then: Options, now: Options) -> list[str]:
 
 def command(chosen: Mapping[str, Any]) -> str:
     """The command of a run, from what `of_the_run` gave, without what is as usual."""
-    usual = Options().run_options()
+    usual = EvaluateOptions().run_options()
     words = PROGRAM.split()
     for name, value in chosen.items():
         if value != usual.get(name, False):

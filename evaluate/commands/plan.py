@@ -14,7 +14,7 @@ from evaluate.commands.options import (
     DEFAULT_BATTERY,
     DEFAULT_POLICIES,
     PROGRAM,
-    Options,
+    EvaluateOptions,
     describe_changes,
     options_from_json,
 )
@@ -39,10 +39,10 @@ class Plan:
     policies: tuple[LabelledPolicy, ...]
     scenarios: tuple[Scenario, ...]
     manifest: Manifest
-    options: Options
+    options: EvaluateOptions
 
 
-def load_run_options(folder: Path) -> Options:
+def load_run_options(folder: Path) -> EvaluateOptions:
     """The options of the run in a folder. Raises UsageError where there is none to carry on, or one is going on."""
     if folder.is_dir():
         _check_unused(folder)
@@ -51,14 +51,14 @@ def load_run_options(folder: Path) -> Options:
     return _begun(folder)[1]
 
 
-def check(options: Options) -> Plan:
+def check(options: EvaluateOptions) -> Plan:
     """The plan of these options. Raises UsageError."""
     options = replace(options, episodes=options.max_episodes)
     check_numbers(options, LIMITS)
     if options.quick and options.scenarios != DEFAULT_BATTERY:
         raise UsageError("--quick and --scenarios both name the scenarios: give one of them")
     try:
-        hardware.check(options.hardware_config)
+        hardware.check_hardware(options.hardware_config)
     except ValueError as error:
         raise UsageError(str(error)) from error
     try:
@@ -87,7 +87,7 @@ def check(options: Options) -> Plan:
     return Plan(compared, scenarios, manifest, options)
 
 
-def scenarios_asked_for(options: Options) -> tuple[Scenario, ...]:
+def scenarios_asked_for(options: EvaluateOptions) -> tuple[Scenario, ...]:
     """The scenarios; of a battery only those without the hardware profile where the hardware is chosen by itself.
     Raises ValueError, and UsageError where both are asked for."""
     robot = options.hardware_config.robot_model
@@ -106,13 +106,13 @@ def scenarios_asked_for(options: Options) -> tuple[Scenario, ...]:
     return tuple(each for each in found if not each.hardware)
 
 
-def _simulated(options: Options, scenarios: Sequence[Scenario]) -> tuple[Scenario, ...]:
+def _simulated(options: EvaluateOptions, scenarios: Sequence[Scenario]) -> tuple[Scenario, ...]:
     """Of a battery the scenarios that the simulator can do, the others named on stderr. Raises UsageError for any
     scenario that is asked for by name."""
     beyond = {}
     for scenario in scenarios:
         try:
-            hardware.check(options.hardware_config, scenario)
+            hardware.check_hardware(options.hardware_config, scenario)
         except ValueError as error:
             beyond[scenario.name] = error
     left, words = [each for each in scenarios if each.name not in beyond], ", ".join(beyond)
@@ -197,7 +197,7 @@ def _check_unused(out: Path) -> None:
         pass
 
 
-def _resume_manifest(now: Manifest, options: Options) -> Manifest:
+def _resume_manifest(now: Manifest, options: EvaluateOptions) -> Manifest:
     """The manifest that the run was begun with. Raises UsageError unless it can go on as if it had never stopped."""
     then, asked = _begun(options.out)
     if differing := describe_changes(asked, options):
@@ -210,7 +210,7 @@ def _resume_manifest(now: Manifest, options: Options) -> Manifest:
     return then
 
 
-def _resume_remedy(then: Options, now: Options) -> str:
+def _resume_remedy(then: EvaluateOptions, now: EvaluateOptions) -> str:
     """Return the remedy where more is asked of a run than at its start."""
     folder = shlex.quote(str(now.out))
     if added := [name for name in now.policies if name not in then.policies]:
@@ -223,10 +223,10 @@ def _resume_remedy(then: Options, now: Options) -> str:
     return ""
 
 
-def _begun(folder: Path) -> tuple[Manifest, Options]:
+def _begun(folder: Path) -> tuple[Manifest, EvaluateOptions]:
     """What the run in a folder was begun with. Raises UsageError."""
     try:
         manifest = manifests.read(folder)
-        return manifest, replace(Options(out=folder), **options_from_json(manifest.options))
+        return manifest, replace(EvaluateOptions(out=folder), **options_from_json(manifest.options))
     except (OSError, UsageError, ValueError) as error:
         raise UsageError(f"--resume: {error}; leave --resume out to begin again") from error

@@ -19,7 +19,7 @@ from evaluate.commands.options import PROGRAM, Flag
 from evaluate.film import files
 from evaluate.film.page import write_page
 from evaluate.film.shooting import FilmSpec, Progress, film
-from evaluate.hardware import check
+from evaluate.hardware import check_hardware
 from evaluate.measures.episodes import Episodes
 from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import table
@@ -41,7 +41,7 @@ DIFFERS = 1
 
 
 @dataclass(frozen=True)
-class Options:
+class ReplayOptions:
     """Which episode, and whether to film it."""
 
     results: Annotated[Path, tyro.conf.Positional]
@@ -86,7 +86,7 @@ class ReplayTarget:
         return FilmSpec(shown, self.cell.scenario, self.seed, manifest.steps, self.title, manifest.hardware)
 
 
-def main(options: Options) -> int:
+def main(options: ReplayOptions) -> int:
     """Run the command; the exit code: 0, or 1 if the episode is not the stored one. Raises UsageError."""
     run = read_run(options.results)
     if options.failed:
@@ -117,7 +117,7 @@ def main(options: Options) -> int:
     return DIFFERS if differing else 0
 
 
-def _outputs(options: Options) -> list[tuple[str, Path, Callable[[FilmSpec, Path, Progress], None]]]:
+def _outputs(options: ReplayOptions) -> list[tuple[str, Path, Callable[[FilmSpec, Path, Progress], None]]]:
     """Option, file and what writes it of all that is to be filmed. Raises UsageError where it cannot be."""
     if options.video is not None:
         files.check_film_path(options.video)
@@ -131,7 +131,7 @@ def _outputs(options: Options) -> list[tuple[str, Path, Callable[[FilmSpec, Path
     return [(option, path, write) for option, path, write in found if path is not None]
 
 
-def _list_failed(run: Run, options: Options) -> int:
+def _list_failed(run: Run, options: ReplayOptions) -> int:
     """Print a line for each failed episode of policy and scenario; return the exit code. Raises UsageError."""
     if options.episode is not None or any((options.video, options.page, options.against)):
         raise UsageError("--failed lists episodes: leave out EPISODE, --video, --page and --against")
@@ -168,7 +168,7 @@ def _failed_row(cell: PolicyScenarioResult, number: int, row: int) -> tuple[str,
     return (*place, format_number(time, 2), outcome, one_line(str(cause)))
 
 
-def _check_names(run: Run, options: Options) -> None:
+def _check_names(run: Run, options: ReplayOptions) -> None:
     """Raise UsageError where the policy or the scenario of the options has no finished episode."""
     if not run.cells:
         raise UsageError(f"{options.results} holds no finished part of a comparison yet")
@@ -180,7 +180,7 @@ def _check_names(run: Run, options: Options) -> None:
             raise UsageError(f"--{option}: no {wanted} among the finished ones: {', '.join(dict.fromkeys(names))}")
 
 
-def find(run: Run, options: Options, episode: int) -> ReplayTarget:
+def find(run: Run, options: ReplayOptions, episode: int) -> ReplayTarget:
     """Return the episode that the options select. Raises UsageError.
 
     Args:
@@ -254,7 +254,7 @@ def policy_of(
 def check_here(manifest: Manifest, scenario: Scenario) -> None:
     """Raise UsageError where the simulator or the terrain is not here."""
     try:
-        check(manifest.hardware, scenario)
+        check_hardware(manifest.hardware, scenario)
         if isinstance(scenario.terrain, HeightField):
             check_unchanged(scenario.terrain.file, scenario.terrain.sha256)
     except ValueError as error:

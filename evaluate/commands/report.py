@@ -12,7 +12,7 @@ from quad_env.cli.command_line import UsageError
 
 
 @dataclass(frozen=True)
-class Options:
+class ReportOptions:
     """Which results."""
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation")
@@ -28,7 +28,7 @@ class Options:
     """For --pages: load policies from files that can hide code, the .zip files of Stable-Baselines3."""
 
 
-def main(options: Options) -> int:
+def main(options: ReportOptions) -> int:
     """Run the command; the exit code. Raises UsageError."""
     from evaluate.cells import apply_success_rule
     from evaluate.commands.outputs import Terminal, analysed, write_results
@@ -50,7 +50,7 @@ def main(options: Options) -> int:
         rule = RULES[options.success]
         scored = replace(run, cells=tuple(apply_success_rule(cell, rule) for cell in run.cells))
         print_results(analysed(scored, options.baseline), Terminal())
-        print(f"success by {rule.name}: {rule.words}; the files stay by {SUCCESS_RULE}")
+        print(f"success by {rule.name}: {rule.description}; the files stay by {SUCCESS_RULE}")
         return 0
     try:
         with exclusive_lock(options.folder):

@@ -19,7 +19,7 @@ from evaluate.measures import metrics
 from evaluate.measures.outcomes import DIVERGED, FELL, SUCCEEDED, SUCCESS_RULE
 from evaluate.measures.tracking import SETTLING_TIME
 from evaluate.rollouts.observers import Step
-from evaluate.rollouts.rollout import Recorder, iterate_episode
+from evaluate.rollouts.rollout import EpisodeRecorder, iterate_episode
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.command_line import UsageError
 from quad_env.physics.arrows import Arrow, Ball
@@ -156,7 +156,7 @@ class EpisodeView:
         self._label, self._look, self._count = policy.label, look, spec.steps
         self._camera: Any = None
         walker = policy.policy_for(spec.scenario)
-        self.recorder = Recorder(walker, np.array([spec.seed]), spec.steps)
+        self.recorder = EpisodeRecorder(walker, np.array([spec.seed]), spec.steps)
         where = walker, spec.scenario, spec.seed
         self._steps = iterate_episode(*where, steps=spec.steps, command=spec.command, hardware=spec.hardware)
         self.step = next(self._steps)

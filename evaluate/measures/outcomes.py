@@ -37,7 +37,7 @@ class SuccessRule:
     """Whether the tolerances are of the mean error of the episode's steps, and not of each interval's mean velocity."""
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """The rule in words."""
         if np.isinf(self.linear):
             return "upright to the end, whatever it was asked to do"

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluate.analysis.results import Results
-from evaluate.hardware import words as words_of
+from evaluate.hardware import describe_hardware
 from evaluate.report.html import breakable, collapsible, contents, note, section
 from evaluate.report.plots import drawing
 from evaluate.report.sections.axis_section import render_axes
@@ -92,7 +92,7 @@ def _head(results: Results, made_by: Origin) -> str:
     command, date = map(escape, made_by)
     begun = f", begun on {date}" if date else ""
     made = f" Made by <code>{command}</code>{begun}." if command else ""
-    about = f"{escape(describe_extent(results))}. Seed {results.seed}.{words_of(results.hardware)}{made}"
+    about = f"{escape(describe_extent(results))}. Seed {results.seed}.{describe_hardware(results.hardware)}{made}"
     return f'<h1>{breakable(ranking_verdict(results.ranking))}</h1><p class="soft">{about}</p>{warning}'
 
 

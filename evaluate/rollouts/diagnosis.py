@@ -58,7 +58,7 @@ def failure_messages(found: Sequence[Walk]) -> dict[str, str]:
     """Words about the worst walk at each command that was not followed, by command."""
     worst = {each.command_name: each for each in sorted(found, key=lambda each: each.deviation)}
     return {
-        command_name: worst[command_name].words
+        command_name: worst[command_name].description
         for command_name in COMMANDS
         if command_name in worst and worst[command_name].deviation > 1.0
     }

@@ -142,7 +142,7 @@ def run(
     hardware: HardwareConfig = IDEAL,
 ) -> Episodes:
     """The record of one episode of `policy` for each seed."""
-    recorder = Recorder(policy, seeds, steps)
+    recorder = EpisodeRecorder(policy, seeds, steps)
 
     def report(step: Step) -> None:
         if step.number < steps and step.number % REPORT_EVERY == 0:
@@ -153,7 +153,7 @@ def run(
     return recorder.episodes()
 
 
-class Recorder:
+class EpisodeRecorder:
     """Observer that records episodes, for measures to be computed from: arrays with a row a control step."""
 
     def __init__(self, policy: Policy | None, seeds: NDArray[np.int64], steps: int) -> None:

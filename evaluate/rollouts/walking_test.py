@@ -43,7 +43,7 @@ class Walk:
         return np.inf if self.fall or self.failure else float(self.errors.max())
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """Such as `forward 0.49 of 0.50 m/s`."""
         if self.failure:
             return f"commanded {self.command_name} it {self.failure}"

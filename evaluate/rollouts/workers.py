@@ -53,7 +53,7 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
             while working:
                 check()
                 for worker in _ready_workers(working):
-                    task_index, message = worker.place, worker.receive()
+                    task_index, message = worker.task_index, worker.receive()
                     if isinstance(message, float):
                         progress(task_index, message)
                         continue
@@ -79,7 +79,7 @@ class _Worker:
     """A worker process, seen from the one that began it."""
 
     def __init__(self, context: SpawnContext) -> None:
-        self.place = -1
+        self.task_index = -1
         """Of the task that it works on."""
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_work, args=(theirs,), daemon=False)
@@ -88,7 +88,7 @@ class _Worker:
 
     def submit(self, task_index: int, task: Task) -> None:
         """Have it do a task, which it waits for. Raises WorkerLost."""
-        self.place = task_index
+        self.task_index = task_index
         try:
             self.pipe.send(task)
         except OSError:

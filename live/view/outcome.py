@@ -14,7 +14,7 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import measure
 from evaluate.measures.outcomes import SUCCEEDED
 from evaluate.rollouts.observers import Step
-from evaluate.rollouts.rollout import STEPS, Recorder
+from evaluate.rollouts.rollout import STEPS, EpisodeRecorder
 from live.session import Session
 
 _Kept = tuple[Step, Any, bool]
@@ -68,7 +68,7 @@ def _story(kept: Sequence[_Kept], session: Session) -> list[str]:
 def _record(kept: Sequence[_Kept], session: Session) -> Episodes:
     """The kept steps as a record whose first is the start, with the pushes by hand."""
     policy: Any = SimpleNamespace()
-    recorder = Recorder(policy, np.array([session.seed]), STEPS)
+    recorder = EpisodeRecorder(policy, np.array([session.seed]), STEPS)
     for number, (step, failure, stopped) in enumerate(kept):
         policy.failure, policy.stopped = failure, np.array([stopped])
         recorder(replace(step, number=number))

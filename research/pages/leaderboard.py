@@ -97,7 +97,9 @@ def _plan(name: str, policy: str, leaderboard_policies: PolicyList, options: Lea
     begun, servo = (out / manifest.NAME).is_file(), ""
     if name in leaderboard_policies.ours:
         policy, _, servo = policy.partition(" at ")
-    asked = evaluation.Options((policy,), robot=leaderboard_policies.robot, servo=servo, out=out, resume=begun, **same)
+    asked = evaluation.EvaluateOptions(
+        (policy,), robot=leaderboard_policies.robot, servo=servo, out=out, resume=begun, **same
+    )
     try:
         return check(asked)
     except UsageError as error:

@@ -51,7 +51,7 @@ def page(results: Results, listed: PolicyList, robots: Mapping[str, Robot], made
         "",
         *_overview(results, robots, order),
         *(line for scenario in results.scenarios for line in _scenario(results, scenario, order)),
-        f"{ISAAC_LAB}: success by the thresholds of Isaac Lab, that is {RULES[ISAAC_LAB].words}.",
+        f"{ISAAC_LAB}: success by the thresholds of Isaac Lab, that is {RULES[ISAAC_LAB].description}.",
         "",
         *_sources(listed),
     ]

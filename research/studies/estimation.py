@@ -20,7 +20,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluate.hardware import IDEAL, HardwareConfig, check
+from evaluate.hardware import IDEAL, HardwareConfig, check_hardware
 from evaluate.rollouts.observers import FallRecorder, Step
 from evaluate.rollouts.rollout import STEPS, roll_out
 from policies.base import Floats
@@ -97,7 +97,7 @@ def main(options: EstimationOptions) -> int:
     """Measure, print, and write the table; the exit code. Raises UsageError."""
     check_numbers(options, _LIMITS)
     try:
-        check(HardwareConfig(sensors=options.sensors, estimator=ESTIMATORS[-1]))
+        check_hardware(HardwareConfig(sensors=options.sensors, estimator=ESTIMATORS[-1]))
     except ValueError as error:
         raise UsageError(f"--sensors: {error}") from error
     place = RESULTS if options.table == "walks" else PUSHES

@@ -64,7 +64,7 @@ class Case:
     def run(self, after_falls: bool = False) -> Episodes:
         """Their record."""
         seeds, policy = episode_seeds("validation", 0, 96)[list(self.chosen)], self.policy()
-        recorder, ends = rollout.Recorder(policy, seeds, self.steps), not after_falls
+        recorder, ends = rollout.EpisodeRecorder(policy, seeds, self.steps), not after_falls
         how = {"steps": self.steps, "hardware": self.hardware, "terminate_on_fall": ends}
         rollout.roll_out(policy, self.scenario, seeds, recorder, **how)  # type: ignore[arg-type]
         return recorder.episodes()

@@ -84,7 +84,7 @@ def training(run: TrainedRun) -> str:
     {command(config)}
 
 {config.steps:,} steps of {config.ppo.envs} robots ({mixture(config)}), {run.minutes:.1f} min, \
-source {run.git_revision}.{hardware.words(config.hardware)} The shipped seed is {config.seed}, \
+source {run.git_revision}.{hardware.describe_hardware(config.hardware)} The shipped seed is {config.seed}, \
 fixed beforehand, and of its run the weights of the best validation, on seeds and ground that neither training nor \
 evaluation uses. {origin(run)}"""
 

@@ -15,8 +15,8 @@ import tyro
 
 import policies
 from evaluate.analysis.results import Results
+from evaluate.commands.options import EvaluateOptions as Evaluation
 from evaluate.commands.options import Flag
-from evaluate.commands.options import Options as Evaluation
 from evaluate.commands.plan import check
 from evaluate.records.store import read_run
 from policies import bundle

@@ -15,7 +15,7 @@ import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 import policies
-from evaluate.commands.options import Options
+from evaluate.commands.options import EvaluateOptions
 from evaluate.commands.plan import check
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.files.writing import exclusive_lock
@@ -87,7 +87,7 @@ def test_the_last_line_is_a_command_that_evaluates_the_policy(kind, tmp_path, ca
     assert said == f"the policy is {folder / 'best'}"
     begin, words = shlex.split(command)[:3], shlex.split(command)[3:]
     assert begin == ["python", "-m", "evaluate"]
-    plan = check(parse_options(Options, words, program="evaluate", description=""))
+    plan = check(parse_options(EvaluateOptions, words, program="evaluate", description=""))
     assert [each.label for each in plan.policies][-1] == str(folder)
     assert len(plan.policies) == (2 if kind == "residual" else 1)
     assert plan.options.hardware_config.sensors == "typical"

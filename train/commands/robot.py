@@ -134,7 +134,7 @@ def _stages(options: Options) -> list[Stage]:
 
     def evaluate() -> None:
         from evaluate.commands.execution import execute
-        from evaluate.commands.options import Options as Comparison
+        from evaluate.commands.options import EvaluateOptions as Comparison
         from evaluate.commands.plan import check, load_run_options
 
         given = {name: getattr(options, name) for name in ("policies", "scenarios", "episodes", "seed", "threads")}

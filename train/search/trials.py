@@ -13,7 +13,7 @@ from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OUTCOMES, RULES, SUCCESS_RULE
-from evaluate.rollouts.rollout import STEPS, Recorder, advance, batch_of, reset_episodes
+from evaluate.rollouts.rollout import STEPS, EpisodeRecorder, advance, batch_of, reset_episodes
 from policies.base import Floats, Policy
 from policies.parameters import Parameters
 from policies.policy_stack import PolicyStack
@@ -111,7 +111,7 @@ def run_each(
     The policy acts for all at once, scenario after scenario: for one whose time hardly depends on how many robots it
     moves that is many times faster. What is the policy's own, such as its phase, is not in the records.
     """
-    recorders = [Recorder(None, seeds, steps) for _ in scenarios]
+    recorders = [EpisodeRecorder(None, seeds, steps) for _ in scenarios]
     with ExitStack() as stack:
         batch = partial(batch_of, policy, count=len(seeds), steps=steps, nthread=nthread, hardware=hardware)
         envs = [batch(scenario) for scenario in scenarios]

@@ -100,10 +100,10 @@ def test_a_cause_is_certain_only_if_no_other_had_begun() -> None:
 def check_legs_and_rises_are_those_that_were_hit() -> None:
     """By the record itself: that leg's foot touches within a foot's reach of a riser ahead, 0.15 m, and loses speed."""
     hits = [(each, of.event) for each, of in zip(records_of(OTHER_TRIP), verdicts(OTHER_TRIP), strict=True)]
-    feet = [(each, event) for each, event in hits if " foot hits the edge of a step (0.15 m) at " in event.words]
+    feet = [(each, event) for each, event in hits if " foot hits the edge of a step (0.15 m) at " in event.description]
     assert feet
     for each, event in feet:
-        leg = LEGS.index(" ".join(event.words.split()[:2]))
+        leg = LEGS.index(" ".join(event.description.split()[:2]))
         x = each.episodes.foot_position[:, each.number, leg, 0]
         riser = 0.75 + 0.3 * np.round((x[event.step] - 0.75) / 0.3)
         assert each.episodes.foot_contact[event.step, each.number, leg]
@@ -181,7 +181,7 @@ def test_a_push_is_the_cause_from_the_step_on_in_which_it_acts() -> None:
 def test_the_error_of_an_estimate_is_that_which_was_made() -> None:
     """An IMU that is turned by 0.7 rad shows a tilt that is wrong by as much."""
     for each in verdicts(TURNED_IMU):
-        assert float(each.event.words.split("tilt that is ")[1].split()[0]) == pytest.approx(0.7, abs=0.05)
+        assert float(each.event.description.split("tilt that is ")[1].split()[0]) == pytest.approx(0.7, abs=0.05)
 
 
 def test_a_known_delay_is_no_error_of_the_estimate() -> None:

@@ -32,7 +32,7 @@ def test_a_leg_that_swings_against_a_riser_trips_by_the_speed_that_it_loses() ->
     assert [each.score for each in others] == pytest.approx([1.6, 1.4 / 3.0 / 0.5])
     assert (event.cause, event.step, event.is_instantaneous) == (rules.TRIP, 130, True)
     assert event.score == pytest.approx(1.6)
-    assert event.words == "front left foot hits the edge of a step (0.15 m) at 1.0 m/s"
+    assert event.description == "front left foot hits the edge of a step (0.15 m) at 1.0 m/s"
 
 
 def test_a_leg_trips_only_where_it_touches_after_a_swing_and_within_the_window() -> None:
@@ -64,7 +64,7 @@ def pushed(*steps: int, onset: int = 150, **known: Any) -> list[rules.Event]:
 def test_a_push_counts_by_how_far_it_moves_the_capture_point() -> None:
     """50 N·s on 14.2 kg: 3.521 m/s, and 0.236 s times as much, of 0.3 m."""
     (event,) = pushed(140)
-    assert event.words == "a push of 50 N·s, 3.5 m/s for its mass"
+    assert event.description == "a push of 50 N·s, 3.5 m/s for its mass"
     assert event.score == pytest.approx(50.0 / 14.2 * TIME_CONSTANT / 0.3, rel=1e-4)
     assert (event.cause, event.step, event.is_instantaneous) == (rules.PUSH, 140, True)
 
@@ -105,7 +105,7 @@ def test_feet_that_stand_and_slide_count_by_their_share_and_the_ground(friction:
     (event,) = rules.slides(recorded(scenario, shank=(points, velocity), foot_contact=contact))
     assert (event.cause, event.step) == (rules.SLIP, 150)
     assert event.score == pytest.approx(10.0 / 109.0 / 0.55 * factor)
-    assert event.words == f"9% of the standing feet slide, at 0.6 m/s, friction {friction:g}"
+    assert event.description == f"9% of the standing feet slide, at 0.6 m/s, friction {friction:g}"
 
 
 def test_motors_count_by_the_share_of_time_and_joints_at_their_own_limit() -> None:
@@ -117,7 +117,7 @@ def test_motors_count_by_the_share_of_time_and_joints_at_their_own_limit() -> No
     (event,) = rules.motor_saturation(recorded(joint_torque=torque, joule_heat=heat, torque_limit=limit))
     assert (event.cause, event.step) == (rules.MOTOR, 124)
     assert event.score == pytest.approx(36.0 / 50.0 / 12.0 / 0.1)
-    assert event.words == "front right calf motor is 72% of the time at its limit, 40 N·m"
+    assert event.description == "front right calf motor is 72% of the time at its limit, 40 N·m"
 
 
 def test_motors_with_a_curve_count_at_their_speed_without_load_too() -> None:
@@ -137,7 +137,7 @@ def test_servos_of_a_bandwidth_count_by_how_far_they_are_behind() -> None:
     _, event = rules.motor_saturation(recorded(Scenario("made", motors=Motors(bandwidth=5.0)), action=action))
     assert (event.cause, event.step) == (rules.MOTOR, 110)
     assert event.score == pytest.approx(1.0)
-    assert event.words == "servos of 5 Hz are 0.35 rad behind"
+    assert event.description == "servos of 5 Hz are 0.35 rad behind"
 
 
 def test_standing_legs_count_at_a_joint_limit_and_stretched() -> None:
@@ -194,7 +194,7 @@ def test_an_estimate_counts_by_the_error_of_tilt_and_velocity_at_the_moment_that
 def test_a_delay_counts_both_ways_together() -> None:
     """20 and 50 ms of the 0.236 s in which a robot falls over, by 0.4."""
     (event,) = rules.delay_or_dropout(recorded(Scenario("made", latency=Latency(action=0.02, observation=0.05))))
-    assert event.words == "readings and actions are 70 ms late together"
+    assert event.description == "readings and actions are 70 ms late together"
     assert event.score == pytest.approx(0.07 / TIME_CONSTANT / 0.4, rel=1e-4)
 
 
@@ -213,7 +213,7 @@ def test_a_servo_without_targets_counts_by_how_far_its_joint_should_have_gone() 
     _, event = rules.delay_or_dropout(record)
     assert (event.cause, event.step, event.is_instantaneous) == (rules.SIGNAL, start, True)
     assert event.score == pytest.approx(3.0, rel=1e-5)
-    assert " receives no targets for 0.30 s, 0.45 rad off" in event.words
+    assert " receives no targets for 0.30 s, 0.45 rad off" in event.description
     assert len(list(rules.delay_or_dropout(recorded(scenario, action=action, window=slice(10, 100), onset=90)))) == 1
     assert (
         len(list(rules.delay_or_dropout(recorded(scenario, action=action, window=slice(start + 65, 195), onset=190))))

@@ -49,7 +49,7 @@ def test_the_first_sudden_event_decides_and_else_the_strongest_that_lasts(of: An
     assert of(LIMITS, ICE).event == ICE  # limits of joints last
     assert of(LIMITS).event == LIMITS
     assert of(PUSH._replace(strength=0.99), ICE).event == ICE
-    assert of(PUSH, ICE, TRIP).seen == (TRIP, ICE, PUSH)  # by time
+    assert of(PUSH, ICE, TRIP).triggered_events == (TRIP, ICE, PUSH)  # by time
 
 
 def test_it_is_certain_where_it_is_strong_and_nothing_else_had_begun(of: Any) -> None:
@@ -128,14 +128,16 @@ def test_an_upright_robot_is_too_slow_stalled_or_off_its_command_where_it_is_wor
     good, slow, still = (1.0, 0.0, 0.0), (0.6, 0.0, 0.0), (0.1, 0.0, 0.0)
     found = upright([good, slow])
     assert (found.event.cause, found.event.step, found.certain) == (rules.SLOW, 300, True)
-    assert found.event.words == "moves at 0.60 of the commanded 1.00 m/s"
+    assert found.event.description == "moves at 0.60 of the commanded 1.00 m/s"
     assert upright([slow, good]).event.step == 100
     found = upright([(0.82, 0.33, 0.0)])
     assert (found.event.cause, found.certain) == (rules.SLOW, False)
     found = upright([slow, still])
     assert (found.event.cause, found.event.step, found.certain) == (rules.STALLED, 300, True)
     assert upright([(1.5, 0.0, 0.0)]).event.cause == rules.GAIT
-    assert upright([(0.95, 0.5, 0.0)]).event.words.startswith("moves at 0.95 m/s forward, 0.50 m/s left, 0.00 rad/s; ")
+    assert upright([(0.95, 0.5, 0.0)]).event.description.startswith(
+        "moves at 0.95 m/s forward, 0.50 m/s left, 0.00 rad/s; "
+    )
     assert not upright([(0.95, 0.5, 0.0)]).certain
 
 
@@ -147,7 +149,7 @@ def test_a_stalled_interval_decides_before_one_that_is_farther_off() -> None:
 
 def test_a_robot_that_turns_too_slowly_is_told_by_its_turn() -> None:
     found = upright([(0.5, 0.0, 0.5)], (0.5, 0.0, 1.0))
-    assert (found.event.cause, found.event.words) == (rules.SLOW, "turns at 0.50 of the commanded 1.00 rad/s")
+    assert (found.event.cause, found.event.description) == (rules.SLOW, "turns at 0.50 of the commanded 1.00 rad/s")
     assert upright([(0.5, 0.0, -0.5)], (0.5, 0.0, 1.0)).event.cause == rules.GAIT  # the other way round
 
 

@@ -11,7 +11,7 @@ from rich.console import Console
 from evaluate.__main__ import main
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.cells import EpisodeChunk
-from evaluate.commands.options import Options
+from evaluate.commands.options import EvaluateOptions
 from evaluate.commands.outputs import analysed
 from evaluate.records.episode_table import read_table, write_table
 from evaluate.records.manifest import read
@@ -62,7 +62,7 @@ def test_every_other_option_is_that_of_a_comparison(monkeypatch) -> None:
     words += " --baseline trot --until settled --simulator drake --quick --out out"
     assert main(["axes", "push", *words.split(), "--scenarios", "flat"]) == 0
     assert main([*words.split(), "--scenarios", "push:all", "flat"]) == 0
-    assert asked[0] == asked[1] != Options()
+    assert asked[0] == asked[1] != EvaluateOptions()
 
 
 @pytest.mark.usefixtures("no_simulation", "no_page")

@@ -32,7 +32,7 @@ EVERY = pytest.mark.parametrize("name", COMMANDS)
 
 
 def options_of(command: str) -> Any:
-    return options_class(import_module(COMMANDS[command].module)) if command else default.Options
+    return options_class(import_module(COMMANDS[command].module)) if command else default.EvaluateOptions
 
 
 def once(read: Callable[[Batch], Any]) -> Reading:
@@ -162,7 +162,7 @@ ELSEWHERE = {
     "axes": {
         "resume": test_axes.test_it_goes_on_with_what_was_done,
         **dict.fromkeys(
-            {field.name for field in fields(default.Options)} - EFFECTS["axes"].keys() - {"resume"}, PASSED_ON
+            {field.name for field in fields(default.EvaluateOptions)} - EFFECTS["axes"].keys() - {"resume"}, PASSED_ON
         ),
     },
 }

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from evaluate.__main__ import main
-from evaluate.commands.options import DEFAULT_POLICIES, WALKING_POLICIES, Options
+from evaluate.commands.options import DEFAULT_POLICIES, WALKING_POLICIES, EvaluateOptions
 from evaluate.commands.plan import check, policies_asked_for
 from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.records.store import FILES, read_run
@@ -60,7 +60,7 @@ def test_its_report_comparison_and_episodes_are_made_again(whole, tmp_path, caps
 
 
 def test_the_default_is_everyone_that_walks_on_the_battery_and_the_document_on_flat_ground_alone(tmp_path) -> None:
-    plan = check(Options(out=tmp_path))
+    plan = check(EvaluateOptions(out=tmp_path))
     battery = [scenario.name for scenario in BATTERIES["default"](SIMPLE_QUAD)]
     article = ("document", "document_repaired")
     assert list(plan.manifest.policies) == [*article, *WALKING_POLICIES]

@@ -83,7 +83,7 @@ def test_no_episode_is_found_twice(tmp_path, manifest, part) -> None:
 
 def test_parts_of_other_runs_of_other_seeds_and_of_later_episodes_are_left_out(tmp_path, manifest, part) -> None:
     store = ChunkStore(tmp_path, manifest, True)
-    other = replace(manifest, code="other").begun()
+    other = replace(manifest, code="other").with_fingerprint()
     ChunkStore(tmp_path, other, True).save(part(numbers=(0, 1)))
     store.save(part(numbers=(2, 3), seed=6))
     store.save(part(numbers=(5, 6)))
@@ -94,7 +94,7 @@ def test_parts_of_other_runs_of_other_seeds_and_of_later_episodes_are_left_out(t
 
 def test_a_folder_is_another_run_s_until_the_first_part_and_only_this_run_s_then(tmp_path, manifest, part) -> None:
     """Parts of the other run are neither loaded nor removed before; what is no part stays."""
-    before = ChunkStore(tmp_path, replace(manifest, code="before").begun())
+    before = ChunkStore(tmp_path, replace(manifest, code="before").with_fingerprint())
     before.save(part(numbers=(0, 1)))
     before.save(part(numbers=(2, 3)))
     (tmp_path / CHUNKS / ".00000-0000002.parquet.abcdefgh").touch()
@@ -151,13 +151,13 @@ def test_a_policy_that_runs_on_some_scenarios_has_no_cells_on_others(manifest) -
 
 def test_a_run_until_settled_is_the_same_run_at_every_look_and_open_until_it_ends(manifest) -> None:
     """Another limit, other episodes of a run without one, and other seeds are another run."""
-    first = replace(manifest, limit=40, episodes=10).begun()
-    later = replace(first, episodes=20, ended="settled", threads=2, options={"x": 1}, date="2026-01-01").begun()
+    first = replace(manifest, limit=40, episodes=10).with_fingerprint()
+    later = replace(first, episodes=20, ended="settled", threads=2, options={"x": 1}, date="2026-01-01").with_fingerprint()
     assert later.fingerprint == first.fingerprint
-    assert (manifest.open, first.open, later.open) == (False, True, False)
+    assert (manifest.is_unsettled, first.is_unsettled, later.is_unsettled) == (False, True, False)
     for other in ({"limit": 80}, {"seed": 6}, {"steps": 1}, {"cpu": "x"}, {"policies": {"a": "1"}}):
-        assert replace(first, **other).begun().fingerprint != first.fingerprint
-    assert replace(manifest, episodes=7).begun().fingerprint != manifest.fingerprint
+        assert replace(first, **other).with_fingerprint().fingerprint != first.fingerprint
+    assert replace(manifest, episodes=7).with_fingerprint().fingerprint != manifest.fingerprint
 
 
 def test_a_manifest_that_was_changed_is_refused(tmp_path, manifest) -> None:

@@ -134,13 +134,13 @@ def test_a_run_without_a_ranking_is_refused(tmp_path, no_simulation, words) -> N
 
 
 def test_the_most_episodes_are_96_by_default_and_no_other_option_is_needed_to_go_on(tmp_path) -> None:
-    from evaluate.commands.options import Options, command, options_from_json
+    from evaluate.commands.options import EvaluateOptions, command, options_from_json
 
     assert (
-        Options().max_episodes,
-        Options(until="settled").max_episodes,
-        Options(until="settled", episodes=40).max_episodes,
+        EvaluateOptions().max_episodes,
+        EvaluateOptions(until="settled").max_episodes,
+        EvaluateOptions(until="settled", episodes=40).max_episodes,
     ) == (20, 96, 40)
-    kept = Options(until="settled").run_options()
+    kept = EvaluateOptions(until="settled").run_options()
     assert command(kept) == "python -m evaluate --episodes 96 --until settled"
-    assert Options(**options_from_json(kept)).run_options() == kept
+    assert EvaluateOptions(**options_from_json(kept)).run_options() == kept

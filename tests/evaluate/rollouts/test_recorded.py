@@ -14,7 +14,7 @@ from evaluate.measures.episodes import shapes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OFF_COMMAND, STALLED, SUCCEEDED, SuccessRule
 from evaluate.rollouts.observers import FallRecorder, Step
-from evaluate.rollouts.rollout import Recorder
+from evaluate.rollouts.rollout import EpisodeRecorder
 from evaluate.rollouts.run import RunSettings, StoreError, run_cells
 from quad_env import SCENARIOS, SIMPLE_QUAD
 from quad_env.config import FALL_REASONS
@@ -48,7 +48,7 @@ def told(number: int, fall: Sequence[str] = ("none", "none"), diverged: Sequence
 
 def test_every_step_is_kept_in_its_row_and_the_start_in_none() -> None:
     policy: Any = SimpleNamespace(stopped=np.array([False, True]))
-    recorder = Recorder(policy, np.array([7, 8]), 4)
+    recorder = EpisodeRecorder(policy, np.array([7, 8]), 4)
     for number in range(4):
         policy.stopped = np.array([number == 2, True])
         recorder(told(number))
@@ -70,7 +70,7 @@ def test_every_step_is_kept_in_its_row_and_the_start_in_none() -> None:
 
 
 def test_a_policy_that_is_shown_the_truth_and_never_stops_has_no_such_signals() -> None:
-    recorder = Recorder(None, np.array([7, 8]), 2)
+    recorder = EpisodeRecorder(None, np.array([7, 8]), 2)
     env = SimpleNamespace(**{**vars(ENV), "observes_true_state": True})
     recorder(dataclasses.replace(told(0), env=env))
     recorder(dataclasses.replace(told(1), env=env))
@@ -81,7 +81,7 @@ def test_a_policy_that_is_shown_the_truth_and_never_stops_has_no_such_signals() 
 
 def test_a_failure_counts_from_the_step_in_which_it_was_told_unless_the_robot_had_fallen() -> None:
     policy: Any = SimpleNamespace(failure=np.full(2, None, dtype=object))
-    recorder = Recorder(policy, np.array([7, 8]), 6)
+    recorder = EpisodeRecorder(policy, np.array([7, 8]), 6)
     recorder(told(0))
     for number in range(1, 6):
         if number == 3:
@@ -180,7 +180,7 @@ def simulated(store: Kept, count: int = 10, names: Sequence[str] = ("trot", "sta
 def test_what_is_stored_is_not_simulated_again_and_the_rest_in_stretches_without_a_gap() -> None:
     store = Kept([2, 3], [7])
     cells, tasks, shares = simulated(store, chunk_size=3)
-    of_trot = [task.numbers.tolist() for task in tasks if task.policy.label == "trot"]
+    of_trot = [task.episode_indices.tolist() for task in tasks if task.policy.label == "trot"]
     assert of_trot == [[0, 1], [4, 5, 6], [8, 9]]
     assert [task.seeds.tolist() for task in tasks][:3] == [[100, 101], [104, 105, 106], [108, 109]]
     assert [each.policy for each in cells] == ["stand", "trot"]  # as they come
@@ -194,9 +194,9 @@ def test_what_is_stored_is_not_simulated_again_and_the_rest_in_stretches_without
 
 def test_stretches_end_at_every_gap_however_long_a_part_may_be() -> None:
     _, tasks, _ = simulated(Kept([2, 3], [7]), chunk_size=50, names=("trot",))
-    assert [task.numbers.tolist() for task in tasks] == [[0, 1], [4, 5, 6], [8, 9]]
+    assert [task.episode_indices.tolist() for task in tasks] == [[0, 1], [4, 5, 6], [8, 9]]
     _, tasks, _ = simulated(Kept(), chunk_size=4, names=("trot",))
-    assert [task.numbers.tolist() for task in tasks] == [[0, 1, 2, 3], [4, 5, 6], [7, 8, 9]]
+    assert [task.episode_indices.tolist() for task in tasks] == [[0, 1, 2, 3], [4, 5, 6], [7, 8, 9]]
 
 
 def test_a_cell_that_is_stored_comes_before_anything_is_simulated() -> None:

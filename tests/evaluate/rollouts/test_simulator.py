@@ -8,9 +8,9 @@ import pytest
 
 from evaluate.__main__ import main
 from evaluate.commands import replay
-from evaluate.commands.options import Options
+from evaluate.commands.options import EvaluateOptions
 from evaluate.commands.plan import check, scenarios_asked_for
-from evaluate.hardware import IDEAL, HardwareConfig, words
+from evaluate.hardware import IDEAL, HardwareConfig, describe_hardware
 from evaluate.records import manifest as manifests
 from evaluate.rollouts import rollout
 from evaluate.rollouts.workers import estimated_steps
@@ -25,11 +25,11 @@ def test_the_simulator_is_written_down_where_it_is_not_the_usual_one() -> None:
     drake = HardwareConfig(simulator=DRAKE)
     assert HardwareConfig(**asdict(drake)) == drake
     assert not drake.is_customized
-    assert "drake" in words(drake)
+    assert "drake" in describe_hardware(drake)
 
 
 def test_of_a_battery_it_takes_what_it_knows_and_names_the_rest(capsys: pytest.CaptureFixture[str]) -> None:
-    names = {each.name for each in scenarios_asked_for(Options(simulator=DRAKE))}
+    names = {each.name for each in scenarios_asked_for(EvaluateOptions(simulator=DRAKE))}
     assert {"flat", "steady", "push", "force", "slope", "stairs", "slippery", "payload"} <= names
     assert not {"rough", "gravel", "soft", "weak_motors", "slow_motors"} & names
     assert not {name for name in names if name.endswith("+hardware")}
@@ -50,7 +50,7 @@ def test_of_a_battery_it_takes_what_it_knows_and_names_the_rest(capsys: pytest.C
 )
 def test_anything_else_is_refused_in_a_line(asked: dict[str, object], said: str, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=said) as refused:
-        check(Options(**{"simulator": DRAKE, "out": tmp_path / "out"} | asked))
+        check(EvaluateOptions(**{"simulator": DRAKE, "out": tmp_path / "out"} | asked))
     assert "\n" not in str(refused.value)
     assert not (tmp_path / "out").exists()
 
@@ -68,7 +68,7 @@ def test_a_run_says_that_it_is_slow_comes_again_and_is_told_apart(
     assert main(["replay", str(tmp_path), "0"]) == 0
     monkeypatch.setattr(simulators, "find_spec", lambda _: None)
     with pytest.raises(UsageError, match="pip install"):
-        replay.main(replay.Options(tmp_path, 0))
+        replay.main(replay.ReplayOptions(tmp_path, 0))
 
 
 def test_a_task_costs_what_its_simulator_takes() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evaluate.cells import load_labelled_policy
-from evaluate.commands.options import Options
+from evaluate.commands.options import EvaluateOptions
 from evaluate.commands.plan import check, scenarios_asked_for
 from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.records import manifest as manifests
@@ -92,23 +92,29 @@ def test_the_default_battery_has_every_axis_with_the_profile_at_the_level_after_
 
 
 def test_the_option_puts_the_profile_on_every_scenario_once(tmp_path: Path) -> None:
-    plan = check(Options(("trot",), scenarios=("push", "flat+hardware"), hardware=True, out=tmp_path))
+    plan = check(EvaluateOptions(("trot",), scenarios=("push", "flat+hardware"), hardware=True, out=tmp_path))
     assert [each.name for each in plan.scenarios] == ["push+hardware", "flat+hardware"]
-    assert all(each.name.endswith("+hardware") for each in scenarios_asked_for(Options(hardware=True)))
+    assert all(each.name.endswith("+hardware") for each in scenarios_asked_for(EvaluateOptions(hardware=True)))
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (Options(hardware=True, sensors="typical"), "--hardware: the profile has its own --actuator, --sensors and"),
-        (Options(scenarios=("push+hardware", "flat"), actuator="motor"), r"--scenarios push\+hardware: the profile"),
+        (
+            EvaluateOptions(hardware=True, sensors="typical"),
+            "--hardware: the profile has its own --actuator, --sensors and",
+        ),
+        (
+            EvaluateOptions(scenarios=("push+hardware", "flat"), actuator="motor"),
+            r"--scenarios push\+hardware: the profile",
+        ),
     ],
 )
-def test_hardware_of_ones_own_beside_the_profile_is_refused_in_a_line(options: Options, words: str) -> None:
+def test_hardware_of_ones_own_beside_the_profile_is_refused_in_a_line(options: EvaluateOptions, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         scenarios_asked_for(options)
 
 
 def test_a_battery_with_hardware_of_ones_own_leaves_the_profile_out() -> None:
-    found = scenarios_asked_for(Options(sensors="typical"))
+    found = scenarios_asked_for(EvaluateOptions(sensors="typical"))
     assert found == tuple(each for each in scenarios("default") if not each.hardware)

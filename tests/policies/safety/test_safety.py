@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import policies
-from evaluate.commands.options import Options
+from evaluate.commands.options import EvaluateOptions
 from evaluate.commands.plan import check
 from evaluate.measures.at_rest import controlled_stops
 from policies.base import CONTROL_PERIOD
@@ -137,7 +137,7 @@ def test_the_limits_of_a_weaker_actuator_follow_its_torque_speed_line_and_its_de
 
 
 def test_the_safety_layer_of_a_run_knows_the_actuator_of_its_robots(tmp_path):
-    plan = check(Options(out=tmp_path, policies=("safe:trot",), actuator="torque_speed", scenarios=("flat",)))
+    plan = check(EvaluateOptions(out=tmp_path, policies=("safe:trot",), actuator="torque_speed", scenarios=("flat",)))
     limits = plan.policies[0].policy._limits
     assert (np.unique(limits.torque), np.unique(limits.no_load_speed), limits.delay) == (100.0, 10.0, 0.0)
     assert SafetyLimits.of(SIMPLE_QUAD) == SafetyLimits(SIMPLE_QUAD.rated_torque)
