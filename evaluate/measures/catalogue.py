@@ -42,9 +42,9 @@ FOOTFALL = f"contact sensors; a swing lasts at least {footfalls.SHORTEST_SWING:g
 
 MEASURES = (
     Measure("outcome", "outcome", "", "heading",
-            f"succeeded: {RULES[SUCCESS_RULE].description}; policy_error: the policy raised, gave no answer in time or none "
-            f"that is finite; stalled: upright and less than {100 * MIN_PROGRESS:g} % of the commanded distance in "
-            "such an interval or in all (of the turn where none was commanded), or stopped by a safety layer; else "
+            f"succeeded: {RULES[SUCCESS_RULE].description}; policy_error: the policy raised, gave no answer in time or "
+            f"none that is finite; stalled: upright and less than {100 * MIN_PROGRESS:g} % of the commanded distance "
+            "in such an interval or in all (of the turn where none was commanded), or stopped by a safety layer; else "
             "off_command, fell or diverged", f"rule {SUCCESS_RULE}", WHOLE),
     Measure("fell", "falls", "", "", "the fall rule held, or the simulation diverged, before the time limit",
             "rule simple-quad/1", WHOLE),
