@@ -152,7 +152,8 @@ def test_a_policy_that_runs_on_some_scenarios_has_no_cells_on_others(manifest) -
 def test_a_run_until_settled_is_the_same_run_at_every_look_and_open_until_it_ends(manifest) -> None:
     """Another limit, other episodes of a run without one, and other seeds are another run."""
     first = replace(manifest, limit=40, episodes=10).with_fingerprint()
-    later = replace(first, episodes=20, ended="settled", threads=2, options={"x": 1}, date="2026-01-01").with_fingerprint()
+    changes = {"episodes": 20, "ended": "settled", "threads": 2, "options": {"x": 1}, "date": "2026-01-01"}
+    later = replace(first, **changes).with_fingerprint()
     assert later.fingerprint == first.fingerprint
     assert (manifest.is_unsettled, first.is_unsettled, later.is_unsettled) == (False, True, False)
     for other in ({"limit": 80}, {"seed": 6}, {"steps": 1}, {"cpu": "x"}, {"policies": {"a": "1"}}):
