@@ -11,7 +11,7 @@ from mcap.writer import Writer as McapWriter
 from rosbags.typesys import Stores, get_typestore
 
 from live.imu import Imu
-from live.recording.skeleton import IMU_LINK, TRUNK, Floats, Link, RecordingSchema, rotations
+from live.recording.link_frames import IMU_LINK, TRUNK, Floats, Link, RecordingSchema, rotations
 from quad_env.config import FALL_REASONS
 
 STANDARD = {

@@ -6,7 +6,7 @@ from contextlib import closing
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from live.recording.skeleton import RecordingSchema
+from live.recording.link_frames import RecordingSchema
 
 NICE = 5
 """How far the simulation, and whatever else runs, goes first where cores are few."""

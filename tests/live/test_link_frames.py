@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from live.recording.skeleton import Link, links_of, rotations
+from live.recording.link_frames import Link, links_of, rotations
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
