@@ -12,7 +12,7 @@ from quad_env.physics.state import rotation_matrix
 WORLD_UP = np.array([0.0, 0.0, 1.0])
 
 
-class Imu:
+class TrunkImu:
     """Differentiates the velocity from step to step, so it needs all of them in order."""
 
     def __init__(self, dt: float) -> None:

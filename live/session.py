@@ -62,7 +62,7 @@ class Session:
     def reset(self, seed: int | None = None) -> Step:
         """Start an episode, by default that of the next seed; a command that was given stays."""
         self.seed = self.seed + 1 if seed is None else seed
-        self.tell(f"reset, seed {self.seed}")
+        self.notify(f"reset, seed {self.seed}")
         return self._begin()
 
     def step(self) -> Step:
@@ -84,7 +84,7 @@ class Session:
         self.env.push(force, duration)
         forward, left = np.asarray(force, np.float64)
         self.user_intervened = True
-        self.tell(f"pushed by hand, {np.hypot(forward, left) * duration:.3g} N·s")
+        self.notify(f"pushed by hand, {np.hypot(forward, left) * duration:.3g} N·s")
 
     def set_policy(self, policy: Policy) -> None:
         """Replace the policy; joint targets change over within `CHANGE`. Raises ValueError as the constructor, and
@@ -97,9 +97,9 @@ class Session:
             None,
             True,
         )
-        self.tell(f"{policy.name} chosen")
+        self.notify(f"{policy.name} chosen")
 
-    def tell(self, event: str) -> None:
+    def notify(self, event: str) -> None:
         """Send an event to the listeners."""
         for listener in self.listeners:
             listener(event)

@@ -27,10 +27,10 @@ REFERENCE_POLICY = "trot_feedback"
 """It walks on every robot that has a name here, without a search."""
 COMMANDS = {"forward": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "turning left": (0.0, 0.0, 0.8)}
 """Of SimpleQuad: m/s and rad/s; scaled to the size of other robots."""
-OWN_DAMPING = 0.05
+MIN_REPORTED_DAMPING_RATIO = 0.05
 """Least ratio of the joints' own damping to the servos' that is reported."""
-NAME_ANOTHER = "name an existing policy: python -m quad_env policies"
-SHAPE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
+NAME_REMEDY = "name an existing policy: python -m quad_env policies"
+INTERFACE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
 
 
 def walks(subject: DoctorSubject) -> Finding:
@@ -60,7 +60,7 @@ def policy(subject: DoctorSubject) -> Finding:
     except PolicyError as error:
         if policies.is_reference(subject.policy):
             return _failing(str(error))
-        seen, remedy = error.fault, error.remedy or NAME_ANOTHER
+        seen, remedy = error.fault, error.remedy or NAME_REMEDY
         if " made for " in seen:
             cause = "a policy is of one robot and one control period"
             return problem(seen, cause, f"{remedy}, or name its robot with --robot")
@@ -86,11 +86,11 @@ def walk(policy: Policy, subject: DoctorSubject) -> tuple[list[str], list[str]]:
 
 
 def _failing(seen: str) -> Finding:
-    return problem(seen, "the policy's own code, or its input and output", f"correct it there: {SHAPE}")
+    return problem(seen, "the policy's own code, or its input and output", f"correct it there: {INTERFACE}")
 
 
 NO_DESCRIPTION = ok("it acts on this environment's observation by itself, without a description")
-CORRECT = "in the description: --write mine.toml writes it, to correct and to name in its place"
+DESCRIPTION_REMEDY = "in the description: --write mine.toml writes it, to correct and to name in its place"
 
 
 def description(subject: DoctorSubject) -> Finding:
@@ -99,7 +99,7 @@ def description(subject: DoctorSubject) -> Finding:
         policy = _loaded(subject)
     except PolicyError as error:
         cause = "the description lacks something, or is of another network or robot"
-        return problem(error.fault, cause, error.remedy or f"correct that {CORRECT}")
+        return problem(error.fault, cause, error.remedy or f"correct that {DESCRIPTION_REMEDY}")
     if (found := policy.spec) is None:
         return _without_description(subject)
     seen = f"{found.network.name} reads {found.width} numbers, as described"
@@ -134,7 +134,7 @@ def describe_spec(described: PolicySpec, robot: Robot) -> Iterator[str]:
     yield f"joints  {joint_order_in_words(described.joints, robot)}: {' '.join(described.joints)}"
     scale = _numbers(dict.fromkeys(described.action_scale))
     commanded = with_spec_gains(robot, described)
-    matters = bool((robot.joint_damping > OWN_DAMPING * commanded.servo_damping).any())
+    matters = bool((robot.joint_damping > MIN_REPORTED_DAMPING_RATIO * commanded.servo_damping).any())
     own = f"; {robot.joint_damping_line}" if matters else ""
     yield f"servos  {commanded.servo}; an action of 1 is {scale} rad{own}"
     yield f"reads   {', '.join(map(_words, described.terms))}"
@@ -161,7 +161,9 @@ def _finding(subject: DoctorSubject, ways: tuple[str, ...]) -> Finding:
     if diagnosis.failed(found):
         return problem("; ".join(seen.values()), "the network itself", "export it again")
     return problem(
-        "; ".join(seen.values()), diagnosis.diagnose(_loaded(subject), subject.name), f"correct that {CORRECT}"
+        "; ".join(seen.values()),
+        diagnosis.diagnose(_loaded(subject), subject.name),
+        f"correct that {DESCRIPTION_REMEDY}",
     )
 
 

@@ -11,13 +11,13 @@ from quad_env.config import FALL_REASONS, FALL_RULE, TaskConfig
 from quad_env.robots.registry import parse_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.listing import Options
+from quad_env.scenarios.listing import RobotOptions
 from quad_env.sensing.estimators import ESTIMATORS
 from quad_env.sensing.suite import SENSORS, TRUTH
 from quad_env.task.observations import observation_table
 
 
-def main(options: Options) -> int:
+def main(options: RobotOptions) -> int:
     """Run the command; the exit code. Raises UsageError."""
     print(text(parse_robot(options.robot)))
     return 0

@@ -173,7 +173,7 @@ def test_every_figure_of_domain_randomisation_has_its_row_with_its_default() -> 
 def test_checks_named_for_a_symptom_exist() -> None:
     rows = table("| symptom | possible cause | checks of `doctor` |", "docs/doctor.md")
     named = {name.strip(" `") for row in rows for name in row[2].split(",")}
-    assert named <= {check.name for check in (*CHECKS, *doctor.CHECKS, *doctor.OF_DESCRIPTION)}
+    assert named <= {check.name for check in (*CHECKS, *doctor.CHECKS, *doctor.DESCRIPTION_CHECKS)}
 
 
 @EVERY_PAGE

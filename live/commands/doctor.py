@@ -7,14 +7,14 @@ from quad_env.doctor.check import DoctorCheck
 from quad_env.doctor.command import DoctorOptions, run
 from quad_env.files.paths import missing_file
 
-__all__ = ["CHECKS", "OF_DESCRIPTION", "DoctorOptions", "main"]
+__all__ = ["CHECKS", "DESCRIPTION_CHECKS", "DoctorOptions", "main"]
 
 CHECKS = (
     DoctorCheck("walks", "live.walking:walks", ("stands",)),
     DoctorCheck("policy", "live.walking:policy", ("walks", "walking")),
 )
 """They follow those of `quad_env.doctor`; the second is for runs with a policy."""
-OF_DESCRIPTION = (
+DESCRIPTION_CHECKS = (
     DoctorCheck("description", "live.walking:description", ("stands",)),
     DoctorCheck("standing", "live.walking:standing", ("description",)),
     DoctorCheck("walking", "live.walking:walking", ("standing",)),
@@ -32,7 +32,7 @@ def main(options: DoctorOptions) -> int:
     file = Path(options.policy.removeprefix("safe:"))
     if options.write is not None:
         _write(file, options.trust, options.write)
-    described = OF_DESCRIPTION if file.is_file() and file.suffix != ".zip" else ()
+    described = DESCRIPTION_CHECKS if file.is_file() and file.suffix != ".zip" else ()
     return run(options, (CHECKS[0], *described, CHECKS[1]))
 
 

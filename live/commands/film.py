@@ -19,12 +19,12 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.cli.progress import show_bar
 
-MOST_POLICIES = 9
+MAX_POLICIES = 9
 LIMITS = {"seconds": (CONTROL_PERIOD, 86_400.0), "speed": (0.01, 100.0), "fps": (1.0, 100.0), "size": (64, 4096)}
 
 
 @dataclass(frozen=True)
-class Options(EpisodeOptions):
+class FilmOptions(EpisodeOptions):
     """Film an episode; a robot that falls is filmed for a second more."""
 
     out: Annotated[Path, tyro.conf.Positional]
@@ -47,11 +47,11 @@ class Options(EpisodeOptions):
     """Whether arrows are drawn."""
 
 
-def main(options: Options) -> int:
+def main(options: FilmOptions) -> int:
     """Run the command; the exit code. Raises UsageError."""
     options.check(**LIMITS)
-    if not 1 <= len(options.policies) <= MOST_POLICIES:
-        raise UsageError(f"--policies must name 1 to {MOST_POLICIES}, not {len(options.policies)}")
+    if not 1 <= len(options.policies) <= MAX_POLICIES:
+        raise UsageError(f"--policies must name 1 to {MAX_POLICIES}, not {len(options.policies)}")
     hardware, scenario = options.resolve()
     policies = tuple(load_labelled_policy(name, hardware, (scenario,), options.trust) for name in options.policies)
     robot = "" if hardware == IDEAL else f"{hardware.robot_model.name}, "

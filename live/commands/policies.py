@@ -17,14 +17,14 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 @dataclass(frozen=True)
-class Options:
+class PoliciesOptions:
     """List the policies by the names that `--policy` and `--policies` take."""
 
     robot: str = "simple_quad"
     """Robot whose trained policies to list: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
 
 
-def main(options: Options) -> int:
+def main(options: PoliciesOptions) -> int:
     """Run the command; the exit code. Raises UsageError."""
     print("\n".join(_lines(parse_robot_option(options.robot).robot_model)))
     return 0

@@ -10,14 +10,14 @@ import tyro
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from live.commands.episode import Command, EpisodeOptions
-from live.recording.recorder import check, recorder_for
+from live.recording.recorder import check_recordable, recorder_for
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.cli.progress import show_bar
 
 
 @dataclass(frozen=True)
-class Options(EpisodeOptions):
+class RecordOptions(EpisodeOptions):
     """Record an episode; a robot that falls is recorded where it lies."""
 
     out: Annotated[Path, tyro.conf.Positional]
@@ -30,10 +30,10 @@ class Options(EpisodeOptions):
     """Command to hold: forward m/s, left m/s, yaw rate rad/s; without it the scenario draws commands."""
 
 
-def main(options: Options) -> int:
+def main(options: RecordOptions) -> int:
     """Run the command; the exit code. Raises UsageError."""
     options.check(seconds=(CONTROL_PERIOD, 86_400.0))
-    check(options.out)
+    check_recordable(options.out)
     hardware, scenario = options.resolve()
     policy = hardware.policy(options.policy, options.trust, on_hardware_profile=scenario.hardware)
     steps = round(options.seconds / CONTROL_PERIOD)

@@ -8,7 +8,7 @@ from typing import Literal
 
 from evaluate.commands.options import Flag
 from live.commands.episode import EpisodeOptions
-from live.recording.recorder import check, recorder_for
+from live.recording.recorder import check_recordable, recorder_for
 from live.ros import interpreter
 from live.ros.bridge import Bridge, JointTargetPolicy
 from live.ros.link import RosProcess
@@ -20,7 +20,7 @@ from quad_env.cli.real_time_rate import RealTimeRate
 
 
 @dataclass(frozen=True)
-class Options(EpisodeOptions):
+class RosOptions(EpisodeOptions):
     """Be a robot behind ROS topics until Ctrl-C."""
 
     policy: str | None = None
@@ -37,11 +37,11 @@ class Options(EpisodeOptions):
     robot, for ROS has no passwords. Without it the node listens on this machine alone."""
 
 
-def main(options: Options) -> int:
+def main(options: RosOptions) -> int:
     """Run the command; the exit code. Raises UsageError."""
     options.check(real_time_factor=(0.01, 100.0))
     if options.record is not None:
-        check(options.record)
+        check_recordable(options.record)
     version, python = interpreter.find(options.version)
     environment = interpreter.environment(os.environ, options.network)
     hardware, scenario = options.resolve()

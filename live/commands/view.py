@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from live.commands.episode import Command, EpisodeOptions
 from live.view.driver import ViewController
 from live.view.loop import LiveView
-from live.view.requests import LARGEST_SEED, MOST_ROBOTS
+from live.view.requests import MAX_ROBOTS, MAX_SEED
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.physics.rendering import shows_windows
 
 
 @dataclass(frozen=True)
-class Options(EpisodeOptions):
+class ViewOptions(EpisodeOptions):
     """Watch and steer robots in the browser. Ctrl-C ends it."""
 
     policy: tuple[str, ...] = ("residual",)
@@ -28,11 +28,11 @@ class Options(EpisodeOptions):
     """Open the page in a browser, where there is a display."""
 
 
-def main(options: Options) -> int:
+def main(options: ViewOptions) -> int:
     """Run the command; the exit code. Raises UsageError."""
-    options.check(seed=(0, LARGEST_SEED))
-    if not 1 <= len(options.policy) <= MOST_ROBOTS:
-        raise UsageError(f"--policy takes 1 to {MOST_ROBOTS} policies, not {len(options.policy)}")
+    options.check(seed=(0, MAX_SEED))
+    if not 1 <= len(options.policy) <= MAX_ROBOTS:
+        raise UsageError(f"--policy takes 1 to {MAX_ROBOTS} policies, not {len(options.policy)}")
     if options.port is not None and not 0 <= options.port < 65_536:
         raise UsageError(f"--port must be from 0 to 65535, not {options.port}")
     hardware, _ = options.resolve()

@@ -17,7 +17,7 @@ TRUNK, IMU_LINK = "base_link", "imu_link"
 
 
 @dataclass(frozen=True)
-class Link:
+class LinkFrame:
     """A frame below the trunk's."""
 
     name: str
@@ -34,20 +34,20 @@ class Link:
     """Angle of the joint where the model draws it at rest, rad."""
 
 
-def links_of(model: Any, data: Any, robot: Robot) -> tuple[Link, ...]:
+def link_frames(model: Any, data: Any, robot: Robot) -> tuple[LinkFrame, ...]:
     """Every link that a joint moves, the feet and the IMU, of the robot's compiled model in any state, which does not
     matter."""
 
     def frame(body: int) -> tuple[Floats, Rotation]:
         return data.xanchor[model.body_jntadr[body]], Rotation.from_matrix(data.xmat[body].reshape(3, 3))
 
-    def link(name: str, body: int, place: Floats, link_orientation: Rotation, **joint: Any) -> Link:
+    def link(name: str, body: int, place: Floats, link_orientation: Rotation, **joint: Any) -> LinkFrame:
         """One that is fixed to the body, or jointed to it; place and rotation in the world."""
         parent = model.body_weldid[body]
         origin, orientation = frame(parent)
         back = orientation.inv()
         rotation = (back * link_orientation).as_quat(scalar_first=True)
-        return Link(name, model.body(parent).name, back.apply(place - origin), rotation, **joint)
+        return LinkFrame(name, model.body(parent).name, back.apply(place - origin), rotation, **joint)
 
     links = []
     for hinge in range(1, model.njnt):  # the first is that of the trunk
@@ -65,7 +65,7 @@ def links_of(model: Any, data: Any, robot: Robot) -> tuple[Link, ...]:
     return tuple(links)
 
 
-def rotations(links: Sequence[Link], angles: Floats) -> Floats:
+def rotations(links: Sequence[LinkFrame], angles: Floats) -> Floats:
     """Orientation of each moving link in its parent's frame, w x y z, (links, 4); angles of the joints, rad, (12,)."""
     turns = [(angles[link.joint] - link.reference) * np.array(link.axis) for link in links]
     fixed = Rotation.from_quat([link.rotation for link in links], scalar_first=True)
@@ -81,7 +81,7 @@ class RecordingSchema:
     `start`, 1 where an episode or the recording begins."""
     joints: tuple[str, ...]
     legs: tuple[str, ...]
-    links: tuple[Link, ...]
+    links: tuple[LinkFrame, ...]
     description: str
     """URDF of the robot; empty where there is none."""
     dt: float

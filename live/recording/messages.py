@@ -10,11 +10,11 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.typesys import Stores, get_typestore
 
-from live.imu import Imu
-from live.recording.link_frames import IMU_LINK, TRUNK, Floats, Link, RecordingSchema, rotations
+from live.imu import TrunkImu
+from live.recording.link_frames import IMU_LINK, TRUNK, Floats, LinkFrame, RecordingSchema, rotations
 from quad_env.config import FALL_REASONS
 
-STANDARD = {
+STANDARD_TOPICS = {
     "/robot_description": "std_msgs/msg/String",
     "/tf_static": "tf2_msgs/msg/TFMessage",
     "/clock": "rosgraph_msgs/msg/Clock",
@@ -28,14 +28,14 @@ STANDARD = {
     "/events": "rcl_interfaces/msg/Log",
 }
 """Type of each topic that every robot has; `topics` has those that are named after its legs too."""
-LATCHED = ("/robot_description", "/tf_static")
+LATCHED_TOPICS = ("/robot_description", "/tf_static")
 """Topics of one message, at the beginning, which ROS keeps for those who listen later."""
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 _T: Any = TYPES.types
 _EPISODE_END = "over"
 """Event at the end of a push or fall."""
 _NO_COMMAND = np.full(3, np.nan)
-_NOT_KNOWN = np.zeros(9)
+_UNKNOWN_COVARIANCE = np.zeros(9)
 """A covariance that says nothing."""
 
 
@@ -61,23 +61,23 @@ class Messages:
         self._period = round(source.dt * 1e9)
         self._time = -self._period
         self._moving = [link for link in source.links if link.joint is not None]
-        self._imu = Imu(source.dt)
+        self._imu = TrunkImu(source.dt)
         self._command, self._latest = _NO_COMMAND, _EPISODE_END
         self._contacts = [topic_name("contacts", name) for name in (*source.legs, "legs", "trunk")]
 
     @property
     def topics(self) -> dict[str, str]:
         """Type of each topic."""
-        return STANDARD | dict.fromkeys(self._contacts, "std_msgs/msg/Bool")
+        return STANDARD_TOPICS | dict.fromkeys(self._contacts, "std_msgs/msg/Bool")
 
-    def of_beginning(self) -> Iterator[Message]:
+    def initial_messages(self) -> Iterator[Message]:
         """Messages for late subscribers too."""
         fixed = [_of_link(_stamp(0), link, link.rotation) for link in self._source.links if link.joint is None]
         yield Message("/tf_static", 0, _T["tf2_msgs/msg/TFMessage"](transforms=fixed))
         if self._source.description:
             yield Message("/robot_description", 0, _T["std_msgs/msg/String"](data=self._source.description))
 
-    def of_row(self, row: Floats) -> Iterator[Message]:
+    def row_messages(self, row: Floats) -> Iterator[Message]:
         """The command and targets at the beginning of its step, then the state at its end, and what is new of it."""
         readings = {name: row[columns] for name, columns in self._slices.items()}
         starts, command, event = readings["start"][0] > 0.0, readings["command"], _event_of(readings)
@@ -178,15 +178,15 @@ def _imu(stamp: Any, quaternion: Floats, angular_velocity: Floats, specific_forc
     return _T["sensor_msgs/msg/Imu"](
         header=_header(stamp, IMU_LINK),
         orientation=_quaternion(quaternion),
-        orientation_covariance=_NOT_KNOWN,
+        orientation_covariance=_UNKNOWN_COVARIANCE,
         angular_velocity=_vector(angular_velocity),
-        angular_velocity_covariance=_NOT_KNOWN,
+        angular_velocity_covariance=_UNKNOWN_COVARIANCE,
         linear_acceleration=_vector(specific_force),
-        linear_acceleration_covariance=_NOT_KNOWN,
+        linear_acceleration_covariance=_UNKNOWN_COVARIANCE,
     )
 
 
-def _of_link(stamp: Any, link: Link, link_orientation: Floats) -> Any:
+def _of_link(stamp: Any, link: LinkFrame, link_orientation: Floats) -> Any:
     return _transform(stamp, link.parent, link.name, link.translation, link_orientation)
 
 
@@ -198,11 +198,11 @@ def _transform(stamp: Any, parent: str, name: str, place: Floats, link_orientati
     )
 
 
-_NEVER = "{sec: 9223372036, nsec: 854775807}"
+_INFINITE = "{sec: 9223372036, nsec: 854775807}"
 """No deadline, no lifespan, no lease: how ROS 2 writes infinity."""
-_KEPT = (
+_LATCHED_QOS = (
     "- {history: keep_last, depth: 1, reliability: reliable, durability: transient_local, "
-    f"deadline: {_NEVER}, lifespan: {_NEVER}, liveliness: automatic, liveliness_lease_duration: {_NEVER}, "
+    f"deadline: {_INFINITE}, lifespan: {_INFINITE}, liveliness: automatic, liveliness_lease_duration: {_INFINITE}, "
     "avoid_ros_namespace_conventions: false}"
 )
 """With which `ros2 bag play` keeps a message for those who listen later."""
@@ -220,7 +220,7 @@ class McapFile:
             if name not in schemas:
                 definition, _hash = TYPES.generate_msgdef(name, ros_version=2)
                 schemas[name] = self._writer.register_schema(name, "ros2msg", definition.encode())
-            quality = {"offered_qos_profiles": _KEPT if topic in LATCHED else ""}
+            quality = {"offered_qos_profiles": _LATCHED_QOS if topic in LATCHED_TOPICS else ""}
             self._channels[topic] = self._writer.register_channel(topic, "cdr", schemas[name], quality)
 
     def write(self, message: Message) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.rollouts.observers import Step
-from live.recording.link_frames import RecordingSchema, links_of
+from live.recording.link_frames import RecordingSchema, link_frames
 from live.recording.writer import write
 from policies.base import Policy
 from quad_env.cli.child_process import without_ctrl_c
@@ -34,7 +34,7 @@ SIGNALS = (
 
 
 @contextmanager
-def recorder_for(path: Path, policy: Policy) -> Iterator["Recorder"]:
+def recorder_for(path: Path, policy: Policy) -> Iterator["McapRecorder"]:
     """An observer that records the first robot into an MCAP file. What was recorded is kept however the block ends; a
     further episode goes on where the first ended.
 
@@ -42,15 +42,15 @@ def recorder_for(path: Path, policy: Policy) -> Iterator["Recorder"]:
         UsageError: a package is missing, or the path exists already or cannot be written.
         OSError: the disk is full; what was written by then is left.
     """
-    check(path)
-    recorder = Recorder(path, policy)
+    check_recordable(path)
+    recorder = McapRecorder(path, policy)
     try:
         yield recorder
     finally:
         recorder.close()
 
 
-def check(path: Path) -> None:
+def check_recordable(path: Path) -> None:
     """Raise UsageError where nothing can be recorded into that path."""
     if missing := [package for package in PACKAGES if find_spec(package) is None]:
         raise UsageError(f'recording needs {missing[0]}: pip install -e ".[recording]"')
@@ -61,7 +61,7 @@ def check(path: Path) -> None:
     make_folder_of(path, "the recording")
 
 
-class Recorder:
+class McapRecorder:
     """Records the first robot of the steps that it is called with; `recorder_for` makes one and closes it."""
 
     def __init__(self, path: Path, policy: Policy) -> None:
@@ -73,7 +73,7 @@ class Recorder:
         """Record a control step, or the start of an episode. Raises OSError where it cannot be written."""
         first = self._rows is None
         if first:
-            self._begin(step)
+            self._start_writer(step)
         correction = getattr(self._policy, "correction", None)
         readings = {name: step.infos[name][0] for name in SIGNALS}
         readings["reward"] = sum(step.infos[name][0] for name in step.infos if name.startswith(REWARD))
@@ -81,14 +81,14 @@ class Recorder:
         readings["start"] = step.number == 0 or first
         self._send(np.concatenate([np.ravel(reading) for reading in readings.values()], dtype=np.float64))
 
-    def _begin(self, step: Step) -> None:
+    def _start_writer(self, step: Step) -> None:
         env, robot = step.env, step.env.robot
         widths = {name: step.infos[name][0].size for name in SIGNALS}
         source = RecordingSchema(
             widths=widths | {"reward": 1, "correction": robot.num_joints, "start": 1},
             joints=robot.joint_names,
             legs=robot.leg_names,
-            links=links_of(env.simulation.model, env.simulation.snapshot(0), robot),
+            links=link_frames(env.simulation.model, env.simulation.snapshot(0), robot),
             description="" if robot.urdf is None else robot.urdf.read_text(encoding="utf-8"),
             dt=env.dt,
         )

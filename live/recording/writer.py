@@ -8,7 +8,7 @@ from pathlib import Path
 
 from live.recording.link_frames import RecordingSchema
 
-NICE = 5
+NICENESS = 5
 """How far the simulation, and whatever else runs, goes first where cores are few."""
 
 
@@ -17,7 +17,7 @@ def write(rows: Connection, answer: Connection, path: Path, source: RecordingSch
     ended it. The simulation may be interrupted or killed: what it has sent is written. It is started with SIGINT
     blocked."""
     if hasattr(os, "nice"):
-        os.nice(NICE)
+        os.nice(NICENESS)
     failure: OSError | None = None
     try:
         _write(rows, path, source)
@@ -35,8 +35,8 @@ def _write(rows: Connection, path: Path, source: RecordingSchema) -> None:
 
     messages = Messages(source)
     with closing(McapFile(path, messages.topics)) as file, contextlib.suppress(EOFError):
-        for message in messages.of_beginning():
+        for message in messages.initial_messages():
             file.write(message)
         while True:
-            for message in messages.of_row(rows.recv()):
+            for message in messages.row_messages(rows.recv()):
                 file.write(message)

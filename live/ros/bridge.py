@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.rollouts.observers import Step
-from live.imu import Imu
+from live.imu import TrunkImu
 from live.ros.link import Packet
 from live.ros.node import IMU, JOINT_STATE_PERIOD, JOINT_STATES, JOINT_TARGETS, RESET, VELOCITY
 from live.session import Session
@@ -75,7 +75,7 @@ class Bridge:
         timeout."""
         self._refused: set[tuple[str, str]] = set()
         """Topics and kinds of messages that were refused, each of which is said once."""
-        self._imu, self._fallen = Imu(session.env.dt), False
+        self._imu, self._fallen = TrunkImu(session.env.dt), False
         self._steps, self._period = 0, round(session.env.dt * 1e9)
         session.steer(np.zeros(3))
         session.reset(session.seed)

@@ -11,12 +11,12 @@ from urllib.parse import urlsplit
 from quad_env.cli.command_line import UsageError
 
 _MESSAGES = ("geometry_msgs", "rosgraph_msgs", "sensor_msgs", "std_msgs")
-MODULES = {"1": ("rospy", "rosmaster", *_MESSAGES), "2": ("rclpy", *_MESSAGES)}
+REQUIRED_MODULES = {"1": ("rospy", "rosmaster", *_MESSAGES), "2": ("rclpy", *_MESSAGES)}
 """What must be importable for each version of ROS."""
 ROOT = Path(__file__).parents[2]
 DEFAULT_MASTER = "http://localhost:11311"
 _PROFILE = str(Path(__file__).with_name("loopback.xml"))
-ON_THIS_MACHINE = {
+LOOPBACK_ENVIRONMENT = {
     # ROS 1 listens on all interfaces unless its own address is a loopback one.
     "ROS_IP": "127.0.0.1",
     # ROS 2 looks for others on this machine alone by one of these, and yet Fast DDS would hear from everywhere.
@@ -26,7 +26,7 @@ ON_THIS_MACHINE = {
     "FASTDDS_DEFAULT_PROFILES_FILE": _PROFILE,
 }
 """Variables that keep a node to the loopback interface."""
-HOW_TO_GET_IT = (
+INSTALL_HINT = (
     "on Debian: apt-get install python3-rospy python3-rosmaster python3-std-msgs python3-sensor-msgs "
     "python3-geometry-msgs python3-rosgraph-msgs; or source the setup.bash of your ROS"
 )
@@ -36,15 +36,15 @@ def find(version: str | None) -> tuple[str, str]:
     """Version of ROS and path of a Python that imports it: of the version asked for, else of the one that is sourced,
     else of any. Raises UsageError."""
     wanted = version or os.environ.get("ROS_VERSION")
-    versions = [wanted] if wanted in MODULES else list(MODULES)
+    versions = [wanted] if wanted in REQUIRED_MODULES else list(REQUIRED_MODULES)
     on_path = (os.path.join(folder, "python3") for folder in os.get_exec_path())
     pythons = dict.fromkeys(each for each in ("/usr/bin/python3", *on_path, sys.executable) if os.access(each, os.X_OK))
     for each in versions:
         for python in pythons:
-            if _imports(python, MODULES[each]):
+            if _imports(python, REQUIRED_MODULES[each]):
                 return each, python
     wanted = " or ".join(f"ROS {each}" for each in versions)
-    raise UsageError(f"no Python here has {wanted} (asked: {', '.join(pythons)}): {HOW_TO_GET_IT}")
+    raise UsageError(f"no Python here has {wanted} (asked: {', '.join(pythons)}): {INSTALL_HINT}")
 
 
 def _imports(python: str, modules: Sequence[str]) -> bool:
@@ -64,7 +64,7 @@ def environment(base: Mapping[str, str], network: bool) -> dict[str, str]:
         raise UsageError(f"ROS_MASTER_URI is {found['ROS_MASTER_URI']}, another machine: --network lets it in")
     for name in ("ROS_HOSTNAME", "ROS_IPV6"):
         found.pop(name, None)
-    return found | ON_THIS_MACHINE
+    return found | LOOPBACK_ENVIRONMENT
 
 
 def _is_here(uri: str) -> bool:

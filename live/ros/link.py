@@ -8,14 +8,14 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from live.ros.node import LARGEST_PACKET
+from live.ros.node import MAX_PACKET_SIZE
 from quad_env.cli.command_line import UsageError
 
 START_TIMEOUT = 30.0
 """For the process to be a node, s."""
-PACKETS_A_STEP = 500
+MAX_PACKETS_PER_STEP = 500
 """Packets that are read in one go; a faster sender waits."""
-ENDING_TIME = 2.0
+EXIT_TIMEOUT = 2.0
 """For the process to sign off from its master, s."""
 
 Packet = dict[str, Any]
@@ -52,7 +52,7 @@ class RosProcess:
     def received(self) -> Iterator[Packet]:
         """Packets that have come since, oldest first. Raises LinkLost."""
         with contextlib.suppress(BlockingIOError):
-            for _ in range(PACKETS_A_STEP):
+            for _ in range(MAX_PACKETS_PER_STEP):
                 yield self._read()
 
     def send(self, packet: Packet) -> None:
@@ -64,14 +64,14 @@ class RosProcess:
         """End the process, which signs off first."""
         self._socket.close()
         try:
-            self._process.wait(ENDING_TIME)
+            self._process.wait(EXIT_TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
 
     def _read(self) -> Packet:
         try:
-            data = self._socket.recv(LARGEST_PACKET)
+            data = self._socket.recv(MAX_PACKET_SIZE)
         except ConnectionResetError:
             data = b""
         if not data:

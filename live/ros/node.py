@@ -28,9 +28,9 @@ JOINT_STATE_PERIOD = 0.02
 """s between two messages of `JOINT_STATES`; the others are given at every control step."""
 NODE = "simple_quad"
 """Name of the node."""
-LARGEST = 256
+MAX_NUMBERS = 256
 """Numbers of a message that are handed on; of a longer one, which no robot wants, its size alone."""
-LARGEST_PACKET = 65_536
+MAX_PACKET_SIZE = 65_536
 """Bytes."""
 
 
@@ -78,14 +78,14 @@ class Node:
         """Publish what comes, until the simulation closes the socket."""
         while True:
             try:
-                data = self._link.recv(LARGEST_PACKET)
+                data = self._link.recv(MAX_PACKET_SIZE)
             except ConnectionResetError:
                 return
             if not data:
                 return
-            self._give(json.loads(data))
+            self._publish_packet(json.loads(data))
 
-    def _give(self, packet: dict[str, Any]) -> None:
+    def _publish_packet(self, packet: dict[str, Any]) -> None:
         stamp = self._stamp(packet["time"])
         clock = self._kinds[CLOCK]()
         clock.clock = stamp
@@ -111,7 +111,7 @@ class Node:
 
     def _take_joint_targets(self, message: Any) -> None:
         size = len(message.data)
-        self._forward(JOINT_TARGETS, list(message.data) if size <= LARGEST else [], size)
+        self._forward(JOINT_TARGETS, list(message.data) if size <= MAX_NUMBERS else [], size)
 
     def _take_velocity(self, message: Any) -> None:
         self._forward(VELOCITY, [message.linear.x, message.linear.y, message.angular.z], 3)

@@ -12,7 +12,7 @@ import rosgraph.xmlrpc
 import rosmaster.master
 import rospy
 
-WAITING = 100
+QUEUE_SIZE = 100
 """Messages that wait for a slow subscriber, or for us; older ones are dropped."""
 
 MASTER_TIMEOUT = 3.0
@@ -43,13 +43,13 @@ class Ros1:
     @staticmethod
     def publisher(topic: str, kind: Any) -> Callable[[Any], None]:
         """Publishes messages of that type."""
-        publish: Callable[[Any], None] = rospy.Publisher(topic, kind, queue_size=WAITING, tcp_nodelay=True).publish
+        publish: Callable[[Any], None] = rospy.Publisher(topic, kind, queue_size=QUEUE_SIZE, tcp_nodelay=True).publish
         return publish
 
     @staticmethod
     def subscribe(topic: str, kind: Any, take: Callable[[Any], None]) -> None:
         """Have every message taken, in a thread of its publisher's connection."""
-        rospy.Subscriber(topic, kind, take, queue_size=WAITING, tcp_nodelay=True)
+        rospy.Subscriber(topic, kind, take, queue_size=QUEUE_SIZE, tcp_nodelay=True)
 
     @staticmethod
     def close() -> None:

@@ -24,7 +24,7 @@ from quad_env.scenarios.scenario import Scenario
 
 PUSH_TIME = 0.1
 """How long a push by hand lasts, s."""
-KEPT_EVENTS = 40
+MAX_EVENTS = 40
 """The latest events, for a new page."""
 
 
@@ -53,7 +53,7 @@ class ViewController:
     ) -> None:
         self._hardware, self._trust, self._first_scenario = hardware, trust, scenario
         self.paused = self._single_step = False
-        self._events: deque[str] = deque(maxlen=KEPT_EVENTS)
+        self._events: deque[str] = deque(maxlen=MAX_EVENTS)
         self._policy_names = tuple(dict.fromkeys((*names, *policies.names())))
         self.sessions: list[Session] = []
         """One a robot."""
@@ -82,7 +82,7 @@ class ViewController:
         nothing has changed then."""
         self._handlers[request.do](**request.values)
 
-    def move(self) -> bool:
+    def step(self) -> bool:
         """Move the robots on by a control step, once it is due; False while paused."""
         if self.paused and not self._single_step:
             return False
@@ -122,10 +122,10 @@ class ViewController:
             "events": events,
         }
 
-    def picture(self) -> list[RenderRequest]:
+    def render_requests(self) -> list[RenderRequest]:
         """Every robot now, side by side."""
         self.orbit = self.orbit.at(self.sessions[0].latest.infos["position"][0])
-        return [telemetry.shot(self.orbit, len(self.sessions)) for telemetry in self._telemetry]
+        return [telemetry.render_request(self.orbit, len(self.sessions)) for telemetry in self._telemetry]
 
     def close(self) -> None:
         """Free the simulations."""

@@ -12,14 +12,14 @@ from live.view.server import Server
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 
-FRAMES_A_SECOND, STATE_RATE = 30.0, 10.0
-WAITING = 256
+FRAME_RATE, STATE_RATE = 30.0, 10.0
+MAX_PENDING_REQUESTS = 256
 """Requests that may be waiting; more are refused."""
 HANDSHAKE = "hello"
 """What a page says first."""
-BEGINNINGS = frozenset(("scenario", "policy", "alone", "reset", "next", "let_go"))
+EPISODE_STARTS = frozenset(("scenario", "policy", "alone", "reset", "next", "let_go"))
 """Requests that start an episode. A start takes up to 50 ms, so only the last of each kind is done."""
-IDLE = 0.01
+IDLE_PERIOD = 0.01
 """Time between two looks at what is to be done while paused, s."""
 
 _REQUEST_ERRORS = (ValueError, UsageError, OSError, ImportError)
@@ -31,7 +31,7 @@ class LiveView:
 
     def __init__(self, driver: ViewController, port: int | None) -> None:
         self._driver, self._offer = driver, json.dumps({"kind": "offer", **driver.choices()})
-        self._todo: queue.Queue[Request] = queue.Queue(WAITING)
+        self._todo: queue.Queue[Request] = queue.Queue(MAX_PENDING_REQUESTS)
         self._frame_due = self._telling_due = 0.0
         self.server = Server(port, self.receive)
         self._painter = RenderThread(self.server.show)
@@ -55,18 +55,18 @@ class LiveView:
             while time.perf_counter() < end:
                 interrupt.check()
                 self._process_requests()
-                if not self._driver.move():
-                    time.sleep(IDLE)
+                if not self._driver.step():
+                    time.sleep(IDLE_PERIOD)
                 self._show(time.perf_counter())
 
     def _show(self, now: float) -> None:
         """Draw and report what is due."""
         if self.server.wanted.is_set() and self._painter.idle and now >= self._frame_due:
-            self._painter.submit(self._driver.picture())
-            self._frame_due = max(now, self._frame_due + 1.0 / FRAMES_A_SECOND)
+            self._painter.submit(self._driver.render_requests())
+            self._frame_due = max(now, self._frame_due + 1.0 / FRAME_RATE)
         if now >= self._telling_due and self.server.has_clients:
             state = {"kind": "state", **self._driver.state(), "drawing": self._painter.failure or ""}
-            self.server.tell(json.dumps(state))
+            self.server.broadcast(json.dumps(state))
             self._telling_due = now + 1.0 / STATE_RATE
 
     def close(self) -> None:
@@ -76,18 +76,18 @@ class LiveView:
 
     def _process_requests(self) -> None:
         waiting = [self._todo.get_nowait() for _ in range(self._todo.qsize())]  # not those that come meanwhile
-        for request in newest(waiting):
+        for request in drop_superseded(waiting):
             try:
                 self._driver.handle(request)
             except _REQUEST_ERRORS as error:
-                self.server.tell(_error(str(error)))
+                self.server.broadcast(_error(str(error)))
 
 
-def newest(requests: Sequence[Request]) -> list[Request]:
+def drop_superseded(requests: Sequence[Request]) -> list[Request]:
     """Return the requests without superseded ones: only the last of each kind in BEGINNINGS stays."""
     kept: dict[object, Request] = {}
     for number, request in enumerate(requests):
-        key = (request.do, request.values.get("robot")) if request.do in BEGINNINGS else number
+        key = (request.do, request.values.get("robot")) if request.do in EPISODE_STARTS else number
         kept.pop(key, None)
         kept[key] = request
     return list(kept.values())

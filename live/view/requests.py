@@ -5,16 +5,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-FASTEST = 3.0
+MAX_COMMAND = 3.0
 """Largest command that can be given, each way, m/s and rad/s."""
-MOST_ROBOTS = 4
-LARGEST_IMPULSE = 500.0
+MAX_ROBOTS = 4
+MAX_IMPULSE = 500.0
 """N·s"""
-SPEEDS = (0.05, 10.0)
+SPEED_RANGE = (0.05, 10.0)
 """Simulated s a wall s."""
-LARGEST_SEED = 2**53 - 1
+MAX_SEED = 2**53 - 1
 """Larger whole numbers a page does not know exactly."""
-NAME = 200
+MAX_NAME_LENGTH = 200
 """Longest name of a policy or scenario, characters."""
 
 
@@ -68,24 +68,24 @@ def _flag(name: str, value: Any) -> bool:
 
 
 def _name(name: str, value: Any) -> str:
-    if not isinstance(value, str) or not 0 < len(value) <= NAME or not value.isprintable():
-        raise RequestError(f"{name} is a name of 1 to {NAME} characters")
+    if not isinstance(value, str) or not 0 < len(value) <= MAX_NAME_LENGTH or not value.isprintable():
+        raise RequestError(f"{name} is a name of 1 to {MAX_NAME_LENGTH} characters")
     return value
 
 
-_SPEED, _PIXELS = _number(-FASTEST, FASTEST), _number(-5000.0, 5000.0)
+_SPEED, _PIXELS = _number(-MAX_COMMAND, MAX_COMMAND), _number(-5000.0, 5000.0)
 REQUESTS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
     "steer": {"forward": _SPEED, "left": _SPEED, "turn": _SPEED},
     "let_go": {},
-    "push": {"direction": _number(-360.0, 360.0), "impulse": _number(0.0, LARGEST_IMPULSE)},
-    "policy": {"robot": _number(0, MOST_ROBOTS - 1, int), "name": _name},
+    "push": {"direction": _number(-360.0, 360.0), "impulse": _number(0.0, MAX_IMPULSE)},
+    "policy": {"robot": _number(0, MAX_ROBOTS - 1, int), "name": _name},
     "alone": {},
     "scenario": {"name": _name},
-    "reset": {"seed": _number(0, LARGEST_SEED, int)},
+    "reset": {"seed": _number(0, MAX_SEED, int)},
     "next": {},
     "pause": {"on": _flag},
     "step": {},
-    "speed": {"factor": _number(*SPEEDS)},
+    "speed": {"factor": _number(*SPEED_RANGE)},
     "drag": {"right": _PIXELS, "down": _PIXELS},
     "zoom": {"wheel": _PIXELS},
     "follow": {"on": _flag},

@@ -10,7 +10,8 @@ import urllib.parse
 from collections.abc import Callable
 from pathlib import Path
 
-from websockets.asyncio.server import ServerConnection, broadcast, serve
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.asyncio.server import broadcast as websocket_broadcast
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
@@ -18,15 +19,20 @@ from websockets.http11 import Request, Response
 from quad_env.cli.command_line import UsageError
 
 PAGE = Path(__file__).parent / "page"
-KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+CONTENT_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript",
+    ".css": "text/css",
+    ".svg": "image/svg+xml",
+}
 _QUIET = logging.getLogger(__name__)
 _QUIET.setLevel(logging.CRITICAL)  # invalid connections print nothing in the terminal of the view
-LARGEST_MESSAGE = 4096
+MAX_MESSAGE_SIZE = 4096
 """Bytes; a page that sends more is disconnected."""
-MOST_PAGES = 8
+MAX_PAGES = 8
 FRAME_ACK = "drawn"
 """What a page says when it has shown a frame and can take the next."""
-_FILES = {f"/{file.name}": file for file in PAGE.iterdir() if file.suffix in KINDS} | {"/": PAGE / "index.html"}
+_FILES = {f"/{file.name}": file for file in PAGE.iterdir() if file.suffix in CONTENT_TYPES} | {"/": PAGE / "index.html"}
 Receive = Callable[[str], str | None]
 """Told every text that a page sends, in the server's thread; what it returns is sent back to that page."""
 HOST, PORT = "127.0.0.1", 8080
@@ -78,9 +84,9 @@ class Server:
         """Whether there is a page."""
         return bool(self._pages)
 
-    def tell(self, text: str) -> None:
+    def broadcast(self, text: str) -> None:
         """Send a text to every page."""
-        self._in_its_thread(lambda: broadcast(self._pages, text))
+        self._in_its_thread(lambda: websocket_broadcast(self._pages, text))
 
     def show(self, frame: bytes) -> None:
         """Send a frame to every page that waits for one."""
@@ -95,7 +101,7 @@ class Server:
     def _show(self, frame: bytes) -> None:
         waiting = [page for page, waits in self._pages.items() if waits]
         self._pages |= dict.fromkeys(waiting, False)
-        broadcast(waiting, frame)
+        websocket_broadcast(waiting, frame)
 
     def _in_its_thread(self, call: Callable[[], object]) -> None:
         with contextlib.suppress(RuntimeError):  # it has ended
@@ -107,7 +113,7 @@ class Server:
             self._connected,
             sock=self._socket,
             process_request=self._answer,
-            max_size=LARGEST_MESSAGE,
+            max_size=MAX_MESSAGE_SIZE,
             compression=None,
             ping_interval=20.0,
             close_timeout=1.0,
@@ -136,11 +142,11 @@ class Server:
         if file is None:
             return connection.respond(http.HTTPStatus.NOT_FOUND, "there is no such file\n")
         body = file.read_bytes()
-        headers = Headers({"Content-Type": KINDS[file.suffix], "Content-Length": str(len(body)), **_HEADERS})
+        headers = Headers({"Content-Type": CONTENT_TYPES[file.suffix], "Content-Length": str(len(body)), **_HEADERS})
         return Response(200, "OK", headers, b"" if method == "HEAD" else body)
 
     async def _connected(self, connection: ServerConnection) -> None:
-        if len(self._pages) >= MOST_PAGES:
+        if len(self._pages) >= MAX_PAGES:
             await connection.close(1013, "too many pages")
             return
         self._waits(connection)

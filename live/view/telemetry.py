@@ -13,7 +13,7 @@ from live.view.picture import Orbit, RenderRequest
 from policies.base import Policy
 from quad_env.task.rewards import REWARD
 
-KEPT_ROWS = 600
+MAX_ROWS = 600
 """The latest rows, as many as the curves of a page show."""
 
 
@@ -22,7 +22,7 @@ class Telemetry:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._rows: deque[list[Any]] = deque(maxlen=KEPT_ROWS)
+        self._rows: deque[list[Any]] = deque(maxlen=MAX_ROWS)
         session.observers.append(self)
         self(session.latest)
 
@@ -36,7 +36,7 @@ class Telemetry:
         self._scene.advance(step)
         self._rows.append(self._row(step))
 
-    def shot(self, orbit: Orbit, count: int) -> RenderRequest:
+    def render_request(self, orbit: Orbit, count: int) -> RenderRequest:
         """What is to be drawn of it now, as one of so many robots."""
         simulation, place = self._session.env.simulation, self._session.latest.infos["position"][0]
         name, viewpoint = self._session.policy.name, orbit.for_tile(place, count)

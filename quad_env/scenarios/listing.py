@@ -25,14 +25,14 @@ EXAMPLES = {
 
 
 @dataclass(frozen=True)
-class Options:
+class RobotOptions:
     """Options of a command that prints what is known of a robot."""
 
     robot: str = "simple_quad"
     """Robot: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
 
 
-def main(options: Options) -> int:
+def main(options: RobotOptions) -> int:
     """Run the command; the exit code. Raises UsageError."""
     print(text(parse_robot(options.robot)))
     return 0

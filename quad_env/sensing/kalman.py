@@ -118,7 +118,7 @@ class SensorErrors(NamedTuple):
     """Rotation of the IMU about each axis, rad."""
 
 
-class ContactState(NamedTuple):
+class FootContactState(NamedTuple):
     """Contact of each foot at the last sample."""
 
     probability: Array
@@ -144,7 +144,7 @@ class PreviousSample(NamedTuple):
     """Acceleration of the trunk, base frame, (n, 3), m/s²."""
 
 
-Rows = TypeVar("Rows", NominalState, ContactState, PreviousSample)
+Rows = TypeVar("Rows", NominalState, FootContactState, PreviousSample)
 """State of the filter, with one row per robot in each field."""
 
 
@@ -226,7 +226,7 @@ class KalmanFilter:
             accelerometer_bias=np.zeros((num_envs, 3)),
             feet=np.zeros((num_envs, legs, 3)),
         )
-        self.contact = ContactState(
+        self.contact = FootContactState(
             probability=np.zeros((num_envs, legs)),
             stance_time=np.zeros((num_envs, legs)),
             reading_time=np.zeros((num_envs, legs)),
@@ -264,7 +264,7 @@ class KalmanFilter:
         no_time = np.zeros(readings.contact.shape)
         jacobians = foot_jacobians(self._robot, joints)
         probability = np.where(readings.contact, 0.5, 0.0)
-        contact = ContactState(probability, no_time, no_time, jacobians)
+        contact = FootContactState(probability, no_time, no_time, jacobians)
         _assign(self.contact, env_ids, contact)
         _assign(self.previous, env_ids, PreviousSample(readings.gyro, joints, specific_force, zero))
         self.gravity[env_ids] = gravity
@@ -435,17 +435,17 @@ class KalmanFilter:
 
     def _update_contact(
         self, readings: AlignedReadings, innovation: Array, expected: Array, jacobians: Array, env_ids: EnvIndices
-    ) -> ContactState:
+    ) -> FootContactState:
         """Store and return the contact of each foot; `expected` is the covariance of its innovation in contact."""
         previous = _select(self.contact, env_ids)
         probability = contact_probability(previous.probability, readings.contact, innovation, expected, self._dt)
         stance_time = probability * (previous.stance_time + self._dt)
         reading_time = readings.contact * (previous.reading_time + self._dt)
-        contact = ContactState(probability, stance_time, reading_time, jacobians)
+        contact = FootContactState(probability, stance_time, reading_time, jacobians)
         _assign(self.contact, env_ids, contact)
         return contact
 
-    def _inflate_velocity(self, covariance: Array, contact: ContactState, innovation: Array) -> Array:
+    def _inflate_velocity(self, covariance: Array, contact: FootContactState, innovation: Array) -> Array:
         """Return the covariance with a larger one of the velocity where feet read contact but move."""
         has_long_reading = contact.reading_time > PARAMETERS.min_contact_duration
         slip_weight = np.where(has_long_reading, 1.0 - contact.probability, 0.0)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
-from live.commands.doctor import OF_DESCRIPTION
+from live.commands.doctor import DESCRIPTION_CHECKS
 from live.walking import describe_spec
 from policies.external import spec_errors
 from policies.external.readers import write_toml
@@ -30,7 +30,7 @@ def found(policy: PolicySpec) -> dict[str, Finding]:
     """Of the checks of a description."""
     file = policy.network.with_suffix(".toml")
     write_toml(policy, file)
-    return dict(run_checks(OF_DESCRIPTION, DoctorSubject(policy=str(file))))
+    return dict(run_checks(DESCRIPTION_CHECKS, DoctorSubject(policy=str(file))))
 
 
 def test_what_was_understood_is_shown(policy: PolicySpec) -> None:

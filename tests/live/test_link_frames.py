@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from live.recording.link_frames import Link, links_of, rotations
+from live.recording.link_frames import LinkFrame, link_frames, rotations
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -24,7 +24,7 @@ def test_links_are_where_mujoco_has_their_joints_and_sites(distorted: bool) -> N
     data = mujoco.MjData(model)
     data.qpos[7:] = rng.normal(size=12)
     mujoco.mj_kinematics(model, data)
-    links = links_of(model, data, SIMPLE_QUAD)
+    links = link_frames(model, data, SIMPLE_QUAD)
     moving = [link for link in links if link.joint is not None]
     turns = {link.name: link.rotation for link in links}
     turns |= dict(zip((link.name for link in moving), rotations(moving, data.qpos[7:]), strict=True))
@@ -34,7 +34,7 @@ def test_links_are_where_mujoco_has_their_joints_and_sites(distorted: bool) -> N
     def in_world(name: str) -> tuple[np.ndarray, np.ndarray]:
         if name == "base_link":
             return data.body(name).xmat.reshape(3, 3), data.body(name).xpos
-        link: Link = tree[name]
+        link: LinkFrame = tree[name]
         turned, at = in_world(link.parent)
         return turned @ np.array(rotation_matrix(turns[name])), at + turned @ link.translation
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from live.ros import interpreter
-from live.view.requests import LARGEST_SEED
+from live.view.requests import MAX_SEED
 from quad_env.__main__ import main
 
 
@@ -29,7 +29,7 @@ from quad_env.__main__ import main
         ("doctor --policy trott", "name one of behaviour, "),
         ("ros --scenario push:all", "name one of them"),
         ("ros --real-time-factor 0", "--real-time-factor must be"),
-        (f"view --seed {LARGEST_SEED + 1}", "--seed"),
+        (f"view --seed {MAX_SEED + 1}", "--seed"),
     ],
 )
 def test_a_mistake_is_one_line_and_nothing_is_written(words: str, said: str, tmp_path: Path, monkeypatch, refused):

@@ -19,7 +19,7 @@ import quad_env
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from live.recording import recorder
-from live.recording.messages import STANDARD, topic_name
+from live.recording.messages import STANDARD_TOPICS, topic_name
 from live.recording.recorder import recorder_for
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -121,7 +121,7 @@ def test_topics_of_one_message_are_kept_for_nodes_that_start_later(recording: Re
         summary = make_reader(stream).get_summary()
     assert summary is not None
     offered = {each.topic: parse_qos(each.metadata["offered_qos_profiles"]) for each in summary.channels.values()}
-    assert offered.keys() >= STANDARD.keys()
+    assert offered.keys() >= STANDARD_TOPICS.keys()
     latched = {topic for topic, qualities in offered.items() if qualities}
     assert latched == {"/robot_description", "/tf_static"}
     assert {each.durability for topic in latched for each in offered[topic]} == {QosDurability.TRANSIENT_LOCAL}

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
-from live.commands.doctor import OF_DESCRIPTION
+from live.commands.doctor import DESCRIPTION_CHECKS
 from policies.external import ExternalPolicy
 from quad_env import OBSERVATION_SIZE
 from quad_env.doctor.check import DoctorSubject, run_checks
@@ -45,7 +45,7 @@ def test_an_onnx_of_our_width_that_does_not_walk_is_asked_what_it_reads(tmp_path
 
 def test_doctor_finds_a_problem_in_it(tmp_path: Path) -> None:
     file = Numbers(OBSERVATION_SIZE).onnx(tmp_path / "policy.onnx")
-    found = dict(run_checks(OF_DESCRIPTION, DoctorSubject(policy=str(file))))
+    found = dict(run_checks(DESCRIPTION_CHECKS, DoctorSubject(policy=str(file))))
     assert [finding.result for finding in found.values()] == ["problem", "left out", "left out"]
     assert found["description"].observed.startswith("its file does not say what it reads, and ")
     assert "--write mine.toml" in found["description"].remedy

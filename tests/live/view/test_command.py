@@ -59,7 +59,7 @@ def test_ctrl_c_is_not_lost_where_an_exception_would_be(view: tuple[ViewControll
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        driver.move = move  # type: ignore[method-assign]
+        driver.step = move  # type: ignore[method-assign]
         with pytest.raises(KeyboardInterrupt):
             live.run()
     finally:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from live.view.driver import KEPT_EVENTS, ViewController
+from live.view.driver import MAX_EVENTS, ViewController
 from live.view.requests import REQUESTS, Request
-from live.view.telemetry import KEPT_ROWS
+from live.view.telemetry import MAX_ROWS
 from policies.base import PolicyError
 from quad_env.task.rewards import REWARD
 
@@ -45,7 +45,7 @@ def driver() -> Iterator[ViewController]:
 
 def walk(driver: ViewController, steps: int) -> dict[str, Any]:
     for _ in range(steps):
-        assert driver.move()
+        assert driver.step()
     return driver.state()
 
 
@@ -125,23 +125,23 @@ def test_rows_are_of_the_present_episode_name_the_feet_in_their_order_and_are_no
     assert len(walk(driver, 2)["robots"][0]["rows"]) == 2
     session, telemetry = driver.sessions[0], driver._telemetry[0]
     lifted = {**session.latest.infos, "foot_contact": np.array([[True, False, False, False]])}
-    for _ in range(KEPT_ROWS + 20):
+    for _ in range(MAX_ROWS + 20):
         telemetry(replace(session.latest, infos=lifted))
     rows = telemetry.state()["rows"]
     assert rows[0][3] == [1, 0, 0, 0]
-    assert len(rows) == KEPT_ROWS
-    for _ in range(KEPT_EVENTS + 5):
+    assert len(rows) == MAX_ROWS
+    for _ in range(MAX_EVENTS + 5):
         driver.handle(Request("push", {"direction": 0.0, "impulse": 0.0}))
-    assert len(driver.state()["events"]) == KEPT_EVENTS
+    assert len(driver.state()["events"]) == MAX_EVENTS
 
 
 def test_paused_it_stands_still_but_for_single_steps(driver: ViewController) -> None:
     walk(driver, 5)
     driver.handle(Request("pause", {"on": True}))
-    assert not driver.move()
+    assert not driver.step()
     driver.handle(Request("step", {}))
-    assert driver.move()
-    assert not driver.move()
+    assert driver.step()
+    assert not driver.step()
     assert driver.state()["time"] == 0.06
 
 
@@ -186,10 +186,10 @@ def test_a_single_step_pauses_robots_that_were_walking(driver: ViewController) -
     walk(driver, 2)
     driver.handle(Request("step", {}))
     assert driver.state()["paused"]
-    assert driver.move()
-    assert not driver.move()
+    assert driver.step()
+    assert not driver.step()
     driver.handle(Request("pause", {"on": False}))
-    assert driver.move()
+    assert driver.step()
 
 
 def test_letting_go_gives_every_robot_its_episode_again_with_the_commands_of_its_seed(driver: ViewController) -> None:

@@ -42,14 +42,14 @@ def test_dragging_right_turns_the_scene_right_and_dragging_down_lifts_the_camera
 def test_each_picture_looks_at_its_own_robot_while_it_follows() -> None:
     with closing(walking("trot", "stand")) as driver:
         walk(driver, 70)
-        places = np.array([shot.viewpoint.target for shot in driver.picture()])
+        places = np.array([shot.viewpoint.target for shot in driver.render_requests()])
         there = [session.latest.infos["position"][0, :2] for session in driver.sessions]
         np.testing.assert_allclose(places[:, :2], there)
         assert places[0, 0] > places[1, 0] + 0.1
         driver.orbit = replace(driver.orbit, follow=False)
-        stays = driver.picture()[1].viewpoint.target
+        stays = driver.render_requests()[1].viewpoint.target
         walk(driver, 1)
-        assert driver.picture()[1].viewpoint.target == stays
+        assert driver.render_requests()[1].viewpoint.target == stays
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_pictures_are_of_the_robots_and_the_ground_of_now(drawn: "tuple[RenderTh
     painter, files = drawn
 
     def picture_of(driver: ViewController, by: RenderThread = painter) -> np.ndarray:
-        by.submit(driver.picture())
+        by.submit(driver.render_requests())
         return np.asarray(Image.open(io.BytesIO(files.get(timeout=60))), float)
 
     with closing(walking("trot")) as flat, closing(walking("trot", "stand")) as two:

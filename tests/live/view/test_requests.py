@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from live.view.loop import newest
-from live.view.requests import LARGEST_IMPULSE, REQUESTS, Request, RequestError, parse
+from live.view.loop import drop_superseded
+from live.view.requests import MAX_IMPULSE, REQUESTS, Request, RequestError, parse
 
 
 def test_a_request_is_read_as_it_was_written() -> None:
@@ -29,7 +29,7 @@ def test_a_request_is_read_as_it_was_written() -> None:
         ('{"do": "steer", "forward": 1e999, "left": 0, "turn": 0}', "between -3 and 3"),
         ('{"do": "steer", "forward": true, "left": 0, "turn": 0}', "forward is a number"),
         ('{"do": "steer", "forward": %s, "left": 0, "turn": 0}' % ("9" * 400), "between -3 and 3"),
-        ('{"do": "push", "direction": 0, "impulse": 1e6}', f"between 0 and {LARGEST_IMPULSE:g}"),
+        ('{"do": "push", "direction": 0, "impulse": 1e6}', f"between 0 and {MAX_IMPULSE:g}"),
         ('{"do": "reset", "seed": -1}', "whole number"),
         ('{"do": "reset", "seed": 1.5}', "whole number"),
         ('{"do": "scenario", "name": "a\\nb"}', "name of 1 to"),
@@ -62,5 +62,5 @@ def test_of_many_scenarios_at_once_the_newest_is_done_and_all_else_stays_in_orde
     steer, push = Request("steer", {"forward": 1.0}), Request("push", {"direction": 0.0, "impulse": 1.0})
     first, second = (Request("policy", {"robot": robot, "name": "trot"}) for robot in (0, 1))
     given = [*asked[:70], steer, first, push, second, *asked[70:], first, push]
-    assert newest(given) == [steer, push, second, asked[-1], first, push]
-    assert newest([]) == []
+    assert drop_superseded(given) == [steer, push, second, asked[-1], first, push]
+    assert drop_superseded([]) == []

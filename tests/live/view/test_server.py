@@ -10,7 +10,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from live.view.server import FRAME_ACK, LARGEST_MESSAGE, MOST_PAGES, Server
+from live.view.server import FRAME_ACK, MAX_MESSAGE_SIZE, MAX_PAGES, Server
 from quad_env.cli.command_line import UsageError
 from tests.waiting import until
 
@@ -115,7 +115,7 @@ def test_a_socket_opened_by_another_page_is_refused_before_it_opens(server: Serv
 
 def test_a_page_that_sends_too_much_is_disconnected_and_the_others_go_on(server: Server) -> None:
     with page(server) as good, page(server) as bad:
-        bad.send("x" * (LARGEST_MESSAGE + 1))
+        bad.send("x" * (MAX_MESSAGE_SIZE + 1))
         with pytest.raises(ConnectionClosed):
             bad.recv(timeout=30)
         good.send(b"\xff\x00")  # no text: not heard
@@ -130,7 +130,7 @@ def test_frames_wait_for_a_page_that_is_slow_and_tellings_come_in_order(server: 
         assert slow.recv(timeout=30) == b"first"
         server.show(b"second")
         for number in range(3):
-            server.tell(str(number))
+            server.broadcast(str(number))
         assert [slow.recv(timeout=30) for _ in range(3)] == ["0", "1", "2"]
         assert not server.wanted.is_set()
         slow.send(FRAME_ACK)
@@ -141,7 +141,7 @@ def test_frames_wait_for_a_page_that_is_slow_and_tellings_come_in_order(server: 
 
 def test_more_pages_than_there_is_room_for_are_sent_away(server: Server) -> None:
     with ExitStack() as stack:
-        first, *_ = [stack.enter_context(page(server)) for _ in range(MOST_PAGES)]
+        first, *_ = [stack.enter_context(page(server)) for _ in range(MAX_PAGES)]
         with page(server) as one_more, pytest.raises(ConnectionClosed):
             one_more.recv(timeout=30)
         first.send("quiet")
