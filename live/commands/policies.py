@@ -8,6 +8,7 @@ import policies
 from evaluate.hardware import parse_robot_option
 from policies import bundle, shipped
 from policies.description import parsed
+from policies.registry import MAKERS
 from policies.summaries import SUMMARIES
 from quad_env.cli.format import with_count
 from quad_env.files.reading import read_bytes
@@ -33,7 +34,8 @@ def main(options: PoliciesOptions) -> int:
 def _lines(robot: Robot) -> Iterator[str]:
     width = 2 + max(map(len, policies.names()))
     yield "controllers, for any robot"
-    for name in (name for name in SUMMARIES if name not in policies.TRAINED):
+    of_extensions = [name for name in policies.names() if name not in MAKERS]
+    for name in (*(name for name in SUMMARIES if name not in policies.TRAINED), *of_extensions):
         yield f"  {name:{width}}{policies.summary(name)}"
     yield f"\ntrained for {robot.name}, in {shipped.folder_of(robot)}"
     folders = [found.parent for found in sorted(shipped.folder_of(robot).glob(f"*/{bundle.DESCRIPTION}"))]
