@@ -125,14 +125,26 @@ def join(chunks: Sequence[EpisodeChunk]) -> PolicyScenarioResult:
     measures = {
         field.name: np.concatenate([getattr(cell.measures, field.name) for cell in cells])[order]
         for field in dataclasses.fields(Measures)
+        if field.name != "extra"
     }
+    extra = _join_extra(cells, order)
     return dataclasses.replace(
         cells[0],
         seeds=np.concatenate([cell.seeds for cell in cells])[order],
         fall_reason=np.concatenate([cell.fall_reason for cell in cells])[order],
-        measures=Measures(**measures),
+        measures=Measures(**measures, extra=extra),
         failure=np.concatenate([cell.failure for cell in cells])[order],
     )
+
+
+def _join_extra(cells: Sequence[PolicyScenarioResult], order: NDArray[np.intp]) -> dict[str, NDArray[np.float64]]:
+    """Join the measures of extensions in the given order; NaN in chunks that lack one."""
+    names = dict.fromkeys(name for cell in cells for name in cell.measures.extra)
+    joined = {}
+    for name in names:
+        parts = [cell.measures.extra.get(name, np.full(cell.episodes, np.nan)) for cell in cells]
+        joined[name] = np.concatenate(parts)[order]
+    return joined
 
 
 def apply_success_rule(cell: PolicyScenarioResult, rule: SuccessRule) -> PolicyScenarioResult:

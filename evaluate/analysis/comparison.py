@@ -120,8 +120,12 @@ def is_identical(a: PolicyScenarioResult, b: PolicyScenarioResult) -> bool:
     """Return whether every measure of every episode of the cells `a` and `b` is bit-identical."""
     if not np.array_equal(a.seeds, b.seeds):
         return False
-    pairs = [(a.fall_reason, b.fall_reason), (a.failure, b.failure)]
-    pairs += [(getattr(a.measures, each.name), getattr(b.measures, each.name)) for each in fields(a.measures)]
+    pairs: list[tuple[NDArray[Any], NDArray[Any]]] = [(a.fall_reason, b.fall_reason), (a.failure, b.failure)]
+    names = [field.name for field in fields(a.measures) if field.name != "extra"]
+    pairs += [(getattr(a.measures, name), getattr(b.measures, name)) for name in names]
+    if a.measures.extra.keys() != b.measures.extra.keys():
+        return False
+    pairs += [(values, b.measures.extra[name]) for name, values in a.measures.extra.items()]
     return all(_same_bits(first, second) for first, second in pairs)
 
 

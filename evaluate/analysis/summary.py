@@ -105,7 +105,11 @@ def summarise(cell: PolicyScenarioResult, robot: Robot) -> Summary:
         time_to_fall=_mean(measures.fall_time),
         cost_of_transport=transport,
         **means,
-        figures={name: _mean(getattr(measures, name)) for name in FIGURES} | {"cost_of_transport": transport},
+        figures={
+            **{name: _mean(getattr(measures, name)) for name in FIGURES},
+            **{name: _mean(values) for name, values in measures.extra.items()},
+            "cost_of_transport": transport,
+        },
         duty_factor=tuple(_mean(foot) for foot in measures.duty_factor.T),
         effort={name: mean for name, (mean, _) in effort.items()},
         effort_intervals={name: ci for name, (_, ci) in effort.items()},

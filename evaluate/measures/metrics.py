@@ -5,7 +5,8 @@ robot fell or diverged; nothing that was recorded later counts, whatever it is. 
 what was recorded in single precision.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from evaluate.measures.at_rest import controlled_stops
 from evaluate.measures.averages import Bools, Floats, upright_steps
 from evaluate.measures.effort import cost_of_all, effort
 from evaluate.measures.episodes import Episodes
+from evaluate.measures.extra import compute_extra
 from evaluate.measures.gait_quality import gait
 from evaluate.measures.outcomes import RULES, STALLED, SUCCEEDED, SUCCESS_RULE, SuccessRule, outcomes
 from evaluate.measures.pushes import pushes
@@ -68,6 +70,8 @@ class Measures:
     """Why each episode failed, one of `evaluate.causes.rules.CAUSES`; None of a success, and where it is not known."""
     cause_time: Floats
     cause_detail: NDArray[np.object_]
+    extra: Mapping[str, Floats] = field(default_factory=dict)
+    """Measures of extensions by name, (n,) each."""
 
     @property
     def succeeded(self) -> Bools:
@@ -99,6 +103,7 @@ def measure(episodes: Episodes) -> Measures:
         cause=unknown,
         cause_time=np.full(episodes.count, np.nan),
         cause_detail=unknown,
+        extra=compute_extra(episodes),
     )
 
 

@@ -17,7 +17,8 @@ from evaluate.measures.metrics import Measures
 from evaluate.records import parquet
 from quad_env.scenarios.named import Scenario
 
-MEASURES = tuple(field.name for field in fields(Measures))
+MEASURES = tuple(field.name for field in fields(Measures) if field.name != "extra")
+"""Names of the project's measures; those of extensions are further columns."""
 FIRST = ("outcome", "fell", "fall_reason", "failure", "fall_time", "diverged")
 """Columns before the other measures."""
 REQUIRED = {"policy", "scenario", "episode", "seed", "outcome", "fell", "diverged", "fall_reason", "failure"}
@@ -26,6 +27,8 @@ RUN = b"run"
 """Key of the table's metadata: fingerprint of the run."""
 _WIDTH = b"width"
 """Key of a column's metadata: length of the vectors in its lists."""
+_EXTRA = b"extension"
+"""Key of a column's metadata: the measure is of an extension."""
 _MISSING = b"missing"
 """Key of a column's metadata: the file lacks the column."""
 
@@ -78,8 +81,11 @@ def table(cell: PolicyScenarioResult, episodes: NDArray[np.int64] | None = None)
     }
     for name in (*FIRST, *(name for name in values if name not in FIRST)):
         columns[name] = _to_arrow(values[name])
-    widths = {name: {_WIDTH: str(value.shape[-1]).encode()} for name, value in values.items() if value.ndim > 2}
-    schema = [pa.field(name, column.type, metadata=widths.get(name)) for name, column in columns.items()]
+    metadata = {name: {_WIDTH: str(value.shape[-1]).encode()} for name, value in values.items() if value.ndim > 2}
+    for name, value in cell.measures.extra.items():
+        columns[name] = _to_arrow(value)
+        metadata[name] = {_EXTRA: b"1"}
+    schema = [pa.field(name, column.type, metadata=metadata.get(name)) for name, column in columns.items()]
     return pa.table(list(columns.values()), schema=pa.schema(schema))
 
 
@@ -97,7 +103,8 @@ def cell_of(rows: pa.Table, scenario: Scenario) -> PolicyScenarioResult:
         ValueError: The lists of a column differ in length within the cell.
     """
     try:
-        measures = Measures(**{name: _to_numpy(rows, name) for name in MEASURES})
+        extra = {name: _to_numpy(rows, name) for name in extra_columns(rows)}
+        measures = Measures(**{name: _to_numpy(rows, name) for name in MEASURES}, extra=extra)
     except (TypeError, ValueError) as error:
         raise ValueError(f"its lists are not all of one length ({error})") from error
     return PolicyScenarioResult(
@@ -108,6 +115,27 @@ def cell_of(rows: pa.Table, scenario: Scenario) -> PolicyScenarioResult:
         measures=measures,
         failure=np.array(rows.column("failure").to_pylist(), dtype=object),
     )
+
+
+def extra_columns(rows: pa.Table) -> list[str]:
+    """Return the names of the columns that are measures of extensions."""
+    return [field.name for field in rows.schema if _EXTRA in (field.metadata or {})]
+
+
+def concatenate(tables: Sequence[pa.Table]) -> pa.Table:
+    """Concatenate tables; a measure of an extension that some of them lack is null there."""
+    extra = {name: table.schema.field(name) for table in tables for name in extra_columns(table)}
+    if all(name in table.column_names for table in tables for name in extra):
+        return pa.concat_tables(tables)
+    filled = [_add_null_columns(table, extra) for table in tables]
+    return pa.concat_tables([table.select(filled[0].column_names) for table in filled])
+
+
+def _add_null_columns(rows: pa.Table, columns: dict[str, pa.Field]) -> pa.Table:
+    for name, column in columns.items():
+        if name not in rows.column_names:
+            rows = rows.append_column(column, pa.nulls(rows.num_rows, column.type))
+    return rows
 
 
 def add_missing_measures(rows: pa.Table) -> pa.Table:
@@ -151,7 +179,7 @@ def write_parquet(cells: Sequence[PolicyScenarioResult], path: Path, run: str = 
         path: File to write.
         run: Fingerprint of the run.
     """
-    write_table(pa.concat_tables([table(cell) for cell in cells]), path, run)
+    write_table(concatenate([table(cell) for cell in cells]), path, run)
 
 
 def write_table(rows: pa.Table, path: Path, run: str) -> None:

@@ -15,6 +15,7 @@ from evaluate.records import manifest as manifests
 from evaluate.records.episode_table import (
     add_missing_measures,
     cell_of,
+    concatenate,
     missing_measures,
     read_table,
     table,
@@ -137,7 +138,7 @@ def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
     if not has_chunks or rows.num_rows == manifest.episodes * len(manifest.cells):
         return manifest, rows, bool(rows.num_rows)
     cells = [table(cell) for cell in _from_chunks(ChunkStore(folder, manifest, True))]
-    return manifest, pa.concat_tables(cells) if cells else pa.table({}), False
+    return manifest, concatenate(cells) if cells else pa.table({}), False
 
 
 def _stored_rows(path: Path, manifest: Manifest) -> pa.Table:

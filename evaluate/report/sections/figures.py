@@ -7,7 +7,8 @@ from html import escape
 from evaluate.analysis.comparison import RATES, Comparison
 from evaluate.analysis.results import Results
 from evaluate.analysis.summary import Summary
-from evaluate.measures.catalogue import BY_NAME, FIGURES, KEY, MEASURES
+from evaluate.measures.catalogue import FIGURES, KEY, MEASURES
+from evaluate.measures.extra import definition, extra_measures
 from evaluate.report.headings import ROW_LABEL, TITLES
 from evaluate.report.html import breakable, heading, mark, note, table
 from evaluate.report.plots.drawing import MARKS, style
@@ -47,10 +48,10 @@ def figures_table(results: Results, scenario: str) -> str:
         for rate in RATES
     ]
     rows += [
-        {ROW_LABEL: heading(escape(BY_NAME[name].title), escape(BY_NAME[name].unit))}
+        {ROW_LABEL: heading(escape(definition(name).title), escape(definition(name).unit))}
         | {policy: _figure(of, name) for policy, of in found.items()}
-        for name in FIGURES
-        if any(of.figures[name] == of.figures[name] for of in found.values())
+        for name in (*FIGURES, *_extra_names(found.values()))
+        if any(not math.isnan(of.figures.get(name, math.nan)) for of in found.values())
     ]
     rows += [
         {ROW_LABEL: f"duty factor, {leg}"}
@@ -60,10 +61,15 @@ def figures_table(results: Results, scenario: str) -> str:
     return table({ROW_LABEL: "measure", **{policy: policy_label(results, policy) for policy in found}}, rows)
 
 
+def _extra_names(summaries: Iterable[Summary]) -> list[str]:
+    """Return the names of the measures of extensions, in order."""
+    return [*dict.fromkeys(name for summary in summaries for name in summary.figures if name not in FIGURES)]
+
+
 def _figure(of: Summary, name: str) -> str:
     """Format a figure with its interval, if any."""
     ends = getattr(of, f"{name}_ci", of.effort_intervals.get(name, UNKNOWN))
-    return with_interval_below(four_digits(of.figures[name], ends))
+    return with_interval_below(four_digits(of.figures.get(name, math.nan), ends))
 
 
 def with_interval_below(shown: Estimate) -> str:
@@ -82,6 +88,6 @@ def measure_definitions() -> str:
             "source": escape(m.source) or "this project",
             "over": m.scope,
         }
-        for m in MEASURES
+        for m in (*MEASURES, *map(definition, extra_measures()))
     ]
     return note(KEY) + table({column: column for column in rows[0]}, rows, "text")
