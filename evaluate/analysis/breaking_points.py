@@ -49,23 +49,26 @@ class AxisBreakingPoint:
 
 def breaking_points(cells: Sequence[PolicyScenarioResult]) -> list[AxisBreakingPoint]:
     """Compute the breaking points on every axis with at least three severities, falls before success."""
-    ran = {(cell.scenario.name, cell.policy): cell for cell in cells}
+    cell_by_level = {(cell.scenario.name, cell.policy): cell for cell in cells}
     axes = [axis for axis in severity_axes(cells) if axis.scenarios[0].axis]
-    found = []
-    for of, axis, policy in product(FAILURE_KINDS, axes, dict.fromkeys(cell.policy for cell in cells)):
-        levels = [ran[level.name, policy] for level in axis.levels if (level.name, policy) in ran]
+    policies = dict.fromkeys(cell.policy for cell in cells)
+    points = []
+    for kind, axis, policy in product(FAILURE_KINDS, axes, policies):
+        levels = [cell_by_level[level.name, policy] for level in axis.levels if (level.name, policy) in cell_by_level]
         if len(levels) >= MIN_LEVELS:
-            found.append(_axis_breaking_point(axis.name, levels, of))
-    return found
+            points.append(_axis_breaking_point(axis.name, levels, kind))
+    return points
 
 
-def _axis_breaking_point(axis: str, levels: Sequence[PolicyScenarioResult], of: FailureKind) -> AxisBreakingPoint:
+def _axis_breaking_point(axis: str, levels: Sequence[PolicyScenarioResult], kind: FailureKind) -> AxisBreakingPoint:
     """Compute the breaking point of one policy on one axis from its cells, the mildest severity first."""
-    first, mildest, hardest = levels[0], levels[0].scenario, levels[-1].scenario
+    first = levels[0]
+    mildest = levels[0].scenario
+    hardest = levels[-1].scenario
     if any(not np.array_equal(cell.seeds, first.seeds) for cell in levels):
         raise ValueError(f"{first.policy} ran different episodes on the levels of {axis}: not paired")
     severities = np.array([cell.scenario.severity for cell in levels])
-    failed = [cell.measures.fell if of == "falls" else ~cell.measures.succeeded for cell in levels]
+    failed = [cell.measures.fell if kind == "falls" else ~cell.measures.succeeded for cell in levels]
     point = breaking_point(severities, np.array(failed))
     return AxisBreakingPoint(
         axis=axis,
@@ -75,17 +78,17 @@ def _axis_breaking_point(axis: str, levels: Sequence[PolicyScenarioResult], of: 
         lowest=min(mildest.severity, hardest.severity),
         highest=max(mildest.severity, hardest.severity),
         hardest=hardest.severity,
-        of=of,
+        of=kind,
     )
 
 
 def breaking_point_text(point: AxisBreakingPoint) -> str:
     """Format `48 N·s [45, 51]`, `none up to 100 N·s` (never half fail) or `already at 20 N·s` (mildest)."""
-    rising = point.hardest == point.highest
+    is_rising = point.hardest == point.highest
     if point.found == "never":
-        return f"none {'up' if rising else 'down'} to {format_amount(point.hardest, point.unit)}"
+        return f"none {'up' if is_rising else 'down'} to {format_amount(point.hardest, point.unit)}"
     if point.found == "always":
-        return f"already at {format_amount(point.lowest if rising else point.highest, point.unit)}"
+        return f"already at {format_amount(point.lowest if is_rising else point.highest, point.unit)}"
     low, high = point.ci
     lower = f"{_round_to_three_digits(low):g}" if math.isfinite(low) else f"<{NO_BREAK}{format_amount(point.lowest)}"
     upper = f"{_round_to_three_digits(high):g}" if math.isfinite(high) else f">{NO_BREAK}{format_amount(point.highest)}"

@@ -56,7 +56,9 @@ class Comparison:
 
 
 def compare(
-    cells: Sequence[PolicyScenarioResult], against: str | None = None, neighbours: Container[frozenset[str]] = ()
+    cells: Sequence[PolicyScenarioResult],
+    baseline: str | None = None,
+    adjacent_pairs: Container[frozenset[str]] = (),
 ) -> list[Comparison]:
     """Compare every policy with the baseline, and adjacent policies of a ranking, in every metric.
 
@@ -65,26 +67,30 @@ def compare(
 
     Args:
         cells: Cells of a run.
-        against: Baseline, policy b of its comparisons; None for `default_baseline`.
+        baseline: Policy b of its comparisons; None for `default_baseline`.
         adjacent_pairs: Pairs of policies that are adjacent in the ranking.
 
     Returns:
         The comparisons by scenario, then pair, then metric.
     """
-    against = against or default_baseline([cell.policy for cell in cells])
-    found = list[Comparison]()
+    baseline = baseline or default_baseline([cell.policy for cell in cells])
+    comparisons = list[Comparison]()
     for scenario in dict.fromkeys(cell.scenario.name for cell in cells):
-        ran = sorted(
-            (each for each in cells if each.scenario.name == scenario), key=lambda each: each.policy != against
-        )
-        for b, a in combinations(ran, 2):
-            if b.policy == against or {a.policy, b.policy} in neighbours:
-                found += compare_pair(a, b)
-    for family in product(METRICS, (True, False)):
-        members = [index for index, each in enumerate(found) if (each.metric, each.b == against) == family]
-        for index, p_value in zip(members, holm([found[k].p_value for k in members]), strict=True):
-            found[index] = replace(found[index], p_value_holm=p_value)
-    return found
+        scenario_cells = [cell for cell in cells if cell.scenario.name == scenario]
+        baseline_first = sorted(scenario_cells, key=lambda cell: cell.policy != baseline)
+        for b, a in combinations(baseline_first, 2):
+            if b.policy == baseline or {a.policy, b.policy} in adjacent_pairs:
+                comparisons += compare_pair(a, b)
+    for metric, with_baseline in product(METRICS, (True, False)):
+        family = [
+            index
+            for index, comparison in enumerate(comparisons)
+            if comparison.metric == metric and (comparison.b == baseline) == with_baseline
+        ]
+        corrected = holm([comparisons[index].p_value for index in family])
+        for index, p_value in zip(family, corrected, strict=True):
+            comparisons[index] = replace(comparisons[index], p_value_holm=p_value)
+    return comparisons
 
 
 def default_baseline(policies: Sequence[str]) -> str:
@@ -110,10 +116,23 @@ def compare_pair(
     """
     if not np.array_equal(a.seeds, b.seeds):
         raise ValueError(f"{a.policy} and {b.policy} ran different episodes on {a.scenario.name}: nothing to pair")
-    same = is_identical(a, b)
+    identical = is_identical(a, b)
     for metric in metrics:
-        found = paired_difference(metric, metric_by_episode(a, metric), metric_by_episode(b, metric), identical=same)
-        yield Comparison(a.scenario.name, a.policy, b.policy, metric, *found, p_value_holm=found[2], identical=same)
+        values_a = metric_by_episode(a, metric)
+        values_b = metric_by_episode(b, metric)
+        difference, ci, p_value, test = paired_difference(metric, values_a, values_b, identical=identical)
+        yield Comparison(
+            scenario=a.scenario.name,
+            a=a.policy,
+            b=b.policy,
+            metric=metric,
+            difference=difference,
+            ci=ci,
+            p_value=p_value,
+            test=test,
+            p_value_holm=p_value,
+            identical=identical,
+        )
 
 
 def is_identical(a: PolicyScenarioResult, b: PolicyScenarioResult) -> bool:
@@ -137,8 +156,8 @@ def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> bool:
 
 def metric_by_episode(cell: PolicyScenarioResult, metric: str) -> Floats:
     """Return one `metric` of each episode of a `cell`, (n,); for a rate 1 or 0."""
-    counted = {SUCCESS_RATE: "succeeded", FALL_RATE: "fell"}
-    return np.asarray(getattr(cell.measures, counted.get(metric, metric)), np.float64)
+    measure_of_rate = {SUCCESS_RATE: "succeeded", FALL_RATE: "fell"}
+    return np.asarray(getattr(cell.measures, measure_of_rate.get(metric, metric)), np.float64)
 
 
 def paired_difference(
@@ -198,7 +217,9 @@ def compare_metrics(
     """
     for metric in (metric for metric in (*METRICS, *EFFORT) if metric in a and metric in b):
         known = ~(np.isnan(a[metric]) | np.isnan(b[metric]))
-        if known.any():
-            first, second = a[metric][known], b[metric][known]
-            compared = paired_difference(metric, second, first, identical=identical)
-            yield MetricDifference(metric, float(first.mean()), float(second.mean()), *compared)
+        if not known.any():
+            continue
+        values_a = a[metric][known]
+        values_b = b[metric][known]
+        difference, ci, p_value, test = paired_difference(metric, values_b, values_a, identical=identical)
+        yield MetricDifference(metric, float(values_a.mean()), float(values_b.mean()), difference, ci, p_value, test)

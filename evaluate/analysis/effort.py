@@ -27,9 +27,9 @@ def effort_by_episode(column: Callable[[str], NDArray[Any]], weight: float) -> d
         Figure -> values, (n,). The duty factor is the mean of the feet.
     """
     cost = cost_by_episode(column("energy"), column("distance"), weight)
-    duty = column("duty_factor")
-    known = {COST: cost, "duty_factor": duty.reshape(len(duty), -1).mean(axis=1)}
-    return {name: known[name] if name in known else np.asarray(column(name), np.float64) for name in EFFORT}
+    duty_factor = column("duty_factor")
+    computed = {COST: cost, "duty_factor": duty_factor.reshape(len(duty_factor), -1).mean(axis=1)}
+    return {name: computed[name] if name in computed else np.asarray(column(name), np.float64) for name in EFFORT}
 
 
 def cost_by_episode(energy: Floats, distance: Floats, weight: float) -> Floats:
@@ -46,10 +46,10 @@ def cost_by_episode(energy: Floats, distance: Floats, weight: float) -> Floats:
     Returns:
         Values, (n,); NaN where the quotient does not exist.
     """
-    whole = cost_of_all(energy, distance, weight)
-    if np.isnan(whole):
+    total_cost = cost_of_all(energy, distance, weight)
+    if np.isnan(total_cost):
         return np.full(len(energy), np.nan)
-    return np.asarray(whole + (energy - whole * weight * distance) / (weight * distance.mean()))
+    return np.asarray(total_cost + (energy - total_cost * weight * distance) / (weight * distance.mean()))
 
 
 def mean_and_interval(values: Floats, name: str) -> tuple[float, Interval]:

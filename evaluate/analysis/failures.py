@@ -64,34 +64,60 @@ def select_failures(results: Results) -> Iterator[tuple[str, Failure]]:
     axes = severity_axes(results.cells)
     for policy in results.policies:
         for axis in axes:
-            if failed := sorted(_failures_on_axis(results.cells, policy, axis, run), key=lambda each: each.level):
-                worst = min(failed, key=lambda each: (each.level, not each.fell, each.time))
-                cause = Counter(each.cause for each in failed).most_common(1)[0][0]
-                alike = [each for each in failed if each.cause == cause]
-                middle = median_low(each.time for each in alike)
-                typical = min(alike, key=lambda each: 0.0 if each.time == middle else abs(each.time - middle))
-                if worst is typical:
-                    yield "worst and typical", worst
-                else:
-                    yield from (("worst", worst), ("typical", typical))
+            failures = _failures_on_axis(results.cells, policy, axis, run)
+            by_level = sorted(failures, key=lambda failure: failure.level)
+            if not by_level:
+                continue
+            worst = min(by_level, key=lambda failure: (failure.level, not failure.fell, failure.time))
+            typical = _typical_failure(by_level)
+            if worst is typical:
+                yield "worst and typical", worst
+            else:
+                yield "worst", worst
+                yield "typical", typical
+
+
+def _typical_failure(failures: Sequence[Failure]) -> Failure:
+    """Return the failure nearest to the median time among those with the most frequent cause, the mildest first."""
+    cause = Counter(failure.cause for failure in failures).most_common(1)[0][0]
+    same_cause = [failure for failure in failures if failure.cause == cause]
+    median_time = median_low(failure.time for failure in same_cause)
+    return min(
+        same_cause,
+        key=lambda failure: 0.0 if failure.time == median_time else abs(failure.time - median_time),
+    )
 
 
 def _failures_on_axis(
     cells: Sequence[PolicyScenarioResult], policy: str, axis: SeverityAxis, run: str
 ) -> Iterator[Failure]:
     """Yield the failures of one policy on one axis; `run` is the hash of the run."""
-    levels, first = axis.scenario_names, 0
+    first_row = 0
     for cell in cells:
-        measures, name = cell.measures, cell.scenario.name
-        if cell.policy == policy and name in levels:
-            times = np.nan_to_num(np.where(measures.fell, measures.fall_time, measures.cause_time), nan=np.inf)
-            file = re.sub(r"[^\w.=+-]+", "_", f"{policy}_{name}")[:80].strip("_.")
-            for number in np.flatnonzero(~measures.succeeded).tolist():
-                page = f"{file}_{number}_{_hash(f'{run} {policy} {name} {number}')}.html"
-                cause = measures.cause[number] if isinstance(measures.cause[number], str) else None
-                place = policy, axis.name, name, levels.index(name), number, first + number, page
-                yield Failure(*place, bool(measures.fell[number]), float(times[number]), cause)
-        first += cell.episodes
+        if cell.policy == policy and cell.scenario.name in axis.scenario_names:
+            yield from _failures_of_cell(cell, axis, first_row, run)
+        first_row += cell.episodes
+
+
+def _failures_of_cell(cell: PolicyScenarioResult, axis: SeverityAxis, first_row: int, run: str) -> Iterator[Failure]:
+    """Yield the failures of one cell, which starts at that row of the table."""
+    measures = cell.measures
+    scenario = cell.scenario.name
+    times = np.nan_to_num(np.where(measures.fell, measures.fall_time, measures.cause_time), nan=np.inf)
+    file = re.sub(r"[^\w.=+-]+", "_", f"{cell.policy}_{scenario}")[:80].strip("_.")
+    for number in np.flatnonzero(~measures.succeeded).tolist():
+        yield Failure(
+            policy=cell.policy,
+            axis=axis.name,
+            scenario=scenario,
+            level=axis.scenario_names.index(scenario),
+            number=number,
+            row=first_row + number,
+            page=f"{file}_{number}_{_hash(f'{run} {cell.policy} {scenario} {number}')}.html",
+            fell=bool(measures.fell[number]),
+            time=float(times[number]),
+            cause=measures.cause[number] if isinstance(measures.cause[number], str) else None,
+        )
 
 
 def _hash(text: str) -> str:

@@ -1,4 +1,4 @@
-"""Two runs as one: the ranking of the policies of both by the episodes that both have."""
+"""Combined ranking of two runs, on the scenarios and seeds they share."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,75 +18,130 @@ from evaluate.records.episode_table import cell_of
 from evaluate.records.store import rows_of
 
 Labels = Mapping[str, str]
-"""Policy of a run -> what it is called next to those of the other run."""
+"""Policy of a run -> display name next to the policies of the other run."""
+ClaimKey = tuple[str, frozenset[str]]
+"""Scenario, and the display names of the two policies that are compared on it."""
 
 
 @dataclass(frozen=True)
 class CombinedRuns:
-    """What two runs show together."""
+    """Results of two runs together, made by `combine_runs`."""
 
     ranking: Ranking
-    """Of the policies of both, on the scenarios and the seeds of both."""
+    """Ranking of the policies of both runs, on the scenarios and seeds of both."""
     matches: tuple[Match, ...]
-    """With corrected p-values."""
+    """Cells that both runs have, with corrected p-values."""
     correlation: RankCorrelation | None
-    """None of too few policies."""
+    """Rank correlation of the policies that both runs have; None for too few."""
 
 
 def combine_runs(
-    found: Sequence[Match], runs: tuple[StoredRun, StoredRun], labels: tuple[Labels, Labels]
+    matches: Sequence[Match], runs: tuple[StoredRun, StoredRun], labels: tuple[Labels, Labels]
 ) -> CombinedRuns:
-    """The ranking across both runs, and one correction for all its claims and for the matches' differences of success.
+    """Rank the policies of two runs together and correct all p-values at once.
 
-    A policy of both runs that has one label is in it once.
+    Args:
+        matches: Cells that both runs have.
+        runs: Manifest and episode table of each run.
+        labels: Policy -> display name, for each run; equal names count as one policy.
+
+    Returns:
+        The combined results.
     """
-    own = [_cells(*runs, labels[0]), _cells(*runs[::-1], labels[1])]
-    cells = [*{(cell.scenario.name, cell.policy): cell for of in own[::-1] for cell in of}.values()]
-    real = not select_scored_cells(cells).cells_by_policy
-    complete, points = select_scored_cells(cells, hardware=real), dict[str, ParetoPoint]()
-    for (manifest, _), of in zip(runs[::-1], own[::-1], strict=True):
-        scored = [each for each in compute_scores(of, "", hardware=real) if each.policy in complete.cells_by_policy]
-        points |= {each.policy: each for each in compute_pareto(of, scored, manifest.hardware.robot_model).points}
-    ranked = rank_policies(complete, sorted(points.values(), key=lambda each: -each.success), hardware=real)
-    keys = [(match.scenario, frozenset((labels[0][match.a], labels[1][match.b]))) for match in found]
-    claimed = {key: _of_match(match, labels) for key, match in zip(keys, found, strict=True)}
-    for each in ranked.neighbours:
-        for name in complete.scenarios:
-            pair = complete.cells_by_policy[each.better][name], complete.cells_by_policy[each.worse][name]
-            claimed[name, frozenset((each.better, each.worse))] = next(compare_pair(*pair, (SUCCESS_RATE,)))
-    ranked, corrected = correct_p_values(ranked, [*claimed.values()])
-    p_values = dict(zip(claimed, (each.p_value_holm for each in corrected), strict=True))
-    matches = (replace(match, p_value_holm=p_values[key]) for key, match in zip(keys, found, strict=True))
-    return CombinedRuns(ranked, tuple(matches), _correlation(found, complete, labels))
+    cells_of_a = _shared_cells(runs[0], runs[1], labels[0])
+    cells_of_b = _shared_cells(runs[1], runs[0], labels[1])
+    cells = _merge_cells(cells_of_a, cells_of_b)
+    hardware = not select_scored_cells(cells).cells_by_policy
+    scored = select_scored_cells(cells, hardware=hardware)
+    points = _pareto_points(runs[1], cells_of_b, scored, hardware=hardware)
+    points |= _pareto_points(runs[0], cells_of_a, scored, hardware=hardware)
+    places = sorted(points.values(), key=lambda point: -point.success)
+    ranked = rank_policies(scored, places, hardware=hardware)
+    claims = {_claim_key(match, labels): _success_comparison(match, labels) for match in matches}
+    claims |= _adjacent_claims(ranked, scored)
+    ranked, corrected = correct_p_values(ranked, list(claims.values()))
+    p_values = {key: comparison.p_value_holm for key, comparison in zip(claims, corrected, strict=True)}
+    corrected_matches = (replace(match, p_value_holm=p_values[_claim_key(match, labels)]) for match in matches)
+    return CombinedRuns(ranked, tuple(corrected_matches), _correlation(matches, scored, labels))
 
 
-def _of_match(match: Match, labels: tuple[Labels, Labels]) -> Comparison:
-    (of,) = (each for each in match.contrasts if each.metric == SUCCESS_RATE)
-    names = labels[1][match.b], labels[0][match.a]
-    return Comparison(match.scenario, *names, of.metric, of.difference, of.ci, of.p_value, of.test, of.p_value)
+def _shared_cells(run: StoredRun, other: StoredRun, labels: Labels) -> list[PolicyScenarioResult]:
+    """Return the cells of a run on the scenarios and with the seeds that the other run has as well."""
+    manifest, rows = run
+    _, other_rows = other
+    seeds = np.intersect1d(rows.column("seed").to_numpy(), other_rows.column("seed").to_numpy())
+    shared_rows = rows.filter(pc.is_in(rows.column("seed"), pa.array(seeds))).sort_by("seed")
+    scenarios = {*other_rows.column("scenario").to_pylist()}
+    cells = []
+    for scenario, policy in manifest.cells:
+        if scenario.name not in scenarios or policy not in labels:
+            continue
+        cell_rows = rows_of(shared_rows, policy, scenario.name)
+        if len(cell_rows) == len(seeds) > 0:
+            cells.append(replace(cell_of(cell_rows, scenario), policy=labels[policy]))
+    return cells
+
+
+def _merge_cells(
+    cells_of_a: Sequence[PolicyScenarioResult], cells_of_b: Sequence[PolicyScenarioResult]
+) -> list[PolicyScenarioResult]:
+    """Return the cells of both runs; a cell of A replaces the cell of B on the same scenario with the same policy."""
+    merged = {(cell.scenario.name, cell.policy): cell for cell in (*cells_of_b, *cells_of_a)}
+    return list(merged.values())
+
+
+def _pareto_points(
+    run: StoredRun, cells: Sequence[PolicyScenarioResult], scored: ScoredCells, *, hardware: bool
+) -> dict[str, ParetoPoint]:
+    """Return policy -> success and cost of transport in a run, for the policies that are scored in both together."""
+    manifest, _ = run
+    scores = [score for score in compute_scores(cells, "", hardware=hardware) if score.policy in scored.cells_by_policy]
+    return {point.policy: point for point in compute_pareto(cells, scores, manifest.hardware.robot_model).points}
+
+
+def _claim_key(match: Match, labels: tuple[Labels, Labels]) -> ClaimKey:
+    return match.scenario, frozenset((labels[0][match.a], labels[1][match.b]))
+
+
+def _success_comparison(match: Match, labels: tuple[Labels, Labels]) -> Comparison:
+    """Return the difference of success of a match, policy of B minus policy of A."""
+    (difference,) = (contrast for contrast in match.contrasts if contrast.metric == SUCCESS_RATE)
+    return Comparison(
+        scenario=match.scenario,
+        a=labels[1][match.b],
+        b=labels[0][match.a],
+        metric=difference.metric,
+        difference=difference.difference,
+        ci=difference.ci,
+        p_value=difference.p_value,
+        test=difference.test,
+        p_value_holm=difference.p_value,
+    )
+
+
+def _adjacent_claims(ranked: Ranking, scored: ScoredCells) -> dict[ClaimKey, Comparison]:
+    """Compare the success of each adjacent pair on every scenario."""
+    claims = {}
+    for pair in ranked.neighbours:
+        better_cells = scored.cells_by_policy[pair.better]
+        worse_cells = scored.cells_by_policy[pair.worse]
+        for scenario in scored.scenarios:
+            (comparison,) = compare_pair(better_cells[scenario], worse_cells[scenario], (SUCCESS_RATE,))
+            claims[scenario, frozenset((pair.better, pair.worse))] = comparison
+    return claims
 
 
 def _correlation(
-    found: Sequence[Match], complete: ScoredCells, labels: tuple[Labels, Labels]
+    matches: Sequence[Match], scored: ScoredCells, labels: tuple[Labels, Labels]
 ) -> RankCorrelation | None:
+    """Compute the rank correlation of the matched policies that are scored; None for too few."""
     pairs = [
         (a, b)
-        for a, b in dict.fromkeys((m.a, m.b) for m in found)
-        if {labels[0][a], labels[1][b]} <= {*complete.cells_by_policy}
+        for a, b in dict.fromkeys((match.a, match.b) for match in matches)
+        if {labels[0][a], labels[1][b]} <= {*scored.cells_by_policy}
     ]
     if len(pairs) < MIN_POLICIES:
         return None
-    values = ([complete.by_episode(of[pair[k]]) for pair in pairs] for k, of in enumerate(labels))
-    return rank_correlation([a for a, _ in pairs], *map(np.array, values))
-
-
-def _cells(run: StoredRun, other: StoredRun, labels: Labels) -> list[PolicyScenarioResult]:
-    """Cells of a run on the scenarios and with the seeds that the other has too."""
-    (manifest, rows), (_, others) = run, other
-    seeds = np.intersect1d(rows.column("seed").to_numpy(), others.column("seed").to_numpy())
-    kept = rows.filter(pc.is_in(rows.column("seed"), pa.array(seeds))).sort_by("seed")
-    there = {*others.column("scenario").to_pylist()}
-    wanted = [(each, policy) for each, policy in manifest.cells if each.name in there and policy in labels]
-    tables = ((each, policy, rows_of(kept, policy, each.name)) for each, policy in wanted)
-    complete = ((each, policy, of) for each, policy, of in tables if len(of) == len(seeds) > 0)
-    return [replace(cell_of(of, each), policy=labels[policy]) for each, policy, of in complete]
+    scores_in_a = np.array([scored.by_episode(labels[0][a]) for a, _ in pairs])
+    scores_in_b = np.array([scored.by_episode(labels[1][b]) for _, b in pairs])
+    return rank_correlation([a for a, _ in pairs], scores_in_a, scores_in_b)

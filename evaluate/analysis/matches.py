@@ -58,28 +58,34 @@ def match_runs(pairs: Sequence[tuple[str, str]], a: StoredRun, b: StoredRun) -> 
 
 def _match(scenario: str, pair: tuple[str, str], a: StoredRun, b: StoredRun) -> Match | None:
     """Compare one pair of policies on one scenario; None without common episodes."""
-    rows = [rows_of(table, policy, scenario) for (_, table), policy in zip((a, b), pair, strict=True)]
-    seeds = [each.column("seed").to_numpy() for each in rows]
-    common, *places = np.intersect1d(*seeds, return_indices=True)
+    all_rows_a = rows_of(a[1], pair[0], scenario)
+    all_rows_b = rows_of(b[1], pair[1], scenario)
+    seeds_a = all_rows_a.column("seed").to_numpy()
+    seeds_b = all_rows_b.column("seed").to_numpy()
+    common, indices_a, indices_b = np.intersect1d(seeds_a, seeds_b, return_indices=True)
     if not len(common):
         return None
-    order = places[0].argsort()  # that of A's
-    first, second = (each.take(of_it[order]) for each, of_it in zip(rows, places, strict=True))
-    weights = (
-        weight(run.hardware.robot_model, next(each for each in run.scenarios if each.name == scenario))
-        for run, _ in (a, b)
-    )
-    values = map(_metric_values, (first, second), weights)
-    identical = _is_identical(first, second)
+    order = indices_a.argsort()  # of run A
+    rows_a = all_rows_a.take(indices_a[order])
+    rows_b = all_rows_b.take(indices_b[order])
+    values_a = _metric_values(rows_a, _weight(a[0], scenario))
+    values_b = _metric_values(rows_b, _weight(b[0], scenario))
+    identical = _is_identical(rows_a, rows_b)
     return Match(
         a=pair[0],
         b=pair[1],
         scenario=scenario,
-        episodes=(len(seeds[0]), len(seeds[1])),
+        episodes=(len(seeds_a), len(seeds_b)),
         common=len(common),
         identical=identical,
-        contrasts=tuple(compare_metrics(*values, identical=identical)),
+        contrasts=tuple(compare_metrics(values_a, values_b, identical=identical)),
     )
+
+
+def _weight(manifest: Manifest, name: str) -> float:
+    """Return the weight of a run's robot on a scenario, N."""
+    scenario = next(scenario for scenario in manifest.scenarios if scenario.name == name)
+    return weight(manifest.hardware.robot_model, scenario)
 
 
 def _metric_values(rows: pa.Table, weighs: float) -> dict[str, Floats]:

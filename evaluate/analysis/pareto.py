@@ -55,10 +55,12 @@ def compute_pareto(cells: Sequence[PolicyScenarioResult], scores: Sequence[Score
     Returns:
         Points and front.
     """
-    cost_on, points = cost_scenario({cell.scenario.name for cell in cells}), []
-    for each in scores:
-        counted = [cell for cell in cells if cell.policy == each.policy and cost_on in ("", cell.scenario.name)]
-        points.append(ParetoPoint(each.policy, each.score, each.ci, *_cost(counted, robot)))
+    cost_on = cost_scenario({cell.scenario.name for cell in cells})
+    points = []
+    for score in scores:
+        cost_cells = [cell for cell in cells if cell.policy == score.policy and cost_on in ("", cell.scenario.name)]
+        cost, cost_ci = _cost(cost_cells, robot)
+        points.append(ParetoPoint(score.policy, score.score, score.ci, cost, cost_ci))
     return find_pareto_front(cost_on, points)
 
 
@@ -77,11 +79,21 @@ def find_pareto_front(cost_on: str, points: Sequence[ParetoPoint]) -> Pareto:
     Returns:
         Points and front.
     """
-    front = [one for one in points if one.cost == one.cost and not any(_dominates(other, one) for other in points)]
-    front.sort(key=lambda one: one.cost)
-    by = {one.policy: tuple(other.policy for other in front if _dominates(other, one)) for one in points}
-    marked = (replace(one, dominated_by=by[one.policy]) for one in sorted(points, key=lambda one: -one.success))
-    return Pareto(cost_on, tuple(one.policy for one in front), tuple(marked))
+    front = [
+        point for point in points if not np.isnan(point.cost) and not any(_dominates(other, point) for other in points)
+    ]
+    front.sort(key=lambda point: point.cost)
+    by_success = sorted(points, key=lambda point: -point.success)
+    return Pareto(
+        cost_on,
+        tuple(point.policy for point in front),
+        tuple(replace(point, dominated_by=_dominating(front, point)) for point in by_success),
+    )
+
+
+def _dominating(front: Sequence[ParetoPoint], point: ParetoPoint) -> tuple[str, ...]:
+    """Return the policies on the front that dominate a point."""
+    return tuple(other.policy for other in front if _dominates(other, point))
 
 
 def _dominates(a: ParetoPoint, b: ParetoPoint) -> bool:
@@ -98,5 +110,5 @@ def _cost(cells: Sequence[PolicyScenarioResult], robot: Robot) -> tuple[float, I
         return np.nan, (np.nan, np.nan)
     weights = np.array([weight(robot, cell.scenario) for cell in cells])
     energy = np.mean([cell.measures.energy for cell in cells], axis=0)
-    path = weights @ [cell.measures.distance for cell in cells] / weights.sum()
-    return mean_and_interval(cost_by_episode(energy, path, float(weights.mean())), COST)
+    distance = weights @ [cell.measures.distance for cell in cells] / weights.sum()
+    return mean_and_interval(cost_by_episode(energy, distance, float(weights.mean())), COST)

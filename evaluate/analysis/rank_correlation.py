@@ -32,13 +32,13 @@ class RankCorrelation:
     def lines(self) -> Iterator[str]:
         """Yield the answer and both rankings; the answer is `in part` if the interval excludes the same order."""
         low, high = self.ci
-        in_part = "in part" if high < 1.0 - 1e-9 else "yes"
-        survives = in_part if low > 0.0 else "no" if high < 0.0 else "not shown"
+        positive = "in part" if high < 1.0 - 1e-9 else "yes"
+        answer = positive if low > 0.0 else "no" if high < 0.0 else "not shown"
         figure = estimate(self.correlation, self.ci, 2).with_interval
-        yield f"does the ranking survive? {survives}: Kendall's tau of {len(self.policies)} policies' scores {figure}"
+        yield f"does the ranking survive? {answer}: Kendall's tau of {len(self.policies)} policies' scores {figure}"
         for run, scores in zip("AB", self.scores, strict=True):
-            order = sorted(zip(self.policies, scores, strict=True), key=lambda each: -each[1])
-            yield f"ranking of {run}: {', '.join(f'{policy} {percent(score)}' for policy, score in order)}"
+            ranked = sorted(zip(self.policies, scores, strict=True), key=lambda entry: -entry[1])
+            yield f"ranking of {run}: {', '.join(f'{policy} {percent(score)}' for policy, score in ranked)}"
 
 
 def rank_correlation(policies: Sequence[str], a: Floats, b: Floats) -> RankCorrelation:
@@ -52,14 +52,18 @@ def rank_correlation(policies: Sequence[str], a: Floats, b: Floats) -> RankCorre
     Returns:
         Correlation with its bootstrap interval.
     """
-    drawn = [counts / counts.shape[1] for counts in resamples(a.shape[1], RESAMPLES, 0)]
-    resampled = kendall_tau(*(np.concatenate([of @ each.T for of in drawn]) for each in (a, b)))
-    known, means = resampled[~np.isnan(resampled)], (a.mean(axis=-1), b.mean(axis=-1))
-    correlation = float(kendall_tau(*means))
+    weights = [counts / counts.shape[1] for counts in resamples(a.shape[1], RESAMPLES, 0)]
+    resampled_a = np.concatenate([block @ a.T for block in weights])
+    resampled_b = np.concatenate([block @ b.T for block in weights])
+    resampled = kendall_tau(resampled_a, resampled_b)
+    known = resampled[~np.isnan(resampled)]
+    mean_a = a.mean(axis=-1)
+    mean_b = b.mean(axis=-1)
+    correlation = float(kendall_tau(mean_a, mean_b))
     low, high = percentile_interval(known) if len(known) else (np.nan, np.nan)
     return RankCorrelation(
         policies=tuple(policies),
-        scores=(tuple(means[0].tolist()), tuple(means[1].tolist())),
+        scores=(tuple(mean_a.tolist()), tuple(mean_b.tolist())),
         correlation=correlation,
         ci=(float(np.fmin(low, correlation)), float(np.fmax(high, correlation))) if len(known) else (np.nan, np.nan),
     )
@@ -76,5 +80,6 @@ def kendall_tau(a: Floats, b: Floats) -> Floats:
         Correlation, (…); NaN where all policies are tied in a or in b.
     """
     first, second = np.triu_indices(a.shape[-1], 1)
-    in_a, in_b = (np.sign(np.round(each[..., first] - each[..., second], 9)) for each in (a, b))
-    return quotient((in_a * in_b).sum(-1), np.sqrt((in_a**2).sum(-1) * (in_b**2).sum(-1)))
+    sign_a = np.sign(np.round(a[..., first] - a[..., second], 9))
+    sign_b = np.sign(np.round(b[..., first] - b[..., second], 9))
+    return quotient((sign_a * sign_b).sum(-1), np.sqrt((sign_a**2).sum(-1) * (sign_b**2).sum(-1)))

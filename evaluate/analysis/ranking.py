@@ -16,6 +16,8 @@ from evaluate.statistics.significance import holm
 RANKING_WEIGHT = 0.9
 """Weight of all differences of adjacent policies together in the correction; claims on single scenarios share
 the rest."""
+Claim = tuple[str, frozenset[str]]
+"""Scenario of a claim, empty for all scenarios together, and its two policies."""
 POWER = 0.8
 """Probability of distinguishing two adjacent policies with the reported number of needed episodes."""
 
@@ -70,25 +72,32 @@ class Ranking:
     """Adjacent pairs, from the best on."""
 
 
-def rank_policies(counted: ScoredCells, places: Sequence[ParetoPoint], *, hardware: bool = False) -> Ranking:
+def rank_policies(scored: ScoredCells, places: Sequence[ParetoPoint], *, hardware: bool = False) -> Ranking:
     """Rank policies and compare adjacent ones, paired by episode, without correction of the p-values.
 
     Args:
-        counted: Scored cells; an episode counts with all of its scenarios.
+        scored: Scored cells; an episode counts with all of its scenarios.
         places: Policies with their success, the most successful first.
         hardware: Whether these are scores with the hardware profile.
 
     Returns:
         The ranking, to be completed by `correct_p_values`.
     """
-    values = {each.policy: counted.by_episode(each.policy) for each in places}
-    pairs = pairwise(each.policy for each in places)
-    found = [
-        _identical_pair(a, b) if counted.is_identical(a, b) else _adjacent_pair(a, b, values[a], values[b])
-        for a, b in pairs
-    ]
-    episodes = len(next(iter(values.values()), ()))
-    return Ranking(hardware, len(counted.axes), tuple(counted.scenarios), episodes, tuple(places), tuple(found))
+    values = {place.policy: scored.by_episode(place.policy) for place in places}
+    pairs = []
+    for better, worse in pairwise(values):
+        if scored.is_identical(better, worse):
+            pairs.append(_identical_pair(better, worse))
+        else:
+            pairs.append(_adjacent_pair(better, worse, values[better], values[worse]))
+    return Ranking(
+        hardware=hardware,
+        axes=len(scored.axes),
+        scenarios=tuple(scored.scenarios),
+        episodes=len(next(iter(values.values()), ())),
+        places=tuple(places),
+        neighbours=tuple(pairs),
+    )
 
 
 def _identical_pair(better: str, worse: str) -> AdjacentPair:
@@ -96,13 +105,13 @@ def _identical_pair(better: str, worse: str) -> AdjacentPair:
     return AdjacentPair(better, worse, 0.0, 0.0, NO_INTERVAL, 1.0, identical=True)
 
 
-def _adjacent_pair(better: str, worse: str, a: Floats, b: Floats) -> AdjacentPair:
+def _adjacent_pair(better: str, worse: str, better_scores: Floats, worse_scores: Floats) -> AdjacentPair:
     """Compare adjacent policies by the score of each episode, (n,) each, in the same order of seeds."""
-    differences = a - b
+    differences = better_scores - worse_scores
     deviation = float(differences.std(ddof=1)) if len(differences) > 1 else np.nan
-    single = np.isin([a, b], (0.0, 1.0)).all()
-    metric = SUCCESS_RATE if single else SCORE
-    difference, ci, p_value, _ = paired_difference(metric, a, b)
+    is_yes_or_no = np.isin([better_scores, worse_scores], (0.0, 1.0)).all()
+    metric = SUCCESS_RATE if is_yes_or_no else SCORE
+    difference, ci, p_value, _ = paired_difference(metric, better_scores, worse_scores)
     return AdjacentPair(better, worse, difference, deviation, ci, p_value)
 
 
@@ -126,46 +135,61 @@ def correct_p_values(
     Returns:
         The ranking and the comparisons, with corrected p-values.
     """
-    pairs = {frozenset((each.better, each.worse)): each for each in ranked.neighbours}
-    place = ranked.scenarios[0] if len(ranked.scenarios) == 1 else ""
-    single = {(c.scenario, frozenset((c.a, c.b))): c.p_value for c in comparisons if c.metric == SUCCESS_RATE}
-    looked = correction(ranked.episodes, limit, len(ranked.places)) if limit and pairs else 1.0
-    together = {(place, pair): each.p_value * looked for pair, each in pairs.items()}
-    weights = dict.fromkeys(single, (1.0 - RANKING_WEIGHT) / max(1, len(single)))
-    weights |= dict.fromkeys(together, RANKING_WEIGHT / max(1, len(pairs)))
-    p_values = single | together
-    corrected = dict(zip(p_values, holm([*p_values.values()], [weights[key] for key in p_values]), strict=True))
-    left = sum(weights[key] for key, p in corrected.items() if p >= SIGNIFICANT)
-    found = [
-        replace(c, p_value_holm=corrected[c.scenario, frozenset((c.a, c.b))]) if c.metric == SUCCESS_RATE else c
-        for c in comparisons
+    single_p_values = {
+        _single_claim(comparison): comparison.p_value for comparison in comparisons if comparison.metric == SUCCESS_RATE
+    }
+    pair_p_values = _pair_p_values(ranked, limit)
+    weights = dict.fromkeys(single_p_values, (1.0 - RANKING_WEIGHT) / max(1, len(single_p_values)))
+    weights |= dict.fromkeys(pair_p_values, RANKING_WEIGHT / max(1, len(pair_p_values)))
+    p_values = single_p_values | pair_p_values
+    holm_p_values = holm([*p_values.values()], [weights[claim] for claim in p_values])
+    corrected = dict(zip(p_values, holm_p_values, strict=True))
+    corrected_comparisons = [
+        replace(comparison, p_value_holm=corrected[_single_claim(comparison)])
+        if comparison.metric == SUCCESS_RATE
+        else comparison
+        for comparison in comparisons
     ]
-    shown = [c for c in found if c.metric == SUCCESS_RATE and c.p_value_holm < SIGNIFICANT]
-    return replace(
-        ranked,
-        neighbours=tuple(
-            _with_corrected_p_value(
-                each, corrected[key], SIGNIFICANT * weights[key] / max(left, weights[key]), ranked, shown
-            )
-            for key, each in zip(together, ranked.neighbours, strict=True)
-        ),
-    ), found
+    remaining_weight = sum(weights[claim] for claim, p_value in corrected.items() if p_value >= SIGNIFICANT)
+    pairs = []
+    for claim, pair in zip(pair_p_values, ranked.neighbours, strict=True):
+        level = SIGNIFICANT * weights[claim] / max(remaining_weight, weights[claim])
+        pairs.append(_with_corrected_p_value(pair, corrected[claim], level, ranked, corrected_comparisons))
+    return replace(ranked, neighbours=tuple(pairs)), corrected_comparisons
+
+
+def _single_claim(comparison: Comparison) -> Claim:
+    return comparison.scenario, frozenset((comparison.a, comparison.b))
+
+
+def _pair_p_values(ranked: Ranking, limit: int) -> dict[Claim, float]:
+    """Return the p-values of adjacent pairs, corrected for the looks of a run until settled."""
+    scenario = ranked.scenarios[0] if len(ranked.scenarios) == 1 else ""
+    looks_factor = correction(ranked.episodes, limit, len(ranked.places)) if limit and ranked.neighbours else 1.0
+    return {(scenario, frozenset((pair.better, pair.worse))): pair.p_value * looks_factor for pair in ranked.neighbours}
 
 
 def _with_corrected_p_value(
-    of: AdjacentPair, p_value: float, level: float, ranked: Ranking, shown: Sequence[Comparison]
+    pair: AdjacentPair, p_value: float, level: float, ranked: Ranking, comparisons: Sequence[Comparison]
 ) -> AdjacentPair:
     """Return a pair with its corrected p-value, its needed episodes, and the scenarios that show it alone."""
-    on = {each: list[str]() for each in (of.better, of.worse)}
-    for c in shown:
-        if {c.a, c.b} == {*on} and c.scenario in ranked.scenarios:
-            on[c.a if c.difference > 0.0 else c.b].append(c.scenario)
-    needed = np.nan if p_value < SIGNIFICANT else episodes_needed(of, level, ranked.episodes)
-    better, worse = map(tuple, on.values())
-    return replace(of, p_value_holm=p_value, needed=needed, better_on=better, worse_on=worse)
+    scenarios = {policy: list[str]() for policy in (pair.better, pair.worse)}
+    for comparison in comparisons:
+        is_significant = comparison.metric == SUCCESS_RATE and comparison.p_value_holm < SIGNIFICANT
+        is_of_pair = {comparison.a, comparison.b} == {*scenarios}
+        if is_significant and is_of_pair and comparison.scenario in ranked.scenarios:
+            better = comparison.a if comparison.difference > 0.0 else comparison.b
+            scenarios[better].append(comparison.scenario)
+    return replace(
+        pair,
+        p_value_holm=p_value,
+        needed=np.nan if p_value < SIGNIFICANT else episodes_needed(pair, level, ranked.episodes),
+        better_on=tuple(scenarios[pair.better]),
+        worse_on=tuple(scenarios[pair.worse]),
+    )
 
 
-def episodes_needed(of: AdjacentPair, level: float, episodes: int) -> float:
+def episodes_needed(pair: AdjacentPair, level: float, episodes: int) -> float:
     """Compute the number of episodes with which a paired two-sided test finds a pair's difference.
 
     It is ((z(1 − level / 2) + z(POWER)) · deviation / difference)² + z(1 − level / 2)² / 2 (Guenther 1981, The American
@@ -181,8 +205,9 @@ def episodes_needed(of: AdjacentPair, level: float, episodes: int) -> float:
     """
     from scipy.special import ndtri
 
-    if of.difference == 0.0 or np.isnan(of.deviation):
+    if pair.difference == 0.0 or np.isnan(pair.deviation):
         return np.inf
     quantile = float(ndtri(1.0 - level / 2.0))
-    found = ((quantile + float(ndtri(POWER))) * of.deviation / of.difference) ** 2 + quantile**2 / 2.0
-    return float(np.ceil(max(found, np.log2(2.0 / level), episodes + 1.0)))
+    by_power = ((quantile + float(ndtri(POWER))) * pair.deviation / pair.difference) ** 2 + quantile**2 / 2.0
+    by_sign_flips = np.log2(2.0 / level)
+    return float(np.ceil(max(by_power, by_sign_flips, episodes + 1.0)))

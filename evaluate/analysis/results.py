@@ -74,12 +74,13 @@ class Results:
     @property
     def policy_errors(self) -> list[PolicyErrors]:
         """Policies with errors, and their number of failed episodes."""
-        found = []
+        errors = []
         for policy in self.policies:
             reasons = np.concatenate([cell.failure for cell in self.cells if cell.policy == policy])
-            if known := [reason for reason in reasons if reason is not None]:
-                found.append(PolicyErrors(policy, len(known), len(reasons), " ".join(known[0].split())))
-        return found
+            failures = [reason for reason in reasons if reason is not None]
+            if failures:
+                errors.append(PolicyErrors(policy, len(failures), len(reasons), " ".join(failures[0].split())))
+        return errors
 
     @property
     def policies(self) -> tuple[str, ...]:
@@ -114,35 +115,37 @@ def analyse(
     Returns:
         Summaries, comparisons, scores, ranking, fronts and breaking points.
     """
-    made_with = dict(provenance or {"versions": versions()})
-    against = baseline or default_baseline([cell.policy for cell in cells])
-    robot = _hardware(made_with).robot_model
-    made_by = made_with.pop("versions")
-    ideal, real = (tuple(compute_scores(cells, against, hardware=hardware)) for hardware in (False, True))
-    fronts = [
-        compute_pareto([cell for cell in cells if cell.scenario.hardware == each[0]], each[1], robot)
-        for each in ((False, ideal), (True, real))
-    ]
-    profile = not ideal
-    ranked = rank_policies(select_scored_cells(cells, hardware=profile), fronts[profile].points, hardware=profile)
-    pairs = {frozenset((each.better, each.worse)) for each in ranked.neighbours}
-    ranked, comparisons = correct_p_values(ranked, compare(cells, against, pairs), made_with.get("limit", 0))
+    origin = dict(provenance or {"versions": versions()})
+    baseline = baseline or default_baseline([cell.policy for cell in cells])
+    robot = _hardware(origin).robot_model
+    run_versions = origin.pop("versions")
+    scores = compute_scores(cells, baseline, hardware=False)
+    hardware_scores = compute_scores(cells, baseline, hardware=True)
+    front = compute_pareto([cell for cell in cells if not cell.scenario.hardware], scores, robot)
+    hardware_front = compute_pareto([cell for cell in cells if cell.scenario.hardware], hardware_scores, robot)
+    ranks_hardware = not scores
+    scored = select_scored_cells(cells, hardware=ranks_hardware)
+    places = hardware_front.points if ranks_hardware else front.points
+    ranked = rank_policies(scored, places, hardware=ranks_hardware)
+    adjacent_pairs = {frozenset((pair.better, pair.worse)) for pair in ranked.neighbours}
+    comparisons = compare(cells, baseline, adjacent_pairs)
+    ranked, comparisons = correct_p_values(ranked, comparisons, origin.get("limit", 0))
     return Results(
         seed=seed,
         episodes=episodes,
         complete=complete,
         cells=tuple(cells),
-        baseline=against,
+        baseline=baseline,
         ranking=ranked,
         summaries={(cell.scenario.name, cell.policy): summarise(cell, robot) for cell in cells},
         comparisons=tuple(comparisons),
         breaking_points=tuple(breaking_points(cells)),
-        scores=ideal,
-        hardware_scores=real,
-        pareto=fronts[0],
-        hardware_pareto=fronts[1],
-        versions=made_by,
-        provenance=made_with,
+        scores=tuple(scores),
+        hardware_scores=tuple(hardware_scores),
+        pareto=front,
+        hardware_pareto=hardware_front,
+        versions=run_versions,
+        provenance=origin,
     )
 
 
@@ -160,11 +163,11 @@ def results_to_json(results: Results) -> dict[str, Any]:
     contents = {"schema": SCHEMA, **plain, "versions": dict(results.versions)}
     contents["provenance"] = {name: value for name, value in results.provenance.items() if name not in plain}
     for name in ("ranking", "policy_errors", "scores", "hardware_scores", "pareto", "hardware_pareto"):
-        found = getattr(results, name)
-        contents[name] = [asdict(each) for each in found] if isinstance(found, list | tuple) else asdict(found)
+        value = getattr(results, name)
+        contents[name] = [asdict(entry) for entry in value] if isinstance(value, list | tuple) else asdict(value)
     contents["policies"] = policies
     for name in ("comparisons", "breaking_points"):
-        contents[name] = [asdict(each) for each in getattr(results, name)]
+        contents[name] = [asdict(entry) for entry in getattr(results, name)]
     return dict(nan_to_null(contents))
 
 

@@ -61,15 +61,17 @@ class ScoredCells:
 
     def by_episode(self, policy: str) -> Floats:
         """Return the mean success over the axes for each episode of a policy, (n,)."""
-        of, axes = self.cells_by_policy[policy], self.axes
-        of_axes = [np.mean([of[level.name].measures.succeeded for level in axis.levels], axis=0) for axis in axes]
-        return np.asarray(np.mean(of_axes, axis=0), np.float64)
+        cells = self.cells_by_policy[policy]
+        success_by_axis = [
+            np.mean([cells[level.name].measures.succeeded for level in axis.levels], axis=0) for axis in self.axes
+        ]
+        return np.asarray(np.mean(success_by_axis, axis=0), np.float64)
 
     def is_identical(self, a: str, b: str) -> bool:
         """Return whether all episodes of the policies `a` and `b` are bit-identical."""
-        first = self.cells_by_policy[a]
-        second = self.cells_by_policy[b]
-        return all(is_identical(first[name], second[name]) for name in self.scenarios)
+        cells_a = self.cells_by_policy[a]
+        cells_b = self.cells_by_policy[b]
+        return all(is_identical(cells_a[name], cells_b[name]) for name in self.scenarios)
 
 
 def select_scored_cells(cells: Sequence[PolicyScenarioResult], *, hardware: bool = False) -> ScoredCells:
@@ -84,17 +86,17 @@ def select_scored_cells(cells: Sequence[PolicyScenarioResult], *, hardware: bool
     Returns:
         Axes and cells of the policies that ran every scenario of these axes.
     """
-    own = [cell for cell in cells if is_scored(cell.scenario, hardware)]
-    own = own or [cell for cell in cells if cell.scenario.hardware == hardware]
-    axes = severity_axes(own)
-    names = {level.name for axis in axes for level in axis.levels}
+    scored_cells = [cell for cell in cells if is_scored(cell.scenario, hardware)]
+    scored_cells = scored_cells or [cell for cell in cells if cell.scenario.hardware == hardware]
+    axes = severity_axes(scored_cells)
+    scenarios = {level.name for axis in axes for level in axis.levels}
     cells_by_policy: dict[str, dict[str, PolicyScenarioResult]] = {}
-    for cell in own:
+    for cell in scored_cells:
         cells_by_policy.setdefault(cell.policy, {})[cell.scenario.name] = cell
-    complete = {policy: of for policy, of in cells_by_policy.items() if names <= set(of)}
-    seeds = [cell.seeds for of in complete.values() for cell in of.values()]
-    paired = all(np.array_equal(each, seeds[0]) for each in seeds)
-    return ScoredCells(axes, complete if paired else {})
+    complete = {policy: by_scenario for policy, by_scenario in cells_by_policy.items() if scenarios <= set(by_scenario)}
+    seeds = [cell.seeds for by_scenario in complete.values() for cell in by_scenario.values()]
+    is_paired = all(np.array_equal(cell_seeds, seeds[0]) for cell_seeds in seeds)
+    return ScoredCells(axes, complete if is_paired else {})
 
 
 def compute_scores(cells: Sequence[PolicyScenarioResult], baseline: str, *, hardware: bool = False) -> list[Score]:
@@ -108,39 +110,35 @@ def compute_scores(cells: Sequence[PolicyScenarioResult], baseline: str, *, hard
     Returns:
         Scores, the highest first; with a single axis the success on it.
     """
-    found = select_scored_cells(cells, hardware=hardware)
-    base = found.by_episode(baseline) if baseline in found.cells_by_policy else None
-    return sorted(
-        (_score(policy, found, baseline, base) for policy in found.cells_by_policy), key=lambda each: -each.score
-    )
+    scored = select_scored_cells(cells, hardware=hardware)
+    baseline_values = scored.by_episode(baseline) if baseline in scored.cells_by_policy else None
+    scores = [_score(policy, scored, baseline, baseline_values) for policy in scored.cells_by_policy]
+    return sorted(scores, key=lambda score: -score.score)
 
 
-def _score(policy: str, of: ScoredCells, baseline: str, base: Floats | None) -> Score:
+def _score(policy: str, scored: ScoredCells, baseline: str, baseline_values: Floats | None) -> Score:
     """Compute the score of one policy and its difference from the baseline."""
-    values, compared, cells_by_policy = (
-        of.by_episode(policy),
-        base is not None and policy != baseline,
-        of.cells_by_policy[policy],
-    )
-    difference = values - (base if base is not None and compared else np.nan)
-    has_interval = compared and not of.is_identical(policy, baseline)
+    values = scored.by_episode(policy)
+    cells = scored.cells_by_policy[policy]
+    is_compared = baseline_values is not None and policy != baseline
+    difference = values - (baseline_values if baseline_values is not None and is_compared else np.nan)
+    has_interval = is_compared and not scored.is_identical(policy, baseline)
+    success_by_axis = {
+        _base(axis.name): tuple(float(cells[level.name].measures.succeeded.mean()) for level in axis.levels)
+        for axis in scored.axes
+    }
     return Score(
         policy=policy,
         score=float(values.mean()),
-        ci=score_interval(values, of),
-        axes={
-            _base(axis.name): tuple(
-                float(cells_by_policy[level.name].measures.succeeded.mean()) for level in axis.levels
-            )
-            for axis in of.axes
-        },
+        ci=score_interval(values, scored),
+        axes=success_by_axis,
         difference=0.0 if policy == baseline else float(difference.mean()),
         difference_ci=difference_interval(difference, (-1.0, 1.0)) if has_interval else NO_INTERVAL,
-        p_value=sign_flip_test(difference) if compared else np.nan,
+        p_value=sign_flip_test(difference) if is_compared else np.nan,
     )
 
 
-def score_interval(values: Floats, of: ScoredCells) -> Interval:
+def score_interval(values: Floats, scored: ScoredCells) -> Interval:
     """Compute the 95 % interval of a score.
 
     Args:
@@ -150,7 +148,8 @@ def score_interval(values: Floats, of: ScoredCells) -> Interval:
     Returns:
         The interval; Wilson's for a single scenario.
     """
-    return wilson_interval(values.sum(), len(values)) if len(of.scenarios) == 1 else mean_proportion_interval(values)
+    is_single = len(scored.scenarios) == 1
+    return wilson_interval(values.sum(), len(values)) if is_single else mean_proportion_interval(values)
 
 
 def is_scored(scenario: Scenario, hardware: bool) -> bool:

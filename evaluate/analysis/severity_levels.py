@@ -72,8 +72,9 @@ def _mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
     An axis that is not in `AXES` gets harder in the order of the run.
     """
     axis = scenarios[0].axis
-    levels = known.levels if (known := known_axis(axis)) is not None else [each.severity for each in scenarios]
-    return sorted(scenarios, key=lambda each: each.severity, reverse=levels[0] > levels[-1])
+    known = known_axis(axis)
+    levels = [scenario.severity for scenario in scenarios] if known is None else known.levels
+    return sorted(scenarios, key=lambda scenario: scenario.severity, reverse=levels[0] > levels[-1])
 
 
 def format_amount(value: float, unit: str = "") -> str:

@@ -45,21 +45,24 @@ def strengths(
         Axes that the policy ran, the most successful first.
     """
     axes = severity_axes([cell for cell in cells if cell.policy == policy and is_scored(cell.scenario, hardware)])
-    parts = [(axis.name, axis.levels) for axis in axes]
+    groups = [(axis.name, axis.levels) for axis in axes]
     if len(axes) == 1:
-        parts = [(format_scenario(level), (level,)) for level in axes[0].levels]
-    found = []
-    for name, levels in parts:
-        of = [summaries[level.name, policy] for level in levels]
-        found.append(Strength(name, float(np.mean([each.success_rate for each in of])), _reason(of)))
-    return sorted(found, key=lambda each: -each.success)
+        groups = [(format_scenario(level), (level,)) for level in axes[0].levels]
+    on_axes = []
+    for name, levels in groups:
+        level_summaries = [summaries[level.name, policy] for level in levels]
+        success = float(np.mean([summary.success_rate for summary in level_summaries]))
+        on_axes.append(Strength(name, success, _reason(level_summaries)))
+    return sorted(on_axes, key=lambda strength: -strength.success)
 
 
-def _reason(of: Sequence[Summary]) -> str:
+def _reason(summaries: Sequence[Summary]) -> str:
     """Return the most common cause of failure over some cells, with its count."""
-    failures = sum(each.episodes - each.successes for each in of)
-    causes = sum((Counter(each.causes) for each in of), Counter[str]())
-    outcomes = sum((Counter(each.outcomes) for each in of), Counter[str]())
+    failures = sum(summary.episodes - summary.successes for summary in summaries)
+    if not failures:
+        return ""
+    causes = sum((Counter(summary.causes) for summary in summaries), Counter[str]())
+    outcomes = sum((Counter(summary.outcomes) for summary in summaries), Counter[str]())
     del outcomes[SUCCEEDED]
-    ((name, count),) = (causes or outcomes).most_common(1) if failures else (("", 0),)
-    return f"{name.replace('_', ' ')} in {count} of {with_count(failures, 'failure')}" if failures else ""
+    ((name, count),) = (causes or outcomes).most_common(1)
+    return f"{name.replace('_', ' ')} in {count} of {with_count(failures, 'failure')}"

@@ -83,12 +83,16 @@ class Summary:
 def summarise(cell: PolicyScenarioResult, robot: Robot) -> Summary:
     """Compute all figures of a `cell` of that `robot`."""
     measures = cell.measures
-    falls, successes = int(measures.fell.sum()), int(measures.succeeded.sum())
-    carried = weight(robot, cell.scenario)
-    transport = cost_of_all(measures.energy, measures.distance, carried)
+    falls = int(measures.fell.sum())
+    successes = int(measures.succeeded.sum())
+    total_weight = weight(robot, cell.scenario)
+    cost_of_transport = cost_of_all(measures.energy, measures.distance, total_weight)
     means: dict[str, Any] = {name: _mean(getattr(measures, name)) for name in _MEANS}
     means |= {f"{name}_ci": bootstrap_interval(getattr(measures, name), (0.0, cap)) for name, cap in CAPS.items()}
-    effort = {k: mean_and_interval(v, k) for k, v in effort_by_episode(partial(getattr, measures), carried).items()}
+    effort_values = effort_by_episode(partial(getattr, measures), total_weight)
+    effort = {name: mean_and_interval(values, name) for name, values in effort_values.items()}
+    figures = {name: _mean(getattr(measures, name)) for name in FIGURES}
+    figures |= {name: _mean(values) for name, values in measures.extra.items()}
     return Summary(
         episodes=cell.episodes,
         severity=cell.scenario.severity,
@@ -103,16 +107,12 @@ def summarise(cell: PolicyScenarioResult, robot: Robot) -> Summary:
         fall_rate_ci=wilson_interval(falls, cell.episodes),
         diverged=int(measures.diverged.sum()),
         time_to_fall=_mean(measures.fall_time),
-        cost_of_transport=transport,
+        cost_of_transport=cost_of_transport,
         **means,
-        figures={
-            **{name: _mean(getattr(measures, name)) for name in FIGURES},
-            **{name: _mean(values) for name, values in measures.extra.items()},
-            "cost_of_transport": transport,
-        },
+        figures=figures | {"cost_of_transport": cost_of_transport},
         duty_factor=tuple(_mean(foot) for foot in measures.duty_factor.T),
         effort={name: mean for name, (mean, _) in effort.items()},
-        effort_intervals={name: ci for name, (_, ci) in effort.items()},
+        effort_intervals={name: interval for name, (_, interval) in effort.items()},
     )
 
 

@@ -88,16 +88,14 @@ class RenderOptions:
 def film(spec: FilmSpec, path: Path, progress: Progress, look: RenderOptions = RenderOptions()) -> None:
     """Film an episode into a file, see `files`.
 
+    A ValueError says that the camera does not exist or a policy is for another robot; a UsageError that nothing can be
+    rendered here or the film is too long for its format; an OSError that the file cannot be written.
+
     Args:
         spec: Episode to film.
         path: File; its suffix selects the format.
         progress: Receives the completed part, 0 … 1.
         look: Appearance of the film.
-
-    Called functions raise:
-        ValueError: The camera does not exist, or a policy is for another robot.
-        UsageError: Nothing can be rendered here, or the film is too long for its format.
-        OSError: The file cannot be written.
     """
     if path.suffix.lower() == files.STRIP_SUFFIX:
         look = replace(look, rate=STRIP_RATE)

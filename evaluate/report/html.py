@@ -14,7 +14,7 @@ def section(title: str, *parts: str, anchor: str = "") -> str:
 
     Args:
         title: Heading, HTML.
-        parts: Contents, HTML.
+        *parts: Contents, HTML.
         anchor: Identifier for links; by default the words of the title.
 
     Returns:

@@ -48,7 +48,7 @@ def write_report(results: Results, path: Path, **about: Any) -> None:
     Args:
         results: Results of the run.
         path: File to write.
-        about: Further arguments of `render`.
+        **about: Further arguments of `render`.
     """
     write_atomically(path, render(results, folder=path.parent, **about).encode())
 

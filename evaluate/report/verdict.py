@@ -75,6 +75,9 @@ def adjacent_pair_lines(ranked: Ranking) -> Iterator[str]:
 def best_and_worst(results: Results) -> dict[str, tuple[str, str]]:
     """Name the axes on which each ranked policy is best and worst.
 
+    Args:
+        results: Results of the run.
+
     Returns:
         Policy -> axes with its highest success, and axes with its lowest success, the lowest first, with the most
         common cause of failure there. A text without content is empty.
