@@ -72,15 +72,17 @@ def monotone_curve(severities: Floats, rates: Floats) -> tuple[Floats, Floats]:
     """
     from scipy.optimize import isotonic_regression
 
-    known = severities > 0.0
-    x, fitted = np.log(severities[known]), isotonic_regression(rates[known])
+    positive = severities > 0.0
+    log_severities = np.log(severities[positive])
+    fitted = isotonic_regression(rates[positive])
     points: list[tuple[float, float]] = []
     for first, end in pairwise(fitted.blocks):
-        share = float(fitted.x[first])
-        middle = [x[first:end].mean()] if 0.0 < share < 1.0 else x[first:end]
-        points += [(float(each), share) for each in middle]
-    logarithms, shares = np.array(points).T
-    return np.exp(logarithms), shares
+        rate = float(fitted.x[first])
+        block = log_severities[first:end]
+        centres = [block.mean()] if 0.0 < rate < 1.0 else block
+        points += [(float(centre), rate) for centre in centres]
+    curve_severities, curve_rates = np.array(points).T
+    return np.exp(curve_severities), curve_rates
 
 
 def bracket_levels(failed: Bools) -> tuple[int, int]:
@@ -91,15 +93,17 @@ def bracket_levels(failed: Bools) -> tuple[int, int]:
     from scipy.stats import binom
 
     tail = (1.0 - CONFIDENCE) / 2.0
-    fails, (levels, episodes) = failed.sum(axis=1), failed.shape
-    fewer = binom.cdf(fails, episodes, 0.5) <= tail
-    more = binom.sf(fails - 1, episodes, 0.5) <= tail
+    failures = failed.sum(axis=1)
+    levels, episodes = failed.shape
+    fewer = binom.cdf(failures, episodes, 0.5) <= tail
+    more = binom.sf(failures - 1, episodes, 0.5) <= tail
     return int(np.argmin([*fewer, False])) - 1, levels - int(np.argmin([*more[::-1], False]))
 
 
 def _severity_interval(severities: Floats, levels: tuple[int, int]) -> Interval:
     """Return the severities of two levels in ascending order; an end beyond the levels is infinite."""
-    rising = severities[-1] > severities[0]
-    padded = [*(float(each) for each in severities), np.inf if rising else -np.inf, -np.inf if rising else np.inf]
+    is_rising = severities[-1] > severities[0]
+    beyond_hardest = np.inf if is_rising else -np.inf
+    padded = [*severities.tolist(), beyond_hardest, -beyond_hardest]  # index −1 is beyond the mildest
     low, high = sorted((padded[levels[0]], padded[levels[1]]))
     return (low, high)

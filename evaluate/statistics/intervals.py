@@ -31,12 +31,16 @@ def wilson_interval(successes: float, trials: float) -> Interval:
 
     if trials == 0:
         return (np.nan, np.nan)
-    share, weight = successes / trials, float(ndtri(0.5 + CONFIDENCE / 2)) ** 2 / trials
-    middle, reach = share + weight / 2, np.sqrt(weight * (share * (1.0 - share) + weight / 4))
-    return (float(max(0.0, (middle - reach) / (1.0 + weight))), float(min(1.0, (middle + reach) / (1.0 + weight))))
+    proportion = successes / trials
+    weight = float(ndtri(0.5 + CONFIDENCE / 2)) ** 2 / trials
+    centre = proportion + weight / 2
+    half_width = np.sqrt(weight * (proportion * (1.0 - proportion) + weight / 4))
+    low = (centre - half_width) / (1.0 + weight)
+    high = (centre + half_width) / (1.0 + weight)
+    return (float(max(0.0, low)), float(min(1.0, high)))
 
 
-def mean_proportion_interval(shares: Floats) -> Interval:
+def mean_proportion_interval(proportions: Floats) -> Interval:
     """Compute the interval of the mean of independent proportions within 0 … 1; (NaN, NaN) without any.
 
     It is Wilson's interval for an effective number of yes-or-no trials: the number with an equally variable mean.
@@ -46,12 +50,14 @@ def mean_proportion_interval(shares: Floats) -> Interval:
     """
     from scipy.special import ndtri, stdtrit
 
-    count = len(shares)
+    count = len(proportions)
     if count == 0:
         return (np.nan, np.nan)
-    mean, trials, upper = float(shares.mean()), float(count), 0.5 + CONFIDENCE / 2
-    if not _agree(shares):
-        trials = mean * (1.0 - mean) * count / float(shares.var(ddof=1))
+    mean = float(proportions.mean())
+    trials = float(count)
+    if not _are_equal(proportions):
+        upper = 0.5 + CONFIDENCE / 2
+        trials = mean * (1.0 - mean) * count / float(proportions.var(ddof=1))
         trials *= float(ndtri(upper) / stdtrit(count - 1, upper)) ** 2
     return wilson_interval(mean * trials, trials)
 
@@ -76,9 +82,11 @@ def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval
 
     if pairs == 0:
         return (np.nan, np.nan)
-    difference, quantile = (only_a - only_b) / pairs, float(ndtri(0.5 + CONFIDENCE / 2))
+    difference = (only_a - only_b) / pairs
+    quantile = float(ndtri(0.5 + CONFIDENCE / 2))
 
     def excess(hypothesis: float, sign: float) -> float:
+        """Return the distance from the `hypothesis` beyond the quantile on the side of `sign`."""
         return _score(only_a, only_b, pairs, hypothesis) - sign * quantile
 
     low = brentq(excess, -1.0, difference, args=(1.0,)) if difference > -1.0 else -1.0
@@ -91,12 +99,12 @@ def _score(only_a: int, only_b: int, pairs: int, difference: float) -> float:
 
     Under the hypothesis the proportion of `only_b` is the root of 2n q² + B q − b δ(1 − δ) = 0 (Tango's equation 14).
     """
-    if abs(difference) == 1.0:  # a difference that allows for no other data
+    if abs(difference) == 1.0:  # no other data are possible at this difference
         return float(np.copysign(np.inf, -difference))
     linear = -only_a - only_b + (2 * pairs - only_a + only_b) * difference
     constant = -only_b * difference * (1.0 - difference)
-    share = (np.sqrt(linear**2 - 8 * pairs * constant) - linear) / (4 * pairs)
-    variance = pairs * (2.0 * share + difference * (1.0 - difference))
+    proportion = (np.sqrt(linear**2 - 8 * pairs * constant) - linear) / (4 * pairs)
+    variance = pairs * (2.0 * proportion + difference * (1.0 - difference))
     distance = only_a - only_b - pairs * difference
     if distance == 0.0:
         return 0.0
@@ -119,12 +127,11 @@ def bootstrap_interval(values: Floats, bounds: Interval = UNBOUNDED, seed: int =
     """
     from scipy.special import ndtr, ndtri
 
-    if len(values) < 2 or _agree(values):
+    if len(values) < 2 or _are_equal(values):
         return identical_values_interval(values, bounds)
-    if np.isnan(values).any():
-        return (np.nan, np.nan)
     sums = _resampled_sums(values, RESAMPLES, seed)
-    below, not_above = (sums < values.sum()).mean(), (sums <= values.sum()).mean()
+    below = (sums < values.sum()).mean()
+    not_above = (sums <= values.sum()).mean()
     bias = ndtri((below + not_above) / 2)
     deviation = values - values.mean()
     acceleration = (deviation**3).sum() / (6.0 * (deviation**2).sum() ** 1.5)
@@ -150,7 +157,7 @@ def difference_interval(differences: Floats, bounds: Interval = UNBOUNDED, seed:
     """
     from scipy.special import ndtr, stdtrit
 
-    if len(differences) < 2 or _agree(differences):
+    if len(differences) < 2 or _are_equal(differences):
         return identical_values_interval(differences, bounds)
     pairs = len(differences)
     tail = ndtr(-np.sqrt(pairs / (pairs - 1)) * stdtrit(pairs - 1, 0.5 + CONFIDENCE / 2))
@@ -173,12 +180,13 @@ def identical_values_interval(values: Floats, bounds: Interval) -> Interval:
     """
     if len(values) < 2:
         return (np.nan, np.nan)
-    value, (low, high) = float(values.mean()), bounds
+    value = float(values.mean())
+    low, high = bounds
     unseen = wilson_interval(0, len(values))[1]
     return (value - unseen * (value - low), value + unseen * (high - value))
 
 
-def _agree(values: Floats) -> bool:
+def _are_equal(values: Floats) -> bool:
     """Return whether all values are equal up to rounding."""
     return bool(np.ptp(values) <= 1e-9 * np.abs(values).max())
 
@@ -205,21 +213,23 @@ def resamples(size: int, count: int, seed: int) -> Iterator[Floats]:
         Blocks of rows, (…, size): the number of times that each value is drawn in a resample.
     """
     if size * count <= MAX_CACHED_VALUES:
-        yield _kept(size, count, seed)
+        yield _cached_counts(size, count, seed)
         return
     generator = np.random.default_rng(seed)
     rows = max(1, BLOCK_VALUES // size)
     for first in range(0, count, rows):
-        yield _draw(generator, size, min(rows, count - first))
+        yield _draw_counts(generator, size, min(rows, count - first))
 
 
 @lru_cache(maxsize=4)
-def _kept(size: int, count: int, seed: int) -> Floats:
-    counts = _draw(np.random.default_rng(seed), size, count)
+def _cached_counts(size: int, count: int, seed: int) -> Floats:
+    """Draw all resamples at once, (count, size), and keep them for the next call."""
+    counts = _draw_counts(np.random.default_rng(seed), size, count)
     counts.flags.writeable = False
     return counts
 
 
-def _draw(generator: np.random.Generator, size: int, count: int) -> Floats:
-    drawn = generator.integers(0, size, (count, size), dtype=np.int32) + size * np.arange(count)[:, None]
-    return np.bincount(drawn.ravel(), minlength=count * size).reshape(count, size).astype(np.float64)
+def _draw_counts(generator: np.random.Generator, size: int, count: int) -> Floats:
+    """Draw resamples and count each value in them, (count, size)."""
+    indices = generator.integers(0, size, (count, size), dtype=np.int32) + size * np.arange(count)[:, None]
+    return np.bincount(indices.ravel(), minlength=count * size).reshape(count, size).astype(np.float64)

@@ -42,12 +42,12 @@ class AdjacentTest(NamedTuple):
     """Whether the pair is unlikely to be distinguished by the last look."""
 
 
-def looks(most: int) -> tuple[int, ...]:
+def looks(max_episodes: int) -> tuple[int, ...]:
     """Return the numbers of episodes at which the data are looked at, the last one `max_episodes`."""
-    return tuple(sorted({math.ceil(most * look / LOOKS) for look in range(1, LOOKS + 1)}))
+    return tuple(sorted({math.ceil(max_episodes * look / LOOKS) for look in range(1, LOOKS + 1)}))
 
 
-def compare_adjacent_policies(values: Mapping[str, Floats], most: int) -> list[AdjacentTest]:
+def compare_adjacent_policies(values: Mapping[str, Floats], max_episodes: int) -> list[AdjacentTest]:
     """Test each two adjacent policies at a look, from the best policy on.
 
     Args:
@@ -57,16 +57,18 @@ def compare_adjacent_policies(values: Mapping[str, Floats], most: int) -> list[A
     Returns:
         The tests, from the best policy on.
     """
-    order, found = sorted(values, key=lambda policy: -values[policy].mean()), list[AdjacentTest]()
-    levels = nominal_levels(most, len(order)) if len(order) > 1 else {}
-    for ahead, behind in pairwise(order):
-        p_value, episodes = sign_flip_test(values[ahead] - values[behind]), len(values[ahead])
-        chance = predictive_power(p_value, episodes / most, levels[most])
-        found.append(AdjacentTest(ahead, behind, p_value, p_value < levels[episodes], chance < FUTILITY_POWER))
-    return found
+    ranked = sorted(values, key=lambda policy: -values[policy].mean())
+    levels = nominal_levels(max_episodes, len(ranked)) if len(ranked) > 1 else {}
+    tests = []
+    for ahead, behind in pairwise(ranked):
+        p_value = sign_flip_test(values[ahead] - values[behind])
+        episodes = len(values[ahead])
+        power = predictive_power(p_value, episodes / max_episodes, levels[max_episodes])
+        tests.append(AdjacentTest(ahead, behind, p_value, p_value < levels[episodes], power < FUTILITY_POWER))
+    return tests
 
 
-def correction(episodes: int, most: int, policies: int) -> float:
+def correction(episodes: int, max_episodes: int, policies: int) -> float:
     """Return the factor on the p-values of adjacent policies that accounts for the other looks.
 
     Args:
@@ -77,11 +79,11 @@ def correction(episodes: int, most: int, policies: int) -> float:
     Returns:
         The factor.
     """
-    return LEVEL / (policies - 1) / nominal_levels(most, policies)[episodes]
+    return LEVEL / (policies - 1) / nominal_levels(max_episodes, policies)[episodes]
 
 
 @lru_cache(maxsize=64)
-def nominal_levels(most: int, policies: int) -> dict[int, float]:
+def nominal_levels(max_episodes: int, policies: int) -> dict[int, float]:
     """Compute the two-sided nominal level of each adjacent pair's p-value at every look.
 
     The boundaries follow from the recursion of Armitage, McPherson and Rowe (1969, Journal of the Royal Statistical
@@ -97,17 +99,30 @@ def nominal_levels(most: int, policies: int) -> dict[int, float]:
     from scipy.optimize import brentq
     from scipy.special import ndtr
 
-    found, sums, density, before, spent = dict[int, float](), np.zeros(1), np.ones(1), 0.0, 0.0
-    for episodes in looks(most):
-        share, total = episodes / most, LEVEL / (policies - 1) * (episodes / most) ** 1.5
-        scale = math.sqrt(share - before)
-        bound = brentq(_excess, 0.0, 9.0, args=(sums, density, scale, total - spent))
-        found[episodes] = 2.0 * float(ndtr(-bound / math.sqrt(share)))
-        points, step = np.linspace(-bound, bound, _POINTS, retstep=True)
-        kernel = np.exp(-(((points[:, None] - sums) / scale) ** 2) / 2.0) / (scale * math.sqrt(2.0 * math.pi))
-        sums, density, before, spent = points, step * (kernel @ density), share, total
-        density[[0, -1]] /= 2.0
-    return found
+    levels = dict[int, float]()
+    sums = np.zeros(1)  # points of the test statistic before the look
+    density = np.ones(1)  # probability of these points without a decision so far
+    previous_share = 0.0
+    spent = 0.0
+    for episodes in looks(max_episodes):
+        share = episodes / max_episodes
+        spent_at_look = LEVEL / (policies - 1) * share**1.5
+        scale = math.sqrt(share - previous_share)
+        bound = brentq(_excess, 0.0, 9.0, args=(sums, density, scale, spent_at_look - spent))
+        levels[episodes] = 2.0 * float(ndtr(-bound / math.sqrt(share)))
+        sums, density = _propagate_density(sums, density, scale, bound)
+        previous_share = share
+        spent = spent_at_look
+    return levels
+
+
+def _propagate_density(sums: Floats, density: Floats, scale: float, bound: float) -> tuple[Floats, Floats]:
+    """Return points within the bounds and their probabilities after a normal step of that scale."""
+    points, step = np.linspace(-bound, bound, _POINTS, retstep=True)
+    kernel = np.exp(-(((points[:, None] - sums) / scale) ** 2) / 2.0) / (scale * math.sqrt(2.0 * math.pi))
+    propagated = step * (kernel @ density)
+    propagated[[0, -1]] /= 2.0
+    return points, propagated
 
 
 def _excess(bound: float, sums: Floats, density: Floats, scale: float, chance: float) -> float:

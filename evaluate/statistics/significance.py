@@ -26,7 +26,8 @@ def mcnemar(a: Bools, b: Bools) -> float:
     """Compute the exact two-sided p-value of McNemar's test of the paired outcomes `a` and `b`."""
     from scipy.stats import binomtest
 
-    only_a, only_b = int((a & ~b).sum()), int((b & ~a).sum())
+    only_a = int((a & ~b).sum())
+    only_b = int((b & ~a).sum())
     if only_a + only_b == 0:
         return 1.0
     return float(binomtest(only_a, only_a + only_b).pvalue)
@@ -65,11 +66,12 @@ def _flips_as_large(differences: Floats, observed: float, flips: int, generator:
     """Count the random flips with a sum of at least the observed size; a random byte flips eight pairs."""
     padded = np.pad(differences, (0, -len(differences) % 8)).reshape(-1, 8)
     tables = padded @ BYTE_SIGNS.T  # (bytes, 256)
-    bytes_, as_large = np.arange(len(padded)), 0
+    byte_indices = np.arange(len(padded))
+    count = 0
     for block in np.array_split(np.arange(flips), max(1, flips // 10_000)):
-        drawn = generator.integers(0, 256, (len(block), len(padded)), dtype=np.uint8)
-        as_large += int((np.abs(tables[bytes_, drawn].sum(axis=1)) >= observed).sum())
-    return as_large
+        random_bytes = generator.integers(0, 256, (len(block), len(padded)), dtype=np.uint8)
+        count += int((np.abs(tables[byte_indices, random_bytes].sum(axis=1)) >= observed).sum())
+    return count
 
 
 def holm(p_values: Sequence[float], weights: Sequence[float] | None = None) -> list[float]:
