@@ -125,7 +125,7 @@ def tile_images(images: Sequence[Image.Image], columns: int) -> Image.Image:
 
 
 def _encode(images: Iterable[Image.Image], path: Path, period: float) -> None:
-    """Encode an MP4 with even width and height, as its colour format needs. Raises OSError if it is incomplete."""
+    """Encode an MP4 with even width and height, as its colour format needs; OSError if it is incomplete."""
     import imageio_ffmpeg
 
     left = iter(images)
