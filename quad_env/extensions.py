@@ -13,15 +13,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-from types import MappingProxyType
 from typing import Any
 
 GROUP = "quad_env"
 """Entry-point group that is searched for extensions."""
-
-
-def _empty() -> Mapping[str, Any]:
-    return MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -31,19 +26,19 @@ class Extension:
     Each name must differ from the built-in names of its kind. docs/extending.md has an example of each kind.
     """
 
-    rewards: Mapping[str, Callable[[Any], Any]] = field(default_factory=_empty)
+    rewards: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
     """Reward terms: functions of a `QuadState`, available as `gym.make(..., rewards={name: weight})`."""
-    observations: Mapping[str, Any] = field(default_factory=_empty)
+    observations: Mapping[str, Any] = field(default_factory=dict)
     """Observation terms: `quad_env.ObservationTerm`, available as `gym.make(..., observations=(name,))`."""
-    axes: Mapping[str, Any] = field(default_factory=_empty)
+    axes: Mapping[str, Any] = field(default_factory=dict)
     """Axes of disturbance: `quad_env.Axis` of the same name, for `--scenarios NAME:all`."""
-    scenarios: Mapping[str, Any] = field(default_factory=_empty)
+    scenarios: Mapping[str, Any] = field(default_factory=dict)
     """Scenarios: `quad_env.Scenario` of the same name."""
-    robots: Mapping[str, Any] = field(default_factory=_empty)
+    robots: Mapping[str, Any] = field(default_factory=dict)
     """Robots: a `quad_env.Robot`, the path of its model, or a function without arguments that returns either."""
-    policies: Mapping[str, Callable[..., Any]] = field(default_factory=_empty)
+    policies: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
     """Policies: functions or classes that take the keywords `robot` and `control_period` (s)."""
-    measures: Mapping[str, Any] = field(default_factory=_empty)
+    measures: Mapping[str, Any] = field(default_factory=dict)
     """Measures of an episode: `evaluate.measures.extra.ExtraMeasure`, a column of `episodes.parquet` each."""
 
     def __post_init__(self) -> None:

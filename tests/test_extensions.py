@@ -13,9 +13,18 @@ import pytest
 
 import policies
 import quad_env
+from evaluate.cells import EpisodeChunk, LabelledPolicy, Task
+from evaluate.hardware import IDEAL
+from evaluate.measures.episodes import Episodes
+from evaluate.measures.extra import ExtraMeasure
+from evaluate.rollouts import workers
+from evaluate.rollouts.run import simulate
 from quad_env import extensions
+from quad_env.cli.command_line import UsageError
 from quad_env.extensions import Extension
 from tests.test_docs import PAGES, blocks, file_name
+
+FloatArray = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 ROOT = Path(__file__).parents[1]
 PROJECT = """
@@ -224,3 +233,40 @@ def test_a_policy_receives_the_terms_that_it_asks_for() -> None:
     assert policy.act(observation).shape == (12,)
     with pytest.raises(ValueError, match="observation must have shape"):
         policy.act(observation[:-1])
+
+
+def final_height(episodes: Episodes) -> FloatArray:
+    """Return the trunk's height at the end of each episode, (n,), m."""
+    return np.asarray(episodes.height[-1], np.float64)
+
+
+def simulated_in_workers(monkeypatch: pytest.MonkeyPatch) -> list[EpisodeChunk]:
+    """Return two chunks of one episode each of `stand` on level ground, from two worker processes."""
+    monkeypatch.setattr(workers, "FEWEST_STEPS", 0)
+    flat = quad_env.SCENARIOS["flat"]
+    policy = LabelledPolicy("stand", policies.make("stand"))
+    tasks = [Task(policy, flat, np.array([i]), np.array([7 + i]), 110, IDEAL) for i in range(2)]
+    return [chunk for _, chunk in workers.process_pool(2)(tasks, lambda *_: None)]
+
+
+def test_worker_processes_receive_the_extensions_of_this_one(added, monkeypatch: pytest.MonkeyPatch) -> None:
+    added(Extension(measures={"final_height": ExtraMeasure(final_height, "final height", "m")}))
+    chunks = simulated_in_workers(monkeypatch)
+    assert len(chunks) == 2
+    for chunk in chunks:
+        (height,) = chunk.cell.measures.extra["final_height"]
+        assert 0.2 < height < 0.7
+
+
+def test_an_extension_that_no_worker_can_receive_is_one_line(added, monkeypatch: pytest.MonkeyPatch) -> None:
+    added(Extension(measures={"zero": ExtraMeasure(lambda episodes: np.zeros(episodes.count), "zero")}))
+    with pytest.raises(UsageError, match=r"worker processes cannot receive it .* at the top of a module"):
+        simulated_in_workers(monkeypatch)
+
+
+def test_a_measure_of_another_shape_is_named(added) -> None:
+    added(Extension(measures={"mine": ExtraMeasure(lambda episodes: np.zeros(3), "mine")}))
+    flat = quad_env.SCENARIOS["flat"]
+    policy = LabelledPolicy("stand", policies.make("stand"))
+    with pytest.raises(ValueError, match=r"measures mine: expected the shape \(2,\), got \(3,\)"):
+        simulate(Task(policy, flat, np.arange(2), np.arange(2), 110, IDEAL), 1, lambda _: None)

@@ -18,6 +18,7 @@ from evaluate.cells import EpisodeChunk, Task
 from evaluate.rollouts.run import Executor, TaskProgress, sequential, simulate
 from quad_env.cli.child_process import exit_with_parent, without_ctrl_c
 from quad_env.cli.command_line import UsageError
+from quad_env.extensions import Extension, add_extension, added_extensions
 from quad_env.files.text import format_exception
 from quad_env.physics.simulators import RELATIVE_STEP_TIME
 
@@ -82,7 +83,7 @@ class _Worker:
         self.task_index = -1
         """Of the task that it works on."""
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_work, args=(theirs,), daemon=False)
+        self.process = context.Process(target=_work, args=(theirs, added_extensions()), daemon=False)
         with contextlib.closing(theirs):
             self.process.start()
 
@@ -121,6 +122,7 @@ def _ready_workers(workers: Sequence[_Worker]) -> list[_Worker]:
 @contextlib.contextmanager
 def _workers(count: int) -> Iterator[list[_Worker]]:
     """Context with so many workers, which are gone after it. Raises WorkerLost where they cannot be started."""
+    _check_extensions()
     context, begun = multiprocessing.get_context("spawn"), list[_Worker]()
     try:
         try:
@@ -162,9 +164,21 @@ def _worker_environment() -> Iterator[None]:
             os.environ[BLAS_THREADS] = before
 
 
-def _work(pipe: Connection) -> None:
+def _check_extensions() -> None:
+    """Raise UsageError if an extension of this process cannot be sent to another."""
+    try:
+        pickle.dumps(added_extensions())
+    except (AttributeError, TypeError, pickle.PicklingError) as error:
+        raise UsageError(
+            f"add_extension: worker processes cannot receive it ({error}); define its functions at the top of a module"
+        ) from error
+
+
+def _work(pipe: Connection, extensions: Sequence[Extension]) -> None:
     """Ask for tasks, and send the outcome of each, or the exception that ended it, until the pipe is closed."""
     exit_with_parent()
+    for extension in extensions:
+        add_extension(extension)
     with contextlib.suppress(EOFError, OSError, MemoryError):
         pipe.send(None)
         while True:
