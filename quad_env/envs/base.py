@@ -38,7 +38,7 @@ from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.schedule import EpisodeSchedule
 from quad_env.sensing.estimators import COMPLEMENTARY, Estimator, check_estimator
 from quad_env.sensing.height_scan import HeightScan, make_scanner, table_with
-from quad_env.sensing.observation import SensorObservation, make_observation_model
+from quad_env.sensing.observation import make_observation_model
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 from quad_env.serialisation import from_plain
 from quad_env.task.observations import ObservationTerm, user_terms
@@ -156,7 +156,7 @@ class QuadEnvBase:
         """The simulated robots."""
         self._schedule = EpisodeSchedule(self.robot, self.scenario, num_envs, self.dt)
         self._action_delay = make_action_delay(self.robot, self.scenario, num_envs, self.dt)
-        self._sensors = make_observation_model(
+        self._observation_model = make_observation_model(
             equipment.sensors, equipment.estimator, self.simulation, self.scenario, num_envs, rate
         )
         scan = _setting(height_scan)
@@ -219,17 +219,17 @@ class QuadEnvBase:
     @property
     def estimator(self) -> Estimator | None:
         """Estimator of gravity and velocity in the observation; None if these are the true state's."""
-        return self._sensors.estimator if isinstance(self._sensors, SensorObservation) else None
+        return self._observation_model.estimator
 
     @property
     def observes_true_state(self) -> bool:
         """True if the observation is the undelayed true state without noise."""
-        return self._sensors is None
+        return self._observation_model.is_exact
 
     def _reset_episodes(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
         """Start the episodes of the robots `env_ids`, (k,)."""
         self.simulation.reset(env_ids, *stack_initial_conditions(episodes))
-        for part in (self._action_delay, self._sensors, self._scanner):
+        for part in (self._action_delay, self._observation_model, self._scanner):
             if part is not None:
                 part.reset(env_ids, episodes)
         self._tracked_command[env_ids] = self._schedule.command[env_ids]
@@ -301,9 +301,7 @@ class QuadEnvBase:
         rows = self._rows if env_ids is None else self._rows[env_ids]
         clock = self._schedule.step_count[rows]
         command = component_reader(env_ids)(self._schedule.command)
-        observation: NDArray[np.float32] = self.observation_table.observe(state, command)
-        if self._sensors is not None:
-            self._sensors.sense(np.atleast_2d(observation), clock, rows)
+        observation: NDArray[np.float32] = self._observation_model.observe(state, command, clock, rows)
         further_terms: list[NDArray[np.float32]] = []
         if self._scanner is not None:
             further_terms.append(self._scanner.scan(state, clock, rows))

@@ -15,7 +15,6 @@ from quad_env.envs.vector_env import Observation
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.scenario import Scenario
 from quad_env.seeding import seeds_of
-from quad_env.sensing.observation import SensorObservation
 
 RENDER_MODES = ("rgb_array", "human")
 
@@ -170,9 +169,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             "diverged": np.array(self._diverged),  # Gymnasium's batches would make an object of a `np.bool_`
             **{key: np.float64(value) for key, value in terms.items()},
         }
-        if isinstance(self._sensors, SensorObservation):
-            info |= {key: values[0] for key, values in self._sensors.readings().items()}
-        return info
+        return info | {key: values[0] for key, values in self._observation_model.readings().items()}
 
     def render(self) -> NDArray[Any] | None:
         """The current frame, (height, width, 3) uint8, or None for "human" or no mode."""

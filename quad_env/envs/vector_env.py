@@ -17,7 +17,6 @@ from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.episode import PushPlan
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.observation import SensorObservation
 from quad_env.task.readings import readings as readings_of
 
 Observation = NDArray[np.float32]
@@ -226,8 +225,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         if self._readings:
             infos |= readings_of(self.simulation, self._state)
             infos["joint_torque"][self._schedule.step_count == 0] = 0.0  # MuJoCo's is that of another simulation yet
-        if isinstance(self._sensors, SensorObservation):
-            infos |= self._sensors.readings()
+        infos |= self._observation_model.readings()
         return infos | {f"_{key}": self._all_true_mask for key in infos}
 
     def _restart(self, finished: Mask, infos: Infos, step_terms: Infos) -> Infos:

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quad_env.columns import Array, EnvIndices
+from quad_env.columns import Array, Components, EnvIndices, ScalarOrBatch
 from quad_env.physics.probe import IdealSensors
 from quad_env.physics.simulation import Simulation
+from quad_env.physics.state import QuadState
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.scenario import Scenario
@@ -54,7 +55,7 @@ class ObservationDisturbance:
         if self._offset is not None:
             self._offset[env_ids] = [episode.randomised.encoder_offset for episode in episodes if episode.randomised]
 
-    def sense(self, observation: NDArray[np.float32], clock: Clock, env_ids: EnvIndices) -> None:
+    def disturb(self, observation: NDArray[np.float32], clock: Clock, env_ids: EnvIndices) -> None:
         """Disturb the sensed terms of observations in place.
 
         Args:
@@ -83,6 +84,61 @@ def _observation_noise(table: ObservationTable, scenario: Scenario, num_envs: in
     return Noise(num_envs, std)
 
 
+class TrueStateObservation:
+    """Builds the observation from the true state, with a scenario's disturbances if it has any.
+
+    Attributes:
+        estimator: None; gravity and velocity are the true state's.
+        is_exact: True if the observation is the undisturbed true state.
+    """
+
+    estimator = None
+
+    def __init__(self, robot: Robot, disturbance: ObservationDisturbance | None = None) -> None:
+        """Create the model.
+
+        Args:
+            robot: The robots.
+            disturbance: Noise and latency of the scenario, if it has any.
+        """
+        self._table = observation_table(robot)
+        self._disturbance = disturbance
+        self.is_exact = disturbance is None
+
+    def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
+        """Restart the disturbances of some robots.
+
+        Args:
+            env_ids: Indices of the robots, (k,).
+            episodes: Their new episodes, k.
+        """
+        if self._disturbance is not None:
+            self._disturbance.reset(env_ids, episodes)
+
+    def observe(
+        self, state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch], clock: Clock, env_ids: EnvIndices
+    ) -> NDArray[np.float32]:
+        """Return the observation of some robots.
+
+        Args:
+            state: Their present state.
+            command: Command to track next, (3).
+            clock: Control steps since the start of the episode, (k,).
+            env_ids: Indices of the robots, (k,).
+
+        Returns:
+            Observation, (k, width), or (width,) for a state of floats.
+        """
+        observation = self._table.observe(state, command)
+        if self._disturbance is not None:
+            self._disturbance.disturb(np.atleast_2d(observation), clock, env_ids)
+        return observation
+
+    def readings(self) -> dict[str, NDArray[Any]]:
+        """Return no readings: there are no sensors."""
+        return {}
+
+
 class SensorObservation:
     """Builds the sensed terms of the observation from sensor readings and an estimator instead of the true state.
 
@@ -102,7 +158,10 @@ class SensorObservation:
 
     Attributes:
         estimator: Estimates of gravity, velocity and gyroscope bias.
+        is_exact: False; the observation is not the true state.
     """
+
+    is_exact = False
 
     def __init__(
         self,
@@ -138,20 +197,27 @@ class SensorObservation:
         if self._disturbance is not None:
             self._disturbance.reset(env_ids, episodes)
 
-    def sense(self, observation: NDArray[np.float32], clock: Clock, env_ids: EnvIndices) -> None:
-        """Replace the sensed terms of true observations in place.
+    def observe(
+        self, state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch], clock: Clock, env_ids: EnvIndices
+    ) -> NDArray[np.float32]:
+        """Return the observation of some robots.
 
         Args:
-            observation: True observations, (k, width).
+            state: Their present state, for the action.
+            command: Command to track next, (3).
             clock: Control steps since the start of the episode, (k,). A second call in a step reads no sensor again.
             env_ids: Indices of the robots, (k,).
+
+        Returns:
+            Observation, (k, width), or (width,) for a state of floats.
         """
         is_new = self._last_update_step[env_ids] != clock
         if is_new.any():
             self._update(clock[is_new], env_ids[is_new])
-        observation[:, self._table.sensed] = self._sensed_terms[env_ids]
+        observation = self._table.assemble(self._sensed_terms[env_ids], state, command)
         if self._disturbance is not None:
-            self._disturbance.sense(observation, clock, env_ids)
+            self._disturbance.disturb(np.atleast_2d(observation), clock, env_ids)
+        return observation
 
     def readings(self) -> dict[str, NDArray[Any]]:
         """Return the visible sample of each sensor and its time.
@@ -225,6 +291,10 @@ class SensorObservation:
         return np.clip(out, -self._bound, self._bound)
 
 
+ObservationModel = TrueStateObservation | SensorObservation
+"""Source of the observation: the true state, or sensors."""
+
+
 def make_observation_model(
     suite: SensorSuite | None,
     estimator: str,
@@ -232,7 +302,7 @@ def make_observation_model(
     scenario: Scenario,
     num_envs: int,
     control_rate: float,
-) -> SensorObservation | ObservationDisturbance | None:
+) -> ObservationModel:
     """Create the observation model of a batch.
 
     Args:
@@ -244,7 +314,7 @@ def make_observation_model(
         control_rate: Hz.
 
     Returns:
-        The model; None if the observation is the undisturbed true state.
+        The model.
     """
     robot = simulation.robot
     dt = 1 / control_rate
@@ -254,6 +324,6 @@ def make_observation_model(
     if has_latency or has_encoder_offset or scenario.noise is not None:
         disturbance = ObservationDisturbance(robot, scenario, num_envs, dt, has_encoder_offset)
     if suite is None:
-        return disturbance
+        return TrueStateObservation(robot, disturbance)
     assert simulation.probe is not None, "a simulation of robots without sensors"
     return SensorObservation(robot, suite, simulation.probe, num_envs, control_rate, estimator, disturbance)

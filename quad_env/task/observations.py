@@ -1,6 +1,6 @@
 """The observation as one table: name, width, unit, frame, bound and scale of each term, in order."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -89,14 +89,23 @@ class ObservationTable:
         """The observation space is [-bound, bound], shape (size,)."""
         self.scale = np.repeat([term.scale for term in self.terms], widths).astype(np.float32)
         """Scale of every entry, shape (size,)."""
-        always = slice(0, self.slices["command"].stop)
-        self._upper_bound, self._lower_bound = self.bound[always], -self.bound[always]
+        self._bound = self.bound[: self.slices["command"].stop]
+        """Bounds of the terms that every observation has."""
         self._home: list[float] = robot.home_pose.tolist()
-        self.bound.flags.writeable = self.scale.flags.writeable = False
+        self.bound.flags.writeable = False
+        self.scale.flags.writeable = False
 
     def observe(self, state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch]) -> NDArray[np.float32]:
-        """Fresh observation of the terms that all have, (k,) or (n, k); `command`, (3), is the one to follow next."""
-        in_order = (  # of the terms
+        """Return the observation of the true state, without further terms.
+
+        Args:
+            state: Present state of one robot or of n.
+            command: Command to track next, (3).
+
+        Returns:
+            Clipped terms that every observation has, (size,) or (n, size).
+        """
+        terms = (
             state.projected_gravity,
             state.angular_velocity,
             state.linear_velocity,
@@ -105,9 +114,30 @@ class ObservationTable:
             differences(state.action, self._home),
             command,
         )
-        out = in_single_precision(in_order).T
-        np.minimum(out, self._upper_bound, out=out)
-        return np.maximum(out, self._lower_bound, out=out)
+        return _clipped_rows(terms, self._bound)
+
+    def assemble(
+        self, sensed: NDArray[np.float32], state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch]
+    ) -> NDArray[np.float32]:
+        """Return the observation with given values of the sensed terms, without further terms.
+
+        Args:
+            sensed: Clipped values of the sensed terms, (k, width).
+            state: Present state of the k robots, for the action.
+            command: Command to track next, (3).
+
+        Returns:
+            Clipped terms that every observation has, (k, size), or (size,) for a state of floats.
+        """
+        known = _clipped_rows((differences(state.action, self._home), command), self._bound[self.sensed.stop :])
+        return np.concatenate((sensed if known.ndim == 2 else sensed[0], known), axis=-1)
+
+
+def _clipped_rows(terms: Sequence[Components[ScalarOrBatch]], bound: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return terms in single precision, clipped to ± `bound`, (width,) or (n, width)."""
+    rows = in_single_precision(terms).T
+    np.minimum(rows, bound, out=rows)
+    return np.maximum(rows, -bound, out=rows)
 
 
 observation_table = cache(ObservationTable)

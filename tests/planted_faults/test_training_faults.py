@@ -265,7 +265,9 @@ FAULTS: Faults = {
     ),
     "randomisation drawn once for all": (drawn_once, check_training_robots_are_randomised),
     "encoders without offsets": (
-        lambda patch: patch.setattr(sensed, "Sensors", lambda *args: ObservationDisturbance(*args[:4], False)),
+        lambda patch: patch.setattr(
+            sensed, "ObservationDisturbance", lambda *args: ObservationDisturbance(*args[:4], False)
+        ),
         check_training_robots_are_randomised,
     ),
     "searches on evaluation seeds": (
