@@ -21,12 +21,11 @@ from quad_env.doctor.stance_check import stands
 from quad_env.files.text import escape_control_characters
 from quad_env.info import joint_table
 from quad_env.robots.leg_names import find_contradictions
-from quad_env.robots.model_file import describe_extras
+from quad_env.robots.model_remarks import describe_extras, overlap_remark
 from quad_env.robots.parameter_inference import GIVEN_PARAMETERS
 from quad_env.robots.plausibility import find_warnings
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
-from quad_env.robots.scene import overlap_remark
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ def text(robot: Robot) -> Iterator[str]:
     if robot.locked_joints:
         yield f"joints       held at their reference: {', '.join(robot.locked_joints)}"
     if robot.imported:
-        yield from (f"{heading:12} {remark}" for heading, remark in describe_extras(robot.mjcf, robot.keeps_contact))
+        yield from (f"{heading:12} {remark}" for heading, remark in describe_extras(robot))
     if (line := overlap_remark(robot)) is not None:
         yield f"overlap      {line}"
     yield from (f"warning      {line}" for line in (*find_contradictions(robot), *find_warnings(robot)))

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from policies.base import Floats, PolicyError
 from policies.external.spec import PolicySpec
 from quad_env.robots.leg_names import leg_from_words, split_words
-from quad_env.robots.model_file import read
 from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG, LINK_WORDS
 
@@ -121,5 +120,6 @@ def _convention(robot: Robot) -> tuple[Floats, Floats]:
     """Signs and zeros of the robot's joints against those of its model file."""
     if not robot.imported:
         return np.ones(robot.num_joints), np.zeros(robot.num_joints)
-    _, model, found = read(robot.mjcf)
+    model = robot.user_model.model
+    found = robot.user_model.structure
     return found.signs, found.joint_offsets - found.signs * model.qpos0[model.jnt_qposadr[found.joints]]

@@ -24,7 +24,8 @@ def available_cores() -> int:
 def without_ctrl_c() -> Iterator[None]:
     """Context in which processes are begun that never receive Ctrl-C, not even while they load.
 
-    Ctrl-C within the context reaches this process after it. On Windows they receive it until `serve_parent` is called.
+    Ctrl-C within the context reaches this process after it. On Windows they receive it until they call
+    `exit_with_parent`.
     """
     if sys.platform == "win32":
         yield

@@ -12,10 +12,11 @@ import numpy as np
 
 from quad_env.doctor.check import DoctorSubject
 from quad_env.doctor.stance import LARGEST_LAG, Stance, make_standing_env, measure_stance
-from quad_env.robots.collision_rules import ATTACH_PREFIX, GROUND_BIT, RENAMED_PREFIX
+from quad_env.robots.model_remarks import body_names
+from quad_env.robots.part_names import ATTACH_PREFIX, RENAMED_PREFIX
 from quad_env.robots.plausibility import MAX_LEG_LENGTH
 from quad_env.robots.robot import Robot
-from quad_env.robots.scene import body_names
+from quad_env.robots.shapes import GROUND_BIT
 from quad_env.robots.similarity import scaled_servo_gains
 from quad_env.robots.unlikely_inertias import find_unlikely_inertias
 

@@ -23,7 +23,7 @@ CHECKS = (
     DoctorCheck("names", f"{HERE}.model:names", ("model",)),
     DoctorCheck("limits", f"{HERE}.model:limits", ("model",)),
     DoctorCheck("joints", f"{HERE}.model:joints", ("limits",)),
-    DoctorCheck("stands", f"{HERE}.standing:stands", ("joints",)),
+    DoctorCheck("stands", f"{HERE}.stance_check:stands", ("joints",)),
     DoctorCheck("plausible", f"{HERE}.model:plausible", ("stands",)),
 )
 """In the order in which one depends on another: the first problem is the one to repair."""

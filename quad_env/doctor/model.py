@@ -7,10 +7,11 @@ import numpy as np
 
 from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
 from quad_env.robots.leg_names import find_contradictions
-from quad_env.robots.model_file import DIGEST_FIELDS, log_to_console, omitted_from
+from quad_env.robots.model_digest import DIGEST_FIELDS
+from quad_env.robots.model_file import log_to_console
+from quad_env.robots.model_remarks import omission_lines, overlap_remark
 from quad_env.robots.plausibility import find_warnings
 from quad_env.robots.robot import Robot
-from quad_env.robots.scene import overlap_remark
 from quad_env.robots.structure import JOINTS_PER_LEG, ModelError
 
 NARROWEST, WIDEST, MARGIN = 0.1, 8.01 * np.pi, 0.03
@@ -40,7 +41,7 @@ def model(subject: DoctorSubject) -> Finding:
         )
     held = f"; held at their reference: {', '.join(robot.locked_joints)}" if robot.locked_joints else ""
     trunk = f"trunk {robot.home_height:.2f} m high"
-    omitted = omitted_from(robot.mjcf, robot.keeps_contact) if robot.imported else ()
+    omitted = omission_lines(robot.user_model, robot.keeps_contact) if robot.imported else ()
     details = [f"{heading}: {text}" for heading, text in omitted]
     if (line := overlap_remark(robot)) is not None:
         details.append(line)

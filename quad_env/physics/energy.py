@@ -8,7 +8,7 @@ import numpy as np
 from quad_env.actuation.models import Actuator
 from quad_env.columns import Array, EnvSelection
 from quad_env.physics.batch import Batch
-from quad_env.robots.collision_rules import names_of_part
+from quad_env.robots.part_names import names_of_part
 from quad_env.robots.robot import Robot
 
 JOINT_READINGS = (

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from quad_env.actuation.models import ACTUATORS, Actuator, ResolvedTorqueSpeed, min_limit
 from quad_env.columns import Array
 from quad_env.config import GRAVITY
-from quad_env.robots.collision_rules import GROUND_BIT, foot_geoms, names_of_part
 from quad_env.robots.model_file import log_to_console
+from quad_env.robots.part_names import foot_geoms, names_of_part
 from quad_env.robots.robot import Robot
 from quad_env.robots.scene import build_spec
-from quad_env.robots.shapes import box_corners, collision_mask, geom_ids, welded_bodies
+from quad_env.robots.shapes import GROUND_BIT, box_corners, collision_mask, geom_ids, welded_bodies
 from quad_env.scenarios.disturbances import Ground, Payload
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom, Stairs

@@ -84,11 +84,11 @@ def find_foot(model: Any, data: Any, joint: int, candidates: list[int]) -> Foot 
     down = _down(model, data, joint, hulls)
     if down is None:
         return None
-    depths_below_centre = {geom: float(((points - knee) @ down).max()) for geom, points in hulls.items()}
-    lowest = max(depths_below_centre.values())
-    level = [geom for geom in candidates if depths_below_centre[geom] >= lowest - _LEVEL]
+    depths = {geom: float(((points - knee) @ down).max()) for geom, points in hulls.items()}
+    lowest = max(depths.values())
+    level = [geom for geom in candidates if depths[geom] >= lowest - _LEVEL]
     short = [geom for geom in level if np.ptp(hulls[geom] @ down) < _LONG * lowest]
-    geoms = tuple(sorted(short or level, key=lambda geom: -depths_below_centre[geom]))
+    geoms = tuple(sorted(short or level, key=lambda geom: -depths[geom]))
     body = int(model.geom_bodyid[geoms[0]])
     ends = end_spheres(model, geoms[0]) if len(geoms) == 1 else []
     heights = [float((knee - geom_points_to_world(model, data, geoms[0], place)) @ down) for place, _ in ends]
@@ -229,7 +229,7 @@ def extreme_points(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
     return np.concatenate((points, below)), np.concatenate((radii, np.zeros(len(below))))
 
 
-def depths(points: Floats, radii: Floats, angles: Floats, up: Floats) -> Floats:
+def depths_below_centre(points: Floats, radii: Floats, angles: Floats, up: Floats) -> Floats:
     """Return the depths of feet below their centres, (...,), m.
 
     Args:
@@ -249,11 +249,11 @@ def depths(points: Floats, radii: Floats, angles: Floats, up: Floats) -> Floats:
 
 def _sole(points: Floats, knee: Floats, down: Floats, slack: float) -> Floats:
     """Middle of the lowest points, in a frame whose `down` is a unit vector; all in the world frame, m."""
-    depths_below_centre = (points - knee) @ down
-    low = points[depths_below_centre > depths_below_centre.max() - slack]
+    depths = (points - knee) @ down
+    low = points[depths > depths.max() - slack]
     flat = low - np.outer((low - knee) @ down, down)
     middle: Floats = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
-    return middle + float(depths_below_centre.max()) * down
+    return middle + float(depths.max()) * down
 
 
 def _centre(model: Any, data: Any, geom: int, knee: Floats) -> Floats:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from quad_env.columns import Array
-from quad_env.robots.feet import depths
+from quad_env.robots.feet import depths_below_centre
 from quad_env.robots.robot import Robot
 
 
@@ -44,7 +44,7 @@ def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
     if not robot.foot_points.size:
         return robot.foot_radius
     angles = joints.reshape(-1, len(robot.leg_names), 3)
-    return depths(robot.foot_points, robot.foot_radii, angles, rotation[:, None, 2, :])
+    return depths_below_centre(robot.foot_points, robot.foot_radii, angles, rotation[:, None, 2, :])
 
 
 def foot_jacobians(robot: Robot, joints: Array) -> Array:

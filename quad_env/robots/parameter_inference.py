@@ -1,7 +1,6 @@
 """The figures of a user's robot, inferred from its MJCF or URDF or given in a TOML file."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +40,7 @@ def load_parameters(path: Path, name: str | None = None, **figures: Any) -> Robo
     except ModelError as error:
         raise ModelError(one_line(f"{source}: {error}")) from error
     try:
-        return replace(_inferred(path, own, given), source=source)
+        return _inferred(path, own, given).replace(source=source)
     except ModelError as error:
         is_of_the_figures = isinstance(error, GivenParameterError) and source != path
         raise ModelError(one_line(f"{source if is_of_the_figures else path}: {error}")) from error
@@ -65,7 +64,9 @@ def _check_finite(robot: RobotParameters) -> None:
 
 
 def _inferred(path: Path, name: str, figures: dict[str, Any]) -> RobotParameters:
-    _, model, found = read(path)
+    user_model = read(path)
+    model = user_model.model
+    found = user_model.structure
     leg = found.legs[0]
     longer = (leg.thigh_length + leg.calf_length) / SIMPLE_QUAD_PARAMETERS.leg_length
     stiffness, damping = SIMPLE_QUAD_PARAMETERS.stiff_servo[:, 0].tolist()
@@ -105,10 +106,11 @@ def _inferred(path: Path, name: str, figures: dict[str, Any]) -> RobotParameters
         stiff_servo=np.stack(stiff_servo),
         **chosen,
     )
+    vars(robot)["user_model"] = user_model
     if "home_pose" not in figures:
         stand = _stand(model, found)
         height = SIMPLE_QUAD_PARAMETERS.home_hip_height * longer if stand is None else _height(leg, stand)
-        robot = _level_feet(replace(robot, home_pose=_home_pose(robot, len(found.legs) * [height])))
+        robot = _level_feet(robot.replace(home_pose=_home_pose(robot, len(found.legs) * [height])))
     for field, value in robot.by_name.items():
         if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
             raise ModelError(f"its {field.replace('_', ' ')} is not finite, got {value}")
@@ -230,7 +232,7 @@ def _level_feet(robot: RobotParameters) -> RobotParameters:
         if np.ptp(heights) < LEVEL_TOLERANCE:
             break
         pose = _home_pose(robot, (robot.hip_heights + 0.5 * (heights.min() + heights.max()) - heights).tolist())
-        robot = replace(robot, home_pose=pose)
+        robot = robot.replace(home_pose=pose)
     return robot
 
 

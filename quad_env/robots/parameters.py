@@ -4,16 +4,18 @@ Frames: base frame x forward, y left, z up, origin at the trunk's centre. Joint 
 straight down; hips turn about +x (abduction), thighs and calves about +y. Lengths in m, angles in rad, masses in kg.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from quad_env.robots.feet import depths
+from quad_env.robots.feet import depths_below_centre
+from quad_env.robots.model_file import UserModel, read
 from quad_env.robots.shapes import Floats as Floats
 
 T = TypeVar("T")
@@ -103,6 +105,18 @@ class RobotParameters:
         """The figures by the names of the fields."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
+    @cached_property
+    def user_model(self) -> UserModel:
+        """The model of an imported robot, as it was read for these parameters. Raises ModelError."""
+        return read(self.mjcf)
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with other values of the fields named in `changes`; it keeps the user's model as read."""
+        copy = dataclasses.replace(self, **changes)
+        if "user_model" in vars(self):
+            vars(copy)["user_model"] = self.user_model
+        return copy
+
     @property
     def num_joints(self) -> int:
         """Number of joints."""
@@ -175,7 +189,7 @@ class RobotParameters:
         if not self.foot_points.size:
             return np.full(len(self.leg_names), self.foot_radius)
         up = np.array((0.0, 0.0, 1.0))
-        return depths(self.foot_points, self.foot_radii, self.home_pose.reshape(-1, 3), up)
+        return depths_below_centre(self.foot_points, self.foot_radii, self.home_pose.reshape(-1, 3), up)
 
 
 def read_only_array(values: ArrayLike) -> Floats:

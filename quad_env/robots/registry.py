@@ -4,7 +4,6 @@ The wheel is looked at as a folder of files: nothing of it is imported, and noth
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -95,11 +94,11 @@ def _load_builtin(name: str) -> Robot:
         raise ModuleNotFoundError(f"the model of {name!r} is in a package that is not installed: {INSTALL_COMMAND}")
     folder = Path(spec.submodule_search_locations[0])
     knees = {"knee_direction": _KNEES[name]} if name in _KNEES else {}
-    robot = replace(Robot.from_mjcf(folder / "robot_model" / name / f"{name}.xml", name, **knees), source=None)
+    robot = Robot.from_mjcf(folder / "robot_model" / name / f"{name}.xml", name, **knees).replace(source=None)
     if (gains := MAKER_SERVOS[name]) is None:
         return robot
     stiffness, damping = (np.resize(each, robot.num_joints) for each in gains)
-    return replace(robot, servo_stiffness=stiffness, servo_damping=damping)
+    return robot.replace(servo_stiffness=stiffness, servo_damping=damping)
 
 
 @lru_cache(maxsize=8)

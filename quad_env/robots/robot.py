@@ -1,6 +1,5 @@
 """A robot as a value: its figures, and what its compiled MJCF gives besides: joint limits, mass, SHA-256."""
 
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from quad_env.files.text import one_line
-from quad_env.robots.model_file import digest
+from quad_env.robots.model_digest import digest
 from quad_env.robots.parameter_inference import load_parameters
 from quad_env.robots.parameters import Floats, RobotParameters, read_only_array
 from quad_env.robots.scene import build_spec
@@ -43,7 +42,10 @@ class Robot(RobotParameters):
         Raises:
             ModelError: a ValueError that says in a line why this is no such quadruped, or what has to be given.
         """
-        return cls(**load_parameters(Path(path), name, **figures).by_name)
+        parameters = load_parameters(Path(path), name, **figures)
+        robot = cls(**parameters.by_name)
+        vars(robot)["user_model"] = parameters.user_model
+        return robot
 
     def with_servo(self, stiffness: ArrayLike | None = None, damping: ArrayLike | None = None) -> "Robot":
         """The robot with these gains of its servos, a number or (12,), N·m/rad and N·m·s/rad, for every controller.
@@ -65,7 +67,7 @@ class Robot(RobotParameters):
         """A copy with other figures that change neither limits nor mass; the robot itself where nothing differs."""
         if all(np.array_equal(getattr(self, name), value) for name, value in figures.items()):
             return self
-        copy = replace(self, **figures)
+        copy = self.replace(**figures)
         vars(copy)["_compiled"] = self._compiled
         return copy
 

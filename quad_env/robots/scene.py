@@ -1,10 +1,9 @@
-"""A robot's model on our ground: the MJCF of its own for SimpleQuad, for others theirs with our servos and sensors.
+"""The scene: a robot on flat ground, SimpleQuad from its own file, a user's model attached to SimpleQuad's scene.
 
-A model brings the body with the free joint and all below it. Its joints keep their names and their order; where an
-axis points the other way, or the leg of the zero pose is bent, axis, limits and `ref` are rewritten, so that angles are
-zero with the leg straight down and grow about +x (hips) or +y (thighs and calves). Bodies and geoms that the simulation
-looks for get the names that SimpleQuad's have. An attached model loses what its compiler does to the whole model, such
-as `settotalmass`: each body gets the mass and inertia that MuJoCo's compilation of the model by itself gives it.
+Of a user's model the scene takes the body with the free joint and all bodies below it. The joints keep their names and
+their order. Axes, limits and `ref` are rewritten where an axis points the other way or the leg is bent at zero: angles
+are zero with the leg straight down and grow about +x (hips) or +y (thighs and calves). Bodies and geoms that the
+simulation finds by name get SimpleQuad's names.
 """
 
 from functools import lru_cache
@@ -12,331 +11,188 @@ from typing import Any
 
 import numpy as np
 
-from quad_env.robots.collision_rules import (
-    ATTACH_PREFIX,
-    GROUND_BIT,
-    RENAMED_PREFIX,
-    RULES,
-    SpecElements,
-    add_exclusions,
-    contact_parts,
-    keep_robot_rules,
-    names_of_part,
-    numbered_name,
-    scene_name,
-    set_ground_bits,
+from quad_env.robots.attached_model import (
+    AttachedModel,
+    align_joint_axes,
+    angle_unit,
+    copy_user_model,
+    delete_elements,
+    keep_compiled_inertias,
+    move_base_frame,
+    remove_forces,
+    rename_elements,
+    reset_orientation,
+    set_contact_parameters,
 )
-from quad_env.robots.model_file import read
-from quad_env.robots.overlaps import find_overlaps, format_overlaps
+from quad_env.robots.collision_rules import RULES, apply_rules, collect_rules, contact_parts, set_ground_bits
+from quad_env.robots.overlaps import find_overlaps
 from quad_env.robots.parameters import SIMPLE_QUAD_PARAMETERS, RobotParameters
-from quad_env.robots.shapes import Floats, surface_points
-from quad_env.robots.structure import LINKS, Leg, RobotStructure
+from quad_env.robots.part_names import ATTACH_PREFIX, RENAMED_PREFIX, names_of_part, numbered_name, scene_name
+from quad_env.robots.shapes import GROUND_BIT
 
-_SENSOR = "name", "type", "objtype", "objname", "reftype", "refname", "intprm"
-"""Fields of a sensor."""
+_SENSOR_FIELDS = ("name", "type", "objtype", "objname", "reftype", "refname", "intprm")
+_LIGHT_FIELDS = ("mode", "type", "dir", "cutoff", "exponent", "diffuse")
+_REMOVED = ("actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
+"""Kinds of elements that the scene does not take from a user's model."""
+_IMU_SIZE = 0.005
+"""m. Radius of the IMU's site, for pictures alone."""
 
 
 def build_spec(robot: RobotParameters) -> Any:
-    """The robot on flat ground, as a `mujoco.MjSpec` of its own. Raises ModelError."""
-    import mujoco  # here, since it takes long
+    """Return the robot on flat ground with its servo gains, a new `mujoco.MjSpec`. Raises ModelError."""
+    import mujoco  # here: a slow import
 
     if robot.imported:
-        changed = robot.mjcf.stat().st_mtime_ns if robot.mjcf.is_file() else 0
-        spec = _attach_to_scene(robot, changed).copy()  # which compiles to the same bits
+        modified = robot.mjcf.stat().st_mtime_ns if robot.mjcf.is_file() else 0
+        spec = _attach_to_scene(robot, modified).copy()  # a copy compiles to the same bits
     else:
         spec = mujoco.MjSpec.from_file(str(robot.mjcf))
-    for servo, stiffness, damping in zip(spec.actuators, robot.servo_stiffness, robot.servo_damping, strict=True):
-        servo.gainprm[0], servo.biasprm[1], servo.biasprm[2] = stiffness, -stiffness, -damping
+    for actuator, stiffness, damping in zip(spec.actuators, robot.servo_stiffness, robot.servo_damping, strict=True):
+        actuator.gainprm[0] = stiffness
+        actuator.biasprm[1] = -stiffness
+        actuator.biasprm[2] = -damping
     return spec
 
 
 @lru_cache(maxsize=16)
-def _attach_to_scene(robot: RobotParameters, _changed: int) -> Any:
-    """The robot of a file that was changed at that time, but for the gains of its servos; it takes half a second."""
+def _attach_to_scene(robot: RobotParameters, modified: int) -> Any:
+    """Return the scene with a user's robot, its servos without gains; it takes up to half a second.
+
+    The steps depend on their order: elements lose the ids of the compiled model when the specification changes.
+
+    Args:
+        robot: Parameters of an imported robot; robots that differ in servo gains alone are equal.
+        modified: Modification time of its file, ns.
+    """
     import mujoco
 
-    own, model, found = read(robot.mjcf)
-    stage = mujoco.MjSpec.from_file(str(SIMPLE_QUAD_PARAMETERS.mjcf))
-    parts = SpecElements(*({part.id: part for part in kind} for kind in (own.bodies, own.joints, own.geoms)))
-    _keep_masses(parts, model, found)
-    _turn_joints(parts, model, found, robot)
-    _leave_out_forces(parts, model, found)
-    _clear(own, "actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
-    overlaps = find_overlaps(mujoco, model, found, robot.home_pose)
-    rules = [*keep_robot_rules(own, found, overlaps), *add_exclusions(own, parts, overlaps)]
-    _name_parts(parts, model, found, robot)
+    # 1. Start from the compiled model, with the joints of no leg locked, see `model_file.read`.
+    attached = copy_user_model(robot, modified)
+    scene = mujoco.MjSpec.from_file(str(SIMPLE_QUAD_PARAMETERS.mjcf))
+    # 2. Write the compiled masses and joints, since the attachment loses the compiler's settings.
+    keep_compiled_inertias(attached)
+    align_joint_axes(attached)
+    # 3. Remove the parts and forces that the robot does not have here.
+    remove_forces(attached)
+    delete_elements(attached.spec, *_REMOVED)
+    # 4. Decide about collisions while the elements have their ids, and name them.
+    overlaps = find_overlaps(mujoco, attached.model, attached.structure, robot.home_pose)
+    rules = collect_rules(attached, overlaps)
+    rename_elements(attached)
     if not robot.keeps_contact:
-        _touch_like_ours(parts, own, found, stage.geom("fl_foot"))
-    sensed = dict(contact_parts(parts, model, found))
-    set_ground_bits(parts, found)
-    _centre_base(parts, found)
-    for rule, field, part in rules:
-        setattr(rule, field, part.name)
-    _add_imu_and_cameras(parts.bodies[found.root], stage, robot)
-    sensors = [{field: getattr(sensor, field) for field in _SENSOR} for sensor in stage.sensors]
-    stage.delete(stage.body("base_link"))
-    _clear(stage, "actuators", "sensors", "keys")
-    own.option, own.visual, own.stat, own.memory = stage.option, stage.visual, stage.stat, stage.memory
-    own.njmax, own.nconmax, own.nkey = stage.njmax, stage.nconmax, stage.nkey
-    stage.worldbody.add_frame().attach_body(parts.bodies[found.root], ATTACH_PREFIX, "")
-    stage.modelname = robot.name
-    plane = stage.geom("ground")
-    plane.conaffinity |= GROUND_BIT
-    for part in (*stage.bodies, *stage.joints, *stage.geoms, *stage.sites, *stage.cameras, *stage.lights):
-        part.name = scene_name(part.name)
-    for kind, (_, *names) in RULES.items():
-        for rule in getattr(stage, kind):
-            for name in names:
-                setattr(rule, name, scene_name(getattr(rule, name)))
-    _add_position_actuators(stage, robot)
-    _add_sensors(stage, robot, sensors, sensed)
-    qpos = (0.0, 0.0, robot.home_height, 1.0, 0.0, 0.0, 0.0, *robot.home_pose)
-    stage.add_key(name="home", qpos=qpos, ctrl=robot.home_pose)
-    stage.body("base_link").pos = (0.0, 0.0, robot.leg_length + robot.foot_radius)
-    return stage
+        set_contact_parameters(attached, scene.geom("fl_foot"))
+    measured_parts = dict(contact_parts(attached))
+    set_ground_bits(attached)
+    # 5. Put the base frame into the trunk, with SimpleQuad's IMU and cameras.
+    move_base_frame(attached)
+    apply_rules(rules)
+    _add_imu_and_cameras(attached, scene)
+    # 6. Put the robot into SimpleQuad's place.
+    sensors = [{field: getattr(sensor, field) for field in _SENSOR_FIELDS} for sensor in scene.sensors]
+    _replace_simple_quad(attached, scene)
+    _remove_prefixes(scene)
+    # 7. Add the servos, sensors and home pose.
+    _add_position_actuators(scene, robot)
+    _add_sensors(scene, robot, sensors, measured_parts)
+    _set_home_pose(scene, robot)
+    return scene
 
 
-def body_names(robot: RobotParameters) -> dict[str, str]:
-    """Return the body names of the user's file by the body names on our ground.
-
-    The names on our ground stand for bodies without a name in the file, and for robots that are not imported.
-    """
-    if not robot.imported:
-        return {}
-    _, model, found = read(robot.mjcf)
-    names = {ATTACH_PREFIX + name: name for body in found.bodies if (name := str(model.body(body).name))}
-    if root := str(model.body(found.root).name):
-        names["base_link"] = root
-    for leg in found.legs:
-        for joint, link in zip(leg.joints, LINKS, strict=True):
-            if name := str(model.body(int(model.jnt_bodyid[joint])).name):
-                names[f"{leg.name}_{link}_link"] = name
-    return names
-
-
-def overlap_remark(robot: RobotParameters) -> str | None:
-    """Return the line that names the shapes of a user's robot that overlap in its home pose; None without any."""
-    import mujoco
-
-    if not robot.imported:
-        return None
-    _, model, found = read(robot.mjcf)
-    overlaps = find_overlaps(mujoco, model, found, robot.home_pose)
-    return format_overlaps(model, overlaps) if overlaps else None
-
-
-def _clear(spec: Any, *kinds: str) -> None:
-    for kind in kinds:
-        for part in list(getattr(spec, kind)):
-            spec.delete(part)
-
-
-def _keep_masses(parts: SpecElements, model: Any, found: RobotStructure) -> None:
-    """Give each body the mass and inertia that it has in the compiled model."""
-    for body in found.bodies:
-        part = parts.bodies[body]
-        compiler = part.compiler
-        compiler.inertiafromgeom = compiler.balanceinertia = 0
-        compiler.boundmass = compiler.boundinertia = 0.0
-        part.explicitinertial, part.fullinertia = True, np.full(6, np.nan)
-        part.mass, part.inertia = model.body_mass[body], model.body_inertia[body]
-        part.ipos, part.iquat, part.ialt.type = model.body_ipos[body], model.body_iquat[body], 0
-
-
-def _turn_joints(parts: SpecElements, model: Any, found: RobotStructure, robot: RobotParameters) -> None:
-    """Turn the joint axes to the robot's convention; angles in the unit of the model's compiler.
-
-    A spring's force is -(a x + b x² + c x³): b changes its sign with the axis. A damper's force is odd. A joint has the
-    armature and damping of its motors, and no motor's torque is cut below the rated one.
-    """
-    of_motors = _of_motors(model)
-    for joint, sign, zero, *limits in zip(
-        found.joints, found.signs, found.joint_offsets, *found.limits(model), strict=True
-    ):
-        part, place = parts.joints[joint], int(model.jnt_qposadr[joint])
-        dof = int(model.jnt_dofadr[joint])
-        unit = _unit(part)
-        part.axis = sign * np.array(part.axis)
-        part.springref = unit * (zero + sign * (model.qpos_spring[place] - model.qpos0[place]))
-        part.ref = unit * zero
-        part.limited, part.range = 1, unit * np.array(limits)
-        square, cube = model.jnt_stiffnesspoly[joint]
-        part.stiffness = (model.jnt_stiffness[joint], sign * square, cube)
-        part.damping = np.array((model.dof_damping[dof], *model.dof_dampingpoly[dof])) + of_motors[joint, 1:]
-        part.armature = model.dof_armature[dof] + of_motors[joint, 0]
-        part.springdamper = (0.0, 0.0)  # compiled into stiffness and damping
-        if model.jnt_actfrclimited[joint]:
-            lower, upper = np.sort(sign * model.jnt_actfrcrange[joint])
-            part.actfrclimited = 1
-            part.actfrcrange = (min(lower, -robot.rated_torque), max(upper, robot.rated_torque))
-
-
-def _of_motors(model: Any) -> Floats:
-    """Return the armature and damping coefficients of each joint from its motors, (njnt, 4), with the squared gear."""
-    import mujoco
-
-    found = np.zeros((model.njnt, 4))
-    for motor in range(model.nactuator):
-        if int(model.actuator_trntype[motor]) in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
-            gear = model.actuator_gear[model.actuator_outadr[motor], 0]
-            own = model.actuator_armature[motor], model.actuator_damping[motor], *model.actuator_dampingpoly[motor]
-            found[model.actuator_trnid[motor, 0]] += gear**2 * np.array(own)
-    return found
-
-
-def _leave_out_forces(parts: SpecElements, model: Any, found: RobotStructure) -> None:
-    """Remove all forces but the weight, the joint springs and the ground contact, see `omissions`."""
-    import mujoco
-
-    for body in found.bodies:
-        part = parts.bodies[body]
-        part.gravcomp = 0.0
-        part.sleep = mujoco.mjtSleepPolicy.mjSLEEP_AUTO
-        part.plugin.active = False
-    for joint in found.joints:
-        parts.joints[joint].springyield = 0.0
-        parts.joints[joint].actgravcomp = 0
-    free = parts.joints[int(model.body_jntadr[found.root])]
-    free.stiffness = free.damping = (0.0, 0.0, 0.0)
-    free.armature = free.frictionloss = 0.0
-    free.springdamper = (0.0, 0.0)
-
-
-def _touch_like_ours(parts: SpecElements, own: Any, found: RobotStructure, foot: Any) -> None:
-    """Give geoms and pairs the contact parameters of SimpleQuad's foot and keep their friction."""
-    geoms = [geom for body in found.bodies for geom in parts.bodies[body].geoms]
-    for part in (*geoms, *own.pairs):
-        part.solref = foot.solref
-        part.solimp = foot.solimp
-        part.margin = part.gap = part.adhesion = 0.0
-    for geom in geoms:
-        geom.solmix = foot.solmix
-        geom.condim = foot.condim
-        geom.priority = foot.priority
-        geom.surfacevel = np.zeros(6)
-        geom.fluid_ellipsoid = 0.0  # there is no fluid here
-    for pair in own.pairs:
-        pair.solreffriction = (0.0, 0.0)
-        pair.condim = foot.condim
-
-
-def _unit(joint: Any) -> float:
-    """Of a joint's angles in its specification, in a radian."""
-    return float(np.rad2deg(1.0)) if joint.compiler.degree else 1.0
-
-
-def _name_parts(parts: SpecElements, model: Any, found: RobotStructure, robot: RobotParameters) -> None:
-    """Mark what the simulation looks for by its name; each leg gets two sites, a trunk that does not collide a box."""
-    for kind, named in (("body", parts.bodies), ("geom", parts.geoms)):
-        for number, part in named.items():
-            part.name = part.name or f"{RENAMED_PREFIX}{kind}_{number}"
-    parts.bodies[found.root].name = RENAMED_PREFIX + "base_link"
-    for geom in parts.geoms.values():
-        geom.priority, geom.condim = 0, 3  # the ground's friction is the scenario's, and slides alone
-    for leg in found.legs:
-        for number, geom in enumerate(leg.foot.geoms):
-            parts.geoms[geom].name = RENAMED_PREFIX + numbered_name(f"{leg.name}_foot", number)
-        body = parts.bodies[leg.foot.body]
-        site = {"type": 2, "pos": leg.foot.centre, "size": (leg.foot.radius, 0.0, 0.0), "rgba": (0.0, 0.0, 0.0, 0.0)}
-        _align_axes(body.add_site(name=RENAMED_PREFIX + f"{leg.name}_foot", **site))
-        for number, each in enumerate(leg.foot.bodies(model)):
-            sole = RENAMED_PREFIX + numbered_name(f"{leg.name}_sole", number)
-            _align_axes(parts.bodies[each].add_site(name=sole, **_sole(model, leg, each)))
-        for joint, link in zip(leg.joints, LINKS, strict=True):
-            parts.joints[joint].name = RENAMED_PREFIX + model.joint(joint).name
-            parts.bodies[int(model.jnt_bodyid[joint])].name = RENAMED_PREFIX + f"{leg.name}_{link}_link"
-    if not found.trunk_collides(model):
-        box = {"type": 6, "pos": robot.trunk_centre, "size": robot.trunk_size / 2.0, "mass": 0.0, "group": 3}
-        _align_axes(
-            parts.bodies[found.trunk].add_geom(name=RENAMED_PREFIX + "trunk", contype=GROUND_BIT, conaffinity=0, **box)
-        )
-
-
-def _align_axes(part: Any) -> None:
-    """Align a new geom or site with the axes of its body, for every orientation in the model's class defaults."""
-    import mujoco
-
-    part.quat = (1.0, 0.0, 0.0, 0.0)
-    part.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
-    part.fromto = np.full(6, np.nan)
-
-
-def _centre_base(parts: SpecElements, found: RobotStructure) -> None:
-    """Put the frame of the body with the free joint where the trunk's is, everything of it staying where it is."""
-    import mujoco
-
-    root, place, axes = parts.bodies[found.root], found.body_positions[found.root], found.body_rotations[found.root]
-    if np.allclose(place, 0.0, atol=1e-12) and np.allclose(axes, np.eye(3), atol=1e-12):
-        return
-    quaternion, turned = np.zeros(4), np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, axes.ravel())
-    mujoco.mju_mulQuat(turned, quaternion, np.array(root.iquat))
-    root.ipos, root.iquat = place + axes @ root.ipos, turned
-    loose = [part for part in (*root.frames, *root.geoms, *root.sites, *root.bodies) if part.frame is None]
-    frame = root.add_frame(pos=place, quat=quaternion)
-    for part in loose:
-        part.set_frame(frame)
-
-
-def _sole(model: Any, leg: Leg, body: int) -> dict[str, Any]:
-    """A site around the foot's geoms of one body, a little larger than these: the volume of a touch sensor."""
-    points = np.concatenate([surface_points(model, geom) for geom in leg.foot.geoms if model.geom_bodyid[geom] == body])
-    low, high = points.min(axis=0), points.max(axis=0)
-    return {"type": 6, "pos": 0.5 * (low + high), "size": 0.5 * (high - low) + 1e-3, "rgba": (0.0, 0.0, 0.0, 0.0)}
-
-
-def _add_imu_and_cameras(trunk: Any, stage: Any, robot: RobotParameters) -> None:
-    """SimpleQuad's IMU, and its cameras and lamp, as far from the trunk as the robot is larger."""
-    _align_axes(
-        trunk.add_site(
-            name=RENAMED_PREFIX + "imu", type=2, pos=np.zeros(3), size=np.full(3, 0.005), rgba=(0.0, 0.0, 0.0, 0.0)
-        )
-    )
-    larger = max(
+def _add_imu_and_cameras(attached: AttachedModel, scene: Any) -> None:
+    """Add SimpleQuad's IMU, cameras and lamp to the trunk; their distances grow with the size of the robot."""
+    robot = attached.robot
+    trunk = attached.root
+    imu = {"type": 2, "pos": np.zeros(3), "size": np.full(3, _IMU_SIZE), "rgba": (0.0, 0.0, 0.0, 0.0)}
+    reset_orientation(trunk.add_site(name=RENAMED_PREFIX + "imu", **imu))
+    scale = max(
         robot.leg_length / SIMPLE_QUAD_PARAMETERS.leg_length, robot.trunk_size[0] / SIMPLE_QUAD_PARAMETERS.trunk_size[0]
     )
-    model = stage.compile()
-    for camera in stage.cameras:
-        seen = {"pos": larger * np.array(camera.pos), "quat": model.cam_quat[camera.id], "fovy": camera.fovy}
-        trunk.add_camera(name=RENAMED_PREFIX + camera.name, mode=camera.mode, **seen)
-    for light in stage.lights:
-        shown = {key: getattr(light, key) for key in ("mode", "type", "dir", "cutoff", "exponent", "diffuse")}
-        trunk.add_light(name=RENAMED_PREFIX + light.name, pos=larger * np.array(light.pos), **shown)
+    model = scene.compile()
+    for camera in scene.cameras:
+        view = {"pos": scale * np.array(camera.pos), "quat": model.cam_quat[camera.id], "fovy": camera.fovy}
+        trunk.add_camera(name=RENAMED_PREFIX + camera.name, mode=camera.mode, **view)
+    for light in scene.lights:
+        fields = {field: getattr(light, field) for field in _LIGHT_FIELDS}
+        trunk.add_light(name=RENAMED_PREFIX + light.name, pos=scale * np.array(light.pos), **fields)
 
 
-def _add_position_actuators(stage: Any, robot: RobotParameters) -> None:
-    """Joint servos, in the order of the joints."""
+def _replace_simple_quad(attached: AttachedModel, scene: Any) -> None:
+    """Attach the robot to the scene in SimpleQuad's place; options and sizes are the scene's."""
+    spec = attached.spec
+    scene.delete(scene.body("base_link"))
+    delete_elements(scene, "actuators", "sensors", "keys")
+    for settings in ("option", "visual", "stat", "memory", "njmax", "nconmax", "nkey"):
+        setattr(spec, settings, getattr(scene, settings))
+    scene.worldbody.add_frame().attach_body(attached.root, ATTACH_PREFIX, "")
+    scene.modelname = attached.robot.name
+    scene.geom("ground").conaffinity |= GROUND_BIT
+
+
+def _remove_prefixes(scene: Any) -> None:
+    """Remove the prefixes of renamed elements, in their own names and in the collision rules."""
+    elements = (*scene.bodies, *scene.joints, *scene.geoms, *scene.sites, *scene.cameras, *scene.lights)
+    for element in elements:
+        element.name = scene_name(element.name)
+    for kind, (_, *fields) in RULES.items():
+        for rule in getattr(scene, kind):
+            for field in fields:
+                setattr(rule, field, scene_name(getattr(rule, field)))
+
+
+def _add_position_actuators(scene: Any, robot: RobotParameters) -> None:
+    """Add the joint servos, in the order of the joints, with the range of their joints and the rated torque."""
     import mujoco
 
-    for joint in robot.joint_names:
-        servo = stage.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        servo.set_to_position(kp=1.0, kv=0.0)
-        turning = stage.joint(joint)
-        servo.ctrllimited, servo.ctrlrange = 1, np.array(turning.range) / _unit(turning)
-        servo.forcelimited, servo.forcerange = 1, (-robot.rated_torque, robot.rated_torque)
+    for name in robot.joint_names:
+        actuator = scene.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        actuator.set_to_position(kp=1.0, kv=0.0)
+        joint = scene.joint(name)
+        actuator.ctrllimited = 1
+        actuator.ctrlrange = np.array(joint.range) / angle_unit(joint)
+        actuator.forcelimited = 1
+        actuator.forcerange = (-robot.rated_torque, robot.rated_torque)
 
 
 def _add_sensors(
-    stage: Any, robot: RobotParameters, sensors: list[dict[str, Any]], sensed: dict[str, list[Any]]
+    scene: Any, robot: RobotParameters, sensors: list[dict[str, Any]], measured_parts: dict[str, list[Any]]
 ) -> None:
-    """SimpleQuad's sensors on the parts of these names, those of contacts on all that is `sensed`, those of touch on
-    whole soles; none of joints, whose readings are `qpos` and `qvel`."""
+    """Add SimpleQuad's sensors, except joint sensors: `qpos` and `qvel` have their readings.
+
+    Args:
+        scene: Specification with the robot.
+        robot: Its parameters.
+        sensors: Fields of SimpleQuad's sensors.
+        measured_parts: Bodies and geoms of each part with a contact sensor, see `contact_parts`.
+    """
     import mujoco
 
     kinds = mujoco.mjtSensor
-    sites = [site.name for site in stage.sites]
+    sites = [site.name for site in scene.sites]
     for sensor in sensors:
         if sensor["type"] in (kinds.mjSENS_JOINTPOS, kinds.mjSENS_JOINTVEL):
             continue
         soles = names_of_part(sensor["objname"].removesuffix("_foot") + "_sole", sites)
         if sensor["type"] == kinds.mjSENS_TOUCH and (robot.foot_points.size or len(soles) > 1):
             for number, sole in enumerate(soles):
-                stage.add_sensor(**sensor | {"name": numbered_name(sensor["name"], number), "objname": sole})
-            continue
-        if sensor["type"] != kinds.mjSENS_CONTACT:
-            stage.add_sensor(**sensor)
-            continue
-        for number, part in enumerate(sensed[sensor["name"].removesuffix("_ground")]):
-            kind = mujoco.mjtObj.mjOBJ_GEOM if hasattr(part, "contype") else mujoco.mjtObj.mjOBJ_BODY
-            named = {"name": numbered_name(sensor["name"], number), "objtype": kind, "objname": part.name}
-            stage.add_sensor(**sensor | named)
+                scene.add_sensor(**sensor | {"name": numbered_name(sensor["name"], number), "objname": sole})
+        elif sensor["type"] == kinds.mjSENS_CONTACT:
+            _add_contact_sensors(scene, sensor, measured_parts[sensor["name"].removesuffix("_ground")])
+        else:
+            scene.add_sensor(**sensor)
+
+
+def _add_contact_sensors(scene: Any, sensor: dict[str, Any], parts: list[Any]) -> None:
+    """Add a contact sensor, with the fields of `sensor`, to each body or geom of `parts`."""
+    import mujoco
+
+    for number, part in enumerate(parts):
+        kind = mujoco.mjtObj.mjOBJ_GEOM if hasattr(part, "contype") else mujoco.mjtObj.mjOBJ_BODY
+        own = {"name": numbered_name(sensor["name"], number), "objtype": kind, "objname": part.name}
+        scene.add_sensor(**sensor | own)
+
+
+def _set_home_pose(scene: Any, robot: RobotParameters) -> None:
+    """Add the keyframe of the home pose, and place the trunk so that straight legs reach the ground."""
+    qpos = (0.0, 0.0, robot.home_height, 1.0, 0.0, 0.0, 0.0, *robot.home_pose)
+    scene.add_key(name="home", qpos=qpos, ctrl=robot.home_pose)
+    scene.body("base_link").pos = (0.0, 0.0, robot.leg_length + robot.foot_radius)

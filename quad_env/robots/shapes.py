@@ -9,6 +9,11 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+GROUND_BIT = 1 << 30
+"""Bit of `contype` of the geoms that collide with the ground, and of `conaffinity` of the ground. The geoms collide
+with the ground whatever bits the model uses, and no two geoms of a robot collide that do not in its model.
+"""
+
 _SIGNS = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)], indexing="ij"), axis=-1).reshape(-1, 3)
 _TURNS = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
 _CIRCLE = np.stack((np.cos(_TURNS), np.sin(_TURNS)), axis=1)

@@ -4,9 +4,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from quad_env.robots.collision_rules import ATTACH_PREFIX, RENAMED_PREFIX
+from quad_env.robots.model_remarks import body_names
+from quad_env.robots.part_names import ATTACH_PREFIX, RENAMED_PREFIX
 from quad_env.robots.robot import Robot
-from quad_env.robots.scene import body_names
 from quad_env.robots.shapes import Floats, box_corners, descendant_mask, geom_ids, rotation_matrix, welded_bodies
 
 MAX_INERTIA_RATIO = 10.0

@@ -13,7 +13,7 @@ from quad_env.columns import Array, EnvIndices, EnvSelection
 from quad_env.physics.array_batch import ArrayBatch
 from quad_env.physics.drake.plant import inertia, plant_of
 from quad_env.physics.simulators import DRAKE, SIMULATOR_FEATURES
-from quad_env.robots.collision_rules import foot_geoms
+from quad_env.robots.part_names import foot_geoms
 
 _Forces = Value[list[ExternallyAppliedSpatialForce]]
 _STEPPED = "qpos", "qvel", "ctrl", "actuator_force", "xfrc_applied"

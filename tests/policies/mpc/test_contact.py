@@ -16,7 +16,7 @@ from policies.mpc.policy import MpcWbc
 from quad_env import OBSERVATION
 from quad_env.actuation.hardware import hardware_profile
 from quad_env.physics.dynamics import Dynamics
-from quad_env.robots.collision_rules import foot_geoms
+from quad_env.robots.part_names import foot_geoms
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from tests.policies.readings import reading

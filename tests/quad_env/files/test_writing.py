@@ -10,8 +10,8 @@ from quad_env.files.writing import FolderInUse, exclusive_lock
 HOLDER = """
 import sys, time
 from pathlib import Path
-from quad_env.files.writing import sole_use
-with sole_use(Path(sys.argv[1])):
+from quad_env.files.writing import exclusive_lock
+with exclusive_lock(Path(sys.argv[1])):
     print("locked", flush=True)
     time.sleep(60)
 """

@@ -9,7 +9,7 @@ import pytest
 import policies
 from quad_env import Robot
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
-from quad_env.robots.collision_rules import foot_geoms
+from quad_env.robots.part_names import foot_geoms
 from quad_env.robots.shapes import ground_collision_mask
 from tests.quad_env.robots.made import PLACES, Made
 from tests.quad_env.robots.test_model_files import MESH, SHIN, robot_of_text, standing

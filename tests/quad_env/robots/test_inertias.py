@@ -9,7 +9,8 @@ import pytest
 
 from quad_env import ModelError, Robot
 from quad_env.describe import text
-from quad_env.robots.model_file import omitted_from
+from quad_env.robots.model_file import read
+from quad_env.robots.model_remarks import omission_lines
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.made import Made
 from tests.quad_env.robots.test_model_files import PLAIN, robot_of_text, standing
@@ -93,14 +94,14 @@ def test_it_is_what_mujoco_s_balanceinertia_makes_of_it(tmp_path: Path) -> None:
     for text_of_file in (model, asked):
         robot = robot_of_text(tmp_path, text_of_file)
         np.testing.assert_allclose(robot.model.body_inertia[1:14], theirs.body_inertia[1:14])
-        assert [line for heading, line in omitted_from(robot.mjcf) if heading == "inertia"] == [
+        assert [line for heading, line in omission_lines(read(robot.mjcf)) if heading == "inertia"] == [
             "of torso is impossible: three equal moments of the same mean instead"
         ]
 
 
 def test_a_bound_of_inertias_makes_none_impossible(tmp_path: Path) -> None:
     bounded = PLAIN.replace("<compiler ", '<compiler boundinertia="0.2" ')
-    assert [heading for heading, _ in omitted_from(robot_of_text(tmp_path, bounded).mjcf)] == ["left out"]
+    assert [heading for heading, _ in omission_lines(read(robot_of_text(tmp_path, bounded).mjcf))] == ["left out"]
 
 
 def test_an_impossible_inertia_of_a_urdf_is_balanced_and_named(tmp_path: Path) -> None:
@@ -108,7 +109,9 @@ def test_an_impossible_inertia_of_a_urdf_is_balanced_and_named(tmp_path: Path) -
     assert thin != urdf()
     path = written(tmp_path, thin)
     assert Robot.from_mjcf(path).mass == pytest.approx(masses(thin))
-    assert ("inertia", "of hl_1 is impossible: three equal moments of the same mean instead") in omitted_from(path)
+    assert ("inertia", "of hl_1 is impossible: three equal moments of the same mean instead") in omission_lines(
+        read(path)
+    )
 
 
 def test_possible_inertias_next_to_an_impossible_one_stay(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from quad_env.describe import text
 from quad_env.doctor.check import DoctorSubject
 from quad_env.doctor.model import model as doctor_reads
 from quad_env.physics.model import compile_model
-from quad_env.robots.collision_rules import foot_geoms
+from quad_env.robots.part_names import foot_geoms
 from quad_env.robots.registry import ROBOTS
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.named import SCENARIOS

@@ -15,7 +15,8 @@ from quad_env.doctor.model import model as doctor_reads
 from quad_env.doctor.stance_check import stands
 from quad_env.physics.batch import make_batch
 from quad_env.robots.model_fields import KEPT, MODEL_FIELDS, NAMED, OPTION_FIELDS
-from quad_env.robots.model_file import omitted_from
+from quad_env.robots.model_file import read
+from quad_env.robots.model_remarks import omission_lines
 from quad_env.robots.registry import ROBOTS
 from quad_env.robots.robot import Robot
 from tests.quad_env.robots.made import ARM, Made
@@ -112,7 +113,7 @@ def test_what_the_robot_lacks_is_named_and_it_stands_without(line: tuple[str, st
 
 
 def test_a_plain_model_lacks_nothing_but_its_ground(tmp_path: Path) -> None:
-    assert list(omitted_from(Made().write(tmp_path))) == [("left out", "1 geom of the world")]
+    assert list(omission_lines(read(Made().write(tmp_path)))) == [("left out", "1 geom of the world")]
 
 
 @NEEDS_MODELS

@@ -21,8 +21,8 @@ from quad_env.describe import text
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.model import compile_model
 from quad_env.robots import model_file
-from quad_env.robots.collision_rules import foot_geoms
 from quad_env.robots.model_file import read
+from quad_env.robots.part_names import foot_geoms
 from quad_env.robots.plausibility import find_warnings
 from quad_env.robots.registry import MODEL_PACKAGE, ROBOTS
 from quad_env.robots.shapes import welded_bodies
@@ -110,7 +110,8 @@ def test_every_option_of_the_compiler_is_kept(
         warnings.simplefilter("ignore")  # settotalmass is deprecated
         theirs = mujoco.MjModel.from_xml_string(model)
     robot = robot_of_text(tmp_path, model)
-    ours, own, found = robot.model, *read(robot.mjcf)[1:]
+    user_model = read(robot.mjcf)
+    ours, own, found = robot.model, user_model.model, user_model.structure
     assert ours.body_mass.sum() == pytest.approx(theirs.body_mass.sum(), rel=1e-9)
     names = robot.joint_names
     rows = [[model.joint(name).dofadr[0] for name in names] for model in (ours, theirs)]

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from quad_env import ModelError, Robot
-from quad_env.robots.collision_rules import foot_geoms
-from quad_env.robots.model_file import omitted_from
+from quad_env.robots.model_file import read
+from quad_env.robots.model_remarks import omission_lines
+from quad_env.robots.part_names import foot_geoms
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.quad_env.robots.random_models import RANGES, Drawn, draw
 
@@ -80,7 +81,7 @@ def test_a_model_of_random_attributes_moves_as_mujoco_has_it(seed: int, tmp_path
         assert f"torque of {', '.join(names)}: give" in str(caught.value)
         given = {"rated_torque": 55.0}
     robot = Robot.from_mjcf(path, **given)
-    assert {heading for heading, _ in omitted_from(path)} == drawn.headings
+    assert {heading for heading, _ in omission_lines(read(path))} == drawn.headings
     assert robot.rated_torque == pytest.approx(given.get("rated_torque", least.min()), rel=1e-9)
     ours, theirs = robot.model, neutral(drawn)
     np.testing.assert_allclose(robot.joint_lower, np.tile([low for low, _ in RANGES], 4), atol=1e-9)

@@ -1,0 +1,67 @@
+"""Remarks on a user's model for `describe` and `doctor`: feet, omitted parts, overlaps, and the file's body names."""
+
+from collections.abc import Iterator
+
+from quad_env.robots.model_file import UserModel
+from quad_env.robots.omissions import CONTACT
+from quad_env.robots.overlaps import find_overlaps, format_overlaps
+from quad_env.robots.parameters import RobotParameters
+from quad_env.robots.part_names import ATTACH_PREFIX
+from quad_env.robots.structure import LINKS
+
+
+def describe_extras(robot: RobotParameters) -> Iterator[tuple[str, str]]:
+    """Yield the remarks on an imported robot's model, heading and text of each line."""
+    import mujoco
+
+    model = robot.user_model.model
+    structure = robot.user_model.structure
+    feet = [geom for leg in structure.legs for geom in leg.foot.geoms]
+    names = [model.geom(geom).name or model.body(model.geom_bodyid[geom]).name for geom in feet]
+    kinds = {mujoco.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower() for geom in feet}
+    yield "feet", f"{', '.join(names)} ({', '.join(sorted(kinds))})"
+    if not structure.trunk_collides(model):
+        yield "trunk", "does not collide in the model: the box around what is shown of it does here"
+    yield from omission_lines(robot.user_model, robot.keeps_contact)
+
+
+def omission_lines(user_model: UserModel, keeps_contact: bool = False) -> Iterator[tuple[str, str]]:
+    """Yield heading and text of a line for each part of a user's model that the robot lacks.
+
+    Args:
+        user_model: The model.
+        keeps_contact: True for a robot with the contact parameters of its model, see `RobotParameters.keeps_contact`.
+    """
+    for heading, text in user_model.structure.omission_lines:
+        if not (keeps_contact and heading == CONTACT):
+            yield heading, text
+
+
+def overlap_remark(robot: RobotParameters) -> str | None:
+    """Return the line that names the shapes of a user's robot that overlap in its home pose; None without any."""
+    import mujoco
+
+    if not robot.imported:
+        return None
+    model = robot.user_model.model
+    overlaps = find_overlaps(mujoco, model, robot.user_model.structure, robot.home_pose)
+    return format_overlaps(model, overlaps) if overlaps else None
+
+
+def body_names(robot: RobotParameters) -> dict[str, str]:
+    """Return the body names of the user's file by the body names in the scene.
+
+    Bodies without a name in the file are missing. The result is empty for a robot that is not imported.
+    """
+    if not robot.imported:
+        return {}
+    model = robot.user_model.model
+    structure = robot.user_model.structure
+    names = {ATTACH_PREFIX + name: name for body in structure.bodies if (name := str(model.body(body).name))}
+    if root := str(model.body(structure.root).name):
+        names["base_link"] = root
+    for leg in structure.legs:
+        for joint, link in zip(leg.joints, LINKS, strict=True):
+            if name := str(model.body(int(model.jnt_bodyid[joint])).name):
+                names[f"{leg.name}_{link}_link"] = name
+    return names

@@ -1,0 +1,64 @@
+"""Check of the files that a model file names: regular files of a bounded size."""
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from quad_env.files.reading import check_file, read_bytes
+from quad_env.robots.structure import ModelError
+
+_FILES = re.compile(rb"""\b(?:file|filename)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
+_FOLDERS = re.compile(rb"""\b(?:meshdir|texturedir|assetdir)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
+_MODEL_SUFFIXES = (".xml", ".mjcf", ".urdf")
+"""Endings of files that can name further files."""
+_MAX_FILES = 5000
+"""Largest number of checked files of a model."""
+_MAX_FILE_SIZE = 2**28
+"""Byte. Largest file of a model; the largest published meshes have 50 MiB."""
+
+
+def check_referenced_files(path: Path) -> None:
+    """Check the files that a model and its included models name.
+
+    Args:
+        path: The model, MJCF or URDF.
+
+    Raises:
+        ModelError: A model cannot be read; a named file is too large or not regular.
+    """
+    waiting = [path]
+    checked = set[Path]()
+    while waiting:
+        model = waiting.pop()
+        try:
+            text = read_bytes(model)
+        except OSError as error:
+            raise ModelError(f"{model.name} cannot be read ({error.strerror})") from None
+        for file in _named_files(text, path.parent):
+            if file in checked or len(checked) > _MAX_FILES:
+                continue
+            checked.add(file)
+            if _is_regular(file) and file.suffix.lower() in _MODEL_SUFFIXES:
+                waiting.append(file)
+
+
+def _named_files(text: bytes, folder: Path) -> Iterator[Path]:
+    """Yield the paths that a model's text names, relative to `folder` and to each folder of the text."""
+    folders = {b"", *(match[2] for match in _FOLDERS.finditer(text))}
+    for match in _FILES.finditer(text):
+        for inner in folders:
+            yield folder / os.fsdecode(inner) / os.fsdecode(match[2])
+
+
+def _is_regular(file: Path) -> bool:
+    """Return False for a folder or a missing file, which MuJoCo reports; raise ModelError for an unreadable file."""
+    try:
+        check_file(file, _MAX_FILE_SIZE)
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return False
+    except OSError as error:
+        if file.is_dir():
+            return False
+        raise ModelError(f"the file {file.name} that it names cannot be read: {error.strerror}") from None
+    return True
