@@ -1,4 +1,4 @@
-"""Policies from outside: a class or function in a Python file, an ONNX file, a model of Stable-Baselines3."""
+"""Policies of other projects and of users: Python, ONNX and TorchScript files, and Stable-Baselines3 models."""
 
 from policies.external.process import ExternalPolicy
 from policies.external.reference import is_reference, unsupported_file_remedy

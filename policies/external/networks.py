@@ -1,103 +1,210 @@
-"""Networks of policies from other projects, ONNX or TorchScript, with or without memory, asked for n robots.
+"""Network of an external policy, ONNX or TorchScript: kind of its file, loading, and one memory per robot.
 
-They are shown one observation at a time: a row of a larger product is rounded otherwise, by 1e-7, which the previous
-actions in the observation multiply. So a robot's actions have the same bits in any batch, and those of its project.
+The network gets one observation at a time. A row of a larger product is rounded differently, by 1e-7, and the previous
+actions in the observation amplify the difference. So a robot's actions have the same bits in every batch, and the same
+as in the policy's own project.
+
+Sources for the kinds of files: TorchScript (`torch.jit.save`) and checkpoints (`torch.save`) are zip archives; only the
+first have `constants.pkl`. Older checkpoints are pickles. Models of Stable-Baselines3 are zip archives with
+`policy.pth`. rsl_rl's checkpoints `model_*.pt` hold `model_state_dict` or `actor_state_dict`
+(`runners/on_policy_runner.py`).
 """
 
 import copy
 import re
 import warnings
+import zipfile
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Mask, PolicyError
-from policies.external.network_kind import check_is_network, is_onnx
-from policies.external.onnx_file import make_network_factory, open_session
-from policies.external.onnx_roles import find_roles
+from policies.external.act_function import ActFunction
+from policies.external.onnx_network import find_roles, make_network_factory, open_session
 from policies.external.packages import import_package
-from policies.external.python_file import ActFunction
 from policies.external.spec import PolicySpec
 from policies.memory import PerRobotState
 from quad_env.columns import EnvIndices
 from quad_env.files.text import format_exception
 
 Weights = NDArray[np.float32]
+NetworkKind = Literal["onnx", "torchscript", "checkpoint", "stable-baselines3", "zip"]
 MAX_REASON = 300
+"""Largest number of characters of a library's message in an error."""
+TORCHSCRIPT_SUFFIXES = ".pt", ".jit"
+"""Suffixes of files that count as TorchScript if their content does not identify them."""
+IR_VERSION_TAG = b"\x08"
+"""First byte of ONNX files: the tag of `ModelProto.ir_version`."""
+_LEARNERS = {
+    b"actor_state_dict": "rsl_rl",
+    b"model_state_dict": "rsl_rl",
+    b"running_mean_std": "rl_games",
+    b"state_preprocessor": "skrl",
+}
+"""Learners by a key of their checkpoints."""
+_SCANNED_BYTES = 2**20
+"""Bytes. Size of the part of a checkpoint's pickle that is searched for a key."""
+
+
+def detect_kind(file: Path) -> NetworkKind:
+    """Return the kind of a network's file; `onnx` without a mark of another kind. Raises OSError."""
+    with file.open("rb") as stream:
+        start = stream.read(4)
+    if start[:1] == b"\x80" and start[1:2] in (b"\x02", b"\x03", b"\x04", b"\x05"):
+        return "checkpoint"
+    if start != b"PK\x03\x04":
+        return "torchscript" if file.suffix.lower() in TORCHSCRIPT_SUFFIXES and start[:1] != IR_VERSION_TAG else "onnx"
+    try:
+        with zipfile.ZipFile(file) as archive:
+            names = [Path(name).name for name in archive.namelist()]
+    except (zipfile.BadZipFile, ValueError, NotImplementedError):
+        return "torchscript" if file.suffix.lower() in TORCHSCRIPT_SUFFIXES else "zip"
+    if "constants.pkl" in names:
+        return "torchscript"
+    if "policy.pth" in names:
+        return "stable-baselines3"
+    return "checkpoint" if "data.pkl" in names else "zip"
+
+
+def is_onnx(file: Path) -> bool:
+    """Return True if a network's file is read as ONNX; also for an unreadable file."""
+    try:
+        return detect_kind(file) == "onnx"
+    except OSError:
+        return True
+
+
+def check_is_network(file: Path) -> None:
+    """Raise PolicyError with the kind of the file unless it is ONNX or TorchScript."""
+    try:
+        kind = detect_kind(file)
+    except OSError as error:
+        raise PolicyError(f"cannot read {file} ({error.strerror})") from None
+    if kind == "checkpoint":
+        raise PolicyError(
+            f"{file} is no TorchScript but a checkpoint{_learner_of(file)}",
+            "a checkpoint holds weights alone: export the network as .onnx or TorchScript, as the play script of the "
+            "learner does (exported/policy.onnx)",
+        )
+    if kind == "stable-baselines3":
+        raise PolicyError(f"{file} is a model of Stable-Baselines3, not a network", "name it as a .zip, with --trust")
+    if kind == "zip":
+        raise PolicyError(
+            f"{file} is a zip archive without a network", "export the network as .onnx or TorchScript .pt"
+        )
+
+
+def _learner_of(file: Path) -> str:
+    """Return the learner that writes a checkpoint of this kind, as " of NAME" or empty; nothing is unpickled."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            member = next(name for name in archive.namelist() if Path(name).name == "data.pkl")
+            with archive.open(member) as stream:
+                content = stream.read(_SCANNED_BYTES)
+    except (zipfile.BadZipFile, StopIteration, OSError, ValueError, NotImplementedError, RuntimeError):
+        with file.open("rb") as stream:
+            content = stream.read(_SCANNED_BYTES)
+    return next((f" of {learner}" for key, learner in _LEARNERS.items() if key in content), "")
 
 
 class BatchedNetwork(PerRobotState):
-    """The network of a description, for n robots.
+    """Network of a specification for n robots, with one memory per robot; `load_network` makes it.
 
     Args:
-        make: makes what gives actions, without memory of any robot.
-        remembers: whether it has a memory: then each robot has one of its own.
+        make: Makes the network as a function from one observation to one action, with a fresh memory.
+        has_memory: True for a recurrent network; then each robot has a function of its own.
     """
 
-    def __init__(self, make: Callable[[], ActFunction], remembers: bool) -> None:
-        self._make, self.remembers = make, remembers
+    def __init__(self, make: Callable[[], ActFunction], has_memory: bool) -> None:
+        self._make = make
+        self.has_memory = has_memory
         self.reset(1)
 
     def reset(self, num_envs: int) -> None:
-        """Fresh memories for so many robots."""
-        self._acts = [self._make() for _ in range(num_envs)] if self.remembers else [self._make()] * num_envs
+        """Reset the memories for `num_envs` robots."""
+        self._acts = [self._make() for _ in range(num_envs)] if self.has_memory else [self._make()] * num_envs
 
     def reset_where(self, mask: Mask) -> None:
-        """Fresh memories for those robots."""
-        for robot in np.flatnonzero(mask).tolist() if self.remembers else ():
+        """Reset the memories of the masked robots, (n,)."""
+        for robot in np.flatnonzero(mask).tolist() if self.has_memory else ():
             self._acts[robot] = self._make()
 
-    def compute_actions(self, observations: Weights, who: EnvIndices) -> NDArray[Any]:
-        """Actions (m, 12) of those robots for their observations, (m, k)."""
-        pairs = zip(observations, who.tolist(), strict=True)
+    def compute_actions(self, observations: Weights, env_ids: EnvIndices) -> NDArray[Any]:
+        """Return the actions of some robots.
+
+        Args:
+            observations: Observations of the policy, (m, width).
+            env_ids: Indices of the robots, (m,).
+
+        Returns:
+            Actions of the network, (m, 12).
+        """
+        pairs = zip(observations, env_ids.tolist(), strict=True)
         return np.array([np.ravel(self._acts[robot](row)) for row, robot in pairs])
 
 
-def load_network(description: PolicySpec) -> BatchedNetwork:
-    """The description's network, which has its process to itself. Raises PolicyError, one line."""
-    make, remembers = (_onnx if is_onnx(description.network) else _torch)(description)
-    row = np.random.default_rng(0).standard_normal(description.width).astype(np.float32)
+def load_network(spec: PolicySpec) -> BatchedNetwork:
+    """Load the network of a specification and call it three times.
+
+    TorchScript uses one thread in the whole process from now on.
+
+    Args:
+        spec: Specification of the policy.
+
+    Returns:
+        Network for one robot.
+
+    Raises:
+        PolicyError: It is no network, or its inputs or outputs contradict the specification.
+    """
+    make, has_memory = (_load_onnx if is_onnx(spec.network) else _load_torchscript)(spec)
+    row = np.random.default_rng(0).standard_normal(spec.width).astype(np.float32)
     try:
         act = make()
-        found, *again = (np.array(act(row)) for _ in range(3))
+        action, *repeated = (np.array(act(row)) for _ in range(3))
     except Exception as error:
-        raise _failure(description, error) from None
-    if found.size != (wanted := len(description.joints)) or found.dtype.kind != "f":
-        gives = f"gives {found.size} numbers of type {found.dtype}"
-        raise PolicyError(f"{description.network} {gives} for the {wanted} joints of its description")
-    return BatchedNetwork(make, remembers or any(found.tobytes() != each.tobytes() for each in again))
+        raise _network_error(spec, error) from None
+    num_joints = len(spec.joints)
+    if action.size != num_joints or action.dtype.kind != "f":
+        output = f"gives {action.size} numbers of type {action.dtype}"
+        raise PolicyError(f"{spec.network} {output} for the {num_joints} joints of its description")
+    return BatchedNetwork(make, has_memory or any(action.tobytes() != each.tobytes() for each in repeated))
 
 
-def _failure(description: PolicySpec, error: Exception) -> PolicyError:
-    """What an error of a network says; where it is of matrices that do not fit, the width that it reads."""
-    if found := re.search(r"and (\d+)x\d+\)|Expected (\d+), got|mat \(\d+x(\d+)\)", str(error)):
-        return _other_width(description, int(next(filter(None, found.groups()))))
+def _network_error(spec: PolicySpec, error: Exception) -> PolicyError:
+    """Return the error of a failed call, with the expected width if the message of the library names one."""
+    if match := re.search(r"and (\d+)x\d+\)|Expected (\d+), got|mat \(\d+x(\d+)\)", str(error)):
+        return _width_error(spec, int(next(filter(None, match.groups()))))
     reason = format_exception(error).rpartition("RuntimeError: ")[2]
-    return PolicyError(f"{description.network} fails: {reason[:MAX_REASON]}")
+    return PolicyError(f"{spec.network} fails: {reason[:MAX_REASON]}")
 
 
-def _other_width(description: PolicySpec, reads: int) -> PolicyError:
-    terms = [(each.name, each.width, each.history) for each in description.terms]
-    widths = " + ".join(f"{name} {width}{f' x {shown}' if shown > 1 else ''}" for name, width, shown in terms)
-    fault = f"{description.network} reads {reads} numbers and its description gives {description.width}: {widths}"
+def _width_error(spec: PolicySpec, expected: int) -> PolicyError:
+    """Return the error for a network that expects an observation of another width."""
+    parts = []
+    for term in spec.terms:
+        history = f" x {term.history}" if term.history > 1 else ""
+        parts.append(f"{term.name} {term.width}{history}")
+    fault = f"{spec.network} reads {expected} numbers and its description gives {spec.width}: {' + '.join(parts)}"
     return PolicyError(fault, "correct the terms")
 
 
-def _onnx(description: PolicySpec) -> tuple[Callable[[], ActFunction], bool]:
-    """What makes the network of an ONNX file, and whether it has a memory."""
-    session = open_session(description.network)
-    made = make_network_factory(session, description.network)
-    width = find_roles(session.get_inputs(), session.get_outputs(), description.network).observation.shape[-1]
-    if isinstance(width, int) and width != description.width:
-        raise _other_width(description, width)
-    return made
+def _load_onnx(spec: PolicySpec) -> tuple[Callable[[], ActFunction], bool]:
+    """Return the factory of an ONNX network and True if it has a memory."""
+    session = open_session(spec.network)
+    factory = make_network_factory(session, spec.network)
+    width = find_roles(session.get_inputs(), session.get_outputs(), spec.network).observation.shape[-1]
+    if isinstance(width, int) and width != spec.width:
+        raise _width_error(spec, width)
+    return factory
 
 
-def _torch(description: PolicySpec) -> tuple[Callable[[], ActFunction], bool]:
-    """What makes the network of a TorchScript file, and whether it says that it has a memory."""
-    file = description.network
+def _load_torchscript(spec: PolicySpec) -> tuple[Callable[[], ActFunction], bool]:
+    """Return the factory of a TorchScript network and True if it has a method `reset`, and so a memory."""
+    file = spec.network
     check_is_network(file)
     torch = import_package("torch", "train")
     torch.set_num_threads(1)
@@ -108,16 +215,16 @@ def _torch(description: PolicySpec) -> tuple[Callable[[], ActFunction], bool]:
     except Exception as error:
         fault = f"{file} is no TorchScript ({format_exception(error)[:MAX_REASON]})"
         raise PolicyError(fault, "export the network with torch.jit.save; a checkpoint holds weights alone") from None
-    kind = next((each.dtype for each in module.parameters()), torch.float32)
+    dtype = next((parameter.dtype for parameter in module.parameters()), torch.float32)
 
     def make() -> ActFunction:
-        own = copy.deepcopy(module)
+        network = copy.deepcopy(module)
 
         def act(row: Weights) -> Any:
-            # A copy, since bits hang on where a row lies in memory; unoptimised, since later calls would differ.
+            # A copy: bits depend on the memory address of a row. Without optimisation: later calls would differ.
             with torch.inference_mode(), torch.jit.optimized_execution(False):
-                found = own(torch.from_numpy(row[None]).to(kind, copy=True))
-            return (found[0] if isinstance(found, tuple | list) else found).numpy()
+                output = network(torch.from_numpy(row[None]).to(dtype, copy=True))
+            return (output[0] if isinstance(output, tuple | list) else output).numpy()
 
         return act
 

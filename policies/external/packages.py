@@ -1,4 +1,4 @@
-"""Packages of extras, loaded by name when a file needs them: evaluating imports no learner otherwise."""
+"""Optional packages, imported when a file needs them; so an evaluation imports no learner otherwise."""
 
 from importlib import import_module
 from importlib.util import find_spec
@@ -8,18 +8,37 @@ from policies.base import PolicyError
 
 
 def import_package(name: str, extra: str = "onnx") -> Any:
-    """The module of that name. Raises PolicyError, which names the extra that installs it, where it is missing."""
+    """Import a module of an optional package.
+
+    Args:
+        name: Name of the module.
+        extra: Extra of this project that installs it, for the error.
+
+    Returns:
+        The module.
+
+    Raises:
+        PolicyError: It is not installed.
+    """
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
-        raise _missing(str(error.name), extra) from None
+        raise _missing_package(str(error.name), extra) from None
 
 
 def check_package(name: str, extra: str = "onnx") -> None:
-    """Raise PolicyError where a module is missing, as `package` does, without loading it."""
+    """Check that a module is installed, without loading it.
+
+    Args:
+        name: Name of the module.
+        extra: Extra of this project that installs it, for the error.
+
+    Raises:
+        PolicyError: It is not installed.
+    """
     if find_spec(name) is None:
-        raise _missing(name, extra)
+        raise _missing_package(name, extra)
 
 
-def _missing(name: str, extra: str) -> PolicyError:
-    return PolicyError(f'this needs {name}, which is not here: pip install -e ".[{extra}]"')
+def _missing_package(name: str, extra: str) -> PolicyError:
+    return PolicyError(f'this needs {name}, which is not installed: pip install -e ".[{extra}]"')

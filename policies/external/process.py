@@ -1,10 +1,16 @@
-"""A policy from outside, in a watched process of its own: its failures cost its own robots the episode, no others."""
+"""Parent side of an external policy: a subprocess with a timeout on every call.
 
+A failure of the policy ends the episodes of its own robots and no others.
+"""
+
+import multiprocessing
 import os
 import re
 import sys
 from collections.abc import Callable
 from functools import partial
+from multiprocessing.connection import Connection
+from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -15,63 +21,166 @@ from policies.base import Actions, Mask, Policy, PolicyError, PolicyKwargs, with
 from policies.external.network_policy import with_spec_gains
 from policies.external.observation_adapter import required_height_scan
 from policies.external.reference import resolve_reference
-from policies.external.server import FIRST_CALL_TIMEOUT_FACTOR, SIGNAL_NAMES, PolicyServer, StepResult, make_server
+from policies.external.server import (
+    FIRST_CALL_TIMEOUT_FACTOR,
+    SIGNAL_NAMES,
+    PolicyServer,
+    StepResult,
+    make_server,
+    serve_requests,
+)
 from policies.external.spec import PolicySpec
-from policies.external.watched import START_TIMEOUT, DeadlineMissedError, PolicyProcess, PolicyProcessError
+from quad_env.cli.child_process import Watchdog, without_ctrl_c, without_main
 
+START_TIMEOUT = 60.0
+"""s. Longest run time in which the process makes its policy; waits for a processor do not count."""
+IMPORT_TIMEOUT = 300.0
+"""s. Longest run time in which the process starts and imports the project."""
 ACT_DEADLINE = 5.0
-"""Longest time that one call may take, s; six times as long for the first."""
+"""s. Longest time of one call; FIRST_CALL_TIMEOUT_FACTOR times as long for the first."""
+KILL_GRACE_PERIOD = 2.0
+"""s. Added to the deadline before a process without an answer is killed; the episodes of all its robots then fail."""
 LOAD_TIMEOUT = "QUAD_ENV_LOAD_TIMEOUT"
 """Environment variable: limit in place of START_TIMEOUT, s."""
 ACT_TIMEOUT = "QUAD_ENV_ACT_TIMEOUT"
-"""Environment variable: limit in place of DEADLINE, s."""
-KILL_GRACE_PERIOD = 2.0
-"""Added to the deadline before a process without an answer is ended, s; the episodes of all its robots then fail."""
+"""Environment variable: limit in place of ACT_DEADLINE, s."""
+
+
+class DeadlineMissedError(RuntimeError):
+    """Raised when the policy gave no answer in time; its process has been killed."""
+
+
+class PolicyProcessError(RuntimeError):
+    """Raised when the policy raised an exception in its process or the process died; the message says which."""
+
+
+class PolicyProcess:
+    """Object in a subprocess, with a timeout on every call.
+
+    A late or broken process is killed; the next call starts another.
+
+    Args:
+        make: Makes the object in the subprocess; picklable, such as `functools.partial(policies.make, "trot")`.
+        load_time: Longest time of `make`, s.
+    """
+
+    def __init__(self, make: Callable[[], object], load_time: float = START_TIMEOUT) -> None:
+        self._make = make
+        self._load_time = load_time
+        self._process: Any = None
+        self._connection: Connection | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the state of a copy, for example for another process, which has no process yet."""
+        return vars(self) | {"_process": None, "_connection": None}
+
+    def close(self) -> None:
+        """End the process."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._process.close()
+            self._process = None
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def _launch(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._connection, child_connection = context.Pipe()
+        self._process = context.Process(target=serve_requests, args=(child_connection, self._make), daemon=True)
+        with without_ctrl_c(), without_main(bytes(ForkingPickler.dumps(self._make))):
+            self._process.start()
+        child_connection.close()
+        self.call(("__repr__",), IMPORT_TIMEOUT, self._load_time)  # waits until the object is made
+
+    def call(self, request: tuple[object, ...], timeout: float, heartbeat_timeout: float | None = None) -> Any:
+        """Call a method of the object; start the process if needed.
+
+        The process is killed if the answer is late. Waits for a processor do not count.
+
+        Args:
+            request: Name of the method, then its arguments.
+            timeout: Timeout, s.
+            heartbeat_timeout: Timeout after each heartbeat, s; None for `timeout`.
+
+        Returns:
+            Result of the method.
+
+        Raises:
+            DeadlineMissedError: No answer in time; the process was killed.
+            PolicyProcessError: The method raised an exception, or the process died.
+        """
+        if self._process is None:
+            self._launch()
+        connection = self._connection
+        process = self._process
+        assert connection is not None
+        # In its own thread: sending a large request also blocks while the process does not listen.
+        watchdog = Watchdog(process, timeout)
+        try:
+            connection.send(request)
+            while (reply := connection.recv()) is None:  # a heartbeat
+                watchdog.cancel()
+                timeout = timeout if heartbeat_timeout is None else heartbeat_timeout
+                watchdog = Watchdog(process, timeout)
+        except (EOFError, OSError) as error:
+            self.close()
+            if watchdog.has_killed:
+                raise DeadlineMissedError(f"no answer within {timeout * 1e3:g} ms") from None
+            raise PolicyProcessError("the policy's process has ended") from error
+        finally:
+            watchdog.cancel()
+        failure, result = reply
+        if failure is not None:
+            raise PolicyProcessError(failure)
+        return result
 
 
 class ExternalPolicy(Policy):
-    """The policy of `my_file.py:NAME`, or of another file; robots that it fails hold the home pose.
+    """Policy of `my_file.py:NAME` or of another file; failed robots hold the home pose.
+
+    The attributes named in SIGNAL_NAMES are those of its policy, None if it has none. The constructor raises
+    PolicyError, one line, if the reference names no policy.
 
     Args:
-        reference: names it.
-        robot: whose joints it moves; its own `robot` has the servo gains of its description.
-        trust: whether a file may be loaded in which code can be hidden.
-
-    The attributes named in SIGNALS are its policy's, None where this has none. Raises PolicyError, one line, for what
-    is no policy.
+        reference: Reference to the policy.
+        trust: True to load files in which code can be hidden.
+        made_for: Robot and control period. The attribute `robot` has the servo gains of the policy's specification.
     """
 
     failure: NDArray[np.object_]
-    """Why the policy failed each robot, (n,); None where it has not."""
+    """Reason why the policy failed each robot, (n,); None where it has not."""
     spec: PolicySpec | None = None
-    """How its network is run; None of a policy that acts on our observation by itself."""
+    """Specification of its network; None for a policy that acts on the environment's own observation."""
     remarks: tuple[str, ...]
     """Assumptions where its files are incomplete, a line each."""
 
     def __init__(self, reference: str | Path, *, trust: bool = False, **made_for: Unpack[PolicyKwargs]) -> None:
         super().__init__(**made_for)
-        found = resolve_reference(reference, trust)
-        if found.spec is not None:
-            self.robot, self.spec = with_spec_gains(self.robot, found.spec), found.spec
-            self.height_scan = required_height_scan(found.spec)
+        resolved = resolve_reference(reference, trust)
+        if resolved.spec is not None:
+            self.robot = with_spec_gains(self.robot, resolved.spec)
+            self.spec = resolved.spec
+            self.height_scan = required_height_scan(resolved.spec)
         self.name = str(reference)
-        self.remarks = found.remarks if found.spec is None else found.spec.remarks
-        self.sha256 = found.sha256
-        served = partial(make_server, found, self.robot, self.control_period, _seconds(ACT_TIMEOUT, ACT_DEADLINE))
-        load_time = _seconds(LOAD_TIMEOUT, START_TIMEOUT)
-        self._process = PolicyProcess(partial(_on_stderr, served), load_time)
+        self.remarks = resolved.remarks if resolved.spec is None else resolved.spec.remarks
+        self.sha256 = resolved.sha256
+        make = partial(make_server, resolved, self.robot, self.control_period, _time_limit(ACT_TIMEOUT, ACT_DEADLINE))
+        load_time = _time_limit(LOAD_TIMEOUT, START_TIMEOUT)
+        self._process = PolicyProcess(partial(_make_with_stderr, make), load_time)
         self._stepped = False
-        self._try_out()
+        self._smoke_test()
         self._allocate(1)
 
     def __getstate__(self) -> dict[str, Any]:
-        """A copy, such as one for another process, has no process yet."""
+        """Return the state of a copy, for example for another process, which has no process yet."""
         return vars(self) | {"_stepped": False}
 
-    def _try_out(self) -> None:
-        """Raise PolicyError where the policy cannot be loaded, or gives no actions."""
+    def _smoke_test(self) -> None:
+        """Raise PolicyError if the policy cannot be loaded or gives no actions."""
         try:
-            self._process.call(("reset", 1, None), _seconds(LOAD_TIMEOUT, START_TIMEOUT))
+            self._process.call(("reset", 1, None), _time_limit(LOAD_TIMEOUT, START_TIMEOUT))
         except (DeadlineMissedError, PolicyProcessError) as error:
             reason = str(error).removeprefix("PolicyError: ")
             raise PolicyError(reason if reason != str(error) else f"cannot load {self.name}: {reason}") from None
@@ -79,15 +188,20 @@ class ExternalPolicy(Policy):
             self._process.close()
 
     def close(self) -> None:
-        """End its process; `reset` begins another."""
+        """End its process; `reset` starts another."""
         self._process.close()
         self._stepped = False
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Restart the policy for `num_envs` robots."""
+        """Restart the policy.
+
+        Args:
+            num_envs: Number of robots.
+            seed: Seed of the policy.
+        """
         super().reset(num_envs, seed)
-        self._note(self._asked("reset", num_envs, seed) or {})
-        vars(self).update(self._asked("signals") or {})
+        self._record_failures(self._request("reset", num_envs, seed) or {})
+        vars(self).update(self._request("signals") or {})
 
     def _allocate(self, num_envs: int) -> None:
         self.failure = np.full(num_envs, None, dtype=object)
@@ -95,48 +209,48 @@ class ExternalPolicy(Policy):
 
     def _reset_rows(self, mask: Mask) -> None:
         self.failure[mask] = None
-        self._note(self._asked("reset_where", mask) or {})
+        self._record_failures(self._request("reset_where", mask) or {})
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        answer: StepResult | None = None
+        result: StepResult | None = None
         if any(reason is None for reason in self.failure):
-            answer = self._asked("step", observation)
+            result = self._request("step", observation)
         home = np.tile(self.robot.home_pose.astype(np.float32), (self.num_envs, 1))
-        if answer is None:
+        if result is None:
             return home
-        self._note(answer.failures)
-        vars(self).update({name: value for name, value in answer.signals.items() if getattr(self, name) is not None})
-        good = np.array([reason is None for reason in self.failure])
-        return within_limits(self.robot, np.where(good[:, None], answer.actions, home))
+        self._record_failures(result.failures)
+        vars(self).update({name: value for name, value in result.signals.items() if getattr(self, name) is not None})
+        is_working = np.array([reason is None for reason in self.failure])
+        return within_limits(self.robot, np.where(is_working[:, None], result.actions, home))
 
-    def _asked(self, call: str, *arguments: object) -> Any:
-        """What its process answers; None, and no robot has a policy any more, if the process is gone."""
-        timeout = _seconds(ACT_TIMEOUT, ACT_DEADLINE) * (1 if self._stepped else FIRST_CALL_TIMEOUT_FACTOR)
+    def _request(self, method: str, *arguments: object) -> Any:
+        """Return the answer of its process; None, and a failure of every robot, if the process is gone."""
+        timeout = _time_limit(ACT_TIMEOUT, ACT_DEADLINE) * (1 if self._stepped else FIRST_CALL_TIMEOUT_FACTOR)
         try:
-            answer = self._process.call((call, *arguments), timeout + KILL_GRACE_PERIOD)
-            self._stepped |= call == "step"
+            answer = self._process.call((method, *arguments), timeout + KILL_GRACE_PERIOD)
+            self._stepped |= method == "step"
             return answer
         except DeadlineMissedError:
             reason = f"gave no answer within {timeout:g} s"
         except PolicyProcessError as error:
             reason = f"gave no answer: {error}"
         self._stepped = False
-        self._note(dict.fromkeys(range(self.num_envs), reason))
+        self._record_failures(dict.fromkeys(range(self.num_envs), reason))
         return None
 
-    def _note(self, failures: dict[int, str]) -> None:
+    def _record_failures(self, failures: dict[int, str]) -> None:
         for robot, reason in failures.items():
             if self.failure[robot] is None:
                 self.failure[robot] = reason
 
 
-def _seconds(variable: str, otherwise: float) -> float:
-    """Return the time in an environment variable, s."""
-    given = os.environ.get(variable, "")
-    return float(given) if re.fullmatch(r"[0-9]{1,6}(\.[0-9]+)?", given) and float(given) > 0 else otherwise
+def _time_limit(variable: str, default: float) -> float:
+    """Return the time in an environment variable, s, or the default if it holds no positive number."""
+    text = os.environ.get(variable, "")
+    return float(text) if re.fullmatch(r"[0-9]{1,6}(\.[0-9]+)?", text) and float(text) > 0 else default
 
 
-def _on_stderr(make: Callable[[], PolicyServer]) -> PolicyServer:
-    """What `make` gives, in a process that from now on prints on stderr."""
+def _make_with_stderr(make: Callable[[], PolicyServer]) -> PolicyServer:
+    """Return the server that `make` makes; the process prints on stderr from now on."""
     sys.stdout = sys.stderr
     return make()

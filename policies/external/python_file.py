@@ -1,48 +1,54 @@
-"""A policy in a Python file: a `Policy`, or anything that is called with an observation and gives an action."""
+"""Policy in a Python file: a `Policy`, or any callable from an observation to an action."""
 
 import copy
 import importlib.util
 import inspect
 import sys
-from collections.abc import Callable
 from functools import partial
 from types import ModuleType
 from typing import Any
 
 from policies.base import Policy, PolicyError
+from policies.external.act_function import ActFactory, ActFunction
 from policies.external.reference import PolicyReference
 from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 
-ActFunction = Callable[[Any], object]
-"""From an observation to an action, of one robot or of several."""
-ActFactory = Callable[[], ActFunction]
-"""Gives one without memory of any robot."""
-
 
 def load_python(reference: PolicyReference, robot: Robot, control_period: float) -> Policy | ActFactory:
-    """The policy that a reference names; PolicyError, one line, where there is none.
+    """Load the object of a Python file.
 
     A class is made without arguments, or with `robot` and `control_period` if it takes them.
+
+    Args:
+        reference: Reference to the file and the object's name.
+        robot: Robot that the policy moves.
+        control_period: Control period of the environment, s.
+
+    Returns:
+        Policy, or a factory of functions from one observation to one action.
+
+    Raises:
+        PolicyError: The file fails, has no object of this name, or the object is no policy.
     """
-    there = find_object(reference)
-    if isinstance(there, Policy):
-        return there
-    if not isinstance(there, type):
-        return partial(_fresh, _callable(there, reference))
-    make = partial(there, **_arguments(there, robot=robot, control_period=control_period))
+    named_object = find_object(reference)
+    if isinstance(named_object, Policy):
+        return named_object
+    if not isinstance(named_object, type):
+        return partial(_copy_of, _check_callable(named_object, reference))
+    make = partial(named_object, **_accepted_arguments(named_object, robot=robot, control_period=control_period))
     try:
-        first = make()
+        instance = make()
     except (Exception, SystemExit) as error:
         raise PolicyError(f"{reference} cannot be made: {format_exception(error)}") from error
-    if isinstance(first, Policy):
-        return first
-    _callable(first, reference)
+    if isinstance(instance, Policy):
+        return instance
+    _check_callable(instance, reference)
     return make
 
 
 def find_object(reference: PolicyReference) -> Any:
-    """What a reference names; PolicyError, one line, where the file fails or has none of that name."""
+    """Return the object of a reference. Raises PolicyError if the file fails or has no object of this name."""
     contents = vars(_run(reference))
     if reference.name not in contents:
         own = [name for name, value in contents.items() if callable(value) and not name.startswith("_")]
@@ -51,7 +57,7 @@ def find_object(reference: PolicyReference) -> Any:
 
 
 def _run(reference: PolicyReference) -> ModuleType:
-    """The file as a module, which can import its neighbours."""
+    """Return the file as a module, which can import modules of its folder."""
     file = reference.file.resolve()
     sys.path.insert(0, str(file.parent))
     name = f"policy_of_{file.stem}"
@@ -65,25 +71,28 @@ def _run(reference: PolicyReference) -> ModuleType:
     return module
 
 
-def _callable(found: Any, reference: PolicyReference) -> ActFunction:
-    if not callable(found):
-        raise PolicyError(f"{reference} must be a policies.Policy or callable with an observation, not {found!r:.80}")
-    act: ActFunction = found
+def _check_callable(candidate: Any, reference: PolicyReference) -> ActFunction:
+    """Return the object if it can be called. Raises PolicyError."""
+    if not callable(candidate):
+        raise PolicyError(
+            f"{reference} must be a policies.Policy or callable with an observation, not {candidate!r:.80}"
+        )
+    act: ActFunction = candidate
     return act
 
 
-def _arguments(kind: type, **known: Any) -> dict[str, Any]:
-    """Those of the known arguments that a class takes."""
+def _accepted_arguments(kind: type, **known: Any) -> dict[str, Any]:
+    """Return the known arguments that the constructor of a class accepts."""
     try:
         parameters = inspect.signature(kind).parameters
     except ValueError:  # of a class that is not written in Python
         return {}
-    every = any(each.kind is inspect.Parameter.VAR_KEYWORD for each in parameters.values())
-    return {name: value for name, value in known.items() if every or name in parameters}
+    accepts_all = any(each.kind is inspect.Parameter.VAR_KEYWORD for each in parameters.values())
+    return {name: value for name, value in known.items() if accepts_all or name in parameters}
 
 
-def _fresh(act: ActFunction) -> ActFunction:
-    """A copy of an object, as it was before its first call; what cannot be copied serves every robot."""
+def _copy_of(act: ActFunction) -> ActFunction:
+    """Return a copy of an object from before its first call; the object itself if it cannot be copied."""
     try:
         return copy.deepcopy(act)
     except Exception:

@@ -1,4 +1,4 @@
-"""A model of Stable-Baselines3, of any algorithm with an actor. Loading one can run code that is hidden in it."""
+"""Model of Stable-Baselines3, of any algorithm with an actor. Loading one can run code that is hidden in it."""
 
 import pickle
 from collections.abc import Callable
@@ -7,19 +7,28 @@ from typing import Any
 import numpy as np
 
 from policies.base import PolicyError
+from policies.external.act_function import ActFactory
 from policies.external.packages import import_package
-from policies.external.python_file import ActFactory
 from policies.external.reference import PolicyReference
 from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 
 
 def load_sb3(reference: PolicyReference, robot: Robot) -> ActFactory:
-    """Gives the model's deterministic action for one observation, as joint targets of the robot, rad.
+    """Load a model of Stable-Baselines3.
 
-    Raises PolicyError, one line, for what is no model, and for actions whose meaning the file does not give.
+    Args:
+        reference: Reference to the model, with the statistics of its observations.
+        robot: Robot that the policy moves.
+
+    Returns:
+        Factory of the deterministic action for one observation: joint targets of the robot, rad.
+
+    Raises:
+        PolicyError: The file is no model, or does not define the meaning of its actions.
     """
-    torch, files = import_package("torch", "train"), import_package("stable_baselines3.common.save_util", "train")
+    torch = import_package("torch", "train")
+    files = import_package("stable_baselines3.common.save_util", "train")
     torch.set_num_threads(1)
     try:
         data, parameters, _ = files.load_from_zip_file(reference.file, device="cpu")
@@ -32,34 +41,34 @@ def load_sb3(reference: PolicyReference, robot: Robot) -> ActFactory:
     except Exception as error:
         raise PolicyError(f"{reference} is no model of Stable-Baselines3 ({format_exception(error)})") from error
     policy.set_training_mode(False)
-    targets = _meaning(data["action_space"], reference, robot)
-    normalised = _normaliser(reference, data["observation_space"])
+    to_targets = _action_conversion(data["action_space"], reference, robot)
+    normalize = _load_normaliser(reference, data["observation_space"])
 
     def act(observation: Any) -> object:
-        return targets(policy.predict(normalised(observation), deterministic=True)[0])
+        return to_targets(policy.predict(normalize(observation), deterministic=True)[0])
 
     return lambda: act
 
 
-def _normaliser(reference: PolicyReference, space: Any) -> Callable[[Any], Any]:
-    """From observations to those that the model was trained on; raises PolicyError."""
+def _load_normaliser(reference: PolicyReference, space: Any) -> Callable[[Any], Any]:
+    """Return the function from observations to the model's normalised observations. Raises PolicyError."""
     if reference.normaliser is None:
-        return _as_they_are
+        return _identity
     try:
-        found = pickle.loads(reference.normaliser.read_bytes())
-        normalised: Callable[[Any], Any] = found.normalize_obs
-        shape = normalised(np.zeros(space.shape, np.float32)).shape
+        statistics = pickle.loads(reference.normaliser.read_bytes())
+        normalize: Callable[[Any], Any] = statistics.normalize_obs
+        shape = normalize(np.zeros(space.shape, np.float32)).shape
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         raise PolicyError(f"{reference.normaliser} is no VecNormalize of {reference.file.name} ({reason})") from error
     if shape != space.shape:
         raise PolicyError(f"{reference.normaliser} is of observations {shape}, and {reference.file} of {space.shape}")
-    return normalised
+    return normalize
 
 
-def _meaning(space: Any, reference: PolicyReference, robot: Robot) -> Callable[[Any], Any]:
-    """From a model's actions to joint targets."""
-    # Here, so that commands that print their help do not wait for Gymnasium.
+def _action_conversion(space: Any, reference: PolicyReference, robot: Robot) -> Callable[[Any], Any]:
+    """Return the function from a model's actions to joint targets, rad. Raises PolicyError."""
+    # Imported here, so that commands that print their help do not wait for Gymnasium.
     from gymnasium.spaces import Box
 
     from quad_env.envs.home_pose import HomePoseSpace
@@ -73,8 +82,8 @@ def _meaning(space: Any, reference: PolicyReference, robot: Robot) -> Callable[[
             f"{reference} gives actions from -1 to 1, and the file does not say which joint targets these stand for: "
             "train it in quad_env.HomePoseActions, or turn its actions into rad in a class of a Python file"
         )
-    return _as_they_are
+    return _identity
 
 
-def _as_they_are(values: Any) -> Any:
+def _identity(values: Any) -> Any:
     return values

@@ -1,7 +1,9 @@
-"""A policy from outside as its process serves it, its failures noted."""
+"""Child side of an external policy: loads it, calls it for every robot and records its failures."""
 
 import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
 from typing import Any
 
 import numpy as np
@@ -9,38 +11,95 @@ from numpy.typing import NDArray
 
 from policies.base import Actions, Mask, Policy, PolicyError
 from policies.external import onnx_file, python_file, sb3_file
+from policies.external.act_function import ActFactory, ActFunction
 from policies.external.network_policy import NetworkPolicy
-from policies.external.python_file import ActFactory, ActFunction
 from policies.external.reference import PolicyReference
-from policies.external.watched import send_heartbeat
+from quad_env.cli.child_process import exit_with_parent
 from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import table_with
 
 SIGNAL_NAMES = ("phase", "correction", "base_action", "stopped")
-"""Signals that some policies report: phase of the clock, rad, (n,); of a residual the correction, in shares of its
-authority, and its base's joint targets, rad, (n, 12) each; which robots it has stopped itself, (n,)."""
+"""Signals that some policies report.
+
+`phase`: of the clock, rad, (n,). `correction`: of a residual, as shares of its authority, (n, 12). `base_action`: joint
+targets of a residual's base, rad, (n, 12). `stopped`: True for robots that the policy has stopped itself, (n,).
+"""
 FIRST_CALL_TIMEOUT_FACTOR = 6
-"""How many deadlines the first call may last, in which some compile themselves."""
+"""Factor on the deadline of the first call, during which some policies compile themselves."""
 MAX_REASON = 200
-REPORT_PERIOD = 1.0
-"""At most, between two signs of life while many robots are asked, s."""
+"""Largest number of characters of a failure's reason."""
+HEARTBEAT_PERIOD = 1.0
+"""s. Largest period of the heartbeats while many robots are served; a fifth of the deadline if that is shorter."""
+
+_parent_connection: Connection | None = None
+"""In a policy's process: the connection to its parent; None in other processes."""
 
 
 @dataclass(frozen=True)
 class StepResult:
-    """What came of a control step of n robots."""
+    """Result of a control step of n robots, which the child sends to its parent."""
 
     actions: Actions
-    """Joint targets, rad, (n, 12); nothing of robots that the policy has failed."""
+    """Joint targets, rad, (n, 12); meaningless for robots that the policy has failed."""
     failures: dict[int, str]
-    """Robot -> why the policy failed it in this step."""
+    """Robot -> reason why the policy failed it in this step."""
     signals: dict[str, NDArray[Any]] = field(default_factory=dict)
-    """Those of SIGNALS that there are."""
+    """Values of the available SIGNAL_NAMES."""
+
+
+def serve_requests(connection: Connection, make: Callable[[], object]) -> None:
+    """Answer the parent's requests until the connection closes; target function of the policy's process.
+
+    A request is a method name with its arguments. An answer is an error text or None, and the method's result. The
+    process ends with its parent, even while its policy hangs.
+
+    Args:
+        connection: Connection to the parent.
+        make: Makes the object that the requests call.
+    """
+    global _parent_connection
+    exit_with_parent()
+    try:
+        connection.send(None)  # all modules are imported
+        try:
+            served = make()
+            _parent_connection = connection
+        except Exception as error:
+            connection.recv()
+            connection.send((format_exception(error), None))
+            return
+        while True:
+            method, *arguments = connection.recv()
+            try:
+                connection.send((None, getattr(served, method)(*arguments)))
+            except Exception as error:
+                connection.send((format_exception(error), None))
+    except (EOFError, OSError):
+        return
+
+
+def send_heartbeat() -> None:
+    """Restart the timeout of the waiting parent; no effect outside a policy's process."""
+    if _parent_connection is not None:
+        _parent_connection.send(None)
 
 
 def make_server(reference: PolicyReference, robot: Robot, control_period: float, deadline: float) -> "PolicyServer":
-    """The policy of a reference, loaded and tried. Raises PolicyError."""
+    """Load a policy and call it once for an upright robot.
+
+    Args:
+        reference: Reference to the policy, resolved.
+        robot: Robot that the policy moves.
+        control_period: Control period of the environment, s.
+        deadline: Longest time of one call, s.
+
+    Returns:
+        Server of the policy.
+
+    Raises:
+        PolicyError: The policy cannot be loaded, is made for another robot or control period, or gives no action.
+    """
     loaded: Policy | ActFactory
     if reference.spec is not None:
         loaded = NetworkPolicy(reference.spec, robot=robot, control_period=control_period)
@@ -52,112 +111,140 @@ def make_server(reference: PolicyReference, robot: Robot, control_period: float,
         loaded = onnx_file.load_onnx(reference, robot)
     if isinstance(loaded, Policy) and (misfit := loaded.mismatch(robot, control_period)):
         raise PolicyError(f"{reference} is {misfit}")
-    served = PolicyServer(loaded, robot, deadline)
-    served.smoke_test(reference)
-    return served
+    server = PolicyServer(loaded, robot, deadline)
+    server.smoke_test(reference)
+    return server
 
 
 class PolicyServer:
-    """Robots' actions, and what went wrong instead: a `Policy` is asked for all robots, a callable for each."""
+    """Loaded policy of n robots with a record of its failures; `make_server` makes it in the policy's process.
+
+    A `Policy` is called once for all robots, any other callable once per robot.
+
+    Args:
+        loaded: Policy, or factory of functions from one observation to one action.
+        robot: Robot that the policy moves.
+        deadline: Longest time of one call, s.
+    """
 
     def __init__(self, loaded: Policy | ActFactory, robot: Robot, deadline: float) -> None:
-        self._loaded, self._robot = loaded, robot
+        self._loaded = loaded
+        self._robot = robot
         self._deadline = deadline
-        self._reported = time.monotonic()
+        self._last_heartbeat = time.monotonic()
         self._acts: list[Any] = []
-        """Of a `Policy` its own alone, else one a robot; None where none could be made."""
+        """Of a `Policy` its `act` alone, else one function per robot; None where none could be made."""
         self._failed = np.zeros(0, np.bool_)
 
     def smoke_test(self, reference: PolicyReference) -> None:
-        """Raise PolicyError unless it gives an action for an upright robot at rest."""
+        """Call the policy once for an upright robot at rest.
+
+        Args:
+            reference: Reference to the policy, for the error.
+
+        Raises:
+            PolicyError: It gives no action.
+        """
         policy = self._loaded if isinstance(self._loaded, Policy) else None
         table = table_with(self._robot, None if policy is None else policy.height_scan)
         upright = np.zeros((1, table.size), np.float32)
         upright[:, table.slices["projected_gravity"].stop - 1] = -1.0
-        shown = upright[0] if policy is None else upright
-        wanted = (*shown.shape[:-1], self._robot.num_joints)
-        reason = self.reset(1, 0).get(0) or self._ask(self._acts[0], shown, wanted)[1]
+        observation = upright[0] if policy is None else upright
+        action_shape = (*observation.shape[:-1], self._robot.num_joints)
+        reason = self.reset(1, 0).get(0) or self._compute_action(self._acts[0], observation, action_shape)[1]
         if reason is not None:
-            raise PolicyError(f"{reference} must give an action {wanted} for an observation {shown.shape}; it {reason}")
+            expected = f"an action {action_shape} for an observation {observation.shape}"
+            raise PolicyError(f"{reference} must give {expected}; it {reason}")
 
     def reset(self, num_envs: int, seed: int | None) -> dict[int, str]:
-        """Restart the policy for so many robots; why it failed, by robot."""
+        """Restart the policy.
+
+        Args:
+            num_envs: Number of robots.
+            seed: Seed of a `Policy`.
+
+        Returns:
+            Robot -> reason why the policy failed it.
+        """
         self._failed = np.zeros(num_envs, np.bool_)
         if isinstance(self._loaded, Policy):
             self._acts = [self._loaded.act]
-            _, reason = self._tried(self._loaded.reset, num_envs, seed)
-            return self._fail(range(num_envs), reason)
+            _, reason = self._call(self._loaded.reset, num_envs, seed)
+            return self._record_failures(range(num_envs), reason)
         self._acts = [None] * num_envs
         return self.reset_where(np.ones(num_envs, np.bool_))
 
     def reset_where(self, mask: Mask) -> dict[int, str]:
-        """Restart those robots."""
+        """Restart the masked robots, (n,). Returns robot -> reason why the policy failed it."""
         self._failed[mask] = False
         if isinstance(self._loaded, Policy):
-            _, reason = self._tried(self._loaded.reset_where, mask)
-            return self._fail(range(len(mask)), reason)
+            _, reason = self._call(self._loaded.reset_where, mask)
+            return self._record_failures(range(len(mask)), reason)
         failures: dict[int, str] = {}
         for robot in np.flatnonzero(mask).tolist():
-            self._acts[robot], reason = self._tried(self._loaded)
-            failures |= self._fail([robot], reason)
+            self._acts[robot], reason = self._call(self._loaded)
+            failures |= self._record_failures([robot], reason)
         return failures
 
     def step(self, observation: NDArray[np.float32]) -> StepResult:
-        """Actions for the observations (n, k) of all robots."""
-        count, joints = len(observation), self._robot.num_joints
-        actions, failures = np.zeros((count, joints), np.float32), dict[int, str]()
+        """Return the actions for the observations of all robots, (n, k)."""
+        count = len(observation)
+        joints = self._robot.num_joints
+        actions = np.zeros((count, joints), np.float32)
+        failures: dict[int, str] = {}
         if not isinstance(self._loaded, Policy):
             for robot in np.flatnonzero(~self._failed).tolist():
-                answer, reason = self._ask(self._acts[robot], observation[robot], (joints,))
-                failures |= self._fail([robot], reason)
-                if answer is not None:
-                    actions[robot] = answer
+                action, reason = self._compute_action(self._acts[robot], observation[robot], (joints,))
+                failures |= self._record_failures([robot], reason)
+                if action is not None:
+                    actions[robot] = action
         elif not self._failed.all():
-            answer, reason = self._ask(self._acts[0], observation, actions.shape)
-            failures |= self._fail(range(count), reason)
-            actions = actions if answer is None else answer
+            action, reason = self._compute_action(self._acts[0], observation, actions.shape)
+            failures |= self._record_failures(range(count), reason)
+            actions = actions if action is None else action
         nonfinite = np.flatnonzero(~np.isfinite(actions).all(axis=1) & ~self._failed).tolist()
-        failures |= self._fail(nonfinite, "gave targets that are not finite")
+        failures |= self._record_failures(nonfinite, "gave targets that are not finite")
         return StepResult(actions, failures, self.signals())
 
     def signals(self) -> dict[str, NDArray[Any]]:
-        """Those of SIGNALS that the policy has, each of n robots."""
-        found = {}
+        """Return the SIGNAL_NAMES that the policy has, each with n rows."""
+        signals = {}
         for name in SIGNAL_NAMES if isinstance(self._loaded, Policy) else ():
-            value, _ = self._tried(lambda name=name: np.array(getattr(self._loaded, name)))
+            value, _ = self._call(lambda name=name: np.array(getattr(self._loaded, name)))
             width = (self._robot.num_joints,) if name in ("correction", "base_action") else ()
             if value is not None and value.dtype.kind in "fb" and value.shape == (len(self._failed), *width):
-                found[name] = value
-        return found
+                signals[name] = value
+        return signals
 
-    def _fail(self, robots: Any, reason: str | None) -> dict[int, str]:
-        """Take note of why robots have no action any more, if there is a reason; those that had none before."""
+    def _record_failures(self, robots: Iterable[int], reason: str | None) -> dict[int, str]:
+        """Mark robots as failed if there is a reason; return those that had not failed before."""
         new = [] if reason is None else [robot for robot in robots if not self._failed[robot]]
         self._failed[new] = True
         return dict.fromkeys(new, reason or "")
 
-    def _ask(
-        self, act: ActFunction, shown: NDArray[np.float32], wanted: tuple[int, ...]
+    def _compute_action(
+        self, act: ActFunction, observation: NDArray[np.float32], shape: tuple[int, ...]
     ) -> tuple[Actions | None, str | None]:
-        """The action of that shape, or why there is none."""
-        answer, reason = self._tried(lambda: np.asarray(act(shown)))
+        """Return an action of a shape and None, or None and the reason of the failure."""
+        action, reason = self._call(lambda: np.asarray(act(observation)))
         if reason is not None:
             return None, reason
-        if answer.shape != wanted or answer.dtype.kind not in "fiu":
-            return None, f"gave {answer.dtype} of shape {answer.shape}, not numbers of shape {wanted}"
+        if action.shape != shape or action.dtype.kind not in "fiu":
+            return None, f"gave {action.dtype} of shape {action.shape}, not numbers of shape {shape}"
         with np.errstate(over="ignore"):
-            return answer.astype(np.float32), None
+            return action.astype(np.float32), None
 
-    def _tried(self, call: Any, *arguments: Any) -> tuple[Any, str | None]:
-        """The result of a call, or why it has none.
+    def _call(self, call: Callable[..., Any], *arguments: Any) -> tuple[Any, str | None]:
+        """Return the result of a call and None, or None and the reason of its failure.
 
-        A call without an end is not ended here: the process that waits for the answer ends this one, see `Foreign`.
+        An endless call is not ended here: the parent ends this process (`PolicyProcess`).
         """
         try:
             return call(*arguments), None
         except BaseException as error:  # SystemExit as well: it must not end the process with the other robots
             return None, f"raised {format_exception(error)}"[:MAX_REASON]
         finally:
-            if (now := time.monotonic()) - self._reported > min(REPORT_PERIOD, 0.2 * self._deadline):
-                self._reported = now
+            now = time.monotonic()
+            if now - self._last_heartbeat > min(HEARTBEAT_PERIOD, 0.2 * self._deadline):
+                self._last_heartbeat = now
                 send_heartbeat()

@@ -38,7 +38,7 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
         raise action.invalid_value("joint_names", "the 12 joints of the articulation")
     order = [assets.index(name) for name in joints]
     default = tuple(robot.numbers("default_joint_pos")[place] for place in order)
-    offset = action.numbers("offset", otherwise=0.0)
+    offset = action.numbers("offset", default=0.0)
     groups = dict(settings.section("observations").values)
     policy = groups.get("policy", next(iter(groups.values()), None))
     if not isinstance(policy, list):
@@ -51,7 +51,7 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
         "control_rate": 1 / scene.number("dt"),
         "joints": joints,
         "default_position": default,
-        "action_scale": action.numbers("scale", otherwise=1.0),
+        "action_scale": action.numbers("scale", default=1.0),
         "action_offset": offset if offset != default else None,
         "terms": tuple(terms.values()),
         "observed_joints": observed if observed != joints else None,

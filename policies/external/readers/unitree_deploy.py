@@ -25,7 +25,7 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
     joints = _ordered(asset, action)
     stiffness, damping, default = (settings.numbers(key) for key in ("stiffness", "damping", "default_joint_pos"))
     default = tuple(default[each] for each in order)
-    offset = action.numbers("offset", otherwise=0.0)
+    offset = action.numbers("offset", default=0.0)
     group = _group(settings)
     terms = {name: _term(name, each, bool(group.find("scale_first"))) for name, each in group.sections()}
     observed = observed_order(
@@ -36,7 +36,7 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
         control_rate=1 / settings.number("step_dt"),
         joints=joints,
         default_position=default,
-        action_scale=action.numbers("scale", otherwise=1.0),
+        action_scale=action.numbers("scale", default=1.0),
         action_offset=offset if offset != default else None,
         target_clip=_clip(action),
         stiffness=tuple(stiffness[motors[each]] for each in order),

@@ -57,7 +57,7 @@ def test_a_restart_of_one_robot_leaves_the_memories_of_the_others(kind: str, tmp
         pytest.importorskip("torch")
     numbers = Numbers(WIDTH, lstm=True)
     found = of(numbers.onnx(tmp_path / "p.onnx", 1) if kind == "onnx" else numbers.torchscript(tmp_path / "p.pt"))
-    assert found.remembers
+    assert found.has_memory
     found.reset(3)
     acts = [numbers.fresh() for _ in range(3)]
     for step in range(6):
@@ -77,7 +77,7 @@ def test_a_torchscript_that_keeps_its_memory_to_itself(tmp_path: Path, rows) -> 
         warnings.simplefilter("ignore")
         torch.jit.script(torch_modules.Counting(WIDTH)).save(str(tmp_path / "p.pt"))
     found = of(tmp_path / "p.pt")
-    assert found.remembers
+    assert found.has_memory
     found.reset(2)
     for step in (1, 2, 3):
         np.testing.assert_allclose(

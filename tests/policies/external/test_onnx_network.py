@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from policies.base import PolicyError
-from policies.external import onnx_file
+from policies.external import onnx_network
 from tests.policies.external.small_networks import Numbers
 
 onnx = pytest.importorskip("onnx")
@@ -54,9 +54,9 @@ def altered(
 
 def check(file: Path, numbers: Numbers) -> None:
     """It gives what the network does, step by step."""
-    make, remembers = onnx_file.make_network_factory(onnx_file.open_session(file), file)
+    make, has_memory = onnx_network.make_network_factory(onnx_network.open_session(file), file)
     act, expected = make(), numbers.fresh()
-    assert remembers == numbers.lstm
+    assert has_memory == numbers.lstm
     for row in np.random.default_rng(1).standard_normal((6, WIDTH)).astype(np.float32):
         np.testing.assert_allclose(np.ravel(act(row)), expected(row), atol=1e-5)
 
@@ -111,8 +111,8 @@ def test_what_names_do_not_decide_is_asked_for(tmp_path: Path) -> None:
     numbers = Numbers(WIDTH)
     file = altered(tmp_path / "net.onnx", numbers, ("left", "actions"), {"actions": "right"})
     with pytest.raises(PolicyError, match="outputs left, right, and none is called actions"):
-        onnx_file.make_network_factory(onnx_file.open_session(file), file)
+        onnx_network.make_network_factory(onnx_network.open_session(file), file)
     renamed = {"h_in": "a", "c_in": "b", "h_out": "x", "c_out": "y"}
     file = altered(tmp_path / "net.onnx", Numbers(WIDTH, lstm=True), ("actions", "h_out", "c_out"), renamed)
     with pytest.raises(PolicyError, match="reads a besides the observation, and x, y may renew it; name the output"):
-        onnx_file.make_network_factory(onnx_file.open_session(file), file)
+        onnx_network.make_network_factory(onnx_network.open_session(file), file)

@@ -1,0 +1,281 @@
+"""ONNX network: session, roles of its inputs and outputs, and the metadata of its file.
+
+Sources for the roles: rsl_rl `utils/exporter.py` and Isaac Lab `isaaclab_rl/rsl_rl/exporter.py` (`obs`, `h_in`, `c_in`
+-> `actions`, `h_out`, `c_out`); rl_games' exporters (`obs` -> `mu`, `log_std`, `value`, and `states`, `out_state_*`).
+"""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from policies.base import PolicyError
+from policies.external.act_function import ActFunction
+from policies.external.packages import import_package
+from policies.network import Weights
+from quad_env.files.reading import max_network_size, read_bytes
+from quad_env.files.text import brief, format_exception
+
+INPUT_TYPES: dict[str, type[np.floating]] = {"tensor(float)": np.float32, "tensor(double)": np.float64}
+"""Number types that a network may read."""
+ACTIONS = ("actions", "action"), ("mu", "mean", "action_mean", "actions_mean", "deterministic_actions"), ("output",)
+"""Names of the action output; the first group with a match decides."""
+OBSERVATIONS = "obs", "observation", "observations", "policy", "input", "features"
+"""Names of the observation input, used if several inputs are no memory."""
+RESIDUAL_METADATA = "simple_quad_policy"
+"""Metadata key of the `policy.json` of an exported residual."""
+MAX_METADATA = 20_000
+"""Largest number of characters of an entry of the metadata, except a residual's."""
+_DIRECTION_WORDS = frozenset(
+    (
+        "in",
+        "out",
+        "input",
+        "output",
+        "prev",
+        "previous",
+        "next",
+        "new",
+        "old",
+        "last",
+        "init",
+        "final",
+        "updated",
+    )
+)
+"""Words that distinguish a memory from its update."""
+_STEP = re.compile(r"([a-z]+?)_?(?:0|1|n|t)")
+"""Pattern of memories such as `h0`, updated by `hn`."""
+_RANDOM_OPERATORS = frozenset(
+    ("RandomNormal", "RandomNormalLike", "RandomUniform", "RandomUniformLike", "Multinomial", "Bernoulli")
+)
+"""Operators with random outputs."""
+
+
+@dataclass(frozen=True)
+class NetworkRoles:
+    """Inputs and outputs of a network, as onnxruntime describes them."""
+
+    observation: Any
+    action: Any
+    memory: tuple[tuple[Any, Any], ...]
+    """Each memory input with the output that updates it."""
+
+
+def open_session(file: Path) -> Any:
+    """Return the onnxruntime session of a file, with one thread. Raises PolicyError, one line."""
+    runtime = import_package("onnxruntime")
+    options = runtime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    try:
+        return runtime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
+    except Exception as error:
+        raise PolicyError(f"{file} cannot be read as ONNX: {format_exception(error)}") from error
+
+
+def make_network_factory(session: Any, file: Path) -> tuple[Callable[[], ActFunction], bool]:
+    """Return a factory of the network as a function from one observation to one action.
+
+    Args:
+        session: Session of the file.
+        file: File of the network, for errors.
+
+    Returns:
+        factory: Makes the function with a fresh memory.
+        has_memory: True for a recurrent network.
+
+    Raises:
+        PolicyError: The inputs and outputs are not those of a policy.
+    """
+    if not session.get_inputs() or not session.get_outputs() or not session.get_inputs()[0].shape:
+        raise PolicyError(f"{file} has no input of an observation, a vector, or no output")
+    roles = find_roles(session.get_inputs(), session.get_outputs(), file)
+    _check_inputs(roles, file)
+    observation = roles.observation
+    states = [state for state, _ in roles.memory]
+    shapes = [[size if isinstance(size, int) else 1 for size in state.shape] for state in states]
+    output_names = [roles.action.name, *(update.name for _, update in roles.memory)]
+    is_vector = len(observation.shape) == 1
+
+    def make() -> ActFunction:
+        memory = {
+            state.name: np.zeros(shape, INPUT_TYPES[state.type]) for state, shape in zip(states, shapes, strict=True)
+        }
+
+        def act(row: Weights) -> Any:
+            values = row.astype(INPUT_TYPES[observation.type])
+            inputs = {observation.name: values if is_vector else values[None]}
+            action, *updates = session.run(output_names, inputs | memory)
+            memory.update(zip(memory, updates, strict=True))
+            return action if is_vector or np.shape(action)[:1] != (1,) else action[0]
+
+        return act
+
+    return make, bool(states)
+
+
+def _check_inputs(roles: NetworkRoles, file: Path) -> None:
+    """Raise PolicyError for inputs of another number type, and for an observation of another shape."""
+    shape = roles.observation.shape
+    inputs = (roles.observation, *(state for state, _ in roles.memory))
+    other = next((each.type for each in inputs if each.type not in INPUT_TYPES), None)
+    if other is not None:
+        raise PolicyError(f"{file} reads {other}: it must read float or double")
+    is_batch = len(shape) == 2 and not isinstance(shape[0], int)
+    if not shape or (shape[:-1] not in ([], [1]) and not is_batch):
+        raise PolicyError(f"{file} reads {shape}: it must read one observation, or a batch of any size")
+
+
+def find_roles(inputs: Sequence[Any], outputs: Sequence[Any], file: Path) -> NetworkRoles:
+    """Return the roles of a network's inputs and outputs, by their names, then by their shapes.
+
+    Args:
+        inputs: Of the network, with `name` and `shape`.
+        outputs: Of the network, with `name` and `shape`.
+        file: File of the network, for errors.
+
+    Returns:
+        Roles of the inputs and outputs.
+
+    Raises:
+        PolicyError: Neither names nor shapes decide.
+    """
+    if not inputs or not outputs:
+        counts = f"{len(inputs)} inputs and {len(outputs)} outputs"
+        raise PolicyError(f"{file} has {counts}: it must have one or more of each")
+    observation = inputs[0] if len(inputs) == 1 else _find_observation(inputs, outputs)
+    states = [each for each in inputs if each is not observation]
+    updates = {
+        state.name: update for state in states if (update := _find_update_by_name(state, inputs, outputs)) is not None
+    }
+    action = _find_action([each for each in outputs if each not in updates.values()], file)
+    for state in states:
+        free = [each for each in outputs if each is not action and each not in updates.values()]
+        if state.name not in updates:
+            updates[state.name] = _find_update_by_shape(state, states, free, file)
+    return NetworkRoles(observation, action, tuple((state, updates[state.name]) for state in states))
+
+
+def _find_observation(inputs: Sequence[Any], outputs: Sequence[Any]) -> Any:
+    """Return the observation input: by name, or the only one that no output updates, or the first."""
+    named = [each for each in inputs if each.name.lower() in OBSERVATIONS]
+    if len(named) == 1:
+        return named[0]
+    not_updated = [each for each in inputs if _find_update_by_name(each, inputs, outputs) is None]
+    return not_updated[0] if len(not_updated) == 1 else inputs[0]
+
+
+def _find_action(outputs: Sequence[Any], file: Path) -> Any:
+    """Return the action output."""
+    for group in ACTIONS:
+        named = [each for each in outputs if each.name.lower() in group]
+        if len(named) == 1:
+            return named[0]
+    of_joints = [each for each in outputs if each.shape and each.shape[-1] == 12]
+    candidates = of_joints if len(outputs) > 1 else outputs
+    if len(candidates) == 1:
+        return candidates[0]
+    names = ", ".join(each.name for each in outputs)
+    raise PolicyError(f"{file} has the outputs {names}, and none is called actions", "rename the output of the actions")
+
+
+def _find_update_by_name(state: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Any | None:
+    """Return the one output with the memory's name, except for words such as `in` and `out`."""
+    if sum(_stem(each.name) == _stem(state.name) for each in inputs) > 1:
+        return None
+    candidates = [each for each in outputs if _stem(each.name) == _stem(state.name) and _has_same_shape(state, each)]
+    return candidates[0] if len(candidates) == 1 else None
+
+
+def _find_update_by_shape(state: Any, states: Sequence[Any], free: Sequence[Any], file: Path) -> Any:
+    """Return the one free output of a memory's shape if no other memory has this shape."""
+    candidates = [each for each in free if _has_same_shape(state, each)]
+    rivals = [each for each in states if each is not state and _has_same_shape(each, state)]
+    if len(candidates) == 1 and not rivals:
+        return candidates[0]
+    if not candidates:
+        raise PolicyError(f"{file} reads {state.name} besides the observation, and its outputs do not renew it")
+    names = ", ".join(each.name for each in candidates)
+    fault = f"{file} reads {state.name} besides the observation, and {names} may renew it"
+    stem = _stem(state.name)
+    raise PolicyError(fault, f"name the output by the input, such as {stem}_in and {stem}_out")
+
+
+def _stem(name: str) -> str:
+    """Return a name in lower case without the words that distinguish a memory from its update."""
+    words = [word for word in re.split(r"[^a-z0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()) if word]
+    stem = "_".join(word for word in words if word not in _DIRECTION_WORDS) or name.lower()
+    return match[1] if (match := _STEP.fullmatch(stem)) and len(match[1]) <= 2 else stem
+
+
+def _has_same_shape(state: Any, output: Any) -> bool:
+    """Return True if the shapes are equal in all known sizes."""
+    if len(state.shape) != len(output.shape):
+        return False
+    pairs = zip(state.shape, output.shape, strict=True)
+    return all(not isinstance(a, int) or not isinstance(b, int) or a == b for a, b in pairs)
+
+
+def read_metadata(file: Path) -> dict[str, str]:
+    """Return the metadata of an ONNX file that holds all of its network.
+
+    Args:
+        file: ONNX file.
+
+    Returns:
+        Text by key.
+
+    Raises:
+        PolicyError: The file cannot be read, or its weights lie in another file, or its network draws random numbers.
+    """
+    onnx = import_package("onnx")
+    try:
+        model = onnx.load_model_from_string(read_bytes(file, max_network_size()))
+        metadata = {entry.key: entry.value for entry in model.metadata_props}
+    except OSError as error:
+        raise PolicyError(f"cannot read {file.name} ({error.strerror})") from None
+    except Exception as error:
+        raise PolicyError(f"{file.name} cannot be read as ONNX: {format_exception(error)}") from None
+    random = next((node.op_type for node in _nodes(model) if node.op_type in _RANDOM_OPERATORS), None)
+    if random is not None:
+        raise PolicyError(
+            f"{file.name} draws random numbers, by the operator {random}", "export the mean of the actions"
+        )
+    for key, value in metadata.items():
+        if not isinstance(key, str) or not isinstance(value, str):  # the parser gives invalid UTF-8 as bytes
+            raise PolicyError(f"{file.name} has metadata at {brief(key)} that is no UTF-8")
+        if len(value) > MAX_METADATA and key != RESIDUAL_METADATA:
+            length = f"metadata of {len(value)} characters at {brief(key)}, at most {MAX_METADATA}"
+            raise PolicyError(f"{file.name}: {length}")
+    if _has_external_data(model):
+        remedy = "write them into it: onnx.save(onnx.load(file), file)"
+        raise PolicyError(f"the weights of {file.name} lie in another file", remedy)
+    return metadata
+
+
+def _nodes(model: Any) -> Iterator[Any]:
+    """Yield all nodes of a model, also those of loops, branches and functions."""
+    waiting = [model.graph, *model.functions]
+    while waiting:
+        for node in waiting.pop().node:
+            yield node
+            for attribute in node.attribute:
+                waiting += [attribute.g] if attribute.HasField("g") else []
+                waiting += attribute.graphs
+
+
+def _has_external_data(message: Any) -> bool:
+    """Return True if a part of a model lies in another file (`TensorProto.external_data`)."""
+    for field, value in message.ListFields():
+        if field.name == "external_data" or (field.name == "data_location" and value == 1):
+            return True
+        if field.message_type is None:
+            continue
+        parts = [value] if hasattr(value, "ListFields") else value
+        if any(map(_has_external_data, parts)):
+            return True
+    return False

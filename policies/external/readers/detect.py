@@ -1,0 +1,92 @@
+"""Detection of the format of a specification file, by its suffix and its keys."""
+
+from pathlib import Path
+
+from policies.base import PolicyError
+from policies.external.networks import is_onnx
+from policies.external.onnx_network import read_metadata
+from policies.external.readers import (
+    flat_yaml,
+    io_descriptor,
+    isaac_lab,
+    legged_gym,
+    mjlab_onnx,
+    toml_file,
+    unitree_deploy,
+)
+from policies.external.readers.drafts import IncompleteSpecError
+from policies.external.readers.settings import WRITE_TOML, FileSettings, load_settings
+from policies.external.spec import PolicySpec
+from quad_env.files.text import one_line
+
+
+def read(path: Path) -> PolicySpec | None:
+    """Read the specification of a policy from a file and the files next to it. No code of any file runs.
+
+    Args:
+        path: File of any suffix.
+
+    Returns:
+        The specification; None for an ONNX file without one and for other kinds of files.
+
+    Raises:
+        IncompleteSpecError: The file's kind is known, but fields are missing.
+        PolicyError: Any other fault of the file; one line that names it.
+    """
+    try:
+        match path.suffix.lower():
+            case ".onnx":
+                return mjlab_onnx.parse_spec(path)
+            case ".toml":
+                return check_network_matches(toml_file.parse_spec(load_settings(path)), corrected=True)
+            case ".yaml" | ".yml" | ".json":
+                return check_network_matches(_parse_by_keys(load_settings(path)))
+    except IncompleteSpecError as error:
+        raise error.at(path) from None
+    except PolicyError as error:
+        raise PolicyError(one_line(f"{path}: {error}")) from None
+    except ZeroDivisionError:
+        raise PolicyError(f"{path}: a time step, a period or a scale is zero") from None
+    return None
+
+
+def check_network_matches(spec: PolicySpec, corrected: bool = False) -> PolicySpec:
+    """Check that the network is in one file and has the joints of the specification.
+
+    Args:
+        spec: The specification.
+        corrected: True if a user wrote it; then other joints than the network's are no fault.
+
+    Returns:
+        The same specification.
+
+    Raises:
+        PolicyError: The network's weights lie in another file, or its joints are others.
+    """
+    if is_onnx(spec.network):
+        names = read_metadata(spec.network).get("joint_names")
+        if names is not None and not corrected and names != ",".join(spec.joints):
+            raise PolicyError(f"`joint_names` in {spec.network.name} disagree, {names}", WRITE_TOML)
+    return spec
+
+
+def _parse_by_keys(settings: FileSettings) -> PolicySpec:
+    """Return the specification by the project that has these keys. Raises PolicyError for unknown keys."""
+    keys = set(settings.values)
+    if "joint_ids_map" in keys:
+        return unitree_deploy.parse_spec(settings)
+    if io_descriptor.is_descriptor(settings):
+        return io_descriptor.parse_spec(settings)
+    if {"scene", "observations", "actions"} <= keys:
+        return isaac_lab.parse_spec(settings)
+    if {"init_state", "control"} <= keys:
+        return legged_gym.parse_spec(settings)
+    if len(keys) == 1 and any("model_name" in section.values for _, section in settings.sections()):
+        return flat_yaml.parse_robot_section(settings)
+    if flat_yaml.is_flat(settings):
+        return flat_yaml.parse_spec(settings)
+    raise PolicyError(
+        "it is no deployment file that is read: a deploy.yaml of Unitree, Isaac Lab's params/env.yaml or IO "
+        "descriptor, rl_sar's config.yaml, a configuration of deploy_mujoco, settings of legged_gym",
+        WRITE_TOML,
+    )

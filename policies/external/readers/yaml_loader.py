@@ -1,0 +1,128 @@
+"""YAML loader for files of other projects: safe, strict and bounded.
+
+It follows YAML 1.1 with these limits. Dates, digit groups (`1_000`) and base sixty (`1:30`) stay texts. Duplicate keys,
+collections as keys and more than MAX_PAIRS keys are errors. Python tags run no code.
+"""
+
+import re
+from collections.abc import Callable, Hashable
+from typing import Any
+
+from policies.base import PolicyError
+from policies.external.packages import import_package
+from quad_env.files.text import brief
+
+MAX_PAIRS = 20_000
+"""Largest number of keys of all mappings of a YAML file, with merged keys (`<<`)."""
+MAX_DIGITS = 100
+"""Largest number of characters of a number."""
+DECIMAL_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+"""Pattern of a decimal number without infinities."""
+_PYTHON_TAG = "tag:yaml.org,2002:python/"
+_INTEGER = re.compile(r"[-+]?(?:0b[01]+|0[0-7]+|0x[0-9a-fA-F]+|0|[1-9][0-9]*)$")
+"""Integers of YAML 1.1."""
+_FLOAT = re.compile(
+    r"[-+]?(?:[0-9]+\.[0-9]*(?:[eE][-+][0-9]+)?|\.[0-9]+(?:[eE][-+][0-9]+)?|\.(?:inf|Inf|INF))$|\.(?:nan|NaN|NAN)$"
+)
+"""Floats of YAML 1.1."""
+
+
+def parse_yaml(text: str) -> Any:
+    """Return the content of a YAML text.
+
+    Args:
+        text: The text.
+
+    Returns:
+        Content as lists, mappings and scalars.
+
+    Raises:
+        ValueError: It is no YAML, or exceeds a limit.
+    """
+    yaml = import_package("yaml")
+    base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    members = {
+        "yaml_implicit_resolvers": _resolvers(base),
+        "construct_mapping": _construct_mapping,
+        "flatten_mapping": lambda loader, node: _flatten_mapping(loader, base, node),
+        "own_keys": dict[int, set[int]](),
+    }
+    loader: Any = type("Loader", (base,), members)
+    loader.add_multi_constructor(_PYTHON_TAG, _construct_python)
+    scalars: dict[str, Callable[[str], Any]] = {"timestamp": str, "int": _parse_integer, "float": _parse_float}
+    for kind, parse in scalars.items():
+        loader.add_constructor(f"tag:yaml.org,2002:{kind}", _scalar_constructor(parse))
+    try:
+        return yaml.load(text, loader)
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from None
+
+
+def _resolvers(base: Any) -> dict[Any, list[tuple[str, Any]]]:
+    """Return YAML's implicit kinds of scalars, restricted to the numbers of `_INTEGER` and `_FLOAT`, without dates."""
+    patterns = {"tag:yaml.org,2002:int": _INTEGER, "tag:yaml.org,2002:float": _FLOAT}
+    return {
+        first: [(tag, patterns.get(tag, pattern)) for tag, pattern in rules if tag != "tag:yaml.org,2002:timestamp"]
+        for first, rules in base.yaml_implicit_resolvers.items()
+    }
+
+
+def _scalar_constructor(parse: Callable[[str], Any]) -> Callable[[Any, Any], Any]:
+    return lambda loader, node: parse(loader.construct_scalar(node))
+
+
+def _parse_integer(text: str) -> int:
+    """Parse an integer of YAML 1.1. Raises ValueError."""
+    if len(text) > MAX_DIGITS or not _INTEGER.match(text):
+        raise ValueError(f"{brief(text)} is no whole number")
+    sign = -1 if text[0] == "-" else 1
+    digits = text[1:] if text[0] == "-" else text.lstrip("+")
+    if digits[:2] in ("0b", "0x"):
+        return sign * int(digits, 0)
+    return sign * int(digits, 8 if digits[0] == "0" else 10)
+
+
+def _parse_float(text: str) -> float:
+    """Parse a float of YAML 1.1. Raises ValueError."""
+    plain = text.lower().replace(".inf", "inf").replace(".nan", "nan")
+    if plain.lstrip("+-") in ("inf", "nan") or DECIMAL_NUMBER.fullmatch(plain):
+        return float(plain)
+    raise ValueError(f"{brief(text)} is no number")
+
+
+def _flatten_mapping(loader: Any, base: Any, node: Any) -> None:
+    """Put the keys that a mapping merges (`<<`) before its own, and record its own. Raises ValueError for too many."""
+    loader.own_keys.setdefault(id(node), {id(key) for key, _ in node.value})
+    base.flatten_mapping(loader, node)
+    if len(node.value) > MAX_PAIRS:
+        raise ValueError(f"line {node.start_mark.line + 1} merges more than {MAX_PAIRS} keys")
+
+
+def _construct_mapping(loader: Any, node: Any, deep: bool = False) -> dict[Any, Any]:
+    """Return the mapping of a node. Raises ValueError for a duplicate own key and for a collection as a key."""
+    if not isinstance(node, import_package("yaml").MappingNode):
+        raise ValueError(f"line {node.start_mark.line + 1} holds no settings by key")
+    loader.flatten_mapping(node)
+    mapping: dict[Any, Any] = {}
+    own_keys = set[Any]()
+    for key_node, value_node in node.value:
+        key = loader.construct_object(key_node, deep=True)
+        line = key_node.start_mark.line + 1
+        if not isinstance(key, Hashable):
+            raise ValueError(f"line {line} has a collection as a key")
+        if id(key_node) in loader.own_keys[id(node)]:
+            if key in own_keys:
+                raise ValueError(f"line {line}: {brief(key)} is given twice")
+            own_keys.add(key)
+        mapping[key] = loader.construct_object(value_node, deep=deep)
+    return mapping
+
+
+def _construct_python(loader: Any, kind: str, node: Any) -> Any:
+    """Return a list for the tag of a tuple and None for the tag of a slice. Raises PolicyError for other tags."""
+    if kind == "tuple":
+        return loader.construct_sequence(node, deep=True)
+    if kind == "object/apply:builtins.slice":
+        return None
+    line = node.start_mark.line + 1
+    raise PolicyError(f"line {line} has the tag !!python/{kind}, which is not followed", "write the value itself")
