@@ -1,4 +1,7 @@
-"""What the robots of a run are built of. It imports no package, for the options are to be shown quickly."""
+"""Hardware of the robots of a run: robot, servos, motors, sensors, estimator and simulator, by name.
+
+It imports other packages only when they are used, so that --help stays quick.
+"""
 
 import sys
 from dataclasses import dataclass, replace
@@ -15,22 +18,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class HardwareConfig:
-    """Names that the environment's keyword arguments of the same names know."""
+    """Names of the hardware, with the meaning of the environment's keyword arguments of the same names."""
 
     actuator: str = "ideal"
     sensors: str = "truth"
     estimator: str = "complementary"
     robot: str = "simple_quad"
-    """Or the path of its MJCF, URDF or TOML."""
+    """Name of the robot, or path of its MJCF, URDF or TOML."""
     servo: str = ""
-    """Stiffness/damping of the servos for all our controllers, N·m/rad and N·m·s/rad; by default each has its own."""
+    """Stiffness/damping of the servos for our controllers, N·m/rad and N·m·s/rad; empty for each policy's own."""
     simulator: str = "mujoco"
-    """Simulator of the physics, one of `quad_env.physics.simulators.SIMULATORS`."""
+    """Simulator of the physics, one of `quad_env.physics.batch.SIMULATORS`."""
 
     @property
     def robot_model(self) -> "Robot":
-        """The robot of that name, with those servos. Raises as `quad_env.robots.registry.robot_of`."""
-        from quad_env.robots.registry import get_robot
+        """The robot with the servo gains of `servo`; errors as for `quad_env.robots.named.get_robot`."""
+        from quad_env.robots.named import get_robot
 
         robot = get_robot(self.robot)
         if not self.servo:
@@ -42,60 +45,94 @@ class HardwareConfig:
             raise ValueError(f"servo is stiffness/damping above 0, such as 35/0.5, not {self.servo!r}") from None
 
     def env_kwargs(self, robot: "Robot") -> dict[str, Any]:
-        """Keyword arguments of an environment of the robot, with the servo gains of one that a policy is made for."""
-        own = self.robot_model.with_servo(robot.servo_stiffness, robot.servo_damping)
+        """Return the keyword arguments of an environment with the servo gains of a policy's `robot`."""
+        robot_model = self.robot_model.with_servo(robot.servo_stiffness, robot.servo_damping)
         names = ("actuator", "sensors", "estimator", "simulator")
-        return {name: getattr(self, name) for name in names} | {"robot": own}
+        return {name: getattr(self, name) for name in names} | {"robot": robot_model}
 
     def policy(
-        self, name_or_path: str, trust: bool = False, *, on_hardware_profile: bool = False, **given: Any
+        self, name_or_path: str, trust: bool = False, *, on_hardware_profile: bool = False, **options: Any
     ) -> "Policy":
-        """A fresh policy for that robot, by name or path, see `policies.resolve`; PolicyError if there is none.
+        """Make a fresh policy for the robot; PolicyError if there is none of that name.
 
-        One `on_hardware_profile` is for scenarios on it: our controllers command the robot's own servo gains.
-        What else is `given` goes to what makes it, such as `parameters`.
+        Args:
+            name_or_path: See `policies.resolve`.
+            trust: True to load files that can hide code.
+            on_hardware_profile: True for scenarios on the robot's hardware profile. Our controllers then command the
+                servo gains of the robot's maker.
+            **options: Further options of the policy, such as `parameters`.
+
+        Returns:
+            The policy.
         """
         import policies
         from quad_env.actuation.hardware import hardware_profile
 
-        made: dict[str, Any] = {"robot": self.robot_model, "actuator": self.actuator, "sensors": self.sensors}
+        target: dict[str, Any]
         if on_hardware_profile:
             profile = hardware_profile(self.robot_model)
-            made = {"robot": self.robot_model.with_servo(), "actuator": profile.actuator, "sensors": profile.sensors}
-        return policies.resolve(name_or_path, trust=trust, **made | given)
+            target = {"robot": self.robot_model.with_servo(), "actuator": profile.actuator, "sensors": profile.sensors}
+        else:
+            target = {"robot": self.robot_model, "actuator": self.actuator, "sensors": self.sensors}
+        return policies.resolve(name_or_path, trust=trust, **target | options)
 
     @property
     def is_customized(self) -> bool:
-        """Whether actuator, sensors or estimator are other than the usual ones."""
+        """True if actuator, sensors or estimator differ from the default."""
         return replace(self, robot=IDEAL.robot, servo="", simulator=IDEAL.simulator) != IDEAL
 
 
 IDEAL = HardwareConfig()
+"""Default hardware: SimpleQuad with ideal motors and the true state, in MuJoCo."""
 
 
 def describe_hardware(hardware: HardwareConfig) -> str:
-    """` Robot: go1. Motors: motor; sensors: typical.`, an unusual estimator named too; nothing of what is usual."""
-    robot = "" if hardware.robot == IDEAL.robot else f" Robot: {hardware.robot}."
-    robot += f" Servos: {hardware.servo}." if hardware.servo else ""
-    robot += "" if hardware.simulator == IDEAL.simulator else f" Simulator: {hardware.simulator}."
-    if not hardware.is_customized:
-        return robot
-    estimator = "" if hardware.estimator == IDEAL.estimator else f"; estimator: {hardware.estimator}"
-    return f"{robot} Motors: {hardware.actuator}; sensors: {hardware.sensors}{estimator}."
+    """Return sentences on the hardware that differs from the default, such as ` Robot: go1. Motors: motor; ...`."""
+    text = ""
+    if hardware.robot != IDEAL.robot:
+        text += f" Robot: {hardware.robot}."
+    if hardware.servo:
+        text += f" Servos: {hardware.servo}."
+    if hardware.simulator != IDEAL.simulator:
+        text += f" Simulator: {hardware.simulator}."
+    if hardware.is_customized:
+        estimator = "" if hardware.estimator == IDEAL.estimator else f"; estimator: {hardware.estimator}"
+        text += f" Motors: {hardware.actuator}; sensors: {hardware.sensors}{estimator}."
+    return text
 
 
 def parse_robot_option(robot: str, option: str = "--robot") -> HardwareConfig:
-    """The robot of that name or path, otherwise as usual. Raises UsageError."""
+    """Parse a robot option.
+
+    Args:
+        robot: Name or path of the robot.
+        option: Name of the option in the error message.
+
+    Returns:
+        The default hardware with that robot.
+
+    Raises:
+        UsageError: There is no such robot.
+    """
+    hardware = HardwareConfig(robot=robot)
     try:
-        check_hardware(found := HardwareConfig(robot=robot))
+        check_hardware(hardware)
     except ValueError as error:
         raise UsageError(f"{option}: {error}") from error
-    return found
+    return hardware
 
 
 def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None) -> None:
-    """ValueError, which lists the valid names, where one is unknown, a robot cannot be had, an estimator has no sensors
-    or the simulator cannot do that, in that scenario."""
+    """Check that the hardware exists and that the simulator supports it in a scenario; warn about a user's robot.
+
+    Args:
+        hardware: Hardware to check.
+        scenario: Scenario to simulate; None for flat ground.
+
+    Raises:
+        ValueError: A name is unknown (with the valid names), a robot cannot be loaded, an estimator has no sensors,
+            or the simulator does not support the scenario or the hardware.
+    """
     from quad_env.actuation.models import actuator
     from quad_env.physics.simulators import check_simulator
     from quad_env.scenarios.scenario import Scenario
@@ -107,15 +144,16 @@ def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None)
     except (OSError, ImportError) as error:  # no file, or a package that is not installed
         raise ValueError(str(error)) from error
     if robot.source is not None:
-        _warn(robot)
-    motors, suite = actuator(hardware.actuator), sensor_suite(hardware.sensors)
+        _print_warnings(robot)
+    motors = actuator(hardware.actuator)
+    suite = sensor_suite(hardware.sensors)
     check_estimator(hardware.estimator, suite)
     check_simulator(hardware.simulator, scenario or Scenario("flat"), motors, suite is not None, readings=True)
 
 
 @lru_cache
-def _warn(robot: "Robot") -> None:
-    """Print, once, what is hard to believe about a user's robot."""
+def _print_warnings(robot: "Robot") -> None:
+    """Print, once, the implausible properties of a user's robot."""
     from quad_env.robots.leg_names import find_contradictions
     from quad_env.robots.plausibility import find_warnings
 

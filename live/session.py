@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.rollouts.observers import Observer, Step
-from evaluate.rollouts.rollout import advance, batch_of, reset_episodes
+from evaluate.rollouts.rollout import advance, make_env, reset_episodes
 from policies.base import Actions, Policy, PolicyError
 from policies.gait_cycle import smoothstep
 from quad_env.scenarios.scenario import Scenario
@@ -42,7 +42,7 @@ class Session:
         hardware: HardwareConfig = IDEAL,
         observers: Sequence[Observer] = (),
     ) -> None:
-        self.env = batch_of(policy, scenario, 1, steps=None, nthread=1, terminate_on_fall=False, hardware=hardware)
+        self.env = make_env(policy, scenario, 1, steps=None, nthread=1, terminate_on_fall=False, hardware=hardware)
         self.policy = policy
         self.observers = list(observers)
         self.listeners: list[Callable[[str], None]] = []

@@ -10,8 +10,7 @@ import numpy as np
 import policies
 from evaluate.hardware import HardwareConfig
 from evaluate.rollouts import diagnosis
-from evaluate.rollouts.walking_test import Walk
-from evaluate.rollouts.walking_test import walks as walks_of
+from evaluate.rollouts.walking_test import Walk, run_walks
 from policies import ExternalPolicy, PolicyError
 from policies.base import CONTROL_PERIOD, Policy
 from policies.external.network_policy import with_spec_gains
@@ -78,7 +77,7 @@ def policy(subject: DoctorSubject) -> Finding:
 
 def walk(policy: Policy, subject: DoctorSubject) -> tuple[list[str], list[str]]:
     """Words about each of COMMANDS that it follows, such as `forward 0.49 of 0.50 m/s`, and about each other one."""
-    found = walks_of(policy, HardwareConfig(robot=subject.name), COMMANDS, np.arange(1))
+    found = run_walks(policy, HardwareConfig(robot=subject.name), COMMANDS, np.arange(1))
     tracked, not_tracked = (
         [each.description for each in found if (each.deviation <= 1.0) is followed] for followed in (True, False)
     )
@@ -112,9 +111,9 @@ def _without_description(subject: DoctorSubject) -> Finding:
     if not (seen := diagnosis.failure_messages(found)):
         return NO_DESCRIPTION
     words = "; ".join(seen.values())
-    if diagnosis.failed(found):
+    if diagnosis.has_policy_failure(found):
         return problem(words, "the network itself", "export it again")
-    asked, _, remedy = diagnosis.which_observation(_loaded(subject)).rpartition(", ")
+    asked, _, remedy = diagnosis.suggest_description(_loaded(subject)).rpartition(", ")
     return problem(f"its file does not say what it reads, and {words}", asked, remedy)
 
 
@@ -158,7 +157,7 @@ def _finding(subject: DoctorSubject, ways: tuple[str, ...]) -> Finding:
     found = [walk for walk in _walks(subject) if walk.command_name in ways]
     if not (seen := diagnosis.failure_messages(found)):
         return ok("; ".join({walk.command_name: walk.description for walk in found}.values()))
-    if diagnosis.failed(found):
+    if diagnosis.has_policy_failure(found):
         return problem("; ".join(seen.values()), "the network itself", "export it again")
     return problem(
         "; ".join(seen.values()),

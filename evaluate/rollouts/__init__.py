@@ -1,1 +1,1 @@
-"""Episodes simulated: one policy on one scenario, side by side, and the batteries of scenarios."""
+"""Simulation of episodes: one policy on one scenario side by side, in batteries of scenarios and worker processes."""

@@ -1,4 +1,4 @@
-"""Whether a policy stands and walks as its description says, and which of the usual mistakes explains it if not."""
+"""Diagnosis of external policies: whether they stand and walk as described, and which common mistake explains it."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.hardware import HardwareConfig
-from evaluate.rollouts.walking_test import Command, Walk, walks
+from evaluate.rollouts.walking_test import Command, Walk, run_walks
 from policies.base import Policy
 from policies.external import ExternalPolicy
 from policies.external.network_policy import NetworkPolicy
@@ -20,16 +20,16 @@ from quad_env.sensing.height_scan import table_with
 
 STAND = "to stand"
 COMMANDS = {STAND: (0.0, 0.0, 0.0), "forward": (0.5, 0.0, 0.0), "in a curve": (0.5, 0.0, 0.8)}
-"""m/s and rad/s of SimpleQuad; only in a curve is the world's frame another than the body's."""
+"""Name -> command of SimpleQuad, m/s and rad/s; only in a curve do the world frame and the base frame differ."""
 SEEDS = episode_seeds("search", 0, 2)
-SCREENED = {"in a curve": COMMANDS["in a curve"]}
-"""Command of the walk that selects corrections."""
-SCREENING = 2.0
-"""Factor on the walk's duration: the screening walk is shorter by it."""
-MOST_WALKS = 10
-"""Largest number of corrections that are tried on all commands."""
-NEAREST = 2
-"""Number of corrections with a second one on top."""
+SCREENING_COMMANDS = {"in a curve": COMMANDS["in a curve"]}
+"""Command of the short walk that selects corrections."""
+SCREENING_SPEEDUP = 2.0
+"""Divisor of the duration of the short walk."""
+MAX_FULL_TESTS = 10
+"""Maximum number of corrections that are tested on all commands."""
+NUM_COMBINED_CORRECTIONS = 2
+"""Number of best corrections that are combined with a second one."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class ServosByRow(HardwareConfig):
     """Hardware with servo gains per robot."""
 
     gains: Any = None
-    """Stiffness and damping, (2, n, 12)."""
+    """Stiffness and damping, (2, n, 12), N·m/rad and N·m·s/rad."""
 
     def env_kwargs(self, robot: Robot) -> dict[str, Any]:
         """Return the keyword arguments of an environment of this hardware, for the policy's `robot`."""
@@ -45,63 +45,71 @@ class ServosByRow(HardwareConfig):
 
     def mean_robot(self) -> Robot:
         """Return the environment's robot with mean gains."""
-        is_one = (self.gains == self.gains[:, :1]).all()
-        return self.robot_model.with_servo(*(self.gains[:, 0] if is_one else self.gains.mean(axis=1)))
+        is_uniform = (self.gains == self.gains[:, :1]).all()
+        return self.robot_model.with_servo(*(self.gains[:, 0] if is_uniform else self.gains.mean(axis=1)))
 
 
-def run_walk_tests(policy: Policy, robot: str, times: int = 1) -> list[Walk]:
-    """Walks at each of COMMANDS on that robot, by name or path."""
-    return walks(policy, HardwareConfig(robot=robot), COMMANDS, SEEDS, times)
+def run_walk_tests(policy: Policy, robot: str, copies: int = 1) -> list[Walk]:
+    """Run a walk at each of COMMANDS for each of SEEDS.
+
+    Args:
+        policy: Policy of the robots.
+        robot: Name or path of the robot.
+        copies: Number of repetitions of all walks.
+
+    Returns:
+        The walks.
+    """
+    return run_walks(policy, HardwareConfig(robot=robot), COMMANDS, SEEDS, copies)
 
 
-def failure_messages(found: Sequence[Walk]) -> dict[str, str]:
-    """Words about the worst walk at each command that was not followed, by command."""
-    worst = {each.command_name: each for each in sorted(found, key=lambda each: each.deviation)}
-    return {
-        command_name: worst[command_name].description
-        for command_name in COMMANDS
-        if command_name in worst and worst[command_name].deviation > 1.0
-    }
+def failure_messages(walks: Sequence[Walk]) -> dict[str, str]:
+    """Return the description of the worst walk for each command that was not followed, by command name."""
+    worst = {walk.command_name: walk for walk in sorted(walks, key=lambda walk: walk.deviation)}
+    return {name: worst[name].description for name in COMMANDS if name in worst and worst[name].deviation > 1.0}
 
 
-def failed(found: Sequence[Walk]) -> bool:
-    """Whether the policy itself failed; a network may overflow from a mistake in its description."""
-    return any(walk.failure and "not finite" not in walk.failure for walk in found)
+def has_policy_failure(walks: Sequence[Walk]) -> bool:
+    """Return True if the policy itself failed; a network that overflows may have a mistake in its description."""
+    return any(walk.failure and "not finite" not in walk.failure for walk in walks)
 
 
 def diagnose(policy: ExternalPolicy, robot: str) -> str:
-    """Return the explanation of a policy's failure, in words: the correction with the best walk.
+    """Search the mistake in a policy's description that explains its failure.
 
     The search undoes one mistake, then several in the order of the joints, then a second one on top of the best
     corrections. Each correction is tried on a short walk first, and the best of them on all commands, all in this
     process.
 
     Args:
-        policy: It has a description.
-        robot: Name or path.
+        policy: A policy with a description.
+        robot: Name or path of the robot.
+
+    Returns:
+        The correction with the best walk, or the list of mistakes that were tried, as a sentence.
     """
     assert policy.spec is not None
-    own = HardwareConfig(robot=robot).robot_model
+    robot_model = HardwareConfig(robot=robot).robot_model
     singles: list[tuple[float, Correction]] = []
     for count in range(1, len(ORDERS) + 1):
-        found = _deviations(policy, robot, corrections(policy.spec, own, count))
-        if words := _best(found):
-            return words
-        singles += found
-    for _, first in sorted(singles, key=_rank)[:NEAREST]:
-        if words := _best(_deviations(policy, robot, second_corrections(first, own))):
-            return words
+        scored = _deviations(policy, robot, corrections(policy.spec, robot_model, count))
+        if explanation := _explain(scored):
+            return explanation
+        singles += scored
+    for _, first in sorted(singles, key=_rank)[:NUM_COMBINED_CORRECTIONS]:
+        if explanation := _explain(_deviations(policy, robot, second_corrections(first, robot_model))):
+            return explanation
     return f"no usual mistake alone explains it; tried: {', '.join(COMMON_ERRORS)}"
 
 
 def _rank(scored: tuple[float, Correction]) -> float:
-    """Return the deviation of a correction with its doubt."""
+    """Return the deviation of a correction plus its penalty."""
     deviation, correction = scored
     return deviation + correction.penalty
 
 
-def _best(scored: Sequence[tuple[float, Correction]]) -> str:
-    """Return the best correction, in words; empty if the policy walks with none."""
+def _explain(scored: Sequence[tuple[float, Correction]]) -> str:
+    """Return a sentence on the best correction; empty if the policy walks with none."""
     walking = [pair for pair in scored if pair[0] <= 1.0]
     if not walking:
         return ""
@@ -110,67 +118,83 @@ def _best(scored: Sequence[tuple[float, Correction]]) -> str:
 
 
 def _deviations(policy: ExternalPolicy, robot: str, candidates: Iterable[Correction]) -> list[tuple[float, Correction]]:
-    """Return the worst command deviation of a policy with each of the corrections that screen best.
+    """Return the largest deviation of a policy with each of the corrections that screen best.
 
     Args:
-        policy: It has a description.
-        robot: Name or path.
-        candidates: Corrections of it.
+        policy: A policy with a description.
+        robot: Name or path of the robot.
+        candidates: Corrections of the description.
+
+    Returns:
+        Pairs of deviation and correction, best in screening first.
     """
-    own = HardwareConfig(robot=robot).robot_model
-    tried_out = list(candidates)
-    policies = [NetworkPolicy(each.spec, robot=own, control_period=policy.control_period) for each in tried_out]
-    screened = _worst_deviations(policies, robot, SCREENED, SEEDS[:1], SCREENING)
-    best = [
-        place for place in np.argsort(screened, kind="stable")[:MOST_WALKS].tolist() if np.isfinite(screened[place])
+    robot_model = HardwareConfig(robot=robot).robot_model
+    tested = list(candidates)
+    policies = [
+        NetworkPolicy(correction.spec, robot=robot_model, control_period=policy.control_period) for correction in tested
     ]
-    if not best:
+    screened = _largest_deviations(policies, robot, SCREENING_COMMANDS, SEEDS[:1], SCREENING_SPEEDUP)
+    ranked = np.argsort(screened, kind="stable")[:MAX_FULL_TESTS].tolist()
+    best_ids = [index for index in ranked if np.isfinite(screened[index])]
+    if not best_ids:
         return []
-    worst = _worst_deviations([policies[place] for place in best], robot, COMMANDS, SEEDS)
-    return [(float(off), tried_out[place]) for off, place in zip(worst, best, strict=True)]
+    deviations = _largest_deviations([policies[index] for index in best_ids], robot, COMMANDS, SEEDS)
+    return [(float(deviation), tested[index]) for deviation, index in zip(deviations, best_ids, strict=True)]
 
 
-def _worst_deviations(
+def _largest_deviations(
     policies: Sequence[Policy],
     robot: str,
     commands: Mapping[str, Command],
     seeds: NDArray[np.int64],
     shortened_by: float = 1.0,
 ) -> NDArray[np.float64]:
-    """Return the worst command deviation of each policy, (n,); arguments as those of `walks`."""
+    """Return the largest deviation of each policy from its commands.
+
+    Args:
+        policies: Policies, which walk side by side with their own servo gains.
+        robot: Name or path of the robot.
+        commands: Name -> command of SimpleQuad, m/s and rad/s.
+        seeds: Seeds of the episodes.
+        shortened_by: Divisor of the duration of a walk.
+
+    Returns:
+        Deviations, (len(policies),); see `Walk.deviation`.
+    """
     rows = len(commands) * len(seeds)
-    gains = np.array([(each.robot.servo_stiffness, each.robot.servo_damping) for each in policies])
+    gains = np.array([(policy.robot.servo_stiffness, policy.robot.servo_damping) for policy in policies])
     hardware = ServosByRow(robot=robot, gains=np.repeat(gains.transpose(1, 0, 2), rows, axis=1))
     stack = PolicyStack(policies, replace_nonfinite=True, idle_when_fallen=True, robot=hardware.mean_robot())
-    found = walks(stack, hardware, commands, seeds, len(policies), shortened_by)
-    deviations = np.array([walk.deviation for walk in found], dtype=np.float64)
-    worst: NDArray[np.float64] = deviations.reshape(len(policies), -1).max(axis=1)
-    return worst
+    walks = run_walks(stack, hardware, commands, seeds, len(policies), shortened_by)
+    deviations = np.array([walk.deviation for walk in walks], dtype=np.float64)
+    largest: NDArray[np.float64] = deviations.reshape(len(policies), -1).max(axis=1)
+    return largest
 
 
 def remarks(policy: Policy) -> tuple[str, ...]:
-    """Return the remarks on incomplete fields of a foreign policy's file, a line each."""
+    """Return the remarks on incomplete fields of an external policy's file, a line each."""
     return tuple(getattr(getattr(policy, "policy", policy), "remarks", ()))
 
 
 def warning(policy: Policy, robot: str) -> str | None:
-    """Return a line about a foreign policy that does not stand or walk; None for others."""
+    """Test an external policy on the `robot`, a name or path; return a line if it does not stand or walk, else None."""
     inner: Any = getattr(policy, "policy", policy)  # within a safety layer
     is_described = getattr(inner, "spec", None) is not None
     if not is_described and not isinstance(inner, ExternalPolicy):
         return None
-    found = run_walk_tests(inner, robot)
+    walks = run_walk_tests(inner, robot)
     inner.close()
-    if not (seen := failure_messages(found)):
+    messages = failure_messages(walks)
+    if not messages:
         return None
-    first = next(iter(seen.values()))
-    if failed(found):
+    first = next(iter(messages.values()))
+    if has_policy_failure(walks):
         return first
-    return f"{first}; {diagnose(inner, robot) if is_described else which_observation(inner)}"
+    return f"{first}; {diagnose(inner, robot) if is_described else suggest_description(inner)}"
 
 
-def which_observation(policy: ExternalPolicy) -> str:
-    """Return the question on a policy that does not walk and whose file does not describe its observation."""
+def suggest_description(policy: ExternalPolicy) -> str:
+    """Return the observation that a policy without a description received, and how to describe another one."""
     table = table_with(policy.robot, policy.height_scan)
     names = ", ".join(f"{name} {part.stop - part.start}" for name, part in table.slices.items())
     given = f"it was given this environment's {table.size} numbers ({names})"

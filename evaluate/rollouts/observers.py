@@ -1,4 +1,4 @@
-"""What the observers of a rollout receive at every control step; the observer of falls."""
+"""Observers of a rollout: the step that they receive, and the recorder of falls."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
 _REASONS = np.array([None, *FALL_REASONS[1:]], dtype=object)
-"""Name of each code of a fall in an episode."""
+"""Fall code -> name of the fall rule; None for code 0."""
 
 
 @dataclass(frozen=True)
@@ -22,29 +22,29 @@ class Step:
     """One control step of n robots, or the start of their episodes."""
 
     number: int
-    """Control steps that are done; 0 at the start."""
+    """Number of finished control steps; 0 at the start."""
     env: "SimpleQuadVectorEnv"
     action: Actions
-    """Joint targets of the step, rad, (n, 12); at the start the home pose."""
+    """Joint targets of the step, (n, 12), rad; at the start the home pose."""
     observation: NDArray[np.float32]
-    """The policy's next observation, (n, k)."""
+    """Next observation of the policy, (n, k)."""
     infos: dict[str, Any]
-    """Infos of the environment, its readings among them; see `quad_env.task.readings`."""
+    """Infos of the environment with its readings; see `quad_env.task.readings`."""
 
 
 Observer = Callable[[Step], bool | None]
-"""Receives the start and every control step, in order; its changes of the policy act from the next action on.
+"""Receives the start and every control step in order, and returns True to end the rollout.
 
-True ends the rollout.
+Its changes of the policy take effect with the next action.
 """
 
 
 class FallRecorder:
-    """First fall of each of n robots by the environment's rule; a simulation that diverges is one too."""
+    """Observer that records the first fall of each of n robots, by the environment's rule or by divergence."""
 
     def __init__(self, count: int, steps: int) -> None:
         self.step = np.full(count, steps, dtype=np.int64)
-        """Index of the first control step after which the robot was fallen or diverged, (n,); `steps` without one."""
+        """Index of the first control step after which the robot had fallen or diverged, (n,); `steps` without one."""
         self.reason = np.full(count, None, dtype=object)
         """Name of `FALL_REASONS`, or `diverged`, (n,); None without a fall."""
         self.divergence_step = np.full(count, steps, dtype=np.int64)
@@ -52,8 +52,10 @@ class FallRecorder:
         self._steps = steps
 
     def __call__(self, step: Step) -> None:
-        """Take note of the falls of a control step; a time-out is none."""
-        fall, diverged, index = step.infos["fall"], step.infos["diverged"], step.number - 1
+        """Record the falls of a control step; the time limit is no fall."""
+        fall = step.infos["fall"]
+        diverged = step.infos["diverged"]
+        index = step.number - 1
         np.minimum(self.divergence_step, index, out=self.divergence_step, where=diverged)
         new = (diverged | (fall > 0)) & (self.step > index)
         if new.any():
@@ -62,5 +64,5 @@ class FallRecorder:
 
     @property
     def fell(self) -> NDArray[np.bool_]:
-        """Whether each robot has fallen or diverged by now, (n,)."""
+        """True for robots that have fallen or diverged so far, (n,)."""
         return np.asarray(self.step < self._steps)

@@ -1,6 +1,6 @@
-"""Rollout: the one loop in which a policy and n robots step, one episode a robot, watched by observers.
+"""The rollout loop: a policy controls n robots for one episode each, and observers receive every step.
 
-One episode an environment, so that short ones are never over-counted.
+Each environment runs exactly one episode, so that short episodes are not over-counted.
 """
 
 from collections.abc import Callable, Generator
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 STEPS = 1000
 """Control steps of a full episode."""
-REPORT_EVERY = 25
+REPORT_PERIOD = 25
 """Control steps between two calls of the progress callback."""
 
 Progress = Callable[[float], None]
-"""Receives the share of the run that is done, 0 … 1; 1 exactly once, at the end."""
+"""Receives the finished fraction of the rollout, 0 … 1; 1 exactly once, at the end."""
 
 
 def roll_out(
@@ -39,14 +39,22 @@ def roll_out(
     terminate_on_fall: bool = True,
     hardware: HardwareConfig = IDEAL,
 ) -> None:
-    """One episode of `policy` for each seed, all side by side; every observer receives each step.
+    """Run one episode of the policy for each seed, side by side, until no robot moves or an observer ends it.
 
-    It ends after `steps` control steps, when no robot moves any more, or when an observer says so. A robot that has
-    fallen stays frozen to the end; without `terminate_on_fall` it goes on. What comes before its fall is the same to
-    the bit either way. `command`, (3,) or (n, 3), is held for the whole episode; without, the scenario draws commands.
-    Raises ValueError for a policy that was made for another robot or another control period.
+    Args:
+        policy: Policy of all robots.
+        scenario: Scenario or its name.
+        seeds: Seeds of the episodes, (n,).
+        *observers: Receive the start and every control step.
+        steps: Maximum number of control steps.
+        nthread: Threads of the simulation.
+        command: Command for the whole episode, (3,) or (n, 3), m/s, m/s, rad/s; None for the scenario's commands.
+        terminate_on_fall: True to freeze a robot when it falls. The steps before the fall are the same bits either way.
+        hardware: Hardware of the robots.
+
+    Raises ValueError if the policy was made for another robot or control period.
     """
-    env = batch_of(
+    env = make_env(
         policy,
         scenario,
         len(seeds),
@@ -55,8 +63,8 @@ def roll_out(
         terminate_on_fall=terminate_on_fall,
         hardware=hardware,
     )
-    with closing(_steps(policy, env, seeds, command)) as taken:
-        for step in taken:
+    with closing(_iterate_steps(policy, env, seeds, command)) as episode:
+        for step in episode:
             stop_requested = [observer(step) for observer in observers]
             if any(stop_requested):
                 return
@@ -71,27 +79,39 @@ def iterate_episode(
     command: ArrayLike | None = None,
     hardware: HardwareConfig = IDEAL,
 ) -> Generator[Step]:
-    """The start and the control steps of one episode, each simulated on demand: several policies' episodes can
-    go side by side. A robot that has fallen goes on; otherwise as in `roll_out`."""
-    env = batch_of(policy, scenario, 1, steps=steps, nthread=1, terminate_on_fall=False, hardware=hardware)
-    yield from _steps(policy, env, np.array([seed]), command)
+    """Iterate over one episode, simulating each control step on demand; a fallen robot is not frozen.
+
+    Args:
+        policy: Policy of the robot.
+        scenario: Scenario or its name.
+        seed: Seed of the episode.
+        steps: Maximum number of control steps.
+        command: Command for the whole episode, (3,), m/s, m/s, rad/s; None for the scenario's commands.
+        hardware: Hardware of the robot.
+
+    Yields:
+        The start and every control step.
+    """
+    env = make_env(policy, scenario, 1, steps=steps, nthread=1, terminate_on_fall=False, hardware=hardware)
+    yield from _iterate_steps(policy, env, np.array([seed]), command)
 
 
-def _steps(
+def _iterate_steps(
     policy: Policy, env: "SimpleQuadVectorEnv", seeds: NDArray[np.int64], command: ArrayLike | None
 ) -> Generator[Step]:
-    """The start and the control steps of one episode for each seed; the environment is closed at the end."""
+    """Yield the start and the control steps of one episode for each seed, and close the environment at the end."""
     with closing(env):
         policy.check_compatible(env.robot, env.dt)
-        step, ended = reset_episodes(env, seeds, command), False
+        step = reset_episodes(env, seeds, command)
         policy.reset(num_envs=len(seeds), seed=0)
         yield step
-        while not ended:
-            step, ended = advance(step, policy.act(step.observation))
+        is_finished = False
+        while not is_finished:
+            step, is_finished = advance(step, policy.act(step.observation))
             yield step
 
 
-def batch_of(
+def make_env(
     policy: Policy,
     scenario: str | Scenario,
     count: int,
@@ -101,7 +121,20 @@ def batch_of(
     terminate_on_fall: bool = True,
     hardware: HardwareConfig = IDEAL,
 ) -> "SimpleQuadVectorEnv":
-    """`count` robots whose readings observers get, for episodes of so many control steps, or without a time limit."""
+    """Make an environment with the policy's observations, and with the readings that observers need in its infos.
+
+    Args:
+        policy: Policy that will control the robots.
+        scenario: Scenario or its name.
+        count: Number of robots.
+        steps: Maximum number of control steps of an episode; None for no limit.
+        nthread: Threads of the simulation.
+        terminate_on_fall: True to freeze a robot when it falls.
+        hardware: Hardware of the robots.
+
+    Returns:
+        An environment without autoreset.
+    """
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
     return SimpleQuadVectorEnv(
@@ -119,14 +152,32 @@ def batch_of(
 
 
 def reset_episodes(env: "SimpleQuadVectorEnv", seeds: NDArray[np.int64], command: ArrayLike | None) -> Step:
-    """Start of an episode for each seed; see `roll_out` for the command."""
+    """Start an episode for each seed.
+
+    Args:
+        env: Environment with one robot for each seed.
+        seeds: Seeds, (n,).
+        command: Command for the whole episode, (3,) or (n, 3); None for the scenario's commands.
+
+    Returns:
+        The start of the episodes.
+    """
     options = None if command is None else {"command": command}
     observation, infos = env.reset(seed=seeds.tolist(), options=options)
     return Step(0, env, infos["action"].astype(np.float32), observation, infos)
 
 
 def advance(step: Step, action: Actions) -> tuple[Step, bool]:
-    """The next control step, and whether no robot moves any more."""
+    """Simulate one control step.
+
+    Args:
+        step: The step before.
+        action: Joint targets, (n, 12), rad.
+
+    Returns:
+        step: The next step.
+        is_finished: True if no robot moves any more.
+    """
     observation, _, terminated, truncated, infos = step.env.step(action)
     return Step(step.number + 1, step.env, action, observation, infos), bool((terminated | truncated).all())
 
@@ -141,11 +192,24 @@ def run(
     progress: Progress = lambda _: None,
     hardware: HardwareConfig = IDEAL,
 ) -> Episodes:
-    """The record of one episode of `policy` for each seed."""
+    """Run and record one episode of the policy for each seed.
+
+    Args:
+        policy: Policy of all robots.
+        scenario: Scenario or its name.
+        seeds: Seeds of the episodes, (n,).
+        nthread: Threads of the simulation.
+        steps: Control steps of an episode.
+        progress: Receives the finished fraction.
+        hardware: Hardware of the robots.
+
+    Returns:
+        The recorded episodes.
+    """
     recorder = EpisodeRecorder(policy, seeds, steps)
 
     def report(step: Step) -> None:
-        if step.number < steps and step.number % REPORT_EVERY == 0:
+        if step.number < steps and step.number % REPORT_PERIOD == 0:
             progress(step.number / steps)
 
     roll_out(policy, scenario, seeds, recorder, report, steps=steps, nthread=nthread, hardware=hardware)
@@ -154,38 +218,56 @@ def run(
 
 
 class EpisodeRecorder:
-    """Observer that records episodes, for measures to be computed from: arrays with a row a control step."""
+    """Observer that records the signals of n episodes, in arrays with one row a control step."""
 
     def __init__(self, policy: Policy | None, seeds: NDArray[np.int64], steps: int) -> None:
-        self._policy, self._seeds, self._steps = policy, seeds, steps
+        self._policy = policy
+        self._seeds = seeds
+        self._steps = steps
         self.falls = FallRecorder(len(seeds), steps)
-        """By now."""
+        """Falls recorded so far."""
         self._failure = np.full(len(seeds), None, dtype=object)
         self._failure_step = np.full(len(seeds), steps, np.int64)
 
     def __call__(self, step: Step) -> None:
-        """Record a control step."""
+        """Record a control step; the start only sets up the arrays."""
         if step.number == 0:
-            self._env, robot = step.env, step.env.robot
-            absent = [name for name in POLICY_SIGNALS if getattr(self._policy, name, None) is None]
-            absent += [OBSERVED_SIGNAL] * step.env.observes_true_state
-            table = step.env.observation_table.slices
-            self._given = np.concatenate([np.arange(table[name].start, table[name].stop) for name in OBSERVED])
-            names = [name for name in shapes(robot) if name not in absent]
-            self._signals = {name: empty_signal(robot, name, self._steps, len(self._seeds)) for name in names}
+            self._allocate(step)
             return
-        if (failure := getattr(self._policy, "failure", None)) is not None:
-            self._failure = np.where(self.falls.fell, self._failure, failure)
-            failed = [reason is not None for reason in self._failure]
-            np.minimum(self._failure_step, step.number - 1, out=self._failure_step, where=failed)
+        self._record_failure(step)
         self.falls(step)
-        now = step.infos | {OBSERVED_SIGNAL: step.observation[:, self._given]}
+        values = step.infos | {OBSERVED_SIGNAL: step.observation[:, self._observed_ids]}
         for name, signal in self._signals.items():
-            signal[step.number - 1] = getattr(self._policy, name) if name in POLICY_SIGNALS else now[name]
+            signal[step.number - 1] = getattr(self._policy, name) if name in POLICY_SIGNALS else values[name]
+
+    def _allocate(self, start: Step) -> None:
+        """Allocate the signals that the environment and the policy have."""
+        self._env = start.env
+        robot = start.env.robot
+        absent = [name for name in POLICY_SIGNALS if getattr(self._policy, name, None) is None]
+        if start.env.observes_true_state:
+            absent.append(OBSERVED_SIGNAL)
+        slices = start.env.observation_table.slices
+        self._observed_ids = np.concatenate([np.arange(slices[name].start, slices[name].stop) for name in OBSERVED])
+        self._signals = {
+            name: empty_signal(robot, name, self._steps, len(self._seeds))
+            for name in shapes(robot)
+            if name not in absent
+        }
+
+    def _record_failure(self, step: Step) -> None:
+        """Record the policy's failure of robots that had not fallen before the step."""
+        if (failure := getattr(self._policy, "failure", None)) is None:
+            return
+        self._failure = np.where(self.falls.fell, self._failure, failure)
+        has_failed = [reason is not None for reason in self._failure]
+        np.minimum(self._failure_step, step.number - 1, out=self._failure_step, where=has_failed)
 
     def episodes(self) -> Episodes:
-        """The record; of steps that were not recorded, zeros."""
-        env, falls, meter = self._env, self.falls, self._env.simulation.meter
+        """Return the recorded episodes; the signals of steps that were not simulated are zero."""
+        env = self._env
+        falls = self.falls
+        meter = env.simulation.meter
         assert meter is not None, "an environment without readings"
         return Episodes(
             robot=env.robot,

@@ -1,4 +1,4 @@
-"""A test of walking: robots side by side, each held to a command on flat ground for some seconds."""
+"""Walking test: robots side by side, each with a constant command on flat ground for a few seconds."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,50 +15,58 @@ from quad_env.config import FALL_REASONS
 from quad_env.robots.similarity import scale_factor
 
 Command = tuple[float, float, float]
-UNITS, AXES = ("m/s", "m/s", "rad/s"), ("forward", "to the left", "of yaw rate")
-SECONDS, SETTLING = 4.0, 2.0
-"""Duration of a walk, and of its part that does not count."""
+"""Forward m/s, lateral m/s, yaw rate rad/s."""
+UNITS = ("m/s", "m/s", "rad/s")
+AXES = ("forward", "to the left", "of yaw rate")
+WALK_TIME = 4.0
+"""s. Duration of a walk."""
+SETTLING_TIME = 2.0
+"""s. Start of a walk that does not count."""
 
 
 @dataclass(frozen=True)
 class Walk:
-    """What became of a robot that was held to a command."""
+    """Result of a robot's walk with a constant command."""
 
     command_name: str
-    """The command in words, such as `forward`."""
+    """Name of the command, such as `forward`."""
     command: Floats
-    """(3,), m/s and rad/s."""
+    """Commanded velocity, heading frame, (3,), m/s and rad/s."""
     velocity: Floats
-    """Mean, heading frame, (3,), m/s and rad/s."""
+    """Mean velocity, heading frame, (3,), m/s and rad/s."""
     fall: str
-    """Why it fell; empty where it did not."""
+    """Name of the fall rule; empty without a fall."""
     failure: str | None
-    """Why the policy failed it; None where it did not."""
+    """Reason of the policy's failure; None without a failure."""
     errors: Floats
-    """Of the velocity, per what the success rule allows, (3,); of turning at command zero none."""
+    """Velocity errors over the tolerances of the success rule, (3,); the yaw error at command zero does not count."""
 
     @property
     def deviation(self) -> float:
-        """Largest of the errors; infinite after a fall or a failure. It follows its command at 1 and less."""
+        """Largest of the errors, infinite after a fall or a failure; at most 1 if the robot follows its command."""
         return np.inf if self.fall or self.failure else float(self.errors.max())
 
     @property
     def description(self) -> str:
-        """Such as `forward 0.49 of 0.50 m/s`."""
+        """Text such as `forward 0.49 of 0.50 m/s`."""
         if self.failure:
             return f"commanded {self.command_name} it {self.failure}"
         if self.fall:
             return f"commanded {self.command_name} it falls ({self.fall.replace('_', ' ')})"
         if not self.command.any():
             return f"commanded {self.command_name} it moves at {np.linalg.norm(self.velocity[:2]):.2f} m/s"
-        axis, worst = int(np.abs(self.command).argmax()), int(self.errors.argmax())
-        words = f"{self.command_name} {_rounded(self.velocity[axis])} of {self.command[axis]:.2f} {UNITS[axis]}"
-        if self.deviation <= 1.0 or worst == axis:
-            return words
-        return f"{words}, with {_rounded(self.velocity[worst])} {UNITS[worst]} {AXES[worst]}"
+        commanded = int(np.abs(self.command).argmax())
+        worst = int(self.errors.argmax())
+        text = (
+            f"{self.command_name} {_format(self.velocity[commanded])} of {self.command[commanded]:.2f} "
+            f"{UNITS[commanded]}"
+        )
+        if self.deviation <= 1.0 or worst == commanded:
+            return text
+        return f"{text}, with {_format(self.velocity[worst])} {UNITS[worst]} {AXES[worst]}"
 
 
-def walks(
+def run_walks(
     policy: Policy,
     hardware: HardwareConfig,
     commands: Mapping[str, Command],
@@ -66,44 +74,57 @@ def walks(
     copies: int = 1,
     shortened_by: float = 1.0,
 ) -> list[Walk]:
-    """Return a walk for each seed and each command, by the command's words.
+    """Run a walk for each command and seed.
 
     Args:
-        policy: Whom the robots follow.
-        hardware: Of the robots.
-        commands: SimpleQuad's, m/s and rad/s, scaled to the size of the robot.
-        seeds: Of the episodes.
-        times: Number of repetitions of all walks, one for each policy of a stack.
-        shortened_by: Factor by which the walks are shorter than SECONDS.
+        policy: Policy of all robots.
+        hardware: Hardware of the robots.
+        commands: Name -> command of SimpleQuad, m/s and rad/s, scaled to the size of the robot.
+        seeds: Seeds of the episodes, (k,).
+        copies: Number of repetitions of all walks, one for each policy of a stack.
+        shortened_by: Divisor of WALK_TIME and SETTLING_TIME.
 
-    Raises:
-        ValueError: What making the environment and `Policy.check_fits` raise.
+    Returns:
+        Walks by copy, then command, then seed. ValueError if the policy does not fit the environment.
     """
-    scale, count = np.array([scale_factor(policy.robot, unit) for unit in UNITS]), len(seeds)
-    asked = np.tile(np.repeat(scale * np.array(list(commands.values())), count, axis=0), (copies, 1))
-    fall = np.zeros(len(asked), int)
+    scale = np.array([scale_factor(policy.robot, unit) for unit in UNITS])
+    command = np.tile(np.repeat(scale * np.array(list(commands.values())), len(seeds), axis=0), (copies, 1))
+    names = np.tile(np.repeat(list(commands), len(seeds)), copies).tolist()
+    fall = np.zeros(len(command), int)
     velocities: list[Floats] = []
 
     def observe(step: Step) -> None:
         fall[:] = np.where(fall > 0, fall, step.infos["fall"])
-        if step.number * step.env.dt > SETTLING / shortened_by:
+        if step.number * step.env.dt > SETTLING_TIME / shortened_by:
             velocities.append(step.infos["heading_velocity"])
 
-    steps = round(SECONDS / shortened_by / policy.control_period)
-    seeds = np.tile(seeds, len(commands) * copies)
-    roll_out(policy, "flat", seeds, observe, steps=steps, command=asked, hardware=hardware)
-    planar = np.linalg.norm(asked[:, :2], axis=1, keepdims=True)
-    rule = RULES[SUCCESS_RULE]
-    allowed = rule.linear * scale + rule.share * np.hstack((planar, planar, np.abs(asked[:, 2:])))
-    means = np.mean(velocities, axis=0) if velocities else np.zeros_like(asked)
-    errors = np.abs(means - asked) / allowed
-    errors[:, 2] *= asked.any(axis=1)  # many turn a little where they are to stand
-    ways = np.tile(np.repeat(list(commands), count), copies).tolist()
-    falls = [FALL_REASONS[code] if code else "" for code in fall]
+    roll_out(
+        policy,
+        "flat",
+        np.tile(seeds, len(commands) * copies),
+        observe,
+        steps=round(WALK_TIME / shortened_by / policy.control_period),
+        command=command,
+        hardware=hardware,
+    )
+    velocity = np.mean(velocities, axis=0) if velocities else np.zeros_like(command)
+    errors = _relative_errors(command, velocity, scale)
+    reasons = [FALL_REASONS[code] if code else "" for code in fall]
     failures = getattr(policy, "failure", None)
-    failures = [None] * len(asked) if failures is None else failures
-    return [Walk(*each) for each in zip(ways, asked, means, falls, failures, errors, strict=True)]
+    failures = [None] * len(command) if failures is None else failures
+    return [Walk(*row) for row in zip(names, command, velocity, reasons, failures, errors, strict=True)]
 
 
-def _rounded(value: float) -> str:
-    return f"{round(float(value), 2) + 0.0:.2f}"  # no −0
+def _relative_errors(command: Floats, velocity: Floats, scale: Floats) -> Floats:
+    """Return the errors of mean velocities over the tolerances of the success rule, (n, 3)."""
+    planar = np.linalg.norm(command[:, :2], axis=1, keepdims=True)
+    rule = RULES[SUCCESS_RULE]
+    tolerance = rule.linear * scale + rule.share * np.hstack((planar, planar, np.abs(command[:, 2:])))
+    errors = np.abs(velocity - command) / tolerance
+    errors[:, 2] *= command.any(axis=1)  # many policies turn a little while they stand
+    return errors
+
+
+def _format(value: float) -> str:
+    """Format with two decimals, without a negative zero."""
+    return f"{round(float(value), 2) + 0.0:.2f}"

@@ -1,4 +1,4 @@
-"""Executor of worker processes, one a core: the robots' simulation and the policies' Python alike run side by side."""
+"""Executor of worker processes, one for each core, so that simulations and the policies' Python run in parallel."""
 
 import contextlib
 import multiprocessing
@@ -23,126 +23,145 @@ from quad_env.files.text import format_exception
 from quad_env.physics.simulators import RELATIVE_STEP_TIME
 
 POLL_PERIOD = 0.1
-"""s between two looks at whether the user has interrupted."""
-ENDING_TIME = 2.0
-"""For all workers together to end by themselves, before they are killed, s."""
-MOST_WORKERS = 30 if sys.platform == "win32" else 1024
-"""Windows waits for 63 things at a time before Python 3.13, and each worker is two."""
-FEWEST_STEPS = 100_000
-"""Control steps in MuJoCo, of all robots together, below which the workers' start takes longer than they save."""
+"""s between two checks for an interrupt by the user, and between two progress messages of a worker."""
+SHUTDOWN_TIMEOUT = 2.0
+"""s. Time for all workers together to end by themselves before they are killed."""
+MAX_WORKERS = 30 if sys.platform == "win32" else 1024
+"""Windows waits for at most 63 objects before Python 3.13, and each worker is two."""
+MIN_PARALLEL_STEPS = 100_000
+"""Control steps in MuJoCo, of all robots together, below which starting workers takes longer than it saves."""
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
-"""Environment variable, 1 in workers: their matrices are small, and the other cores have workers of their own."""
+"""Environment variable, set to 1 in workers: their matrices are small, and the other cores have their own workers."""
 
 
 class WorkerDiedError(UsageError):
-    """A worker process has died, or could not be begun."""
+    """A worker process died, or could not be started."""
 
 
 def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Executor:
-    """Executor of at most so many processes; no outcome depends on how many.
+    """Return an executor of worker processes; no result depends on their number.
 
-    `check` is called while it waits, and may raise. Workers end with the process that began them, however it ends; an
-    exception in it ends them too. It has no thread and no lock: whichever process dies, nothing waits for it.
+    Workers end with the process that started them, however it ends, and after an exception in it. There is no thread
+    and no lock: if a process dies, no other process waits for it.
+
+    Args:
+        count: Maximum number of processes.
+        check: Called while the executor waits; it may raise.
+
+    Returns:
+        An executor, which raises WorkerDiedError if a worker dies, and any exception of a task.
     """
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, EpisodeChunk]]:
-        if min(count, len(tasks)) < 2 or sum(map(estimated_steps, tasks)) < FEWEST_STEPS:
+        if min(count, len(tasks)) < 2 or sum(map(estimated_steps, tasks)) < MIN_PARALLEL_STEPS:
             yield from sequential(count)(tasks, progress)
             return
-        todo = iter(enumerate(tasks))
-        with _workers(min(count, len(tasks), MOST_WORKERS)) as working:
-            while working:
-                check()
-                for worker in _ready_workers(working):
-                    task_index, message = worker.task_index, worker.receive()
-                    if isinstance(message, float):
-                        progress(task_index, message)
-                        continue
-                    if isinstance(message, BaseException):
-                        raise message
-                    if (following := next(todo, None)) is None:
-                        working.remove(worker)
-                    else:
-                        place_next, task = following
-                        worker.submit(place_next, task)
-                    if isinstance(message, EpisodeChunk):
-                        yield task_index, message
+        with _workers(min(count, len(tasks), MAX_WORKERS)) as workers:
+            yield from _distribute(tasks, workers, progress, check)
 
     return execute
 
 
+def _distribute(
+    tasks: Sequence[Task], workers: list["_Worker"], progress: TaskProgress, check: Callable[[], None]
+) -> Generator[tuple[int, EpisodeChunk]]:
+    """Yield the index and the chunk of each task as it is finished, while every worker that is ready gets the next."""
+    remaining = iter(enumerate(tasks))
+    while workers:
+        check()
+        for worker in _ready_workers(workers):
+            task_index = worker.task_index
+            message = worker.receive()
+            if isinstance(message, float):
+                progress(task_index, message)
+                continue
+            if isinstance(message, BaseException):
+                raise message
+            next_task = next(remaining, None)
+            if next_task is None:
+                workers.remove(worker)
+            else:
+                worker.submit(*next_task)
+            if isinstance(message, EpisodeChunk):
+                yield task_index, message
+
+
 def estimated_steps(task: Task) -> float:
-    """Control steps in MuJoCo, of all its robots together, that take as long as a task."""
+    """Return the number of control steps in MuJoCo that take as long as a task, of all its robots together."""
     return len(task.episode_indices) * task.steps * RELATIVE_STEP_TIME[task.hardware.simulator]
 
 
 class _Worker:
-    """A worker process, seen from the one that began it."""
+    """A worker process as its parent sees it: the process, the pipe to it and its current task."""
 
     def __init__(self, context: SpawnContext) -> None:
         self.task_index = -1
-        """Of the task that it works on."""
-        self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_work, args=(theirs, added_extensions()), daemon=False)
-        with contextlib.closing(theirs):
+        """Index of the current task; -1 before the first task."""
+        self.pipe, child_pipe = context.Pipe()
+        self.process = context.Process(target=_work, args=(child_pipe, added_extensions()), daemon=False)
+        with contextlib.closing(child_pipe):
             self.process.start()
 
     def submit(self, task_index: int, task: Task) -> None:
-        """Have it do a task, which it waits for. Raises WorkerLost."""
+        """Send the task with index `task_index` to the idle worker; WorkerDiedError if it has died."""
         self.task_index = task_index
         try:
             self.pipe.send(task)
         except OSError:
-            raise self._lost() from None
+            raise self._death() from None
 
     def receive(self) -> Any:
-        """What it has sent: None at first, then shares of its task, and its outcome. Raises WorkerLost."""
+        """Return a message: None at first, then finished fractions of the task and its chunk or exception.
+
+        Raises WorkerDiedError if the worker has died.
+        """
         try:
             if self.pipe.poll():
                 return self.pipe.recv()
         except (EOFError, OSError):
             pass
-        raise self._lost()
+        raise self._death()
 
-    def _lost(self) -> WorkerDiedError:
-        self.process.join(ENDING_TIME)
+    def _death(self) -> WorkerDiedError:
+        """Return the error with the signal or the exit code of the process."""
+        self.process.join(SHUTDOWN_TIMEOUT)
         code = self.process.exitcode
-        how = f"was killed ({signal.Signals(-code).name})" if code and code < 0 else f"has ended (exit code {code})"
-        return WorkerDiedError(f"a worker process {how}, for want of memory perhaps")
+        ending = f"was killed ({signal.Signals(-code).name})" if code and code < 0 else f"has ended (exit code {code})"
+        return WorkerDiedError(f"a worker process {ending}, for want of memory perhaps")
 
 
 def _ready_workers(workers: Sequence[_Worker]) -> list[_Worker]:
-    """Those that have sent something, or have died; none where nothing happens for POLL_PERIOD."""
-    found = connection.wait(
-        [each for worker in workers for each in (worker.pipe, worker.process.sentinel)], POLL_PERIOD
-    )
-    return [worker for worker in workers if worker.pipe in found or worker.process.sentinel in found]
+    """Return the workers with a message and those that have died; empty after POLL_PERIOD without either."""
+    objects = [each for worker in workers for each in (worker.pipe, worker.process.sentinel)]
+    ready = connection.wait(objects, POLL_PERIOD)
+    return [worker for worker in workers if worker.pipe in ready or worker.process.sentinel in ready]
 
 
 @contextlib.contextmanager
 def _workers(count: int) -> Iterator[list[_Worker]]:
-    """Context with so many workers, which are gone after it. Raises WorkerLost where they cannot be started."""
+    """Context with `count` workers, which are ended after it; WorkerDiedError if they cannot be started."""
     _check_extensions()
-    context, begun = multiprocessing.get_context("spawn"), list[_Worker]()
+    context = multiprocessing.get_context("spawn")
+    started: list[_Worker] = []
     try:
         try:
             with _worker_environment():
                 for _ in range(count):
-                    begun.append(_Worker(context))
+                    started.append(_Worker(context))  # noqa: PERF401, those started are ended if the next one fails
         except OSError as error:
             raise WorkerDiedError(f"a worker process cannot be started ({error.strerror or error})") from error
-        yield list(begun)
+        yield list(started)
     finally:
-        _end(begun)
+        _end(started)
 
 
 def _end(workers: Sequence[_Worker]) -> None:
-    """Have workers end: they do once their pipe is closed; one that does not is killed."""
+    """Close the workers' pipes, upon which they end, and kill those that have not ended after SHUTDOWN_TIMEOUT."""
     for worker in workers:
         worker.pipe.close()
-    latest = time.monotonic() + ENDING_TIME
+    deadline = time.monotonic() + SHUTDOWN_TIMEOUT
     for worker in workers:
-        worker.process.join(max(0.0, latest - time.monotonic()))
+        worker.process.join(max(0.0, deadline - time.monotonic()))
         if worker.process.exitcode is None:
             worker.process.kill()
             worker.process.join()
@@ -151,7 +170,7 @@ def _end(workers: Sequence[_Worker]) -> None:
 
 @contextlib.contextmanager
 def _worker_environment() -> Iterator[None]:
-    """Processes begun now have one BLAS thread and never receive Ctrl-C, which is for the one that began them."""
+    """Context in which new processes have one BLAS thread and ignore Ctrl-C, which their parent handles."""
     before = os.environ.get(BLAS_THREADS)
     os.environ[BLAS_THREADS] = "1"
     try:
@@ -175,7 +194,7 @@ def _check_extensions() -> None:
 
 
 def _work(pipe: Connection, extensions: Sequence[Extension]) -> None:
-    """Ask for tasks, and send the outcome of each, or the exception that ended it, until the pipe is closed."""
+    """Request tasks and send the result of each until the parent closes the pipe."""
     exit_with_parent()
     for extension in extensions:
         add_extension(extension)
@@ -186,24 +205,24 @@ def _work(pipe: Connection, extensions: Sequence[Extension]) -> None:
 
 
 def _run_task(task: Task, pipe: Connection) -> EpisodeChunk | BaseException:
-    """A task's outcome, or why there is none; meanwhile the share that is done is sent every POLL_PERIOD."""
-    due = 0.0
+    """Return the chunk of a task or its exception; send the finished fraction every POLL_PERIOD."""
+    next_report = 0.0
 
-    def report(share: float) -> None:
-        nonlocal due
-        if (now := time.monotonic()) < due:
+    def report(fraction: float) -> None:
+        nonlocal next_report
+        if (now := time.monotonic()) < next_report:
             return
-        due = now + POLL_PERIOD
-        pipe.send(float(share))  # fails, and ends the task, once its outcome is no longer wanted
+        next_report = now + POLL_PERIOD
+        pipe.send(float(fraction))  # raises, and so ends the task, once the parent has closed the pipe
 
     try:
         return simulate(task, 1, report)
     except BaseException as error:
-        return _sendable(error)
+        return _picklable(error)
 
 
-def _sendable(error: BaseException) -> BaseException:
-    """The error, with its traceback as a note; only its words where it cannot be pickled."""
+def _picklable(error: BaseException) -> BaseException:
+    """Return the error with its traceback as a note, or an error with only its message if it cannot be pickled."""
     try:
         error.add_note(f"in a worker process:\n{''.join(traceback.format_exception(error))}")
         copy: BaseException = pickle.loads(pickle.dumps(error))

@@ -20,8 +20,8 @@ from tests.policies.external import walking_network
 @pytest.fixture
 def policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PolicySpec:
     monkeypatch.setattr(diagnosis, "SEEDS", diagnosis.SEEDS[:1])
-    monkeypatch.setattr(walking_test, "SECONDS", 2.4)
-    monkeypatch.setattr(walking_test, "SETTLING", 1.2)
+    monkeypatch.setattr(walking_test, "WALK_TIME", 2.4)
+    monkeypatch.setattr(walking_test, "SETTLING_TIME", 1.2)
     monkeypatch.setattr(spec_errors, "GAIN_FACTORS", (5.0,))
     return walking_network.write(tmp_path / "trot.onnx")
 

@@ -13,7 +13,7 @@ from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures, measure
 from evaluate.measures.outcomes import OUTCOMES, RULES, SUCCESS_RULE
-from evaluate.rollouts.rollout import STEPS, EpisodeRecorder, advance, batch_of, reset_episodes
+from evaluate.rollouts.rollout import STEPS, EpisodeRecorder, advance, make_env, reset_episodes
 from policies.base import Floats, Policy
 from policies.parameters import Parameters
 from policies.policy_stack import PolicyStack
@@ -113,7 +113,7 @@ def run_each(
     """
     recorders = [EpisodeRecorder(None, seeds, steps) for _ in scenarios]
     with ExitStack() as stack:
-        batch = partial(batch_of, policy, count=len(seeds), steps=steps, nthread=nthread, hardware=hardware)
+        batch = partial(make_env, policy, count=len(seeds), steps=steps, nthread=nthread, hardware=hardware)
         envs = [batch(scenario) for scenario in scenarios]
         for env in envs:
             stack.enter_context(closing(env))

@@ -43,9 +43,9 @@ def described(tmp_path_factory: pytest.TempPathFactory) -> dict[str, PolicySpec]
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(diagnosis, "SEEDS", diagnosis.SEEDS[:1])
-    monkeypatch.setattr(diagnosis, "MOST_WALKS", 6)
-    monkeypatch.setattr(walking_test, "SECONDS", 2.4)
-    monkeypatch.setattr(walking_test, "SETTLING", 1.2)
+    monkeypatch.setattr(diagnosis, "MAX_FULL_TESTS", 6)
+    monkeypatch.setattr(walking_test, "WALK_TIME", 2.4)
+    monkeypatch.setattr(walking_test, "SETTLING_TIME", 1.2)
 
 
 def made(described: PolicySpec, robot: str) -> NetworkPolicy:
@@ -113,7 +113,7 @@ def test_two_mistakes_at_once_are_named(name: str, described: dict[str, PolicySp
 
 
 def test_what_nothing_explains_is_said_so(described: dict[str, PolicySpec], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(diagnosis, "NEAREST", 0)
+    monkeypatch.setattr(diagnosis, "NUM_COMBINED_CORRECTIONS", 0)
     wrong = replace(described["levelled"], action_scale=(1e-6,) * 12, default_position=(0.0,) * 12)
     line = diagnosis.warning(made(wrong, "simple_quad"), "simple_quad")
     assert line is not None

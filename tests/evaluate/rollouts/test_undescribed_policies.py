@@ -22,8 +22,8 @@ STRANGE = "def strange(observation):\n    return 0.5 * observation[..., 24:36]\n
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(diagnosis, "SEEDS", diagnosis.SEEDS[:1])
-    monkeypatch.setattr(walking_test, "SECONDS", 2.4)
-    monkeypatch.setattr(walking_test, "SETTLING", 1.2)
+    monkeypatch.setattr(walking_test, "WALK_TIME", 2.4)
+    monkeypatch.setattr(walking_test, "SETTLING_TIME", 1.2)
 
 
 def warning(reference: Path | str, trust: bool = False) -> str | None:
