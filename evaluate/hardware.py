@@ -28,12 +28,12 @@ class HardwareConfig:
     servo: str = ""
     """Stiffness/damping of the servos for our controllers, N·m/rad and N·m·s/rad; empty for each policy's own."""
     simulator: str = "mujoco"
-    """Simulator of the physics, one of `quad_env.physics.batch.SIMULATORS`."""
+    """Simulator of the physics, one of `quad_env.physics.simulators.SIMULATORS`."""
 
     @property
     def robot_model(self) -> "Robot":
-        """The robot with the servo gains of `servo`; errors as for `quad_env.robots.named.get_robot`."""
-        from quad_env.robots.named import get_robot
+        """The robot with the servo gains of `servo`; errors as for `quad_env.robots.registry.get_robot`."""
+        from quad_env.robots.registry import get_robot
 
         robot = get_robot(self.robot)
         if not self.servo:
