@@ -29,11 +29,11 @@ BaseName = Literal[
 
 POSES: tuple[BaseName, ...] = ("crouch", "stand")
 """Bases of an end-to-end policy."""
-LARGEST_REWARD_WEIGHT, LARGEST_SHARE = 1e4, 1e6
-MOST_HIDDEN_LAYERS, LARGEST_ROLLOUT = 8, 2**24
+MAX_REWARD_WEIGHT, MAX_SHARE = 1e4, 1e6
+MAX_HIDDEN_LAYERS, MAX_ROLLOUT_SAMPLES = 8, 2**24
 """Of a bundle; samples."""
 
-LARGEST_SEED = 2**32 - 1
+MAX_SEED = 2**32 - 1
 _LOG_STD = (-20.0, 2.0)
 _WIDTHS = {"limits": (1, 4096)}
 TIMESTEP, SOLVER_ITERATIONS = 0.005, 4
@@ -52,9 +52,9 @@ REWARDS = RewardWeights(
 )
 """The environment's, a slope where the robot is so far off its command that the tracking rewards are flat, and effort.
 A second there costs about 1: less than a fall, or falling would earn more."""
-EFFORT = "action_rate", "torque", "mechanical_power", "touchdown_speed"
+EFFORT_TERMS = "action_rate", "torque", "mechanical_power", "touchdown_speed"
 """Reward terms that a ramp begins without."""
-MEMORY = Inputs(lags=(0.04, 0.08, 0.16), averages=(0.5, 2.0))
+HISTORY_INPUTS = Inputs(lags=(0.04, 0.08, 0.16), averages=(0.5, 2.0))
 """Past observations in which delays, loads, forces and slow motors can be recognised."""
 
 
@@ -117,7 +117,7 @@ class TrainConfig:
     steps: int = parameter(10_000_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
     """Steps of the learner, all robots together, such as 3e6. With --resume a larger number than before extends the
     run; its schedules continue as in a run of that length, though the weights are not that run's to the bit."""
-    seed: int = parameter(0, limits=(0, LARGEST_SEED))  # NumPy's global generator, which SB3 seeds, takes no other
+    seed: int = parameter(0, limits=(0, MAX_SEED))  # NumPy's global generator, which SB3 seeds, takes no other
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
     out: Path | None = None
     """Run folder, new or empty unless --resume; runs/POLICY-SEED when not given, for another robot than SimpleQuad
@@ -137,7 +137,7 @@ class TrainConfig:
     """Largest correction of a thigh or calf joint, rad."""
     hip_authority: float = parameter(0.6, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
-    inputs: Inputs = MEMORY
+    inputs: Inputs = HISTORY_INPUTS
     sighted: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Show the network a height scan of the ground about the robot, see --scan."""
     scan: HeightScan = dataclasses.field(default_factory=HeightScan)
@@ -209,13 +209,13 @@ def check(config: TrainConfig) -> None:
     for group, part in (("", config), ("ppo.", config.ppo), ("validation.", config.validation)):
         check_numbers(part, limits_of(part), group)
     terms = [each.name for each in dataclasses.fields(config.rewards)]
-    check_numbers(config.rewards, dict.fromkeys(terms, (-LARGEST_REWARD_WEIGHT, LARGEST_REWARD_WEIGHT)), "rewards.")
-    if max(len(config.ppo.actor), len(config.ppo.critic)) > MOST_HIDDEN_LAYERS:
-        raise UsageError(f"--ppo.actor and --ppo.critic must be at most {MOST_HIDDEN_LAYERS} widths")
+    check_numbers(config.rewards, dict.fromkeys(terms, (-MAX_REWARD_WEIGHT, MAX_REWARD_WEIGHT)), "rewards.")
+    if max(len(config.ppo.actor), len(config.ppo.critic)) > MAX_HIDDEN_LAYERS:
+        raise UsageError(f"--ppo.actor and --ppo.critic must be at most {MAX_HIDDEN_LAYERS} widths")
     total = config.ppo.envs * config.ppo.rollout_steps
-    if total % config.ppo.minibatch or total > LARGEST_ROLLOUT:
+    if total % config.ppo.minibatch or total > MAX_ROLLOUT_SAMPLES:
         what = f"--ppo.minibatch, {config.ppo.minibatch}, must divide ppo.envs x ppo.rollout-steps, {total}"
-        raise UsageError(f"{what}, which must be at most {LARGEST_ROLLOUT}")
+        raise UsageError(f"{what}, which must be at most {MAX_ROLLOUT_SAMPLES}")
     try:
         hardware.check_hardware(config.hardware)
     except ValueError as error:
@@ -235,8 +235,8 @@ def check(config: TrainConfig) -> None:
 def _check_mixture(config: TrainConfig) -> None:
     shares = [share for _, share in config.mixture]
     check_scenarios("--mixture", [name for name, _ in config.mixture], config.hardware.robot_model)
-    if not all(0 <= share <= LARGEST_SHARE for share in shares):
-        raise UsageError(f"--mixture needs shares that are not negative and at most {LARGEST_SHARE:g}, as in: flat 0.5")
+    if not all(0 <= share <= MAX_SHARE for share in shares):
+        raise UsageError(f"--mixture needs shares that are not negative and at most {MAX_SHARE:g}, as in: flat 0.5")
     # Smaller than any share that means something, and the quotients below stay finite.
     if sum(shares) < 1e-6:
         raise UsageError("--mixture: at least one share must be above zero")

@@ -33,7 +33,7 @@ def with_terrain_seed(name: str | Scenario, purpose: Purpose, seed: int = 0, rob
 FAST_PROMOTION_RATE, PROMOTION_RATE, DEMOTION_RATE = 0.9, 0.7, 0.5
 """Shares of tracked command intervals above which a scenario becomes harder, by two steps or one, and below which it
 becomes milder."""
-STEP, MIN_INTERVALS = 0.1, 10
+DIFFICULTY_STEP, MIN_INTERVALS = 0.1, 10
 """Change of severity, as a share of the way from the mildest level of its axis to that of the mixture, and the command
 intervals that are needed for it."""
 
@@ -46,7 +46,7 @@ class CommandIntervalTracker:
         self._command, self._sum = np.zeros((robots, 3)), np.zeros((robots, 3))
         self._steps = np.zeros(robots, np.int64)
 
-    def restart(self, robots: BoolArray) -> None:
+    def reset(self, robots: BoolArray) -> None:
         """Forget the intervals of robots (n,) that start an episode."""
         self._steps[robots] = 0
         self._sum[robots] = 0.0
@@ -89,7 +89,7 @@ def update_difficulties(
 ) -> list[float]:
     """Shares of severity after those, by the command intervals of each scenario and how many were tracked."""
     rates = tracked / np.maximum(counted, 1)
-    change = STEP * np.select(
+    change = DIFFICULTY_STEP * np.select(
         [counted < MIN_INTERVALS, rates > FAST_PROMOTION_RATE, rates > PROMOTION_RATE, rates < DEMOTION_RATE],
         [0.0, 2.0, 1.0, -1.0],
         0.0,

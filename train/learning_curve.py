@@ -18,45 +18,47 @@ if TYPE_CHECKING:
 
 PANELS = ("success in validation, %", 100.0), ("cost of transport", 1.0)
 """Label and scale of each figure of a curve."""
-WIDTH, PANEL, LINE = 5.6, 2.3, 0.2
+FIGURE_WIDTH, PANEL_HEIGHT, LEGEND_LINE_HEIGHT = 5.6, 2.3, 0.2
 """Width of the picture, height of a pair of axes and of a line of the legend, in."""
 
 
-DATES = {".svg": "Date", ".png": "Creation Time", ".pdf": "CreationDate"}
+DATE_METADATA = {".svg": "Date", ".png": "Creation Time", ".pdf": "CreationDate"}
 """Formats, each with the name of its date, which is left out: the same runs give the same file."""
 
 
 def write_curve(validations: Sequence[Mapping[str, Any]], out: Path) -> None:
-    """Write the curve of a run's validations, titled as its folder, see `write_drawn`. Raises OSError."""
-    write_drawn(partial(draw, validations, out.parent.name), out)
+    """Write the curve of a run's validations, titled as its folder, see `write_figure`. Raises OSError."""
+    write_figure(partial(draw_curve, validations, out.parent.name), out)
 
 
-def write_drawn(draw: "Callable[[], Figure]", out: Path) -> None:
+def write_figure(draw: "Callable[[], Figure]", out: Path) -> None:
     """Write what is drawn to a file of one of those formats, whole or not at all. Raises OSError."""
-    content, dateless = io.BytesIO(), {DATES[out.suffix]: None}
+    content, dateless = io.BytesIO(), {DATE_METADATA[out.suffix]: None}
     with plot_settings():
         draw().savefig(content, format=out.suffix[1:], dpi=160, facecolor="white", metadata=dateless)
     write_atomically(out, content.getvalue())
 
 
-def draw(validations: Sequence[Mapping[str, Any]], title: str) -> "Figure":
+def draw_curve(validations: Sequence[Mapping[str, Any]], title: str) -> "Figure":
     """The curve of validations, those of older versions without a cost of transport too."""
     names = "steps", "success", "cost_of_transport"
     steps, *figures = np.array([[each.get(name) for name in names] for each in validations], np.float64).T
-    drawn, panels = axes_of(np.array(figures), title)
+    drawn, panels = make_axes(np.array(figures), title)
     for axes, values, (_, scale) in zip(panels, figures, PANELS, strict=False):
         axes.plot(steps, scale * values, "o-", color=COLOURS[0], linewidth=1.6, markersize=4)
     return drawn
 
 
-def axes_of(figures: Floats, title: str, legend: int = 0) -> "tuple[Figure, Sequence[Axes]]":
+def make_axes(figures: Floats, title: str, legend: int = 0) -> "tuple[Figure, Sequence[Axes]]":
     """Axes of success over steps, and below them of cost of transport if any of the figures, (2, k), has it; with room
     for so many lines of a legend."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import EngFormatter
 
     count = 1 + int(np.isfinite(figures[1]).any())
-    drawn = Figure(figsize=(WIDTH, PANEL * count + LINE * (legend + 2)), layout="constrained")
+    drawn = Figure(
+        figsize=(FIGURE_WIDTH, PANEL_HEIGHT * count + LEGEND_LINE_HEIGHT * (legend + 2)), layout="constrained"
+    )
     panels = drawn.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     for axes, (label, _) in zip(panels, PANELS, strict=False):
         axes.set_ylabel(label)

@@ -59,7 +59,7 @@ class BaseGroup:
         self.action = self.base.act(own)
         self.features = self._features.update(own, self.action)
 
-    def begin(self, robots: BoolArray, observation: FloatArray) -> None:
+    def reset_rows(self, robots: BoolArray, observation: FloatArray) -> None:
         """Answer the first observations, (n, m), of the robots in the mask, (n,), which begin an episode."""
         if not (own := robots[self.rows]).any():
             return
@@ -130,8 +130,8 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         observation, infos = self.env.reset(seed=seed, options=options)
         for each in self.bases:
             each.reset()
-        self._tick(observation)
-        return self._seen, infos
+        self._update_bases(observation)
+        return self._features, infos
 
     def step(self, actions: FloatArray) -> Step:
         """Move the robots by `hold` control steps; rewards are summed. Raises ValueError for actions of another shape.
@@ -141,44 +141,44 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         correction = np.asarray(actions, np.float32)
         if correction.shape != self.action_space.shape:
             raise ValueError(f"corrections have shape {self.action_space.shape}, not {correction.shape}")
-        observation, rewards, terminated, truncated, infos = self._move(correction)
+        observation, rewards, terminated, truncated, infos = self._step_robots(correction)
         for _ in range(self._hold - 1):
-            self._tick(observation)
-            observation, more, terminated, truncated, infos = self._move(correction)
+            self._update_bases(observation)
+            observation, more, terminated, truncated, infos = self._step_robots(correction)
             rewards += more
-        self._tick(observation)
+        self._update_bases(observation)
         if (finished := terminated | truncated).any():
-            infos = self._restart(finished, infos)
-        return self._seen, rewards, terminated, truncated, infos
+            infos = self._restart_finished(finished, infos)
+        return self._features, rewards, terminated, truncated, infos
 
-    def _move(self, correction: FloatArray) -> Step:
+    def _step_robots(self, correction: FloatArray) -> Step:
         """One control step of the robots, their joints corrected."""
         base_action = np.concatenate([each.action for each in self.bases])
         return self.env.step(apply_correction(self.bases[0].base.robot, base_action, correction, self.authority))
 
-    def _restart(self, finished: BoolArray, infos: Infos) -> Infos:
+    def _restart_finished(self, finished: BoolArray, infos: Infos) -> Infos:
         """Restart the finished robots; the infos with the end of their episodes."""
         ends = {
-            "final_obs": np.where(finished[:, None], self._seen, np.float32(0.0)),
+            "final_obs": np.where(finished[:, None], self._features, np.float32(0.0)),
             "final_info": {key: finished.copy() if key.startswith("_") else value for key, value in infos.items()},
         }
         observation, fresh = self.env.reset(options={"reset_mask": finished})
         for each in self.bases:
-            each.begin(finished, observation)
+            each.reset_rows(finished, observation)
         masks = {f"_{key}": finished.copy() for key in ends}
-        return _merged(finished, fresh, infos) | ends | masks
+        return _merge_infos(finished, fresh, infos) | ends | masks
 
-    def _tick(self, observation: FloatArray) -> None:
+    def _update_bases(self, observation: FloatArray) -> None:
         """Ask the bases for their actions on these observations."""
         for each in self.bases:
             each.act(observation)
 
     @property
-    def _seen(self) -> FloatArray:
+    def _features(self) -> FloatArray:
         return np.concatenate([each.features for each in self.bases])
 
 
-def _merged(mask: BoolArray, fresh: Infos, infos: Infos) -> Infos:
+def _merge_infos(mask: BoolArray, fresh: Infos, infos: Infos) -> Infos:
     """Infos with the rows where the mask is true taken from `fresh`, as far as that has them."""
     return {
         key: np.where(mask.reshape(-1, *(1,) * (value.ndim - 1)), fresh[key], value) if key in fresh else value

@@ -13,15 +13,22 @@ from quad_env.cli.interrupt import Interrupt
 from quad_env.files.writing import exclusive_lock
 from train.config import TrainConfig
 from train.residual_env import ResidualVectorEnv
-from train.run_folder import BEST, CHECKPOINTS, has_checkpoint, new_run, refuse_folder_in_use, writing
-from train.run_record import evaluation, write_settings
+from train.run_folder import (
+    BEST,
+    CHECKPOINTS,
+    has_checkpoint,
+    new_run_folder,
+    refuse_folder_in_use,
+    report_write_errors,
+)
+from train.run_record import evaluation_command, write_settings
 from train.sb3 import checkpoint
 from train.sb3.callbacks import CallbackState, TrainingCallback
 from train.sb3.log import run_logger
 from train.sb3.ppo import REWARD_SCALE, make_ppo, set_actor
-from train.sb3.progress import Display, ProgressEstimator
+from train.sb3.progress import ProgressDisplay, ProgressEstimator
 from train.sb3.vec_env import TrainingVecEnv
-from train.training_robots import bases_of, make_robots, training_seeds
+from train.training_robots import make_bases, make_robots, training_seeds
 
 
 def train(config: TrainConfig) -> None:
@@ -37,7 +44,7 @@ def train(config: TrainConfig) -> None:
         else:
             refuse_folder_in_use(config.folder)
             _run(config, interrupt)
-    print(f"the policy is {config.folder / BEST}; evaluate it with: {evaluation(config)}")
+    print(f"the policy is {config.folder / BEST}; evaluate it with: {evaluation_command(config)}")
 
 
 def _run(config: TrainConfig, interrupt: Interrupt, found: checkpoint.Checkpoint | None = None) -> None:
@@ -53,12 +60,12 @@ def _run(config: TrainConfig, interrupt: Interrupt, found: checkpoint.Checkpoint
         if done >= config.steps:
             raise UsageError(f"the run in {config.folder} is finished: extend it with --steps larger than {done}")
         # A new folder only now that the settings are known to work.
-        with writing(config.folder) if found else new_run(config.folder):
+        with report_write_errors(config.folder) if found else new_run_folder(config.folder):
             notices = [f"skipped a checkpoint: {damage}" for damage in (found.damaged if found else ())]
             changed = write_settings(config, done)
             notices += [f"the result may differ from an uninterrupted run; {change}" for change in changed]
             notices += [f"continuing at {done:,} steps"] if found else []
-            display = Display(config.steps, ProgressEstimator(config, done, state.validated))
+            display = ProgressDisplay(config.steps, ProgressEstimator(config, done, state.validated))
             with run_logger(config.folder, done) as logger, contextlib.closing(display):
                 for notice in notices:
                     display.note(notice)
@@ -84,7 +91,7 @@ def _load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
     except (policies.PolicyError, ValueError) as error:
         raise UsageError(f"--start: {error}") from None
     if has_checkpoint(start):
-        checkpoint.take_networks(model, start / CHECKPOINTS)
+        checkpoint.load_networks(model, start / CHECKPOINTS)
 
 
 def make_env(config: TrainConfig) -> TrainingVecEnv:
@@ -94,5 +101,5 @@ def make_env(config: TrainConfig) -> TrainingVecEnv:
     """
     robots = make_robots(config)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)
-    env = ResidualVectorEnv(robots, bases_of(config), authority, config.ppo.hold, config.inputs)
+    env = ResidualVectorEnv(robots, make_bases(config), authority, config.ppo.hold, config.inputs)
     return TrainingVecEnv(env, training_seeds(config), REWARD_SCALE, privileged=True, keep_actions=True)

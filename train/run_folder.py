@@ -43,9 +43,9 @@ def refuse_folder_in_use(folder: Path) -> None:
 
 
 @contextlib.contextmanager
-def new_run(folder: Path) -> Iterator[None]:
+def new_run_folder(folder: Path) -> Iterator[None]:
     """Context in which `folder`, made if need be, is used by one new run. Raises UsageError where it cannot be."""
-    with writing(folder):
+    with report_write_errors(folder):
         make_writable_folder(folder)
         with exclusive_lock(folder):
             refuse_folder_in_use(folder)  # another run may have come and gone since the first check
@@ -53,7 +53,7 @@ def new_run(folder: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def writing(folder: Path) -> Iterator[None]:
+def report_write_errors(folder: Path) -> Iterator[None]:
     """Context in which a failure to write is a UsageError with a remedy."""
     try:
         yield

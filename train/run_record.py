@@ -75,7 +75,7 @@ def decode(kind: Any, value: Any) -> Any:
     return kind(value)
 
 
-class Change(NamedTuple):
+class SettingChange(NamedTuple):
     """A setting in which two runs differ, by its option."""
 
     option: str
@@ -91,27 +91,29 @@ class Change(NamedTuple):
         return f"{self.option}: the run has {self.old}, the command {self.new}"
 
 
-def differences(old: TrainConfig, new: TrainConfig) -> list[Change]:
+def differences(old: TrainConfig, new: TrainConfig) -> list[SettingChange]:
     """Differences between two runs' settings, of those that decide the result."""
-    after = dict(flat(to_dict(new)))
-    return [Change(f"--{name}", value, after[name]) for name, value in flat(to_dict(old)) if value != after[name]]
+    after = dict(flatten(to_dict(new)))
+    return [
+        SettingChange(f"--{name}", value, after[name]) for name, value in flatten(to_dict(old)) if value != after[name]
+    ]
 
 
-def flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flatten(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Settings of `to_dict` by the names of their options, groups flattened."""
     for key, value in settings.items():
         name = prefix + key.replace("_", "-")
         if isinstance(value, dict):
-            yield from flat(value, f"{name}.")
+            yield from flatten(value, f"{name}.")
         else:
             yield name, value
 
 
-LEARNER = ("stable-baselines3", "torch", "safetensors")
+LEARNER_PACKAGES = ("stable-baselines3", "torch", "safetensors")
 """Packages that a run depends on in addition to those of the evaluation."""
 
 
-def command(config: TrainConfig) -> str:
+def training_command(config: TrainConfig) -> str:
     """The command that repeats a run."""
     options = [f"--policy {config.policy}"] if config.policy != "residual" else []
     changed = [each for each in differences(DEFAULTS[config.policy], config) if each.option != "--seed"]
@@ -119,13 +121,13 @@ def command(config: TrainConfig) -> str:
     return " ".join(["python -m train", *options, f"--seed {config.seed}"])
 
 
-def evaluation(config: TrainConfig) -> str:
+def evaluation_command(config: TrainConfig) -> str:
     """The command that evaluates a run's best policy, next to its base, on robots like those of its training."""
     chosen = vars(config.hardware).items() - vars(HardwareConfig()).items()
     base = [config.base] if config.policy == "residual" else []
-    words = ["python", "-m", "evaluate", "--policies", *base, str(config.folder)]
-    words += [word for name, value in sorted(chosen) for word in (f"--{name}", value)]
-    return shlex.join([*words, "--out", str(config.folder / "evaluation")])
+    to_words = ["python", "-m", "evaluate", "--policies", *base, str(config.folder)]
+    to_words += [word for name, value in sorted(chosen) for word in (f"--{name}", value)]
+    return shlex.join([*to_words, "--out", str(config.folder / "evaluation")])
 
 
 def words(value: Any) -> str:
@@ -136,10 +138,12 @@ def words(value: Any) -> str:
 def write_settings(config: TrainConfig, steps: int) -> list[str]:
     """Write the settings and this session's versions; what differs from the first session, a line each."""
     write_atomically(config.folder / CONFIG_FILE, _lines(to_dict(config)))
-    packages = {name: metadata.version(name) for name in LEARNER}
+    packages = {name: metadata.version(name) for name in LEARNER_PACKAGES}
     path, now = config.folder / RECORD_FILE, versions() | packages | hardware_versions(config.hardware)
     earlier = _sessions(path) if steps else []
-    write_atomically(path, _lines({"command": command(config), "sessions": [*earlier, {"from_steps": steps, **now}]}))
+    write_atomically(
+        path, _lines({"command": training_command(config), "sessions": [*earlier, {"from_steps": steps, **now}]})
+    )
     first = earlier[0] if earlier else now
     changed = [name for name, version in now.items() if first.get(name) != version]
     return [f"{name}: started with {first.get(name)}, now {now[name]}" for name in changed]

@@ -21,7 +21,7 @@ from quad_env.physics.state import rotation_matrix, to_heading
 from quad_env.scenarios.named import scenario as find_scenario
 from quad_env.seeding import episode_seeds
 from quad_env.task.rewards import REWARD
-from train.config import EFFORT, SOLVER_ITERATIONS, TIMESTEP, TrainConfig
+from train.config import EFFORT_TERMS, SOLVER_ITERATIONS, TIMESTEP, TrainConfig
 from train.curriculum import CommandIntervalTracker, at_difficulty, with_terrain_seed
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 
@@ -90,7 +90,7 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             self._count_episodes(mask)
         self._first_truncation[chosen] = NO_TRUNCATION if mask is not None else self._first_episode_steps(seeds)
         self._elapsed[chosen] = self._returns[chosen] = 0
-        self._intervals.restart(chosen)
+        self._intervals.reset(chosen)
         infos = _concatenate_infos([infos for _, infos in results])
         infos["privileged"] = self._privileged(infos)
         return np.concatenate([observation for observation, _ in results]), infos
@@ -139,7 +139,7 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         taken, self._counted = self._counted, np.zeros((2, len(self.batches)), np.int64)
         return taken
 
-    def replace(self, number: int, batch: SimpleQuadVectorEnv) -> None:
+    def replace_batch(self, number: int, batch: SimpleQuadVectorEnv) -> None:
         """Replace a batch by another of as many robots, before all robots start new episodes."""
         self.batches[number].close()
         self.batches = (*self.batches[:number], batch, *self.batches[number + 1 :])
@@ -222,7 +222,9 @@ def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
     on the hardware profile last."""
     total = sum(share for _, share in config.mixture)
     exact = [(name, share / total * config.ppo.envs) for name, share in config.mixture]
-    counts = {name: int(amount) for name, amount in sorted(exact, key=lambda entry: _real(config, entry[0]))}
+    counts = {
+        name: int(amount) for name, amount in sorted(exact, key=lambda entry: _uses_hardware_profile(config, entry[0]))
+    }
     by_remainder = sorted(exact, key=lambda entry: int(entry[1]) - entry[1])
     for name, _ in by_remainder[: config.ppo.envs - sum(counts.values())]:
         counts[name] += 1
@@ -236,17 +238,17 @@ def make_base(config: TrainConfig, hardware_profile: bool = False) -> Policy:
     return made(real=True, robot=base.robot) if hardware_profile else base
 
 
-def bases_of(config: TrainConfig) -> list[tuple[Policy, int]]:
+def make_bases(config: TrainConfig) -> list[tuple[Policy, int]]:
     """The bases of the robots of a run, each with the number of its robots."""
     counts = [0, 0]
     for name, count in robots_per_scenario(config).items():
-        counts[_real(config, name)] += count
+        counts[_uses_hardware_profile(config, name)] += count
     return [
         (make_base(config, bool(hardware_profile)), count) for hardware_profile, count in enumerate(counts) if count
     ]
 
 
-def _real(config: TrainConfig, name: str) -> bool:
+def _uses_hardware_profile(config: TrainConfig, name: str) -> bool:
     return find_scenario(name, config.hardware.robot_model).hardware
 
 
@@ -266,7 +268,9 @@ def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1
     name, count = list(robots_per_scenario(config).items())[number]
     robot, base = config.hardware.robot_model, make_base(config)
     scenario = with_terrain_seed(at_difficulty(find_scenario(name, robot), share, robot), "training", config.seed)
-    rewards = dataclasses.replace(config.rewards, **{name: effort * getattr(config.rewards, name) for name in EFFORT})
+    rewards = dataclasses.replace(
+        config.rewards, **{name: effort * getattr(config.rewards, name) for name in EFFORT_TERMS}
+    )
     iterations = SOLVER_ITERATIONS if config.device == "cpu" else None
     task = TaskConfig(timestep=TIMESTEP, solver_iterations=iterations, reward_weights=rewards)
     return SimpleQuadVectorEnv(

@@ -41,22 +41,22 @@ def validate(
 
 def ranking_key(results: Results) -> tuple[float, float]:
     """Order of policies, the smallest is best: share of failed episodes, and where these are equal the score."""
-    return 1.0 - success(results), score(results)
+    return 1.0 - mean_success_rate(results), mean_score(results)
 
 
-def success(results: Results) -> float:
+def mean_success_rate(results: Results) -> float:
     """Share of the episodes that succeed, mean over scenarios."""
     return sum(means["success_rate"] for means in results.values()) / len(results)
 
 
-def cost_of_transport(results: Results) -> float:
+def total_cost_of_transport(results: Results) -> float:
     """Cost of transport over all scenarios, a quotient of sums; NaN where nothing was carried anywhere."""
     energy = sum(means["energy"] for means in results.values())
     carried = sum(means["energy"] / cost for means in results.values() if (cost := means["cost_of_transport"]) > 0.0)
     return energy / carried if carried else float("nan")
 
 
-def score(results: Results) -> float:
+def mean_score(results: Results) -> float:
     """Velocity error plus half the yaw-rate error, m/s, mean over scenarios; each step after a fall has the largest."""
     errors = [means["velocity_error"] + YAW_WEIGHT * means["yaw_rate_error"] for means in results.values()]
     return sum(errors) / len(errors)

@@ -19,9 +19,9 @@ from policies.base import Floats
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.cli.format import number
 from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
-from train.learning_curve import DATES, PANELS, axes_of, write_drawn
+from train.learning_curve import DATE_METADATA, PANELS, make_axes, write_figure
 from train.run_folder import VALIDATIONS_FILE
-from train.run_record import flat, load_settings, words
+from train.run_record import flatten, load_settings, words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,8 +43,8 @@ class CurvesOptions:
 
 def main(options: CurvesOptions) -> int:
     """Write the picture, and print the last point of each curve; the exit code. Raises UsageError or OSError."""
-    if options.out.suffix not in DATES:
-        raise UsageError(f"--out must end in {', '.join(DATES)}, unlike {options.out}")
+    if options.out.suffix not in DATE_METADATA:
+        raise UsageError(f"--out must end in {', '.join(DATE_METADATA)}, unlike {options.out}")
     runs = [read_curve(folder) for folder in options.runs]
     for run in runs:
         if not len(run.steps):
@@ -53,7 +53,7 @@ def main(options: CurvesOptions) -> int:
         raise UsageError("no run with a validation to draw: name the folders of training runs, such as runs/residual-0")
     bands = by_seed(drawn)
     make_folder_of(options.out, "--out")
-    write_drawn(partial(draw, bands), options.out)
+    write_figure(partial(draw, bands), options.out)
     for band in bands:
         for steps, (success, cost) in list(zip(band.steps, band.over_seeds()[0].T, strict=True))[-1:]:
             print(f"{band.label}: success {success:.0%}, cost of transport {number(cost, 2)} after {steps:,.0f} steps")
@@ -95,7 +95,7 @@ class SeedBand:
 
 def read_curve(folder: Path) -> RunCurve:
     """The validations of the run in a folder, of older versions too. Raises UsageError where there is no run."""
-    settings, path = dict(flat(load_settings(folder))), folder / VALIDATIONS_FILE
+    settings, path = dict(flatten(load_settings(folder))), folder / VALIDATIONS_FILE
     try:
         entries = json.loads(read_bytes(path, MAX_DATA_SIZE))["validations"] if path.exists() else []
         rows = {each["steps"]: (each["steps"], each["success"], each.get("cost_of_transport")) for each in entries}
@@ -128,7 +128,7 @@ def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
 def draw(bands: Sequence[SeedBand]) -> "Figure":
     """Success, and below it cost of transport if any run has it."""
     whole = np.concatenate([run.figures for band in bands for run in band.runs], axis=1)
-    drawn, panels = axes_of(whole, "", len(bands))
+    drawn, panels = make_axes(whole, "", len(bands))
     for row, axes in enumerate(panels):
         for place, band in enumerate(bands):
             _draw_band(axes, band, row, COLOURS[place % len(COLOURS)], list(MARKS)[place % len(MARKS)])

@@ -15,7 +15,7 @@ from quad_env.cli.format import number, p_value, percent, points, share
 from research.pages import markdown
 from research.pages.evaluations import score_table
 from train.config import POSES, TrainConfig
-from train.run_record import command
+from train.run_record import training_command
 
 CARD_METRICS = (FALL_RATE, "velocity_error", "yaw_rate_error")
 """Metrics whose cells have the figures of both the baseline and the policy."""
@@ -81,7 +81,7 @@ def training(run: TrainedRun) -> str:
     config = run.config
     return f"""## Training
 
-    {command(config)}
+    {training_command(config)}
 
 {config.steps:,} steps of {config.ppo.envs} robots ({mixture(config)}), {run.minutes:.1f} min, \
 source {run.git_revision}.{hardware.describe_hardware(config.hardware)} The shipped seed is {config.seed}, \
@@ -91,7 +91,7 @@ evaluation uses. {origin(run)}"""
 
 def origin(run: TrainedRun) -> str:
     """Return the revision at which a run was trained, and the command with its settings there, in words."""
-    today = command(run.config)
+    today = training_command(run.config)
     then = run.command_then or today
     there = "has these settings too" if then == today else f"is `{then}`"
     return (

@@ -23,7 +23,17 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.named import scaled_name
 from quad_env.seeding import episode_seeds
 from train.config import check_scenarios
-from train.search.cmaes import SHORTEST, Ranges, SearchOptions, SearchProblem, as_json, changes, method, results, search
+from train.search.cmaes import (
+    MIN_EPISODE_STEPS,
+    Ranges,
+    SearchOptions,
+    SearchProblem,
+    parameters_to_json,
+    parameter_table,
+    describe_method,
+    results_table,
+    search,
+)
 from train.search.trials import COST_DESCRIPTION, Seeds, compare_parameters, episode_costs, run_candidates
 
 EXERCISES = (
@@ -71,7 +81,7 @@ class FeedbackSearchOptions(SearchOptions):
     """Parameter sets tried in a round."""
     episodes: int = parameter(1, limits=(1, 10_000))
     """Episodes of a candidate in each scenario and round."""
-    steps: int = parameter(500, limits=(SHORTEST, 100_000))
+    steps: int = parameter(500, limits=(MIN_EPISODE_STEPS, 100_000))
     """Length of an episode, control steps of 10 ms."""
     check_episodes: int = parameter(32, limits=(1, 10_000))
     """Fresh episodes on which the outcome is compared with the parameters before."""
@@ -102,10 +112,10 @@ def subject(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
         seeds = episode_seeds("validation", options.seed, options.check_episodes)
         walks, differences = compare_parameters(name, in_force, after, exercises, seeds, threads, hardware)
         better, words = adoption_decision(differences)
-        how = method("python -m research search", options, ", ".join(exercises))
+        how = describe_method("python -m research search", options, ", ".join(exercises))
         lines = [f"# The parameters of {name}", "", how, COST_DESCRIPTION, ""]
-        lines += [words, "", *changes(in_force, after, ranges), "", *results(walks)]
-        return as_json(after if better else in_force), "\n".join(lines) + "\n"
+        lines += [words, "", *parameter_table(in_force, after, ranges), "", *results_table(walks)]
+        return parameters_to_json(after if better else in_force), "\n".join(lines) + "\n"
 
     path = file.path if robot == SIMPLE_QUAD else folder_of(robot) / file.path.name
     return SearchProblem(start, ranges, costs, conclude, path, searched.account, digits=4, diagonal=True)

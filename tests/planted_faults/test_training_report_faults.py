@@ -38,7 +38,7 @@ def check_the_time_left_has_the_validations_in_it() -> None:
     now = 1.0  # for 100 steps
     with pace.validation(100):
         now = 21.0
-    assert pace.left(100) == pytest.approx(3 * 1.0 + 20.0)
+    assert pace.remaining_time(100) == pytest.approx(3 * 1.0 + 20.0)
 
 
 def over_one_run(self: SeedBand) -> Any:
@@ -58,7 +58,7 @@ FAULTS: Faults = {
         check_a_curve_is_that_of_its_run_and_its_band_goes_from_seed_to_seed,
     ),
     "time left without validation": (
-        lambda patch: patch.setattr(ProgressEstimator, "_seconds", lambda *_: 0.0),
+        lambda patch: patch.setattr(ProgressEstimator, "_validation_time", lambda *_: 0.0),
         check_the_time_left_has_the_validations_in_it,
     ),
     "speed with the time of validations": (

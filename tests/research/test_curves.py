@@ -12,7 +12,7 @@ from evaluate.report.plots.drawing import COLOURS
 from quad_env.cli.command_line import UsageError
 from research.training.curves import RunCurve, SeedBand, by_seed, draw, read_curve
 from train.config import TrainConfig
-from train.learning_curve import write_drawn
+from train.learning_curve import write_figure
 from train.run_folder import CONFIG_FILE, VALIDATIONS_FILE
 from train.run_record import to_dict
 
@@ -117,7 +117,7 @@ def test_without_any_cost_of_transport_only_success_is_drawn() -> None:
 @pytest.mark.parametrize(("suffix", "magic"), [(".svg", b"<?xml"), (".png", b"\x89PNG"), (".pdf", b"%PDF")])
 def test_the_same_runs_give_the_same_file(suffix: str, magic: bytes, tmp_path: Path) -> None:
     first, second = (tmp_path / f"{name}{suffix}" for name in "ab")
-    write_drawn(lambda: draw([ONE]), first)
-    write_drawn(lambda: draw([ONE]), second)
+    write_figure(lambda: draw([ONE]), first)
+    write_figure(lambda: draw([ONE]), second)
     assert first.read_bytes() == second.read_bytes()
     assert first.read_bytes().startswith(magic)

@@ -23,7 +23,7 @@ from tests.robot_models import NEEDS_MODELS
 from train.__main__ import main as train
 from train.commands.run import parse
 from train.config import DEFAULTS
-from train.run_record import command, differences, from_dict, to_dict
+from train.run_record import training_command, differences, from_dict, to_dict
 
 OPTIONS = (
     "--threads 1 --mixture flat 1.0 --validation.episodes 1 --validation.scenarios flat --steps 64 "
@@ -75,12 +75,12 @@ def test_the_command_of_the_card_repeats_the_run():
     for kind, default in DEFAULTS.items():
         ppo = dataclasses.replace(default.ppo, actor=(32, 16), gamma=0.91)
         config = dataclasses.replace(default, seed=3, mixture=(("flat", 0.5), ("push", 0.5)), ppo=ppo)
-        words = command(config).split()
+        words = training_command(config).split()
         assert words[:3] == ["python", "-m", "train"]
         assert to_dict(parse(words[3:])) == to_dict(config), kind
-    assert command(DEFAULTS["residual"]) == "python -m train --seed 0"
+    assert training_command(DEFAULTS["residual"]) == "python -m train --seed 0"
     walking = dataclasses.replace(DEFAULTS["residual"], base="trot", servo="150/5", hip_authority=0.2)
-    assert command(walking) == "python -m train --base trot --hip-authority 0.2 --servo 150/5 --seed 0"
+    assert training_command(walking) == "python -m train --base trot --hip-authority 0.2 --servo 150/5 --seed 0"
 
 
 @pytest.mark.parametrize("file", CARDS)

@@ -222,7 +222,7 @@ def test_ctrl_c_speaks_of_no_resume_where_there_is_no_checkpoint(tmp_path, monke
     assert "--resume" not in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("step", ["make_env", "build"])
+@pytest.mark.parametrize("step", ["make_env", "make_ppo"])
 def test_a_run_that_cannot_be_set_up_leaves_no_folder(step, tmp_path, monkeypatch, capsys):
     def fail(*_):
         raise OSError("out of threads")

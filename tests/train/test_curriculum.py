@@ -40,7 +40,7 @@ def test_a_fall_ends_an_interval_at_once_and_the_next_episode_starts_without_it(
     intervals = CommandIntervalTracker(1, DT)
     walk(intervals, 15, FORWARD, (0.0, 0.0, 0.0))
     assert walk(intervals, 1, FORWARD, (1.0, 0.0, 0.0), fell=True) == [(True, False)]
-    intervals.restart(np.array([True]))
+    intervals.reset(np.array([True]))
     assert not any(judged for judged, _ in walk(intervals, 12, FORWARD, (1.0, 0.0, 0.0)))
     assert walk(intervals, 1, STILL, (0.0, 0.0, 0.0)) == [(True, True)]
 

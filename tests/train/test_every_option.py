@@ -257,4 +257,4 @@ def test_all_episodes_start_with_their_segment(monkeypatch: pytest.MonkeyPatch) 
     assert [start for start, _ in begins] == [True, False] * 3
     assert len({seen.tobytes() for _, seen in begins}) == 6
     for segment, (_, seen) in enumerate(begins[::2]):
-        np.testing.assert_array_equal(seen, twin.begin(training_seeds(config, segment)))
+        np.testing.assert_array_equal(seen, twin.reset_to_seeds(training_seeds(config, segment)))

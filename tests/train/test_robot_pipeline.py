@@ -83,7 +83,9 @@ def test_every_stage_leaves_its_outcome(walked: tuple[Path, list[str], int]) -> 
 def test_every_option_reaches_its_stage(walked: tuple[Path, list[str], int], simulated: list[Batch]) -> None:
     out, found, _ = walked
     given = {word.partition("=")[0].removeprefix("--") for word in found if word.startswith("--")} | {"robot"}
-    assert given == {field.name for field in fields(robot_pipeline.Options)}, "an option that nothing here looks at"
+    assert given == {field.name for field in fields(robot_pipeline.RobotPipelineOptions)}, (
+        "an option that nothing here looks at"
+    )
     by_purpose = {each.purpose: each for each in reversed(simulated)}
     assert by_purpose.keys() == {"search", "training", "validation", "evaluation"}
     for purpose, seeds in {
@@ -137,7 +139,7 @@ def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(robot_pipeline.trot, "main", stop)
     monkeypatch.setattr("sys.argv", ["train", "robot", "my robot.xml"])
-    options = robot_pipeline.Options(robot=str(tmp_path / "alike.xml"), out=tmp_path / "out")
+    options = robot_pipeline.RobotPipelineOptions(robot=str(tmp_path / "alike.xml"), out=tmp_path / "out")
     with pytest.raises(KeyboardInterrupt) as said:
         robot_pipeline.main(options)
     assert str(said.value) == "kept what was found; continue with: python -m train robot 'my robot.xml'"
@@ -148,7 +150,7 @@ def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_a_robot_that_cannot_be_used_ends_it_before_anything_is_searched(
     made: Made, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    options = robot_pipeline.Options(robot=str(made.write(tmp_path)), out=tmp_path / "out")
+    options = robot_pipeline.RobotPipelineOptions(robot=str(made.write(tmp_path)), out=tmp_path / "out")
     with pytest.raises(UsageError, match="cannot be used as it is"):
         robot_pipeline.main(options)
     assert len(capfd.readouterr().err.splitlines()) == 2  # why, and where to tell what is missing

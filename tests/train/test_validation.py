@@ -9,7 +9,7 @@ from evaluate.hardware import HardwareConfig
 from quad_env.seeding import episode_seeds
 from train import validation
 from train.config import ValidationConfig
-from train.validation import cost_of_transport, ranking_key, success
+from train.validation import total_cost_of_transport, ranking_key, mean_success_rate
 
 
 def means(success_rate, velocity_error, yaw_rate_error=0.0):
@@ -18,15 +18,17 @@ def means(success_rate, velocity_error, yaw_rate_error=0.0):
 
 def test_success_and_score_are_means_over_scenarios():
     results = {"flat": means(1.0, 0.1, 0.4), "rough": means(0.25, 0.3, 0.8)}
-    assert success(results) == pytest.approx(0.625)
+    assert mean_success_rate(results) == pytest.approx(0.625)
     assert ranking_key(results) == (pytest.approx(0.375), pytest.approx(0.5))
 
 
 def test_the_cost_of_transport_is_a_quotient_of_sums():
     flat, payload = {"energy": 10.0, "cost_of_transport": 2.0}, {"energy": 30.0, "cost_of_transport": 1.0}
     still = {"energy": 5.0, "cost_of_transport": math.nan}
-    assert cost_of_transport({"flat": flat, "payload": payload, "still": still}) == pytest.approx(45.0 / (5.0 + 30.0))
-    assert math.isnan(cost_of_transport({"still": still}))
+    assert total_cost_of_transport({"flat": flat, "payload": payload, "still": still}) == pytest.approx(
+        45.0 / (5.0 + 30.0)
+    )
+    assert math.isnan(total_cost_of_transport({"still": still}))
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ def test_robots_are_stepped_there_and_validated_here() -> None:
     with contextlib.closing(make_env(config)) as env:
         robots = env.env.unwrapped
         assert {type(each.simulation.batch) for each in robots.batches} == {WarpBatch}  # type: ignore[attr-defined]
-        seen = env.begin(training_seeds(config))
+        seen = env.reset_to_seeds(training_seeds(config))
         env.step_async(np.zeros((4, 12), np.float32))
         assert not np.array_equal(env.step_wait()[0], seen)
         if not torch.cuda.is_available():

@@ -10,12 +10,12 @@ from evaluate.hardware import parse_robot_option
 from policies.external import onnx_file
 from quad_env.cli.command_line import UsageError, make_folder_of
 
-CHECKED = 10_000
+CHECKED_OBSERVATIONS = 10_000
 """Observations at which the file must agree with the bundle."""
 
 
 @dataclass(frozen=True)
-class Options:
+class ExportOptions:
     """Export a trained residual."""
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("models/residual")
@@ -26,12 +26,14 @@ class Options:
     """File to write: the network, with the base and all settings of the policy as metadata."""
 
 
-def main(options: Options) -> int:
+def main(options: ExportOptions) -> int:
     """Write the file; the exit code. Raises UsageError, PolicyError or OSError."""
     if options.out.suffix != ".onnx":
         raise UsageError(f"--out must be an .onnx, not {options.out}")
     make_folder_of(options.out, "--out")
     robot = None if options.robot is None else parse_robot_option(options.robot).robot_model
-    found = onnx_file.export_residual(options.folder, options.out, CHECKED, robot)
-    print(f"{options.out}: agrees with the bundle at {CHECKED:,} random observations to {found:.1e} of the authority")
+    found = onnx_file.export_residual(options.folder, options.out, CHECKED_OBSERVATIONS, robot)
+    print(
+        f"{options.out}: agrees with the bundle at {CHECKED_OBSERVATIONS:,} random observations to {found:.1e} of the authority"
+    )
     return 0

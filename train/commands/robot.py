@@ -31,15 +31,15 @@ from train.config import BaseName
 from train.run_folder import BEST, has_checkpoint, steps_done
 from train.search import trot
 
-RESIDUAL, OPTIONS_FILE, DESCRIBED = "residual", "begun.json", "described.txt"
+RESIDUAL, OPTIONS_FILE, DESCRIPTION_FILE = "residual", "begun.json", "described.txt"
 MUTABLE_OPTIONS = "out", "threads"
 """Options that may change from one call to the next."""
-SEARCH = trot.Options(generations=12, steps=400, check_episodes=48)
+SEARCH = trot.TrotSearchOptions(generation_seeds=12, steps=400, check_episodes=48)
 """A short search: SimpleQuad's parameters walk on most robots already."""
 
 
 @dataclass(frozen=True)
-class Options:
+class RobotPipelineOptions:
     """Describe, search, train, evaluate, report: some 20 minutes on two cores."""
 
     robot: Annotated[str, tyro.conf.Positional]
@@ -84,7 +84,7 @@ class Stage(NamedTuple):
     action: Callable[[], object]
 
 
-def main(options: Options) -> int:
+def main(options: RobotPipelineOptions) -> int:
     """Run the stages that are left; the exit code. Raises UsageError, and KeyboardInterrupt with the command that
     continues."""
     check_numbers(options, limits_of(options))
@@ -109,7 +109,7 @@ def main(options: Options) -> int:
     return 0
 
 
-def _stages(options: Options) -> list[Stage]:
+def _stages(options: RobotPipelineOptions) -> list[Stage]:
     folder, toml = options.folder, str(options.toml)
     training, evaluation = folder / "training", folder / "evaluation"
 
@@ -148,14 +148,14 @@ def _stages(options: Options) -> list[Stage]:
         return options.toml.is_file() and own(name).is_file()
 
     return [
-        Stage("describe the robot", 0.1, (folder / DESCRIBED).is_file, partial(_describe, options)),
+        Stage("describe the robot", 0.1, (folder / DESCRIPTION_FILE).is_file, partial(_describe, options)),
         Stage("search its trot", 4.0, partial(found, trot.ACCOUNT), search),
         Stage("train a residual", 9.0, partial(found, f"{RESIDUAL}/{bundle.DESCRIPTION}"), train),
         Stage("compare them", 5.0, compared, evaluate),
     ]
 
 
-def _check_same_options(options: Options) -> None:
+def _check_same_options(options: RobotPipelineOptions) -> None:
     """Keep the options in the folder. Raises UsageError where they are others than those that it was started with."""
     robot = str(Path(options.robot).resolve()) if Path(options.robot).suffix else options.robot
     given = {
@@ -174,7 +174,7 @@ def _check_same_options(options: Options) -> None:
         raise UsageError(f"{options.folder} was started with other options ({', '.join(other)}): choose another --out")
 
 
-def _describe(options: Options) -> None:
+def _describe(options: RobotPipelineOptions) -> None:
     """Print the description, and keep it with a TOML and a picture. Raises UsageError where the robot has errors."""
     command = [sys.executable, "-m", "quad_env", "describe", options.robot]
     written, given = options.folder / "inferred.toml", options.toml.is_file()
@@ -190,4 +190,4 @@ def _describe(options: Options) -> None:
         written.rename(options.toml)
     if subprocess.run([*command, "--picture", str(options.folder / "standing.png")], capture_output=True).returncode:
         print("no picture of the robot: rendering is impossible here", file=sys.stderr)
-    write_atomically(options.folder / DESCRIBED, done.stdout.encode())
+    write_atomically(options.folder / DESCRIPTION_FILE, done.stdout.encode())

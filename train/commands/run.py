@@ -71,9 +71,9 @@ def parse(words: Sequence[str]) -> TrainConfig:
     """
     asked = normalise_option_names(TrainConfig, list(words))
     words = ["--help" if word == ALL else word for word in asked]
-    defaults, description = _preparse(words), f"{__doc__}{PROGRAM.listing()}"
+    defaults, description = _defaults(words), f"{__doc__}{PROGRAM.listing()}"
     if HELP & set(asked):
-        brief, said = _brief(), f"{description}\n\nThese are the main options; {ALL} explains all of them."
+        brief, said = _basic_config(), f"{description}\n\nThese are the main options; {ALL} explains all of them."
         parse_options(brief, words, program=NAME, description=said, default=brief(**vars(defaults)))
     config = parse_options(TrainConfig, words, program=NAME, description=description, default=defaults)
     check(defaults)
@@ -84,7 +84,7 @@ def parse(words: Sequence[str]) -> TrainConfig:
     return config
 
 
-def _brief() -> type[TrainConfig]:
+def _basic_config() -> type[TrainConfig]:
     """The settings, of which the help text shows those of MAIN alone."""
     import tyro
 
@@ -94,7 +94,7 @@ def _brief() -> type[TrainConfig]:
     return dataclasses.dataclass(frozen=True)(type("Brief", (TrainConfig,), {**hidden, "__annotations__": annotations}))
 
 
-def _preparse(words: list[str]) -> TrainConfig:
+def _defaults(words: list[str]) -> TrainConfig:
     scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     scout.add_argument("--policy", choices=list(DEFAULTS), default="residual")
     scout.add_argument("--robot", default=TrainConfig.robot)

@@ -30,7 +30,7 @@ from train.run_folder import BEST, CHECKPOINTS, CURVE_FILE, LAST
 from train.run_record import decode, to_dict, write_validations
 from train.sb3 import checkpoint
 from train.sb3.ppo import AdaptiveRate, actor_network
-from train.sb3.progress import Display, RecentIntervals
+from train.sb3.progress import ProgressDisplay, RecentIntervals
 from train.sb3.vec_env import TrainingVecEnv
 from train.training_robots import (
     MultiScenarioVectorEnv,
@@ -40,7 +40,7 @@ from train.training_robots import (
     segment_steps,
     training_seeds,
 )
-from train.validation import cost_of_transport, ranking_key, score, success, validate
+from train.validation import total_cost_of_transport, ranking_key, mean_score, mean_success_rate, validate
 
 FIRST_CHECKPOINT_DEADLINE = 30.0
 """Work within which a session writes its first checkpoint, s; later if its first rollout is longer."""
@@ -88,7 +88,7 @@ class TrainingCallback(BaseCallback):
         self,
         config: TrainConfig,
         env: TrainingVecEnv,
-        display: Display,
+        display: ProgressDisplay,
         interrupt: Interrupt,
         state: CallbackState,
         actions: Sequence[FloatArray] = (),
@@ -137,9 +137,9 @@ class TrainingCallback(BaseCallback):
         if self._actions:
             self._end = self._start - len(self._actions) * self._env.num_envs + segment_steps(self._config)
             seeds = training_seeds(self._config, self._state.segments - 1)
-            self._learner._last_obs, self._learner._last_episode_starts = self._env.repeat(seeds, self._actions)
+            self._learner._last_obs, self._learner._last_episode_starts = self._env.replay(seeds, self._actions)
             self._robots.pop_statistics()  # of rollouts that were logged already
-            self._display.pace.restart()
+            self._display.estimator.restart()
 
     def _on_rollout_end(self) -> None:
         figures = self._robots.pop_statistics()
@@ -204,22 +204,26 @@ class TrainingCallback(BaseCallback):
         wanted = [(share, effort_weight_scale(self._config, begun)) for share in self._state.difficulties]
         for number, (made, asked) in enumerate(zip(self._batch_settings, wanted, strict=True)):
             if made != asked:
-                self._robots.replace(number, make_batch(self._config, number, *asked))
+                self._robots.replace_batch(number, make_batch(self._config, number, *asked))
         self._batch_settings = wanted
 
     def _begin_segment(self) -> None:
         """Start new episodes of all robots."""
         self._end = self.num_timesteps + segment_steps(self._config)
-        self._learner._last_obs = self._env.begin(training_seeds(self._config, self._state.segments))
+        self._learner._last_obs = self._env.reset_to_seeds(training_seeds(self._config, self._state.segments))
         self._learner._last_episode_starts = np.ones(self._env.num_envs, np.bool_)
         self._state.segments += 1
 
     def _validate(self) -> None:
         """Validate the policy, and save it if it is the best so far."""
         policy, state, config = self._policy(), self._state, self._config
-        with self._display.pace.validation(self.num_timesteps):
+        with self._display.estimator.validation(self.num_timesteps):
             results = validate(policy, config.complete_validation, config.threads, config.hardware, self._policy(True))
-        means = {"success": success(results), "score": score(results), "cost_of_transport": cost_of_transport(results)}
+        means = {
+            "success": mean_success_rate(results),
+            "score": mean_score(results),
+            "cost_of_transport": total_cost_of_transport(results),
+        }
         state.validations.append({"steps": self.num_timesteps, **means, "scenarios": results})
         for scenario, figures in {"": means, **results}.items():
             for name, value in figures.items():

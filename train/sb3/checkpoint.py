@@ -26,7 +26,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
 
-SCHEMA, KEPT = 2, 2
+SCHEMA, KEPT_CHECKPOINTS = 2, 2
 _POLICY, _OPTIMISER, _ACTIONS = "policy.", "optimiser.", "robots.actions"
 
 
@@ -66,8 +66,8 @@ def restore(model: PPO, checkpoint: Checkpoint) -> None:
     """Put the learner and all random generators back to `checkpoint`."""
     tensors, progress = checkpoint.tensors, checkpoint.progress
     try:
-        model.policy.load_state_dict(_part(tensors, _POLICY))
-        _restore_optimiser(model.policy.optimizer, _part(tensors, _OPTIMISER))
+        model.policy.load_state_dict(_with_prefix(tensors, _POLICY))
+        _restore_optimiser(model.policy.optimizer, _with_prefix(tensors, _OPTIMISER))
         model.num_timesteps = int(progress["steps"])
         model._n_updates = int(progress["updates"])
         version, words, gauss = progress["python_random"]
@@ -79,9 +79,9 @@ def restore(model: PPO, checkpoint: Checkpoint) -> None:
         raise UsageError(f"the checkpoint does not fit this run: {str(error).splitlines()[0]}") from None
 
 
-def take_networks(model: PPO, folder: Path) -> None:
+def load_networks(model: PPO, folder: Path) -> None:
     """Give a new run the networks and the noise of the newest checkpoint in `folder`. Raises UsageError."""
-    weights = _part(load(folder).tensors, _POLICY)
+    weights = _with_prefix(load(folder).tensors, _POLICY)
     try:
         model.policy.load_state_dict(weights)
     except RuntimeError as error:
@@ -89,7 +89,7 @@ def take_networks(model: PPO, folder: Path) -> None:
         raise UsageError(f"--start: the networks in {folder.parent} are of another shape ({shapes})") from None
 
 
-def _part(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
+def _with_prefix(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
@@ -109,7 +109,7 @@ def save(folder: Path, checkpoint: Checkpoint) -> None:
     write_atomically(folder / f"{stem}.safetensors", tensors)
     record = {"schema": SCHEMA, "sha256": hashlib.sha256(tensors).hexdigest(), **checkpoint.progress}
     write_atomically(folder / f"{stem}.json", json.dumps(record).encode())
-    for record_path in sorted(folder.glob("*.json"))[:-KEPT]:
+    for record_path in sorted(folder.glob("*.json"))[:-KEPT_CHECKPOINTS]:
         record_path.unlink()
         record_path.with_suffix(".safetensors").unlink(missing_ok=True)
 

@@ -17,7 +17,7 @@ from quad_env.files.writing import write_atomically
 from train.run_folder import METRICS_FILE, TENSORBOARD
 
 
-class _Events(TensorBoardOutputFormat):
+class _TensorBoardEvents(TensorBoardOutputFormat):
     """TensorBoard's events; those of an earlier session after so many steps are hidden."""
 
     def __init__(self, folder: Path, steps: int) -> None:
@@ -25,7 +25,7 @@ class _Events(TensorBoardOutputFormat):
         self._is_closed = False
 
 
-class _Metrics(KVWriter):
+class _MetricsFile(KVWriter):
     """A line of JSON for each rollout, from so many steps on; null for a mean of nothing."""
 
     def __init__(self, folder: Path, steps: int) -> None:
@@ -64,7 +64,7 @@ def run_logger(folder: Path, steps: int) -> Iterator[Logger]:
 
     hook, threading.excepthook = threading.excepthook, report
     try:
-        logger = Logger(str(folder), [_Events(folder / TENSORBOARD, steps), _Metrics(folder, steps)])
+        logger = Logger(str(folder), [_TensorBoardEvents(folder / TENSORBOARD, steps), _MetricsFile(folder, steps)])
         with contextlib.closing(logger):
             yield logger
     finally:

@@ -17,7 +17,7 @@ from quad_env.cli.command_line import UsageError
 from train.config import PpoConfig, TrainConfig
 from train.sb3.vec_env import TrainingVecEnv
 
-LOWEST_RATE, HIGHEST_RATE = 1e-5, 1e-2
+MIN_LEARNING_RATE, MAX_LEARNING_RATE = 1e-5, 1e-2
 REWARD_SCALE = 10.0
 """Factor on the reward before the learner sees it: brings returns to about unit size for the value network."""
 
@@ -36,9 +36,9 @@ class AdaptiveRate:
     def update(self, kl: float) -> None:
         """Lower the rate after a step of more than twice the target, raise it after one of less than half."""
         if kl > 2.0 * self.target_kl:
-            self.rate = max(self.rate / 1.5, LOWEST_RATE)
+            self.rate = max(self.rate / 1.5, MIN_LEARNING_RATE)
         elif kl < 0.5 * self.target_kl:
-            self.rate = min(self.rate * 1.5, HIGHEST_RATE)
+            self.rate = min(self.rate * 1.5, MAX_LEARNING_RATE)
 
 
 class AsymmetricPolicy(ActorCriticPolicy):
@@ -71,11 +71,11 @@ class TakeFirst(nn.Module):
 def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
     """The schedule that the settings name."""
     rate, schedule = config.learning_rate, config.learning_rate_schedule
-    falling = partial(_falling, rate) if schedule == "linear" else rate
+    falling = partial(_linear_rate, rate) if schedule == "linear" else rate
     return AdaptiveRate(rate, config.target_kl) if schedule == "adaptive" else falling
 
 
-def _falling(rate: float, remaining: float) -> float:
+def _linear_rate(rate: float, remaining: float) -> float:
     # The share of the run that remains, 1 … 0, is below that in the last rollout, which goes beyond the last step.
     return rate * max(remaining, 0.0)
 

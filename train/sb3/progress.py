@@ -47,16 +47,16 @@ class ProgressEstimator:
         seconds = self._clock() - self._began - sum(self._durations)
         return max((steps - self._done) / max(seconds, 1e-9), 1e-9)
 
-    def left(self, steps: int) -> float:
+    def remaining_time(self, steps: int) -> float:
         """Time from now to the end of the run, after its last validation, s."""
         ppo, interval = self._config.ppo, self._config.validation.interval
         rollout, rate = ppo.envs * ppo.rollout_steps, self.rate(steps)
         rest = rollout * math.ceil(max(self._config.steps - steps, 0) / rollout)
         apart = rollout * math.ceil(interval / rollout) or steps + rest
         validations = math.ceil((steps + rest - self._validated) / apart)
-        return rest / rate + validations * self._seconds(rate)
+        return rest / rate + validations * self._validation_time(rate)
 
-    def _seconds(self, rate: float) -> float:
+    def _validation_time(self, rate: float) -> float:
         """Duration of a validation: the mean of those measured, or the guess, s."""
         if self._durations:
             return sum(self._durations) / len(self._durations)
@@ -113,11 +113,11 @@ def summary(figures: Mapping[str, float]) -> str:
     return f"{validated}{reward}  {tracked}  {errors}  {ended}"
 
 
-class Display:
+class ProgressDisplay:
     """Progress on standard output towards `total` steps, with the time left by `pace`."""
 
     def __init__(self, total: int, pace: ProgressEstimator) -> None:
-        self.pace = pace
+        self.estimator = pace
         self._console = Console()
         columns = BarColumn(bar_width=24), TextColumn("{task.description}", markup=False)
         self._bar = Progress(*columns, console=self._console, disable=not self._console.is_terminal)
@@ -127,8 +127,8 @@ class Display:
 
     def update(self, steps: int, figures: Mapping[str, float]) -> None:
         """Show that `steps` have been taken, and the latest figures by name."""
-        minutes, seconds = divmod(round(self.pace.left(steps)), 60)
-        pace = f"{self.pace.rate(steps):6,.0f}/s  {minutes:3}:{seconds:02} left"
+        minutes, seconds = divmod(round(self.estimator.remaining_time(steps)), 60)
+        pace = f"{self.estimator.rate(steps):6,.0f}/s  {minutes:3}:{seconds:02} left"
         line = f"{steps:>10,}/{self._total:,} steps  {pace}  {summary(figures)}"
         self._bar.update(self._task, completed=steps, description=line)
         now = time.monotonic()

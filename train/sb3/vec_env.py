@@ -12,7 +12,9 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
 from train.residual_env import BoolArray, FloatArray
 
-SHARED = "robots of a batch are no objects with attributes of their own: make new ones, or call the methods of `env`"
+NO_SINGLE_ROBOTS = (
+    "robots of a batch are no objects with attributes of their own: make new ones, or call the methods of `env`"
+)
 
 
 class TrainingVecEnv(VecEnv):
@@ -53,16 +55,16 @@ class TrainingVecEnv(VecEnv):
 
     def reset(self) -> FloatArray:
         """Start every robot's first episode; shape (n, m)."""
-        return self.begin(self._episode_seeds)
+        return self.reset_to_seeds(self._episode_seeds)
 
-    def begin(self, seeds: Sequence[int]) -> FloatArray:
+    def reset_to_seeds(self, seeds: Sequence[int]) -> FloatArray:
         """Start every robot's first episode of other seeds, one a robot; shape (n, m)."""
         self._episode_seeds, self.action_log = seeds, []
-        return self._shown(*self.env.reset(seed=seeds))  # type: ignore[arg-type]  # our batches take one each
+        return self._with_privileged(*self.env.reset(seed=seeds))  # type: ignore[arg-type]  # our batches take one each
 
-    def repeat(self, seeds: Sequence[int], actions: Sequence[FloatArray]) -> tuple[FloatArray, BoolArray]:
+    def replay(self, seeds: Sequence[int], actions: Sequence[FloatArray]) -> tuple[FloatArray, BoolArray]:
         """Start with those seeds and repeat those actions; the last observation, (n, m), and new episodes, (n,)."""
-        observation, finished = self.begin(seeds), np.ones(self.num_envs, np.bool_)
+        observation, finished = self.reset_to_seeds(seeds), np.ones(self.num_envs, np.bool_)
         for each in actions:
             self.step_async(each)
             observation, _, finished, _ = self.step_wait()
@@ -79,7 +81,9 @@ class TrainingVecEnv(VecEnv):
         observation, rewards, terminated, truncated, infos = self.env.step(self._actions)
         finished = terminated | truncated
         ends = self._no_infos.copy()
-        final = self._shown(infos["final_obs"], infos.get("final_info", {})) if finished.any() else observation
+        final = (
+            self._with_privileged(infos["final_obs"], infos.get("final_info", {})) if finished.any() else observation
+        )
         for i in np.flatnonzero(finished):
             ends[i] = {
                 "terminal_observation": final[i],
@@ -87,9 +91,14 @@ class TrainingVecEnv(VecEnv):
             }
             if "episode" in infos:
                 ends[i]["episode"] = {"r": float(infos["episode"]["r"][i]), "l": int(infos["episode"]["l"][i])}
-        return self._shown(observation, infos), (self._reward_scale * rewards).astype(np.float32), finished, ends
+        return (
+            self._with_privileged(observation, infos),
+            (self._reward_scale * rewards).astype(np.float32),
+            finished,
+            ends,
+        )
 
-    def _shown(self, observation: FloatArray, infos: dict[str, Any]) -> FloatArray:
+    def _with_privileged(self, observation: FloatArray, infos: dict[str, Any]) -> FloatArray:
         return np.concatenate((observation, infos["privileged"]), axis=1) if self.privileged else observation
 
     def close(self) -> None:
@@ -103,11 +112,11 @@ class TrainingVecEnv(VecEnv):
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Refused."""
-        raise NotImplementedError(SHARED)
+        raise NotImplementedError(NO_SINGLE_ROBOTS)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
         """Refused."""
-        raise NotImplementedError(SHARED)
+        raise NotImplementedError(NO_SINGLE_ROBOTS)
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
         """False: there are no single environments."""

@@ -28,10 +28,10 @@ Ranges = Mapping[str, tuple[float, float]]
 """Bounds of the parameters that are searched, by field name."""
 MARGIN = 0.02
 """Least distance of a start from the faces of the unit cube."""
-SHORTEST = round(SETTLING_TIME / CONTROL_PERIOD) + 1
+MIN_EPISODE_STEPS = round(SETTLING_TIME / CONTROL_PERIOD) + 1
 """Shortest episode, control steps: longer than the settling time, which no measure counts."""
 
-TRIALS = ".trials.jsonl"
+TRIALS_SUFFIX = ".trials.jsonl"
 """End of the file of candidates and costs, a line for each generation, with the mean of the distribution after it."""
 
 P = TypeVar("P", bound=Parameters)
@@ -43,13 +43,13 @@ class SearchOptions:
 
     seed: int = parameter(0, limits=(0, 2**31))
     """Seed of the search."""
-    generations: int = parameter(14, limits=(0, 10_000))
+    generation_seeds: int = parameter(14, limits=(0, 10_000))
     """Rounds; 0 only does what follows the search."""
     candidates: int = parameter(14, limits=(4, 1000))
     """Parameter sets tried in a round."""
     episodes: int = parameter(10, limits=(1, 10_000))
     """Episodes of a candidate in each scenario and round."""
-    steps: int = parameter(750, limits=(SHORTEST, 100_000))
+    steps: int = parameter(750, limits=(MIN_EPISODE_STEPS, 100_000))
     """Length of an episode, control steps of 10 ms."""
     check_episodes: int = parameter(108, limits=(1, 10_000))
     """Fresh episodes on which the outcome is finished and compared with the parameters before."""
@@ -110,14 +110,14 @@ def encode(parameters: Parameters, ranges: Ranges) -> Floats:
     return np.array([(getattr(parameters, name) - low) / (high - low) for name, (low, high) in ranges.items()])
 
 
-def rounded(parameters: P) -> P:
+def round_parameters(parameters: P) -> P:
     """The parameters to four digits."""
     return replace(parameters, **{name: round(float(value), 4) for name, value in vars(parameters).items()})
 
 
 def generations(effort: SearchOptions) -> list[Seeds]:
     """Seeds of the episodes of each generation, new ones in each."""
-    seeds = episode_seeds("search", effort.seed, effort.generations * effort.episodes)
+    seeds = episode_seeds("search", effort.seed, effort.generation_seeds * effort.episodes)
     return [seeds[place : place + effort.episodes] for place in range(0, len(seeds), effort.episodes)]
 
 
@@ -130,7 +130,7 @@ def search(subject_of: Callable[[E], SearchProblem[Any]], options: E) -> int:
         raise UsageError(f"--out must not be {subject.account}, which the account goes to")
     make_folder_of(out, "--out")
     raise_on_interrupt()
-    found, lines, trials = subject.start, list[str](), out.with_suffix(TRIALS)
+    found, lines, trials = subject.start, list[str](), out.with_suffix(TRIALS_SUFFIX)
     try:
         for found, tried in evolve(options, subject):
             lines.append(json.dumps({"generation": len(lines) + 1, "tried": tried, "mean": vars(found)}))
@@ -167,7 +167,7 @@ def evolve(effort: SearchOptions, subject: SearchProblem[P]) -> Iterator[tuple[P
         yield decode(np.clip(strategy.result.xfavorite, 0, 1), start, ranges, digits), tried
 
 
-def as_json(parameters: Any) -> str:
+def parameters_to_json(parameters: Any) -> str:
     """The parameters as the text of a file."""
     return json.dumps(asdict(parameters), indent=2) + "\n"
 
@@ -185,16 +185,16 @@ def save(path: Path, text: str, *, show: bool = False) -> None:
         raise UsageError(problem)
 
 
-def method(program: str, effort: SearchOptions, scenarios: str) -> str:
+def describe_method(program: str, effort: SearchOptions, scenarios: str) -> str:
     """How the search was made, for its account."""
     return (
-        f"Written by `{effort.command(program)}`: CMA-ES, {effort.generations} generations of {effort.candidates} "
+        f"Written by `{effort.command(program)}`: CMA-ES, {effort.generation_seeds} generations of {effort.candidates} "
         f"candidates, {effort.episodes} episodes of {effort.steps * CONTROL_PERIOD:g} s a candidate on each of "
         f"{scenarios}."
     )
 
 
-def changes(before: Parameters, after: Parameters, ranges: Ranges, fitted: Collection[str] = ()) -> list[str]:
+def parameter_table(before: Parameters, after: Parameters, ranges: Ranges, fitted: Collection[str] = ()) -> list[str]:
     """Range and values of every parameter, as a table."""
     lines = ["| parameter | range | before | after |", "|---|---|---|---|"]
     for name, old in asdict(before).items():
@@ -216,7 +216,7 @@ COLUMNS = {
 """Measures of which an account has the means."""
 
 
-def results(rows: Iterable[tuple[str, str, Measures]]) -> list[str]:
+def results_table(rows: Iterable[tuple[str, str, Measures]]) -> list[str]:
     """Measures on each scenario with the parameters before and after, (scenario, which, measures) each, as a table."""
     head = ["scenario", "parameters", "succeeded", "stalled", "falls", *COLUMNS.values()]
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]

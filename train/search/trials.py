@@ -35,7 +35,7 @@ class SaturatingCost(NamedTuple):
 
 OUTCOME_COSTS = dict(zip(OUTCOMES, (0.0, 1.0, 1.5, 2.0, 2.0, 2.0), strict=True))
 """Cost of an episode's outcome; the graded costs on top add up to what a failure costs at least."""
-DEVIATION_COST, LARGEST_DEVIATION = 0.1, 4.0
+DEVIATION_COST, MAX_DEVIATION = 0.1, 4.0
 """Graded cost of the worst command interval at most, and the deviation, per allowed deviation, at which it is that."""
 GRADES = {
     "velocity_error": SaturatingCost(0.05, 0.0, 0.3),
@@ -51,7 +51,7 @@ COST_DESCRIPTION = (
     "Cost of an episode: "
     + ", ".join(f"{name} {cost:g}" for name, cost in OUTCOME_COSTS.items())
     + f", and on top of that up to {DEVIATION_COST:g} for the worst command interval, "
-    f"{LARGEST_DEVIATION:g} times what is allowed, and for "
+    f"{MAX_DEVIATION:g} times what is allowed, and for "
     + ", ".join(
         f"{name} up to {maximum:g} (x {threshold:+g} / {scale:g})"
         for name, (maximum, threshold, scale) in GRADES.items()
@@ -66,7 +66,7 @@ def episode_costs(measures: Measures) -> Floats:
     total = np.array([OUTCOME_COSTS[each] for each in measures.outcome])
     deviation = RULES[SUCCESS_RULE].deviations(measures.commands, measures.mean_velocities)
     # An interval that was not completed has the largest cost.
-    total += DEVIATION_COST * np.clip(np.nan_to_num(deviation, nan=np.inf) / LARGEST_DEVIATION, 0.0, 1.0).max(axis=1)
+    total += DEVIATION_COST * np.clip(np.nan_to_num(deviation, nan=np.inf) / MAX_DEVIATION, 0.0, 1.0).max(axis=1)
     for name, (maximum, threshold, scale) in GRADES.items():
         beyond = np.maximum((getattr(measures, name) - threshold) / scale, 0.0)
         total += maximum * np.nan_to_num(beyond / (1.0 + beyond), nan=1.0)

@@ -23,18 +23,27 @@ from policies.trot.open_loop import FILE, SEARCH_RANGES, TrotParameters, searche
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
 from train.config import check_scenarios
-from train.search.cmaes import SearchOptions, SearchProblem, as_json, changes, method, results, rounded, search
+from train.search.cmaes import (
+    SearchOptions,
+    SearchProblem,
+    parameters_to_json,
+    parameter_table,
+    describe_method,
+    results_table,
+    round_parameters,
+    search,
+)
 from train.search.trials import COST_DESCRIPTION, Seeds, compare_parameters, episode_costs, run_candidates
 
 EXERCISES = ("flat", "push", "rough")
 """Usual scenarios of the search; the response to commands is measured on the first."""
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
-WEAKEST_RESPONSE = 0.7
+MIN_RESPONSE = 0.7
 """Achieved per commanded velocity below which a candidate costs more, so that standing still does not win."""
-WEAKNESS_WEIGHT = 2.0
-WEAKEST_MAPPED = 0.1
+WEAK_RESPONSE_WEIGHT = 2.0
+MIN_INVERTIBLE_RESPONSE = 0.1
 """Achieved per commanded velocity below which a response is not undone: the map would ask for leaps."""
-MINIMUM_INTERVALS = 6
+MIN_INTERVALS = 6
 """Command intervals needed to fit a response."""
 MAP_ROUNDS = 3
 """How often the command map is fitted again with the one before in force."""
@@ -42,26 +51,26 @@ ACCOUNT = "TROT.md"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options(SearchOptions):
+class TrotSearchOptions(SearchOptions):
     """Which robot's trot is searched, and how thoroughly."""
 
-    subject: Annotated[Literal["trot"], tyro.conf.Positional] = "trot"
+    make_search_problem: Annotated[Literal["trot"], tyro.conf.Positional] = "trot"
     """trot: the open-loop trot."""
     robot: str | None = None
     """Robot: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     # Two command intervals each, enough to fit a response.
-    episodes: int = parameter(6, limits=(MINIMUM_INTERVALS // 2, 10_000))
+    episodes: int = parameter(6, limits=(MIN_INTERVALS // 2, 10_000))
     """Episodes of a candidate in each scenario and round."""
-    check_episodes: int = parameter(48, limits=(MINIMUM_INTERVALS // 2, 10_000))
+    check_episodes: int = parameter(48, limits=(MIN_INTERVALS // 2, 10_000))
     """Fresh episodes on which the command map is fitted and the outcome compared with the parameters before."""
 
 
-def main(options: Options) -> int:
+def main(options: TrotSearchOptions) -> int:
     """Search, conclude, write; the exit code. Raises UsageError."""
     return search(subject, options)
 
 
-def subject(options: Options) -> SearchProblem[TrotParameters]:
+def subject(options: TrotSearchOptions) -> SearchProblem[TrotParameters]:
     """The search of a robot's trot: from SimpleQuad's, or for another robot from that of dynamic similarity."""
     hardware, threads = parse_robot_option(options.robot or HardwareConfig.robot), options.threads
     robot, own = hardware.robot_model, hardware.robot_model == SIMPLE_QUAD
@@ -77,15 +86,15 @@ def subject(options: Options) -> SearchProblem[TrotParameters]:
     def conclude(found: TrotParameters) -> tuple[str, str]:
         fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
         for seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
-            found = mapped(found, seeds, threads, hardware, scenario_names)
-        after, seeds = rounded(found), episode_seeds("validation", options.seed, options.check_episodes)
+            found = fit_command_map(found, seeds, threads, hardware, scenario_names)
+        after, seeds = round_parameters(found), episode_seeds("validation", options.seed, options.check_episodes)
         walks, _ = compare_parameters("trot", start, after, scenario_names, seeds, threads, hardware)
-        how = method("python -m train search trot", options, ", ".join(scenario_names))
+        how = describe_method("python -m train search trot", options, ", ".join(scenario_names))
         lines = ["# The trot's parameters", "", how, COST_DESCRIPTION]
         lines += ["Commands are those that a candidate's linear response on flat ground would be mapped to; the map is"]
-        lines += ["fitted by least squares afterwards.", "", *changes(start, after, ranges, COMMAND_MAP), ""]
-        lines += [f"On {options.check_episodes} validation episodes of 10 s a scenario:", "", *results(walks)]
-        return as_json(after), "\n".join(lines) + "\n"
+        lines += ["fitted by least squares afterwards.", "", *parameter_table(start, after, ranges, COMMAND_MAP), ""]
+        lines += [f"On {options.check_episodes} validation episodes of 10 s a scenario:", "", *results_table(walks)]
+        return parameters_to_json(after), "\n".join(lines) + "\n"
 
     file = FILE.path if own else folder_of(robot) / FILE.path.name
     return SearchProblem(start, ranges, costs, conclude, file, ACCOUNT)
@@ -97,7 +106,7 @@ def fit_command_response(walk: Episodes, members: int) -> Floats:
     measures = measure(walk)
     command, achieved = (each.reshape(members, -1, 3) for each in (measures.commands, measures.mean_velocities))
     upright, found = np.asarray(np.isfinite(achieved).all(axis=-1)), np.zeros((members, 4, 3))
-    for member in np.flatnonzero(upright.sum(axis=1) >= MINIMUM_INTERVALS):
+    for member in np.flatnonzero(upright.sum(axis=1) >= MIN_INTERVALS):
         rows = upright[member]
         inputs = np.column_stack((command[member, rows], np.ones(rows.sum())))
         found[member] = np.linalg.lstsq(inputs, achieved[member, rows], rcond=None)[0]
@@ -106,7 +115,7 @@ def fit_command_response(walk: Episodes, members: int) -> Floats:
 
 def weak_response_cost(found: Floats) -> float:
     """Cost of a response (4, 3) whose velocities are too small compared with the commanded ones."""
-    return WEAKNESS_WEIGHT * float(np.clip(WEAKEST_RESPONSE - np.diag(found[:3]), 0.0, None).sum())
+    return WEAK_RESPONSE_WEIGHT * float(np.clip(MIN_RESPONSE - np.diag(found[:3]), 0.0, None).sum())
 
 
 def candidate_costs(
@@ -133,7 +142,7 @@ def candidate_costs(
     return total
 
 
-def mapped(
+def fit_command_map(
     parameters: TrotParameters,
     seeds: Seeds,
     threads: int,
@@ -166,7 +175,7 @@ def invert_command_response(parameters: TrotParameters, found: Floats) -> TrotPa
 def try_invert_command_response(parameters: TrotParameters, found: Floats) -> TrotParameters:
     """The parameters whose command map undoes the response `found`, (4, 3); unchanged where it is too weak for that."""
     try:
-        if np.diag(found[:3]).min() < WEAKEST_MAPPED:
+        if np.diag(found[:3]).min() < MIN_INVERTIBLE_RESPONSE:
             raise ValueError("the response is too weak")
         return invert_command_response(parameters, found)
     except ValueError as error:

@@ -123,7 +123,7 @@ def test_a_run_that_starts_from_another_s_networks_begins_its_counts_and_moments
     model = used()
     checkpoint.save(tmp_path, checkpoint.capture(model, {}))
     fresh = make_ppo(CONFIG, make_env(CONFIG))
-    checkpoint.take_networks(fresh, tmp_path)
+    checkpoint.load_networks(fresh, tmp_path)
     for name, weights in model.policy.state_dict().items():
         assert torch.equal(fresh.policy.state_dict()[name], weights), name
     assert (fresh.num_timesteps, fresh._n_updates) == (0, 0)

@@ -28,7 +28,7 @@ class Run:
 
     @property
     def left(self) -> float:
-        return self.pace.left(self.steps)
+        return self.pace.remaining_time(self.steps)
 
 
 def test_time_left_counts_the_validations_to_come() -> None:
@@ -67,7 +67,7 @@ def test_a_run_that_is_continued_counts_what_this_session_does() -> None:
     run.roll_out(1)
     run.validate(7.0)
     assert run.left == pytest.approx(4 * 4.0 + 2 * 7.0)  # at 900 and at the end
-    assert math.isfinite(ProgressEstimator(CONFIG).left(0))
+    assert math.isfinite(ProgressEstimator(CONFIG).remaining_time(0))
 
 
 def counted(episodes=0, falls=0.0, returned=0.0, tracked=math.nan):

@@ -101,11 +101,11 @@ def test_a_run_is_repeated_by_its_seeds_and_actions():
     for step in range(8):
         last, _, finished, _ = env.step(noise(step, 2))
     taken = list(env.action_log)
-    again, ended = training_env(2, steps=6).repeat(SEEDS[:2], taken)
+    again, ended = training_env(2, steps=6).replay(SEEDS[:2], taken)
     np.testing.assert_array_equal(again, last)
     assert ended.tolist() == finished.tolist()
     assert len(taken) == 8
-    observation, ended = env.repeat(SEEDS[2:4], [])
+    observation, ended = env.replay(SEEDS[2:4], [])
     assert ended.all()
     assert env.action_log == []
     env._episode_seeds = SEEDS[2:4]
@@ -138,7 +138,7 @@ def test_actions_are_kept_only_for_a_run_that_can_be_resumed():
         resumable.step(noise(step, 2))
     assert env.action_log == []
     np.testing.assert_array_equal(resumable.action_log, [noise(step, 2) for step in range(3)])
-    resumable.begin(SEEDS[:2])
+    resumable.reset_to_seeds(SEEDS[:2])
     assert resumable.action_log == []
 
 

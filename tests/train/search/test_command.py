@@ -13,7 +13,7 @@ from tests.batches import Batch, begun
 from tests.quad_env.robots.alike import alike
 from train.__main__ import main
 from train.search import cmaes, trot
-from train.search.trot import Options
+from train.search.trot import TrotSearchOptions
 
 FULL = 1000
 """Control steps of an episode of 10 s."""
@@ -39,7 +39,7 @@ class Run:
 def searched(words: str, folder: Path) -> Run:
     """The outcome of the search with these words; every option must be among them."""
     given = f"{words} --seed 3 --threads 1 --out FOLDER/found.json".replace("FOLDER", str(folder)).split()
-    names = asdict(Options()).keys() - {"subject"}
+    names = asdict(TrotSearchOptions()).keys() - {"subject"}
     assert {word[2:].replace("-", "_") for word in given if word.startswith("--")} == names
     with begun() as batches:
         assert main(["search", "trot", *given]) == 0
@@ -103,7 +103,7 @@ class Kept:
                 yield each, []
 
         patch.setattr(cmaes, "evolve", evolve)
-        patch.setattr(trot, "mapped", lambda found, *_: found)
+        patch.setattr(trot, "fit_command_map", lambda found, *_: found)
         patch.setattr(trot, "compared", lambda *_: ([], None))
         self.code = main(["search", "trot", "--out", str(folder / "found.json")])
         self.files = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}

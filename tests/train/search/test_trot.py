@@ -12,11 +12,11 @@ from quad_env.seeding import episode_seeds
 from train.search import trot
 from train.search.cmaes import decode, encode
 from train.search.trot import (
-    WEAKNESS_WEIGHT,
+    WEAK_RESPONSE_WEIGHT,
     candidate_costs,
     fit_command_response,
     invert_command_response,
-    mapped,
+    fit_command_map,
     try_invert_command_response,
 )
 
@@ -58,7 +58,7 @@ def test_a_response_too_weak_to_be_undone_leaves_the_map_alone(monkeypatch):
     assert try_invert_command_response(TrotParameters(), beyond) == TrotParameters()
     monkeypatch.setattr(trot, "walked", lambda *_, **__: [measures()])
     monkeypatch.setattr(trot, "measure", lambda walk: walk)
-    assert mapped(TrotParameters(), episode_seeds("search", 0, 6), 1).lateral_gain == pytest.approx(2.0)
+    assert fit_command_map(TrotParameters(), episode_seeds("search", 0, 6), 1).lateral_gain == pytest.approx(2.0)
 
 
 def test_a_point_of_the_cube_is_a_set_of_parameters_and_back():
@@ -75,4 +75,4 @@ def test_standing_still_costs_more_than_walking():
     """A gait that ignores commands follows its own, empty response perfectly."""
     still = dataclasses.replace(TrotParameters(), forward_gain=0.0, lateral_gain=0.0, yaw_gain=0.0)
     walking, standing = candidate_costs([TrotParameters(), still], episode_seeds("search", 0, 8), 300, 1)
-    assert standing - walking > WEAKNESS_WEIGHT
+    assert standing - walking > WEAK_RESPONSE_WEIGHT
