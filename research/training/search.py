@@ -28,9 +28,9 @@ from train.search.cmaes import (
     Ranges,
     SearchOptions,
     SearchProblem,
-    parameters_to_json,
-    parameter_table,
     describe_method,
+    parameter_table,
+    parameters_to_json,
     results_table,
     search,
 )

@@ -23,7 +23,7 @@ from tests.robot_models import NEEDS_MODELS
 from train.__main__ import main as train
 from train.commands.run import parse
 from train.config import DEFAULTS
-from train.run_record import training_command, differences, from_dict, to_dict
+from train.run_record import differences, from_dict, to_dict, training_command
 
 OPTIONS = (
     "--threads 1 --mixture flat 1.0 --validation.episodes 1 --validation.scenarios flat --steps 64 "

@@ -9,7 +9,7 @@ from evaluate.hardware import HardwareConfig
 from quad_env.seeding import episode_seeds
 from train import validation
 from train.config import ValidationConfig
-from train.validation import total_cost_of_transport, ranking_key, mean_success_rate
+from train.validation import mean_success_rate, ranking_key, total_cost_of_transport
 
 
 def means(success_rate, velocity_error, yaw_rate_error=0.0):

@@ -40,7 +40,7 @@ from train.training_robots import (
     segment_steps,
     training_seeds,
 )
-from train.validation import total_cost_of_transport, ranking_key, mean_score, mean_success_rate, validate
+from train.validation import mean_score, mean_success_rate, ranking_key, total_cost_of_transport, validate
 
 FIRST_CHECKPOINT_DEADLINE = 30.0
 """Work within which a session writes its first checkpoint, s; later if its first rollout is longer."""

@@ -26,9 +26,9 @@ from train.config import check_scenarios
 from train.search.cmaes import (
     SearchOptions,
     SearchProblem,
-    parameters_to_json,
-    parameter_table,
     describe_method,
+    parameter_table,
+    parameters_to_json,
     results_table,
     round_parameters,
     search,

@@ -14,9 +14,9 @@ from train.search.cmaes import decode, encode
 from train.search.trot import (
     WEAK_RESPONSE_WEIGHT,
     candidate_costs,
+    fit_command_map,
     fit_command_response,
     invert_command_response,
-    fit_command_map,
     try_invert_command_response,
 )
 
