@@ -10,8 +10,8 @@ from evaluate.hardware import parse_robot_option
 from policies.external import onnx_file
 from quad_env.cli.command_line import UsageError, make_folder_of
 
-CHECKED_OBSERVATIONS = 10_000
-"""Observations at which the file must agree with the bundle."""
+NUM_CHECKED = 10_000
+"""Number of random observations on which the output of the file is compared with that of the bundle."""
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,16 @@ class ExportOptions:
 
 
 def main(options: ExportOptions) -> int:
-    """Write the file; the exit code. Raises UsageError, PolicyError or OSError."""
+    """Write the ONNX file and return the exit code.
+
+    UsageError, PolicyError or OSError says why a policy cannot be exported.
+    """
     if options.out.suffix != ".onnx":
         raise UsageError(f"--out must be an .onnx, not {options.out}")
     make_folder_of(options.out, "--out")
     robot = None if options.robot is None else parse_robot_option(options.robot).robot_model
-    found = onnx_file.export_residual(options.folder, options.out, CHECKED_OBSERVATIONS, robot)
+    error = onnx_file.export_residual(options.folder, options.out, NUM_CHECKED, robot)
     print(
-        f"{options.out}: agrees with the bundle at {CHECKED_OBSERVATIONS:,} random observations to {found:.1e} of the authority"
+        f"{options.out}: agrees with the bundle at {NUM_CHECKED:,} random observations to {error:.1e} of the authority"
     )
     return 0

@@ -3,10 +3,8 @@
 Other commands, each with its own --help, as in `python -m train search --help`:
 """
 
-import argparse
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, get_type_hints
 
 from quad_env.cli import launcher
@@ -37,18 +35,30 @@ BASIC_OPTIONS = (
     "robot",
     "servo",
 )
-"""Settings that --help explains."""
-ALL = "--help-all"
-MOVED = {
+"""Options that --help explains; --help-all explains the others, too."""
+HELP_ALL = "--help-all"
+MOVED_COMMANDS = {
     name: f"now `python -m research {name.split()[0]}`"
     for name in ("ablations", "curves", "publish", "search feedback")
 }
-MOVED |= {name: f"gone: revision 59ce5e8 has it as `python -m research {name}`" for name in ("sweep", "trials")}
-"""Where commands of older versions are."""
+MOVED_COMMANDS |= {
+    name: f"gone: revision 59ce5e8 has it as `python -m research {name}`" for name in ("sweep", "trials")
+}
+"""Answers to the names of commands of older versions."""
 
 
 def run(words: list[str]) -> int:
-    """Train as the words say, which may begin with `run`; the exit code."""
+    """Train with the options of a command line, whose first word may be `run`, and return the exit code.
+
+    Args:
+        words: The command line, without `python -m train`.
+
+    Returns:
+        0.
+
+    Raises:
+        KeyboardInterrupt: After Ctrl-C, with the command that continues the run if there is a checkpoint.
+    """
     config = parse(words[1:] if words[:1] == ["run"] else words)
     # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
     from train.run import train
@@ -58,58 +68,72 @@ def run(words: list[str]) -> int:
         train(config)
     except KeyboardInterrupt as interrupt:
         if has_checkpoint(config.folder) and steps_done(config.folder) < config.steps:
-            said = [f"continue the run with --resume --out {config.folder}", *map(str, interrupt.args)]
-            raise KeyboardInterrupt("; ".join(said)) from None
+            remedy = f"continue the run with --resume --out {config.folder}"
+            raise KeyboardInterrupt("; ".join([remedy, *map(str, interrupt.args)])) from None
         raise
     return 0
 
 
 def parse(words: Sequence[str]) -> TrainConfig:
-    """The settings of a command line. Raises UsageError; SystemExit(0) after --help.
+    """Return the settings of a command line.
 
-    The defaults are those of the chosen --policy and --base, or with --resume those of the run that is continued.
+    SystemExit(0) follows --help.
+
+    Args:
+        words: The command line, without `python -m train`.
+
+    Returns:
+        The settings. Options that are not given have the defaults of --policy, or with --resume those of the run.
+
+    Raises:
+        UsageError: An option is unknown or has no valid value, or --resume comes with settings that the run does not
+            have.
     """
-    asked = normalise_option_names(TrainConfig, list(words))
-    words = ["--help" if word == ALL else word for word in asked]
-    defaults, description = _defaults(words), f"{__doc__}{PROGRAM.listing()}"
-    if HELP & set(asked):
-        brief, said = _basic_config(), f"{description}\n\nThese are the main options; {ALL} explains all of them."
-        parse_options(brief, words, program=NAME, description=said, default=brief(**vars(defaults)))
+    spelled = normalise_option_names(TrainConfig, list(words))
+    words = ["--help" if word == HELP_ALL else word for word in spelled]
+    defaults = _defaults(words)
+    description = f"{__doc__}{PROGRAM.listing()}"
+    if HELP & set(spelled):
+        basic_config = _basic_config()
+        hint = f"{description}\n\nThese are the main options; {HELP_ALL} explains all of them."
+        parse_options(basic_config, words, program=NAME, description=hint, default=basic_config(**vars(defaults)))
     config = parse_options(TrainConfig, words, program=NAME, description=description, default=defaults)
     check(defaults)
     check(config)
     if config.resume and (changed := [each for each in differences(defaults, config) if not each.extends]):
-        said = f"--resume continues a run with its own settings, but {'; '.join(map(str, changed))}"
-        raise UsageError(f"{said}; only a larger --steps may be given, to extend it")
+        fact = f"--resume continues a run with its own settings, but {'; '.join(map(str, changed))}"
+        raise UsageError(f"{fact}; only a larger --steps may be given, to extend it")
     return config
 
 
+def _defaults(words: list[str]) -> TrainConfig:
+    """Return the values of the options that are not given.
+
+    They depend on options that are given: on --policy, and with --resume on the settings of the run in the folder. So
+    the command line is parsed twice, and this first time with the defaults of a residual. Help is left to the second
+    parse, which then explains the right defaults.
+    """
+    wants_help = not HELP.isdisjoint(words)
+    without_help = [word for word in words if word not in HELP]
+    try:
+        given = parse_options(TrainConfig, without_help, program=NAME, description="", default=DEFAULTS["residual"])
+    except UsageError:
+        if wants_help:
+            return DEFAULTS["residual"]
+        raise
+    if given.resume and not wants_help:
+        return dataclasses.replace(load_config(given.folder), out=given.out)
+    return dataclasses.replace(DEFAULTS[given.policy], robot=given.robot)
+
+
 def _basic_config() -> type[TrainConfig]:
-    """The settings, of which the help text shows those of MAIN alone."""
+    """Return the settings as a dataclass whose help text explains the basic options alone."""
     import tyro
 
     hints = get_type_hints(TrainConfig, include_extras=True)
-    hidden = {each.name: each for each in dataclasses.fields(TrainConfig) if each.name not in BASIC_OPTIONS}
+    hidden = {field.name: field for field in dataclasses.fields(TrainConfig) if field.name not in BASIC_OPTIONS}
     annotations = {name: Annotated[hints[name], tyro.conf.Suppress] for name in hidden}
     return dataclasses.dataclass(frozen=True)(type("Brief", (TrainConfig,), {**hidden, "__annotations__": annotations}))
 
 
-def _defaults(words: list[str]) -> TrainConfig:
-    scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
-    scout.add_argument("--policy", choices=list(DEFAULTS), default="residual")
-    scout.add_argument("--robot", default=TrainConfig.robot)
-    scout.add_argument("--seed", type=int, default=0)
-    scout.add_argument("--out", type=Path)
-    scout.add_argument("--resume", action="store_true")
-    try:
-        found, _ = scout.parse_known_args(words)
-    except (argparse.ArgumentError, SystemExit):
-        return DEFAULTS["residual"]  # the real parser, which reads the same words next, says what is wrong with them
-    defaults = dataclasses.replace(DEFAULTS[found.policy], robot=found.robot)
-    if found.resume and not HELP & set(words):
-        asked = dataclasses.replace(defaults, seed=found.seed, out=found.out)
-        return dataclasses.replace(load_config(asked.folder), out=found.out)
-    return defaults
-
-
-PROGRAM = Program(NAME, COMMANDS, run, MOVED)
+PROGRAM = Program(NAME, COMMANDS, run, MOVED_COMMANDS)
