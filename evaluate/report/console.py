@@ -42,7 +42,12 @@ def wrap_name(name: str, width: int, indent: str = "") -> str:
 
 def break_long_words(text: str, width: int) -> str:
     """Break words of a `text` that are longer than `width` characters at the ends of their parts."""
-    return re.sub(r"\S+", lambda word: "\n".join(break_name(word[0], width)) if len(word[0]) > width else word[0], text)
+
+    def break_word(match: re.Match[str]) -> str:
+        word = match[0]
+        return "\n".join(break_name(word, width)) if len(word) > width else word
+
+    return re.sub(r"\S+", break_word, text)
 
 
 @dataclass(frozen=True)
@@ -77,7 +82,8 @@ class FittedTable:
         return table
 
     def _lines(self) -> Iterator[RenderableType]:
-        (first, *columns), heads = self.heads, {name: _line_text(head) for name, head in self.heads.items()}
+        first, *columns = self.heads
+        heads = {name: _line_text(head) for name, head in self.heads.items()}
         yield self.title
         for group, rows in self.groups.items():
             if group:

@@ -55,5 +55,5 @@ def estimate_effort(name: str, value: float, ends: tuple[float, float]) -> Estim
 
 def _scale(name: str) -> tuple[float, int]:
     """Return the factor of a figure's unit, and its decimals."""
-    percent = EFFORT_TITLES[name][1] == "%"
-    return (100.0, 1) if percent else (1.0, _DIGITS.get(name, 2))
+    is_percent = EFFORT_TITLES[name][1] == "%"
+    return (100.0, 1) if is_percent else (1.0, _DIGITS.get(name, 2))

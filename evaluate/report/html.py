@@ -27,8 +27,8 @@ def section(title: str, *parts: str, anchor: str = "") -> str:
 
 def contents(sections: str, label: str = "Contents") -> str:
     """Create links to all sections in the HTML of `sections`, a navigation called `label`."""
-    found = re.findall(r'<section id="([^"]*)"><h2>(.*?)(?: <small>.*?)?</h2>', sections)
-    links = "".join(f'<li><a href="#{identity}">{title}</a></li>' for identity, title in found)
+    anchors = re.findall(r'<section id="([^"]*)"><h2>(.*?)(?: <small>.*?)?</h2>', sections)
+    links = "".join(f'<li><a href="#{identity}">{title}</a></li>' for identity, title in anchors)
     return f'<nav aria-label="{label}"><ul>{links}</ul></nav>\n'
 
 
@@ -64,9 +64,14 @@ def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]], kind: str
         HTML.
     """
     head = "".join(f"<th>{text}</th>" for text in heads.values())
-    body = "".join(f"<tr>{''.join(f'<td>{row[column]}</td>' for column in heads)}</tr>" for row in rows)
-    named = f' class="{kind}"' if kind else ""
-    return wide(f"<table{named}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+    body = "".join(_table_row(heads, row) for row in rows)
+    style = f' class="{kind}"' if kind else ""
+    return wide(f"<table{style}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+
+
+def _table_row(columns: Iterable[str], row: Mapping[str, str]) -> str:
+    cells = "".join(f"<td>{row[column]}</td>" for column in columns)
+    return f"<tr>{cells}</tr>"
 
 
 def wide(body: str) -> str:

@@ -90,18 +90,21 @@ def _head(results: Results, made_by: Origin) -> str:
     warning = "" if results.complete else interrupted
     warning += "".join(f'<p class="warning">{escape(line)}.</p>' for line in list_warnings(results))
     command, date = map(escape, made_by)
-    begun = f", begun on {date}" if date else ""
-    made = f" Made by <code>{command}</code>{begun}." if command else ""
-    about = f"{escape(describe_extent(results))}. Seed {results.seed}.{describe_hardware(results.hardware)}{made}"
+    start = f", begun on {date}" if date else ""
+    origin = f" Made by <code>{command}</code>{start}." if command else ""
+    about = f"{escape(describe_extent(results))}. Seed {results.seed}.{describe_hardware(results.hardware)}{origin}"
     return f'<h1>{breakable(ranking_verdict(results.ranking))}</h1><p class="soft">{about}</p>{warning}'
 
 
 def _about(results: Results) -> str:
     """Render the description of each policy."""
     roles = {results.baseline: " <small>(baseline)</small>"} if len(results.policies) > 1 else {}
-    about = {name: f": {escape(text)}" for name, text in explained(results.policies).items()}
-    legend = (f"<li>{policy_label(results, p)}{roles.get(p, '')}{about.get(p, '')}</li>" for p in results.policies)
-    return section("Policies", f'<ul class="legend">{"".join(legend)}</ul>')
+    descriptions = {name: f": {escape(text)}" for name, text in explained(results.policies).items()}
+    entries = [
+        f"<li>{policy_label(results, policy)}{roles.get(policy, '')}{descriptions.get(policy, '')}</li>"
+        for policy in results.policies
+    ]
+    return section("Policies", f'<ul class="legend">{"".join(entries)}</ul>')
 
 
 def _notes(results: Results) -> str:
@@ -120,13 +123,14 @@ def _notes(results: Results) -> str:
 def list_warnings(results: Results) -> list[str]:
     """List the warnings at the head of the page: policies with errors, and the end of a run until settled."""
     lines = [
-        f"{each.policy} failed in {each.failed} of {with_count(each.episodes, 'episode')}; in the first it {each.first}"
-        for each in results.policy_errors
+        f"{errors.policy} failed in {errors.failed} of {with_count(errors.episodes, 'episode')}; "
+        f"in the first it {errors.first}"
+        for errors in results.policy_errors
     ]
-    if why := results.provenance.get("ended"):
+    if reason := results.provenance.get("ended"):
         limit = results.provenance["limit"]
         lines.append(
-            f"--until settled ended this run after {results.episodes} of at most {limit} episodes: {why}, by a "
+            f"--until settled ended this run after {results.episodes} of at most {limit} episodes: {reason}, by a "
             "sequential test corrected for all looks; intervals are those of a fixed number of episodes"
         )
     return lines
@@ -134,8 +138,11 @@ def list_warnings(results: Results) -> list[str]:
 
 def describe_extent(results: Results) -> str:
     """Describe the extent of a run: `64 episodes of each policy on each of 27 scenarios`."""
-    ran = {policy: [name for name, other in results.summaries if other == policy] for policy in results.policies}
-    fewer = {policy: names for policy, names in ran.items() if len(names) < len(results.scenarios)}
-    alone = [f"of {policy} on {join_names(names)} alone" for policy, names in fewer.items() if results.complete]
+    scenarios_of = {
+        policy: [scenario for scenario, other in results.summaries if other == policy] for policy in results.policies
+    }
+    partial = {policy: names for policy, names in scenarios_of.items() if len(names) < len(results.scenarios)}
+    exceptions = [f"of {policy} on {join_names(names)} alone" for policy, names in partial.items() if results.complete]
+    episodes = with_count(results.episodes, "episode")
     scenarios = with_count(len(results.scenarios), "scenario")
-    return ", ".join([f"{with_count(results.episodes, 'episode')} of each policy on each of {scenarios}", *alone])
+    return ", ".join([f"{episodes} of each policy on each of {scenarios}", *exceptions])

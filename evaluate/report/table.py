@@ -37,11 +37,11 @@ def print_results(results: Results, console: Console) -> None:
         console: Terminal.
     """
     _print_answers(results, console)
-    many = len(results.scenarios) > MAX_DETAILED_SCENARIOS
-    console.print(success_table(results) if many else summary_table(results))
+    has_many_scenarios = len(results.scenarios) > MAX_DETAILED_SCENARIOS
+    console.print(success_table(results) if has_many_scenarios else summary_table(results))
     _print_notes(results, console)
-    again = escape(break_long_words(ranking_verdict(results.ranking), console.width))
-    console.print(f"\n[bold]{again}[/bold]\n" if many else "", highlight=False)
+    verdict = escape(break_long_words(ranking_verdict(results.ranking), console.width))
+    console.print(f"\n[bold]{verdict}[/bold]\n" if has_many_scenarios else "", highlight=False)
 
 
 def print_levels(results: Results, console: Console) -> None:
@@ -53,9 +53,9 @@ def print_levels(results: Results, console: Console) -> None:
     """
     _print_answers(results, console)
     console.print(success_table(results))
-    for (axis, of), points in groupby(results.breaking_points, key=lambda each: (each.axis, each.of)):
-        found = "; ".join(f"{each.policy} {breaking_point_text(each)}" for each in points)
-        console.print(f"\n[bold]{escape(axis)}[/bold]: {BREAKING_POINT_WORDS[of]}: {escape(found)}", highlight=False)
+    for (axis, kind), points in groupby(results.breaking_points, key=lambda point: (point.axis, point.of)):
+        text = "; ".join(f"{point.policy} {breaking_point_text(point)}" for point in points)
+        console.print(f"\n[bold]{escape(axis)}[/bold]: {BREAKING_POINT_WORDS[kind]}: {escape(text)}", highlight=False)
     _print_notes(results, console)
     console.print()
 
@@ -68,26 +68,33 @@ def print_ranking(ranked: Ranking, console: Console, hardware: Sequence[Score] =
         console: Terminal.
         hardware: Scores with the hardware profile, for a column of their own.
     """
-    console.print(f"[bold]{escape(break_long_words(ranking_verdict(ranked), console.width))}[/bold]\n", highlight=False)
+    verdict = escape(break_long_words(ranking_verdict(ranked), console.width))
+    console.print(f"[bold]{verdict}[/bold]\n", highlight=False)
     if ranked.places:
         console.print(ranking_table(ranked, hardware if not ranked.hardware else ()))
         console.print()
     for line in adjacent_pair_lines(ranked):
-        said = break_long_words(f"- {line}", console.width - 1)
-        console.print(Padding(escape(said), (0, 0, 0, 1)), highlight=False)
+        _print_indented(escape(break_long_words(f"- {line}", console.width - 1)), console)
     console.print()
+
+
+def _print_indented(markup: str, console: Console) -> None:
+    """Print a text indented by one character."""
+    console.print(Padding(markup, (0, 0, 0, 1)), highlight=False)
 
 
 def _print_answers(results: Results, console: Console) -> None:
     """Print the ranking, and the axes on which each policy is best and worst."""
     print_ranking(results.ranking, console, results.hardware_scores)
-    for policy, ends in best_and_worst(results).items():
-        if words := "; ".join(f"{end} on {of}" for end, of in zip(("best", "worst"), ends, strict=True) if of):
-            width = console.width - 2
-            named = f"[bold]{escape(break_long_words(policy, width))}[/bold]: {escape(break_long_words(words, width))}"
-            console.print(Padding(named, (0, 0, 0, 1)), highlight=False)
-    if said := unranked_text(results):
-        console.print(Padding(escape(said), (0, 0, 0, 1)), highlight=False)
+    width = console.width - 2
+    for policy, (best, worst) in best_and_worst(results).items():
+        texts = [f"best on {best}"] if best else []
+        texts += [f"worst on {worst}"] if worst else []
+        if texts:
+            name = f"[bold]{escape(break_long_words(policy, width))}[/bold]"
+            _print_indented(f"{name}: {escape(break_long_words('; '.join(texts), width))}", console)
+    if unranked := unranked_text(results):
+        _print_indented(escape(unranked), console)
     console.print()
 
 
@@ -101,21 +108,22 @@ def ranking_table(ranked: Ranking, hardware: Sequence[Score] = ()) -> FittedTabl
     Returns:
         The table.
     """
-    real = {each.policy: share(each.score, each.ci) for each in hardware}
+    hardware_cells = {score.policy: share(score.score, score.ci) for score in hardware}
     heads = {ROW_LABEL: "policy", "score": "score" if ranked.axes > 1 else "success"}
-    heads |= {"real": SCORES[1].replace(" ", "\n")} if real else {}
-    heads |= {"cost": "cost of\ntransport"}
+    if hardware_cells:
+        heads["hardware"] = SCORES[1].replace(" ", "\n")
+    heads["cost"] = "cost of\ntransport"
     rows = (
         {
-            ROW_LABEL: format_row_name(each.policy),
-            "score": share(each.success, each.success_ci),
-            "real": real.get(each.policy, ABSENT),
-            "cost": estimate(each.cost, each.cost_ci, 2).with_interval,
+            ROW_LABEL: format_row_name(place.policy),
+            "score": share(place.success, place.success_ci),
+            "hardware": hardware_cells.get(place.policy, ABSENT),
+            "cost": estimate(place.cost, place.cost_ci, 2).with_interval,
         }
-        for each in ranked.places
+        for place in ranked.places
     )
-    title = f"{'with the hardware profile, ' * ranked.hardware}with 95 % intervals"
-    return console_table(title, heads, {"": rows})
+    profile = "with the hardware profile, " if ranked.hardware else ""
+    return console_table(f"{profile}with 95 % intervals", heads, {"": rows})
 
 
 def _print_notes(results: Results, console: Console) -> None:
@@ -138,8 +146,10 @@ def success_table(results: Results) -> FittedTable:
 
 def _success(results: Results, axis: SeverityAxis, policy: str) -> str:
     """Format success at the levels of an axis, `100/92/46`; empty if the policy did not run."""
-    ran = [results.summaries.get((level.name, policy)) for level in axis.levels]
-    return "/".join(number(100.0 * one.success_rate, 0) if one else ABSENT for one in ran) if any(ran) else ""
+    summaries = [results.summaries.get((level.name, policy)) for level in axis.levels]
+    if not any(summaries):
+        return ""
+    return "/".join(number(100.0 * summary.success_rate, 0) if summary else ABSENT for summary in summaries)
 
 
 def summary_table(results: Results) -> FittedTable:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from evaluate.analysis.comparison import SIGNIFICANT
 from evaluate.analysis.ranking import AdjacentPair, Ranking
 from evaluate.analysis.results import Results
-from evaluate.analysis.strengths import strengths
+from evaluate.analysis.strengths import Strength, strengths
 from evaluate.statistics.intervals import Interval
 from quad_env.cli.format import join_names, p_value, percent, points_with, share, with_count
 
@@ -29,11 +29,13 @@ def ranking_verdict(ranked: Ranking) -> str:
     score = f"success {share(best.success, best.success_ci)}"
     if not others:
         return f"{best.policy}: {score}"
-    if ranked.neighbours[0].identical:
-        return f"{best.policy} comes first, {score}; {others[0].policy} is {IDENTICAL_WORDS}"
-    if ranked.neighbours[0].distinguished:
-        return f"{best.policy} is best: {score}, {_difference_text(ranked.neighbours[0])} more than {others[0].policy}"
-    return f"{best.policy} comes first, {score}, but is not distinguished from {others[0].policy}"
+    second = others[0]
+    pair = ranked.neighbours[0]
+    if pair.identical:
+        return f"{best.policy} comes first, {score}; {second.policy} is {IDENTICAL_WORDS}"
+    if pair.distinguished:
+        return f"{best.policy} is best: {score}, {_difference_text(pair)} more than {second.policy}"
+    return f"{best.policy} comes first, {score}, but is not distinguished from {second.policy}"
 
 
 def claim_text(corrected: float, ci: Interval, *, identical: bool) -> str:
@@ -62,14 +64,15 @@ def excludes_zero(ci: Interval) -> bool:
 
 def unranked_text(results: Results) -> str:
     """Name the policies without a place in the ranking, and the reason; empty if all have one."""
-    rest = [name for name in results.policies if all(each.policy != name for each in results.ranking.places)]
-    return f"not ranked, for want of scenarios that the others ran: {join_names(rest)}" if rest else ""
+    ranked = {place.policy for place in results.ranking.places}
+    policies = [name for name in results.policies if name not in ranked]
+    return f"not ranked, for want of scenarios that the others ran: {join_names(policies)}" if policies else ""
 
 
 def adjacent_pair_lines(ranked: Ranking) -> Iterator[str]:
     """Describe each adjacent pair: the result over all scenarios, and the results on single scenarios."""
-    for each in ranked.neighbours:
-        yield f"{_overall_text(each, ranked.episodes)}{_per_scenario_text(each, ranked)}"
+    for pair in ranked.neighbours:
+        yield f"{_overall_text(pair, ranked.episodes)}{_per_scenario_text(pair, ranked)}"
 
 
 def best_and_worst(results: Results) -> dict[str, tuple[str, str]]:
@@ -82,54 +85,72 @@ def best_and_worst(results: Results) -> dict[str, tuple[str, str]]:
         Policy -> axes with its highest success, and axes with its lowest success, the lowest first, with the most
         common cause of failure there. A text without content is empty.
     """
-    words = {}
-    for policy in [each.policy for each in results.ranking.places] or results.policies:
-        found = strengths(results.cells, results.summaries, policy, hardware=results.ranking.hardware)
-        top, bottom = (found[0].success, found[-1].success) if found else (0.0, 0.0)
-        best = [each for each in found if each.success == top and (top > bottom or (len(found) > 1 and top == 1.0))]
-        worst = [each for each in found[::-1] if each not in best and each.reason][:MAX_NAMES]
-        strong = f"{', '.join(each.name for each in best[:MAX_NAMES])} ({percent(top)})" if best else ""
-        words[policy] = strong, ", ".join(f"{each.name} {percent(each.success)} ({each.reason})" for each in worst)
-    return words
+    policies = [place.policy for place in results.ranking.places] or results.policies
+    hardware = results.ranking.hardware
+    return {
+        policy: _best_and_worst_texts(strengths(results.cells, results.summaries, policy, hardware=hardware))
+        for policy in policies
+    }
 
 
-def _difference_text(of: AdjacentPair) -> str:
+def _best_and_worst_texts(on_axes: Sequence[Strength]) -> tuple[str, str]:
+    """Return the axes with the highest success, if it differs between axes, and those with the lowest."""
+    if not on_axes:
+        return "", ""
+    top = on_axes[0].success
+    is_best_known = top > on_axes[-1].success or (len(on_axes) > 1 and top == 1.0)
+    best = [axis for axis in on_axes if axis.success == top and is_best_known]
+    worst = [axis for axis in reversed(on_axes) if axis not in best and axis.reason][:MAX_NAMES]
+    best_text = f"{', '.join(axis.name for axis in best[:MAX_NAMES])} ({percent(top)})" if best else ""
+    worst_text = ", ".join(f"{axis.name} {percent(axis.success)} ({axis.reason})" for axis in worst)
+    return best_text, worst_text
+
+
+def _difference_text(pair: AdjacentPair) -> str:
     """Format the difference of a pair in points, with its interval."""
-    shown = points_with(of.difference, of.ci)
-    return f"{shown.value} points {shown.brackets}".rstrip()
+    difference = points_with(pair.difference, pair.ci)
+    return f"{difference.value} points {difference.brackets}".rstrip()
 
 
-def _overall_text(of: AdjacentPair, episodes: int) -> str:
+def _overall_text(pair: AdjacentPair, episodes: int) -> str:
     """Describe the result of a pair over all scenarios."""
-    if of.distinguished:
-        return f"{of.better} beats {of.worse} by {_difference_text(of)}"
-    if of.identical:
-        return f"{of.better} and {of.worse} are {IDENTICAL_WORDS} in {with_count(episodes, 'episode')} of each scenario"
-    said = f"{of.better} and {of.worse} {INDISTINGUISHABLE_WORDS} with {with_count(episodes, 'episode')}"
+    if pair.distinguished:
+        return f"{pair.better} beats {pair.worse} by {_difference_text(pair)}"
+    count = with_count(episodes, "episode")
+    if pair.identical:
+        return f"{pair.better} and {pair.worse} are {IDENTICAL_WORDS} in {count} of each scenario"
+    text = f"{pair.better} and {pair.worse} {INDISTINGUISHABLE_WORDS} with {count}"
     if episodes > 1:
-        needed = (
-            f"about {float(f'{of.needed:.2g}'):.0f}"
-            if of.needed <= MAX_REPORTED_EPISODES
-            else f"more than {MAX_REPORTED_EPISODES}"
-        )
-        said += f"; {needed} would be needed"
-    by_itself = f", {UNCORRECTED_WORDS}" if excludes_zero(of.ci) else ""
-    return f"{said} ({_difference_text(of)}, corrected {p_value(of.p_value_holm)}{by_itself})"
+        text += f"; {_needed_text(pair.needed)} would be needed"
+    uncorrected = f", {UNCORRECTED_WORDS}" if excludes_zero(pair.ci) else ""
+    return f"{text} ({_difference_text(pair)}, corrected {p_value(pair.p_value_holm)}{uncorrected})"
 
 
-def _per_scenario_text(of: AdjacentPair, ranked: Ranking) -> str:
+def _needed_text(episodes: float) -> str:
+    """Format a number of needed episodes with two digits."""
+    if episodes <= MAX_REPORTED_EPISODES:
+        return f"about {float(f'{episodes:.2g}'):.0f}"
+    return f"more than {MAX_REPORTED_EPISODES}"
+
+
+def _per_scenario_text(pair: AdjacentPair, ranked: Ranking) -> str:
     """Describe the results of a pair on single scenarios, which could seem to contradict the overall one."""
     if len(ranked.scenarios) == 1:
         return ""
-    against = [(of.worse, of.worse_on)] if of.distinguished else [(of.better, of.better_on), (of.worse, of.worse_on)]
-    but = [f"{policy} is better on {_list_scenarios(on)}" for policy, on in against if on]
-    said = [f"but {join_names(but)}"] if but else []
-    if of.distinguished and of.better_on:
-        said = [f"{_list_scenarios(of.better_on)} alone show{'s' * (len(of.better_on) == 1)} it", *said]
-    elif of.distinguished:
+    clauses = []
+    if pair.distinguished and pair.better_on:
+        verb = "shows" if len(pair.better_on) == 1 else "show"
+        clauses.append(f"{_list_scenarios(pair.better_on)} alone {verb} it")
+    elif pair.distinguished:
         together = f"{ranked.axes} axes" if ranked.axes > 1 else f"{len(ranked.scenarios)} levels"
-        said = [f"no single scenario shows it, the {together} together do", *said]
-    return "".join(f"; {each}" for each in said)
+        clauses.append(f"no single scenario shows it, the {together} together do")
+    contrary = [(pair.worse, pair.worse_on)]
+    if not pair.distinguished:
+        contrary.insert(0, (pair.better, pair.better_on))
+    exceptions = [f"{policy} is better on {_list_scenarios(scenarios)}" for policy, scenarios in contrary if scenarios]
+    if exceptions:
+        clauses.append(f"but {join_names(exceptions)}")
+    return "".join(f"; {clause}" for clause in clauses)
 
 
 def _list_scenarios(scenarios: Sequence[str]) -> str:

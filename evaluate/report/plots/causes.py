@@ -18,8 +18,10 @@ COLOURS = dict(zip(CAUSES, _COLOURS, strict=True))
 
 They are distinct to colour-blind readers; longer pieces carry the name of their cause as well.
 """
-ROW, LETTERS = 0.19, 6.5
-"""Height of a bar with the room about it, in, and size of the letters in it, pt."""
+ROW_HEIGHT = 0.19
+"""in. Height of a bar with its spacing."""
+LABEL_SIZE = 6.5
+"""pt. Font size of the labels in a bar."""
 
 
 def draw_cause_bars(policy: str, shares: Mapping[str, Mapping[str, float]]) -> "Figure":
@@ -33,18 +35,22 @@ def draw_cause_bars(policy: str, shares: Mapping[str, Mapping[str, float]]) -> "
         The figure.
     """
     margins = Margins(left=0.15 + max(map(text_width, shares)), bottom=0.42, top=0.28)
-    drawn, axes = make_figure(ROW * len(shares) + margins.top + margins.bottom, margins=margins)
+    figure, axes = make_figure(ROW_HEIGHT * len(shares) + margins.top + margins.bottom, margins=margins)
     width = WIDTH - margins.left - margins.right
-    for row, of_axis in enumerate(shares.values()):
+    for row, causes in enumerate(shares.values()):
         start = 0.0
-        for cause, share in of_axis.items():
+        for cause, share in causes.items():
             axes.barh(row, share, left=start, color=COLOURS[cause], height=0.85, edgecolor="white", linewidth=0.5)
-            words, ink = cause.replace("_", " "), "white" if int(COLOURS[cause][3:5], 16) < 0x80 else "black"
-            if text_width(words, LETTERS) < width * share / 100.0 - 0.04:
-                axes.text(start + share / 2, row, words, ha="center", va="center", color=ink, fontsize=LETTERS)
+            label = cause.replace("_", " ")
+            is_dark = int(COLOURS[cause][3:5], 16) < 0x80
+            if text_width(label, LABEL_SIZE) < width * share / 100.0 - 0.04:
+                axes.text(
+                    start + share / 2, row, label, ha="center", va="center",
+                    color="white" if is_dark else "black", fontsize=LABEL_SIZE,
+                )  # fmt: skip
             start += share
     axes.set_yticks(range(len(shares)), list(shares))
     axes.set(xlim=(0.0, 100.0), ylim=(len(shares) - 0.5, -0.5), xlabel="failed episodes, %", title=short_name(policy))
     axes.tick_params(left=False)
     axes.grid(visible=False, axis="y")
-    return drawn
+    return figure

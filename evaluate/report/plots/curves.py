@@ -1,5 +1,6 @@
 """Curves of a rate against severity, one line for each policy."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -65,29 +66,40 @@ def draw_severity_curves(results: Results, axis: SeverityAxis, metric: str, labe
     Returns:
         The figure.
     """
-    ran = [name for name in results.policies if any((level.name, name) in results.summaries for level in axis.levels)]
-    legend = legend_height(len(ran))
-    drawn, axes = make_figure(HEIGHT + legend, margins=Margins(bottom=Margins.bottom + legend + 0.05))
+    policies = [
+        name for name in results.policies if any((level.name, name) in results.summaries for level in axis.levels)
+    ]
+    legend = legend_height(len(policies))
+    figure, axes = make_figure(HEIGHT + legend, margins=Margins(bottom=Margins.bottom + legend + 0.05))
     axes.axhline(50.0, color="#888888", linewidth=0.8, linestyle=(0, (4, 3)))
-    for place, policy in enumerate(ran):
-        _draw_levels(axes, results, axis, policy, metric, place, len(ran))
-    of = "falls" if metric == FALL_RATE else "success"
-    for point in results.breaking_points:
-        if (point.axis, point.of, point.found) == (axis.name, of, "crossed"):
-            ends = np.clip(point.ci, point.lowest, point.highest)
-            colour = style(results, point.policy)[0]
-            moved = _shifted_data(axes, 0.0, _mark_offset(ran.index(point.policy), len(ran), BAR + 0.5))
-            axes.plot(ends, (50.0, 50.0), color=colour, linewidth=BAR, solid_capstyle="butt", transform=moved)
-            axes.plot([point.severity50], [50.0], "|", color=colour, markersize=9, markeredgewidth=2, transform=moved)
+    for index, policy in enumerate(policies):
+        _draw_levels(axes, results, axis, policy, metric, index, len(policies))
+    _draw_breaking_points(axes, results, axis, metric, policies)
     axes.set(ylim=(-3, 103), yticks=(0, 25, 50, 75, 100), xlabel=axis.quantity, ylabel=label)
     if axis.is_harder_when_smaller:
         axes.invert_xaxis()
-    add_legend(drawn)
-    return drawn
+    add_legend(figure)
+    return figure
+
+
+def _draw_breaking_points(
+    axes: "Axes", results: Results, axis: SeverityAxis, metric: str, policies: Sequence[str]
+) -> None:
+    """Draw the breaking points of a rate with their intervals at one half, next to each other."""
+    kind = "falls" if metric == FALL_RATE else "success"
+    for point in results.breaking_points:
+        if (point.axis, point.of, point.found) != (axis.name, kind, "crossed"):
+            continue
+        ends = np.clip(point.ci, point.lowest, point.highest)
+        colour, _ = style(results, point.policy)
+        offset = _mark_offset(policies.index(point.policy), len(policies), BAR + 0.5)
+        shifted = _shifted_data(axes, 0.0, offset)
+        axes.plot(ends, (50.0, 50.0), color=colour, linewidth=BAR, solid_capstyle="butt", transform=shifted)
+        axes.plot([point.severity50], [50.0], "|", color=colour, markersize=9, markeredgewidth=2, transform=shifted)
 
 
 def _draw_levels(
-    axes: "Axes", results: Results, axis: SeverityAxis, policy: str, metric: str, place: int, count: int
+    axes: "Axes", results: Results, axis: SeverityAxis, policy: str, metric: str, index: int, count: int
 ) -> None:
     """Draw the rate of one policy, %, with a band between the ends of its intervals.
 
@@ -107,24 +119,26 @@ def _draw_levels(
         for level in axis.levels
         if (summary := results.summaries.get((level.name, policy)))
     ]
-    if rows:
-        severities, *shares = np.array(rows, dtype=np.float64).T
-        values, low, high = (100.0 * each for each in shares)
-        colour, mark = style(results, policy)
-        moved = _shifted_data(axes, _mark_offset(place, count, STEP), 0.0)
-        width = WIDEST - (WIDEST - NARROWEST) * place / max(1, count - 1)
-        if len(severities) == 1:
-            axes.vlines(severities, low, high, color=colour, alpha=0.55, linewidth=2.2, transform=moved)
-        axes.fill_between(severities, low, high, color=colour, alpha=min(0.15, 0.45 / count), linewidth=0)
-        axes.plot(
-            severities, values, mark, color=colour, markersize=4, linewidth=width, zorder=3 + place, transform=moved,
-            linestyle=DASHES[place % len(DASHES)], label=short_name(policy),
-        )  # fmt: skip
+    if not rows:
+        return
+    severities, rates, lows, highs = np.array(rows, dtype=np.float64).T
+    low = 100.0 * lows
+    high = 100.0 * highs
+    colour, mark = style(results, policy)
+    shifted = _shifted_data(axes, _mark_offset(index, count, STEP), 0.0)
+    width = WIDEST - (WIDEST - NARROWEST) * index / max(1, count - 1)
+    if len(severities) == 1:
+        axes.vlines(severities, low, high, color=colour, alpha=0.55, linewidth=2.2, transform=shifted)
+    axes.fill_between(severities, low, high, color=colour, alpha=min(0.15, 0.45 / count), linewidth=0)
+    axes.plot(
+        severities, 100.0 * rates, mark, color=colour, markersize=4, linewidth=width, zorder=3 + index,
+        transform=shifted, linestyle=DASHES[index % len(DASHES)], label=short_name(policy),
+    )  # fmt: skip
 
 
-def _mark_offset(place: int, count: int, step: float) -> float:
+def _mark_offset(index: int, count: int, step: float) -> float:
     """Return the distance of a policy's marks from the middle of all policies' marks, pt."""
-    return (place - (count - 1) / 2) * min(step, SPREAD / max(1, count - 1))
+    return (index - (count - 1) / 2) * min(step, SPREAD / max(1, count - 1))
 
 
 def _shifted_data(axes: "Axes", right: float, up: float) -> "Transform":

@@ -71,20 +71,25 @@ def make_figure(height: float, width: float = WIDTH, margins: Margins = Margins(
     """
     from matplotlib.figure import Figure
 
-    drawn = Figure(figsize=(width, height))
-    room = margins.left + margins.right, margins.bottom + margins.top
-    place = margins.left / width, margins.bottom / height, 1.0 - room[0] / width, 1.0 - room[1] / height
-    axes = drawn.add_axes(place)
+    figure = Figure(figsize=(width, height))
+    axes = figure.add_axes(
+        (
+            margins.left / width,
+            margins.bottom / height,
+            1.0 - (margins.left + margins.right) / width,
+            1.0 - (margins.bottom + margins.top) / height,
+        )
+    )
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
-    return drawn, axes
+    return figure, axes
 
 
-def figure_to_svg(drawn: "Figure") -> bytes:
+def figure_to_svg(figure: "Figure") -> bytes:
     """Return the figure as SVG for the page."""
     buffer = io.BytesIO()
-    drawn.savefig(buffer, format="svg", metadata={"Date": None}, transparent=True)
+    figure.savefig(buffer, format="svg", metadata={"Date": None}, transparent=True)
     return buffer.getvalue()
 
 
@@ -95,13 +100,13 @@ def styles(policies: tuple[str, ...]) -> dict[str, tuple[str, str]]:
     FIXED_STYLE_POLICIES have the first colours, other policies the remaining ones, and further policies all colours
     again with other marks.
     """
-    others = (policy for policy in policies if policy not in FIXED_STYLE_POLICIES)
-    places = {policy: FIXED_STYLE_POLICIES.index(policy) for policy in policies if policy in FIXED_STYLE_POLICIES}
-    places |= {policy: len(FIXED_STYLE_POLICIES) + number for number, policy in enumerate(others)}
+    others = [policy for policy in policies if policy not in FIXED_STYLE_POLICIES]
+    indices = {policy: FIXED_STYLE_POLICIES.index(policy) for policy in policies if policy in FIXED_STYLE_POLICIES}
+    indices |= {policy: len(FIXED_STYLE_POLICIES) + number for number, policy in enumerate(others)}
     marks = list(MARKS)
     return {
-        policy: (COLOURS[place % len(COLOURS)], marks[sum(divmod(place, len(COLOURS))) % len(marks)])
-        for policy, place in places.items()
+        policy: (COLOURS[index % len(COLOURS)], marks[sum(divmod(index, len(COLOURS))) % len(marks)])
+        for policy, index in indices.items()
     }
 
 
@@ -125,17 +130,16 @@ def text_width(text: str, size: float = 9.0, weight: str = "normal") -> float:
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
 
-    return (
-        float(TextPath((0.0, 0.0), text, size, prop=FontProperties(family=FONT, weight=weight)).get_extents().width)
-        / 72.0
-    )
+    path = TextPath((0.0, 0.0), text, size, prop=FontProperties(family=FONT, weight=weight))
+    return float(path.get_extents().width) / 72.0
 
 
 def short_name(policy: str) -> str:
     """Return the name of a policy, or the end of a long path that fits into a plot."""
-    words = [each.end() for each in re.finditer(r"[/_\-:@+]", policy) if each.end() < len(policy)]
-    cuts = (policy, *(f"…{policy[first:]}" for first in (*words, *range(1, len(policy)))))
-    return next((name for name in cuts if text_width(name) <= MAX_NAME_WIDTH), "…")
+    word_ends = [match.end() for match in re.finditer(r"[/_\-:@+]", policy) if match.end() < len(policy)]
+    starts = (*word_ends, *range(1, len(policy)))
+    candidates = (policy, *(f"…{policy[start:]}" for start in starts))
+    return next((name for name in candidates if text_width(name) <= MAX_NAME_WIDTH), "…")
 
 
 def legend_height(names: int) -> float:
@@ -143,9 +147,9 @@ def legend_height(names: int) -> float:
     return LEGEND_LINE * -(-names // 2)
 
 
-def add_legend(drawn: "Figure") -> None:
+def add_legend(figure: "Figure") -> None:
     """Add a legend of the policies below the axes, two in a line; figures leave `legend_height` for it."""
-    drawn.legend(
+    figure.legend(
         loc="lower left", ncols=2, fontsize=7.5, frameon=False, handletextpad=0.2,
         columnspacing=1.0, borderpad=0.0, labelspacing=0.35,
     )  # fmt: skip

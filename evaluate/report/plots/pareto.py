@@ -1,13 +1,16 @@
 """Plot of success against cost of transport, with the Pareto front as steps."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from evaluate.analysis.pareto import Pareto
+from evaluate.analysis.pareto import Pareto, ParetoPoint
 from evaluate.report.plots.drawing import Margins, add_legend, legend_height, make_figure, short_name, styles
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 ALT = "Success against cost of transport of each policy, and the Pareto front"
@@ -16,7 +19,7 @@ HEIGHT = 2.5
 """in. Height of the axes."""
 
 
-def draw_pareto_front(found: Pareto, policies: tuple[str, ...]) -> "Figure":
+def draw_pareto_front(pareto: Pareto, policies: tuple[str, ...]) -> "Figure":
     """Draw success against cost of transport; filled marks are on the front.
 
     Args:
@@ -26,23 +29,41 @@ def draw_pareto_front(found: Pareto, policies: tuple[str, ...]) -> "Figure":
     Returns:
         The figure.
     """
-    drawn_points = [point for point in found.points if np.isfinite(point.cost)]
-    legend = legend_height(len(drawn_points))
-    drawn, axes = make_figure(HEIGHT + legend, margins=Margins(bottom=0.6 + legend))
-    for point in drawn_points:
-        colour, shape = styles(policies)[point.policy]
-        middle = np.array([point.cost, 100.0 * point.success])
-        ends = np.array([point.cost_ci, 100.0 * np.array(point.success_ci)])
-        reach = np.where(np.isfinite(ends), np.abs(ends - middle[:, None]), 0.0)
-        axes.errorbar(
-            middle[0], middle[1], xerr=reach[:1].T, yerr=reach[1:].T, fmt=shape, color=colour, elinewidth=1.0,
-            markerfacecolor=colour if point.policy in found.front else "white", label=short_name(point.policy),
-        )  # fmt: skip
-    steps = {point.policy: (point.cost, 100.0 * point.success) for point in drawn_points}
-    corners = np.array([steps[policy] for policy in found.front]).reshape(-1, 2)
+    points = {point.policy: point for point in pareto.points if np.isfinite(point.cost)}
+    legend = legend_height(len(points))
+    figure, axes = make_figure(HEIGHT + legend, margins=Margins(bottom=0.6 + legend))
+    for point in points.values():
+        _draw_point(axes, point, styles(policies)[point.policy], is_on_front=point.policy in pareto.front)
+    corners = [(points[policy].cost, 100.0 * points[policy].success) for policy in pareto.front]
     right = axes.get_xlim()[1]
-    axes.step([*corners[:, 0], right], [*corners[:, 1], *corners[-1:, 1]], where="post", color="#888888", linewidth=1.0)
+    _draw_steps(axes, corners, right)
     axes.set(xlabel="cost of transport", ylabel="success, %", ylim=(-3, 103))
     axes.set_xlim(right=right)
-    add_legend(drawn)
-    return drawn
+    add_legend(figure)
+    return figure
+
+
+def _draw_point(axes: "Axes", point: ParetoPoint, style: tuple[str, str], *, is_on_front: bool) -> None:
+    """Draw a policy with both intervals; `style` is its colour and mark."""
+    colour, mark = style
+    cost = np.array([point.cost])
+    success = np.array([100.0 * point.success])
+    axes.errorbar(
+        cost, success, xerr=_error_bar(point.cost, point.cost_ci),
+        yerr=_error_bar(100.0 * point.success, 100.0 * np.array(point.success_ci)),
+        fmt=mark, color=colour, elinewidth=1.0, markerfacecolor=colour if is_on_front else "white",
+        label=short_name(point.policy),
+    )  # fmt: skip
+
+
+def _error_bar(value: float, interval: ArrayLike) -> NDArray[np.float64]:
+    """Return the distances of the ends of an interval, (2, 1); 0 for an end that is not finite."""
+    ends = np.asarray(interval, np.float64)
+    return np.where(np.isfinite(ends), np.abs(ends - value), 0.0)[:, None]
+
+
+def _draw_steps(axes: "Axes", corners: Sequence[tuple[float, float]], right: float) -> None:
+    """Draw the front as steps from corner to corner and to the right end."""
+    costs = [*(cost for cost, _ in corners), right]
+    successes = [*(success for _, success in corners), *(success for _, success in corners[-1:])]
+    axes.step(costs, successes, where="post", color="#888888", linewidth=1.0)

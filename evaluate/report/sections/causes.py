@@ -22,12 +22,16 @@ TITLES = {False: "The policy is shown the true state", True: "Hardware profile"}
 
 def render_causes(results: Results) -> str:
     """Render the section; empty if no cause is known."""
-    seen = {cause for summary in results.summaries.values() for cause in summary.causes}
-    if not seen:
+    occurring = {cause for summary in results.summaries.values() for cause in summary.causes}
+    if not occurring:
         return ""
-    whole = '<span style="white-space:nowrap">{}{}</span>'
-    key = (whole.format(mark(plots.COLOURS[cause], "■"), cause.replace("_", " ")) for cause in CAUSES if cause in seen)
-    return section("Why they fail", note(LEAD), f"<p>{' &ensp;'.join(key)}</p>", *_cause_plots(results))
+    key = " &ensp;".join(_key_entry(cause) for cause in CAUSES if cause in occurring)
+    return section("Why they fail", note(LEAD), f"<p>{key}</p>", *_cause_plots(results))
+
+
+def _key_entry(cause: str) -> str:
+    """Render a cause with its colour."""
+    return f'<span style="white-space:nowrap">{mark(plots.COLOURS[cause], "■")}{cause.replace("_", " ")}</span>'
 
 
 def _cause_plots(results: Results) -> Iterator[str]:
@@ -50,7 +54,10 @@ def _cause_plot(policy: str, shares: Mapping[str, Mapping[str, float]]) -> str:
 def _shares(results: Results, policy: str, axes: Iterable[SeverityAxis]) -> Iterator[tuple[str, dict[str, float]]]:
     """Yield each axis that the policy ran, and its causes with their share of the axis's episodes, %."""
     for axis in axes:
-        if ran := [summary for level in axis.levels if (summary := results.summaries.get((level.name, policy)))]:
-            counts = sum((Counter(summary.causes) for summary in ran), Counter[str]())
-            share = 100.0 / sum(summary.episodes for summary in ran)
-            yield axis.name.removesuffix(HARDWARE), {name: share * counts[name] for name in CAUSES if counts[name]}
+        summaries = [
+            summary for level in axis.levels if (summary := results.summaries.get((level.name, policy))) is not None
+        ]
+        if summaries:
+            counts = sum((Counter(summary.causes) for summary in summaries), Counter[str]())
+            share = 100.0 / sum(summary.episodes for summary in summaries)
+            yield axis.name.removesuffix(HARDWARE), {cause: share * counts[cause] for cause in CAUSES if counts[cause]}

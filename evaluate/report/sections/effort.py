@@ -16,21 +16,28 @@ MOTION = "Over the time while upright; means over episodes with 95 % intervals, 
 
 def render_effort(results: Results) -> str:
     """Render the section; empty without figures."""
-    real = render_pareto_front(results, hardware=True) if not results.ranking.hardware else ""
-    return section("Effort", *_figures(results), real)
+    hardware_front = render_pareto_front(results, hardware=True) if not results.ranking.hardware else ""
+    return section("Effort", *_figures(results), hardware_front)
 
 
 def _figures(results: Results) -> Iterator[str]:
     """Render a row for each policy over the commands and at a steady speed."""
     rows = [
-        {ROW_LABEL: f"{policy_label(results, policy)}<small>{escape(scenario)}</small>"}
-        | {name: with_interval_below(estimate_effort(name, one.effort[name], ends[name])) for name in EFFORT}
+        _row(results, scenario, policy)
         for scenario in EFFORT_SCENARIOS
         for policy in results.policies
-        if (one := results.summaries.get((scenario, policy)))
-        for ends in [one.effort_intervals]
+        if (scenario, policy) in results.summaries
     ]
     if rows:
         places = "; ".join(f"{name}: {words}" for name, words in EFFORT_SCENARIOS.items() if name in results.scenarios)
         yield table({ROW_LABEL: "policy", **{name: heading(*EFFORT_TITLES[name]) for name in EFFORT}}, rows)
         yield note(f"{places}. {MOTION}")
+
+
+def _row(results: Results, scenario: str, policy: str) -> dict[str, str]:
+    """Format the figures of effort of a policy on a scenario."""
+    summary = results.summaries[scenario, policy]
+    row = {ROW_LABEL: f"{policy_label(results, policy)}<small>{escape(scenario)}</small>"}
+    for name in EFFORT:
+        row[name] = with_interval_below(estimate_effort(name, summary.effort[name], summary.effort_intervals[name]))
+    return row

@@ -34,8 +34,9 @@ def render_failures(results: Results, folder: Path) -> str:
         HTML.
     """
     tables = []
-    for policy, chosen in groupby(analysis.select_failures(results), key=lambda each: each[1].policy):
-        rows = [_row(which, each, folder) for which, each in chosen]
+    by_policy = groupby(analysis.select_failures(results), key=lambda selected: selected[1].policy)
+    for policy, selection in by_policy:
+        rows = [_row(kind, failure, folder) for kind, failure in selection]
         axes = len({row["axis"] for row in rows})
         head = f"{policy_label(results, policy)}: failures on {axes} {'axis' if axes == 1 else 'axes'}"
         tables.append(collapsible(head, table(HEADS, rows, "text")))
@@ -43,13 +44,13 @@ def render_failures(results: Results, folder: Path) -> str:
     return section("Worst and most typical failures", lead, *tables) if tables else ""
 
 
-def _row(which: str, failure: Failure, folder: Path) -> dict[str, str]:
-    """Format the row of one failure."""
+def _row(kind: str, failure: Failure, folder: Path) -> dict[str, str]:
+    """Format the row of one failure, which is `worst`, `typical` or both."""
     command = f"python -m evaluate replay {shlex.quote(str(folder))} {failure.row} --page {failure.row}.html"
     link = f'<a href="{PAGES_FOLDER}/{escape(failure.page)}">episode {failure.number}</a>'
     return {
         "axis": breakable(failure.axis),
-        "which": which,
+        "which": kind,
         "where": breakable(failure.scenario),
         "cause": (failure.cause or ABSENT).replace("_", " "),
         "time": f"{failure.time:.2f}" if math.isfinite(failure.time) else ABSENT,

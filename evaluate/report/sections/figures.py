@@ -1,7 +1,7 @@
 """Tables of figures: success, paired differences of success, and every measure."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from html import escape
 
 from evaluate.analysis.comparison import RATES, Comparison
@@ -28,37 +28,38 @@ def policy_label(results: Results, policy: str) -> str:
 def comparison_table(comparisons: Iterable[Comparison]) -> str:
     """Create the table of differences of success: a row for each pair of policies on each scenario."""
     heads = {ROW_LABEL: "difference", "success": heading("success", "% points"), "p": "p"}
-    rows = (
-        {
-            ROW_LABEL: f"{breakable(c.a)} − {breakable(c.b)}<small>{escape(c.scenario)}</small>",
-            "success": with_interval_below(points_with(c.difference, c.ci)),
-            "p": claim_text(c.p_value_holm, c.ci, identical=c.identical),
-        }
-        for c in comparisons
-    )
-    return table(heads, rows)
+    return table(heads, map(_comparison_row, comparisons))
+
+
+def _comparison_row(comparison: Comparison) -> dict[str, str]:
+    """Format one difference of success."""
+    pair = f"{breakable(comparison.a)} − {breakable(comparison.b)}"
+    return {
+        ROW_LABEL: f"{pair}<small>{escape(comparison.scenario)}</small>",
+        "success": with_interval_below(points_with(comparison.difference, comparison.ci)),
+        "p": claim_text(comparison.p_value_holm, comparison.ci, identical=comparison.identical),
+    }
 
 
 def figures_table(results: Results, scenario: str) -> str:
     """Create the table of all measures of the `results` on a `scenario`, one column per policy."""
-    found = {policy: summary for (name, policy), summary in results.summaries.items() if name == scenario}
-    rows = [
-        {ROW_LABEL: TITLES[rate]}
-        | {policy: share(getattr(of, rate), getattr(of, f"{rate}_ci")) for policy, of in found.items()}
-        for rate in RATES
-    ]
-    rows += [
-        {ROW_LABEL: heading(escape(definition(name).title), escape(definition(name).unit))}
-        | {policy: _figure(of, name) for policy, of in found.items()}
-        for name in (*FIGURES, *_extra_names(found.values()))
-        if any(not math.isnan(of.figures.get(name, math.nan)) for of in found.values())
-    ]
-    rows += [
-        {ROW_LABEL: f"duty factor, {leg}"}
-        | {policy: four_digits(of.duty_factor[foot], UNKNOWN).value for policy, of in found.items()}
-        for foot, leg in enumerate(results.hardware.robot_model.leg_names)
-    ]
-    return table({ROW_LABEL: "measure", **{policy: policy_label(results, policy) for policy in found}}, rows)
+    summaries = {policy: summary for (name, policy), summary in results.summaries.items() if name == scenario}
+    rows = [{ROW_LABEL: TITLES[rate]} | _rate_cells(summaries, rate) for rate in RATES]
+    for name in (*FIGURES, *_extra_names(summaries.values())):
+        if any(not math.isnan(summary.figures.get(name, math.nan)) for summary in summaries.values()):
+            label = heading(escape(definition(name).title), escape(definition(name).unit))
+            rows.append({ROW_LABEL: label} | {policy: _figure(summary, name) for policy, summary in summaries.items()})
+    for foot, leg in enumerate(results.hardware.robot_model.leg_names):
+        cells = {policy: four_digits(summary.duty_factor[foot], UNKNOWN).value for policy, summary in summaries.items()}
+        rows.append({ROW_LABEL: f"duty factor, {leg}"} | cells)
+    return table({ROW_LABEL: "measure", **{policy: policy_label(results, policy) for policy in summaries}}, rows)
+
+
+def _rate_cells(summaries: Mapping[str, Summary], rate: str) -> dict[str, str]:
+    """Format a rate with its interval, by policy."""
+    return {
+        policy: share(getattr(summary, rate), getattr(summary, f"{rate}_ci")) for policy, summary in summaries.items()
+    }
 
 
 def _extra_names(summaries: Iterable[Summary]) -> list[str]:
@@ -66,28 +67,28 @@ def _extra_names(summaries: Iterable[Summary]) -> list[str]:
     return [*dict.fromkeys(name for summary in summaries for name in summary.figures if name not in FIGURES)]
 
 
-def _figure(of: Summary, name: str) -> str:
+def _figure(summary: Summary, name: str) -> str:
     """Format a figure with its interval, if any."""
-    ends = getattr(of, f"{name}_ci", of.effort_intervals.get(name, UNKNOWN))
-    return with_interval_below(four_digits(of.figures.get(name, math.nan), ends))
+    ends = getattr(summary, f"{name}_ci", summary.effort_intervals.get(name, UNKNOWN))
+    return with_interval_below(four_digits(summary.figures.get(name, math.nan), ends))
 
 
-def with_interval_below(shown: Estimate) -> str:
+def with_interval_below(figure: Estimate) -> str:
     """Format a figure, with its interval, if any, in small type."""
-    return shown.value + (f"<small>{shown.interval}</small>" if shown.has_interval else "")
+    return figure.value + (f"<small>{figure.interval}</small>" if figure.has_interval else "")
 
 
 def measure_definitions() -> str:
     """Create the table of all measures with unit, frame, formula and source."""
     rows = [
         {
-            "measure": f"{escape(m.title)}<small>{m.name}</small>",
-            "unit": escape(m.unit) or ABSENT,
-            "frame": escape(m.frame) or ABSENT,
-            "formula": escape(m.formula),
-            "source": escape(m.source) or "this project",
-            "over": m.scope,
+            "measure": f"{escape(measure.title)}<small>{measure.name}</small>",
+            "unit": escape(measure.unit) or ABSENT,
+            "frame": escape(measure.frame) or ABSENT,
+            "formula": escape(measure.formula),
+            "source": escape(measure.source) or "this project",
+            "over": measure.scope,
         }
-        for m in (*MEASURES, *map(definition, extra_measures()))
+        for measure in (*MEASURES, *map(definition, extra_measures()))
     ]
     return note(KEY) + table({column: column for column in rows[0]}, rows, "text")

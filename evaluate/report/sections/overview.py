@@ -34,26 +34,26 @@ def render_overview(results: Results) -> str:
 
 def _heat_map(results: Results) -> str:
     """Render the heat map; empty for a run of one axis."""
-    scores = results.scores, results.hardware_scores
-    if all(len(each.axes) < 2 for kind in scores for each in kind):
+    scores = (*results.scores, *results.hardware_scores)
+    if all(len(score.axes) < 2 for score in scores):
         return ""
-    drawn = image(
-        figure_to_svg(success.draw_heat_map(*scores)),
-        "Success of each policy on each axis at each severity, in per cent",
-    )
-    return section("Success on every axis", note(SUCCESS_LEAD), wide(drawn))
+    svg = figure_to_svg(success.draw_heat_map(results.scores, results.hardware_scores))
+    heat_map = image(svg, "Success of each policy on each axis at each severity, in per cent")
+    return section("Success on every axis", note(SUCCESS_LEAD), wide(heat_map))
 
 
 def _breaking_points(results: Results) -> str:
     """Render the breaking points of success; empty for a run without any."""
-    found = [point for point in results.breaking_points if point.of == "success"]
-    cells = {(point.axis, point.policy): escape(breaking_point_text(point)) for point in found}
-    policies = {name: policy_label(results, name) for name in results.policies if any(name == one for _, one in cells)}
+    points = [point for point in results.breaking_points if point.of == "success"]
+    cells = {(point.axis, point.policy): escape(breaking_point_text(point)) for point in points}
+    axes = {axis for axis, _ in cells}
+    policies_with_points = {policy for _, policy in cells}
+    policies = {name: policy_label(results, name) for name in results.policies if name in policies_with_points}
     rows = [
         {ROW_LABEL: f'<a href="#{anchor(axis.name)}">{escape(axis.name)}</a><small>{escape(axis.quantity)}</small>'}
         | {policy: cells.get((axis.name, policy), ABSENT) for policy in policies}
         for axis in severity_axes(results.cells)
-        if any(axis.name == name for name, _ in cells)
+        if axis.name in axes
     ]
-    shown = table({ROW_LABEL: "axis", **policies}, rows, "text")
-    return section("Breaking points", note(BREAKING_LEAD), shown) if rows else ""
+    points_table = table({ROW_LABEL: "axis", **policies}, rows, "text")
+    return section("Breaking points", note(BREAKING_LEAD), points_table) if rows else ""

@@ -16,18 +16,22 @@ from quad_env.cli.format import estimate, join_names, points_with
 
 def render_ranking(results: Results) -> str:
     """Render scores, the result for each adjacent pair, and success against cost of transport."""
-    said = zip(results.ranking.neighbours, adjacent_pair_lines(results.ranking), strict=True)
-    items = (f'<li class="{"better" if each.distinguished else "alike"}">{breakable(line)}</li>' for each, line in said)
-    pair = grid((_table(results), render_pareto_front(results, hardware=results.ranking.hardware)))
-    return section("Ranking", pair, f'<ul class="verdicts">{"".join(items)}</ul>', note(_lead(results)))
+    ranked = results.ranking
+    items = [
+        f'<li class="{"better" if pair.distinguished else "alike"}">{breakable(line)}</li>'
+        for pair, line in zip(ranked.neighbours, adjacent_pair_lines(ranked), strict=True)
+    ]
+    tables = grid((_table(results), render_pareto_front(results, hardware=ranked.hardware)))
+    return section("Ranking", tables, f'<ul class="verdicts">{"".join(items)}</ul>', note(_lead(results)))
 
 
 def _lead(results: Results) -> str:
     """Return the note on the figures, and on policies without a place."""
     axes = results.ranking.axes
-    score = f"Score: mean success over {axes} axes, each axis and each of its severities alike. " * (axes > 1)
-    out = f" {said[0].upper()}{said[1:]}." if (said := unranked_text(results)) else ""
-    return f"{score}95 % intervals; differences paired by episode; all claims are corrected together.{out}"
+    score = f"Score: mean success over {axes} axes, each axis and each of its severities alike. " if axes > 1 else ""
+    unranked = unranked_text(results)
+    last = f" {unranked[0].upper()}{unranked[1:]}." if unranked else ""
+    return f"{score}95 % intervals; differences paired by episode; all claims are corrected together.{last}"
 
 
 def render_pareto_front(results: Results, *, hardware: bool) -> str:
@@ -40,30 +44,32 @@ def render_pareto_front(results: Results, *, hardware: bool) -> str:
     Returns:
         HTML; empty if no policy moves.
     """
-    found = results.hardware_pareto if hardware else results.pareto
-    if not found.front:
+    pareto = results.hardware_pareto if hardware else results.pareto
+    if not pareto.front:
         return ""
-    on = f"cost of transport on {found.cost_on or 'all scenarios'}"
-    caption = f"{on.capitalize()}. On the Pareto front (filled marks, line): {join_names(found.front)}."
-    return (
-        f"<div>{image(figure_to_svg(plots.draw_pareto_front(found, results.policies)), plots.ALT)}{note(caption)}</div>"
-    )
+    cost = f"cost of transport on {pareto.cost_on or 'all scenarios'}"
+    caption = f"{cost.capitalize()}. On the Pareto front (filled marks, line): {join_names(pareto.front)}."
+    svg = figure_to_svg(plots.draw_pareto_front(pareto, results.policies))
+    return f"<div>{image(svg, plots.ALT)}{note(caption)}</div>"
 
 
 def _table(results: Results) -> str:
     """Create the table of scores: a row per policy, with the hardware profile on the right."""
     names = SCORES if results.ranking.axes > 1 else ("success", "success, hardware profile")
-    kinds = {name: of.points for name, of in zip(names, (results.pareto, results.hardware_pareto), strict=True)}
-    kinds = {name: points for name, points in kinds.items() if points}
+    points_by_name = {
+        name: pareto.points
+        for name, pareto in zip(names, (results.pareto, results.hardware_pareto), strict=True)
+        if pareto.points
+    }
     rows: dict[str, dict[str, str]] = {}
-    for name, points in kinds.items():
-        for each in points:
-            row = rows.setdefault(each.policy, {})
-            row[name] = with_interval_below(points_with(each.success, each.success_ci))
-            row.setdefault("cost", with_interval_below(estimate(each.cost, each.cost_ci, 2)))
-    heads = {ROW_LABEL: "policy", **{name: heading(name, "%") for name in kinds}, "cost": "cost of transport"}
-    blank = dict.fromkeys(heads, "")
-    return table(heads, (blank | row | {ROW_LABEL: policy_label(results, policy)} for policy, row in rows.items()))
+    for name, points in points_by_name.items():
+        for point in points:
+            row = rows.setdefault(point.policy, {})
+            row[name] = with_interval_below(points_with(point.success, point.success_ci))
+            row.setdefault("cost", with_interval_below(estimate(point.cost, point.cost_ci, 2)))
+    heads = {ROW_LABEL: "policy", **{name: heading(name, "%") for name in points_by_name}, "cost": "cost of transport"}
+    empty_row = dict.fromkeys(heads, "")
+    return table(heads, (empty_row | row | {ROW_LABEL: policy_label(results, policy)} for policy, row in rows.items()))
 
 
 def render_best_and_worst(results: Results) -> str:
