@@ -1,11 +1,11 @@
-"""Scenarios as they are written: `steady`, `push`, its level `push:3`, a severity `push=42`, several
-`payload=15+slope=10`, a user's terrain `hill.toml`; each on the hardware profile, `push+hardware`.
+"""Scenarios by name: `steady`, `push`, its level `push:3`, a severity `push=42`, a combination `payload=15+slope=10`.
 
+A name may also be a user's terrain, `hill.toml`, and any name may end with `+hardware`, `+randomised` or `+scan_lost`.
 A scenario is never tuned to a policy. Write one with `dataclasses.replace` or the constructor and pass it to `make`.
 """
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -29,21 +29,23 @@ SYNTAX_HELP = (
     "any of them with +scan_lost, +randomised, +hardware or several of these, in this order, at its end"
 )
 """How scenarios without a name of their own are written."""
-SEPARATOR, EQUALS = "+", "="
+SEPARATOR = "+"
+EQUALS = "="
 TERRAIN = ".toml"
 """End of the path of a user's terrain."""
-LARGEST = 1e6
-"""Severity beyond which no unit of an axis means anything."""
+MAX_SEVERITY = 1e6
+"""Upper limit of a severity, in the unit of its axis; no unit of an axis has a meaning beyond it."""
 STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
-"""Level ground, and 0.5 m/s straight ahead for every robot, where effort is compared. Of no axis."""
+"""Level ground, and 0.5 m/s straight ahead for every robot, where effort is compared. On no axis."""
 _LABELS = ("name", "axis", "severity", "severity_unit")
-_MERGED_BY_FIELD = Scenario, CommandRanges, Ground, Motors
-"""Of which axes may set different parts."""
+"""Fields of a scenario that a combination does not take from its parts."""
+_MERGED_BY_FIELD = (Scenario, CommandRanges, Ground, Motors)
+"""Classes of settings in which each axis of a combination may set other fields."""
 
 
 @lru_cache(maxsize=32)
 def scenarios_of(robot: Robot) -> dict[str, Scenario]:
-    """The named scenarios: each axis at its nominal severity, as hard for the robot as for SimpleQuad, and `STEADY`."""
+    """Return the named scenarios of `robot` by name: each axis at its nominal severity, scaled to it, and `STEADY`."""
     return {name: axis.scenario(axis.nominal, name) for name, axis in axes_of(robot).items()} | {STEADY.name: STEADY}
 
 
@@ -51,40 +53,59 @@ SCENARIOS = scenarios_of(SIMPLE_QUAD)
 
 
 def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenario:
-    """The scenario of a name such as `push`, of a level such as `push:3`, of severities in physical units such as
-    `push=42` or `payload=15+slope=10`, on a terrain of yours, `hill.toml`, any of them on the robot's hardware profile,
-    `push+hardware`, or the scenario itself; ValueError lists the valid names.
+    """Return the scenario of a name.
 
-    Names and levels are as hard for the robot as for SimpleQuad.
+    Args:
+        which: A name: `push`, a level `push:3`, severities in physical units `push=42` or `payload=15+slope=10`, or a
+            user's terrain `hill.toml`. Each may end with a suffix, for example `push+hardware`. Or a scenario, which is
+            returned unchanged.
+        robot: The robot, or its name. Names and levels are as hard for it as for SimpleQuad.
+
+    Returns:
+        The scenario.
+
+    Raises:
+        ValueError: The name is unknown; the message lists the valid names.
     """
     if isinstance(which, Scenario):
         return which
-    found = find(which, get_robot(robot)) if isinstance(which, str) else None
-    if found is None:
-        if isinstance(which, str) and (missing := missing_file(which)) is not None:
-            raise ValueError(missing)
-        raise ValueError(
-            f"unknown scenario {which!r}; valid: {', '.join(SCENARIOS)}, {SYNTAX_HELP}, or a quad_env.Scenario"
-        )
-    return found
+    result = find(which, get_robot(robot)) if isinstance(which, str) else None
+    if result is not None:
+        return result
+    if isinstance(which, str) and (missing := missing_file(which)) is not None:
+        raise ValueError(missing)
+    raise ValueError(
+        f"unknown scenario {which!r}; valid: {', '.join(SCENARIOS)}, {SYNTAX_HELP}, or a quad_env.Scenario"
+    )
 
 
 def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
-    """As `scenario`, but None where the name is that of no scenario and no axis."""
-    plain, with_ending = split(name)
-    if with_ending is not None:
-        found = find(plain, robot)
-        return found and with_ending(found, robot)
+    """Return the scenario of a name, or None if the name is neither a scenario nor an axis.
+
+    Args:
+        name: A name, as `scenario` takes it.
+        robot: The robot of the scenario.
+
+    Returns:
+        The scenario, or None.
+
+    Raises:
+        ValueError: The name is a level, a combination or a terrain, and is invalid.
+    """
+    base_name, apply_suffix = split(name)
+    if apply_suffix is not None:
+        base = find(base_name, robot)
+        return base and apply_suffix(base, robot)
     if name.endswith(TERRAIN):
-        return _on_terrain(Path(name), robot)
+        return _terrain_scenario(Path(name), robot)
     if is_combination(name):
         return combined(name, robot)
-    axis, colon, level = name.partition(":")
-    if colon and (leveled := known_axis(axis)) is not None:
+    axis_name, colon, level = name.partition(":")
+    if colon and (axis := known_axis(axis_name)) is not None:
         if not level.isdecimal():
-            valid = f"{axis}:1 to {axis}:{len(leveled.levels)}, {axis}:all where several may be named"
-            raise ValueError(f"'{name}' is no level of {axis}; valid: {valid}")
-        return leveled.for_robot(robot).level(int(level))
+            valid = f"{axis_name}:1 to {axis_name}:{len(axis.levels)}, {axis_name}:all where several may be named"
+            raise ValueError(f"'{name}' is no level of {axis_name}; valid: {valid}")
+        return axis.for_robot(robot).level(int(level))
     named = SCENARIOS if robot == SIMPLE_QUAD else scenarios_of(robot)
     return named[name] if name in named else _extension_scenario(name, robot)
 
@@ -95,11 +116,17 @@ def _extension_scenario(name: str, robot: Robot) -> Scenario | None:
     if name in scenarios:
         return scaled(scenarios[name], robot)
     axis = extension_axes().get(name)
-    return None if axis is None else axis.for_robot(robot).scenario(axis.for_robot(robot).nominal, name)
+    if axis is None:
+        return None
+    robot_axis = axis.for_robot(robot)
+    return robot_axis.scenario(robot_axis.nominal, name)
 
 
 def extension_scenarios() -> dict[str, Scenario]:
-    """Return the scenarios of extensions by name.
+    """Return the scenarios of extensions.
+
+    Returns:
+        Name -> scenario.
 
     Raises:
         ValueError: An entry is no scenario of its name, or has a built-in name.
@@ -112,104 +139,163 @@ def extension_scenarios() -> dict[str, Scenario]:
 
 
 def split(name: str) -> tuple[str, Callable[[Scenario, Robot], Scenario] | None]:
-    """A name without its last ending, and what that makes of a robot's scenario; None where there is none."""
-    end = next(filter(name.endswith, SUFFIXES), "")
-    return name.removesuffix(end), SUFFIXES.get(end)
+    """Split the last suffix off a scenario's name.
+
+    Args:
+        name: A name, as `scenario` takes it.
+
+    Returns:
+        base_name: The name without its last suffix.
+        apply_suffix: Function that applies the suffix to a robot's scenario; None without a suffix.
+    """
+    suffix = next(filter(name.endswith, SUFFIXES), "")
+    return name.removesuffix(suffix), SUFFIXES.get(suffix)
 
 
-def _on_terrain(path: Path, robot: Robot) -> Scenario:
-    """Undisturbed on a user's terrain, which is as large for every robot; named after its file."""
+def _terrain_scenario(path: Path, robot: Robot) -> Scenario:
+    """Return the undisturbed scenario on a user's terrain, with the file's name; the terrain is not scaled."""
     if path.stem in SCENARIOS or ":" in path.stem or is_combination(path.stem):
         raise ValueError(f"{path}: a scenario of quad_env is written {path.stem}; call the file differently")
     return scaled(Scenario(path.stem, HeightField.from_toml(path)), robot)
 
 
 def is_combination(name: str) -> bool:
-    """Whether a name is written as severities; one of quad_env's scenarios, or of a user's, never is."""
+    """Return True if `name` is written as severities; no other scenario's name may be."""
     return EQUALS in name or SEPARATOR in name
 
 
 def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """The scenario of `axis=severity`, each in its axis's unit, joined by +; ValueError, one line, for what is none.
+    """Return the scenario of severities `axis=severity` that are joined by +.
 
-    Severities are as they are written for every robot; of what else they bring, such as commands, the robot has its
-    own. One severity is a scenario of its axis. A combination is of no axis: it has no levels, and no severity but its
-    name.
+    Severities are absolute: they are not scaled to the robot. Its commands and other settings are the robot's own. A
+    single severity is a scenario of its axis. A combination is on no axis and has no level.
+
+    Args:
+        name: The severities, each in the unit of its axis.
+        robot: The robot of the scenario.
+
+    Returns:
+        The scenario.
+
+    Raises:
+        ValueError: The name is invalid, in one line.
     """
-    axes = known_axes(robot)
-    parts = _parts(name, axes)
-    names = [axis.name for axis, _ in parts]
-    if twice := [each for each in dict.fromkeys(names) if names.count(each) > 1]:
-        raise ValueError(f"{name}: {' and '.join(twice)} is given twice")
-    written, alone = _written(parts), []
-    for axis, severity in parts:
+    severities = _parse_severities(name, known_axes(robot))
+    axis_names = [axis.name for axis, _ in severities]
+    if repeated := [axis_name for axis_name in dict.fromkeys(axis_names) if axis_names.count(axis_name) > 1]:
+        raise ValueError(f"{name}: {' and '.join(repeated)} is given twice")
+    canonical_name = _format_severities(severities)
+    parts = []
+    for axis, severity in severities:
         try:
-            alone.append(axis.scenario(severity, written))
+            parts.append(axis.scenario(severity, canonical_name))
         except ValueError as error:
-            raise ValueError(f"{_written([(axis, severity)])}: {error}") from None
-    return alone[0] if len(alone) == 1 else _combine(written, alone, robot)
+            raise ValueError(f"{_format_severities([(axis, severity)])}: {error}") from None
+    return parts[0] if len(parts) == 1 else _combine(canonical_name, parts, robot)
 
 
 def scaled_name(name: str, robot: Robot) -> str:
-    """The name of what is as hard for a robot, to three digits, as the scenario of that name is for SimpleQuad."""
-    plain, with_ending = split(name)
-    if with_ending is not None:
-        return scaled_name(plain, robot) + name.removeprefix(plain)
+    """Return the name of the scenario that is as hard for `robot` as `name` is for SimpleQuad, to three digits."""
+    base_name, apply_suffix = split(name)
+    if apply_suffix is not None:
+        return scaled_name(base_name, robot) + name.removeprefix(base_name)
     if not is_combination(name):
         return name
-    return _written(
-        [
-            (axis, float(f"{axis.scaled(severity, robot):.3g}"))
-            for axis, severity in _parts(name, known_axes(SIMPLE_QUAD))
-        ]
-    )
+    severities = _parse_severities(name, known_axes(SIMPLE_QUAD))
+    return _format_severities([(axis, float(f"{axis.scaled(severity, robot):.3g}")) for axis, severity in severities])
 
 
-def _written(parts: list[tuple[Axis, float]]) -> str:
-    """As short as it can be read back exactly."""
-    return SEPARATOR.join(f"{axis.name}{EQUALS}{repr(severity).removesuffix('.0')}" for axis, severity in parts)
+def _format_severities(severities: list[tuple[Axis, float]]) -> str:
+    """Return the shortest name that parses to exactly these severities."""
+    return SEPARATOR.join(f"{axis.name}{EQUALS}{repr(severity).removesuffix('.0')}" for axis, severity in severities)
 
 
-def _parts(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
-    """Axes and severities of a combination."""
-    parts = []
-    for text in name.split(SEPARATOR):
-        axis, equals, written = (word.strip() for word in text.partition(EQUALS))
-        if (end := SEPARATOR + text) in SUFFIXES:
-            raise ValueError(f"{name}: {end} stands at the end, once, as in payload=15+slope=10{end}")
-        if axis not in axes:
-            raise ValueError(f"{name}: unknown axis {axis!r}; valid: {', '.join(axes)}, as in payload=15+slope=10")
-        try:
-            severity = float(written)
-        except ValueError:
-            nominal = f"{axis}{EQUALS}{axes[axis].nominal:g}"
-            what = f"{written!r} is no number" if equals else f"{axis} needs a severity"
-            raise ValueError(f"{name}: {what}; write {nominal} for {axes[axis].quantity}") from None
-        if not 0 <= severity <= LARGEST:
-            raise ValueError(f"{name}: {axes[axis].quantity} is a number from 0 to {LARGEST:g}, got {written}")
-        parts.append((axes[axis], severity + 0.0))  # of −0, 0
-    return parts
+def _parse_severities(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
+    """Return the axes and severities of a combination's name."""
+    severities = []
+    for part in name.split(SEPARATOR):
+        axis_name, equals, number = (word.strip() for word in part.partition(EQUALS))
+        if (suffix := SEPARATOR + part) in SUFFIXES:
+            raise ValueError(f"{name}: {suffix} stands at the end, once, as in payload=15+slope=10{suffix}")
+        if axis_name not in axes:
+            raise ValueError(f"{name}: unknown axis {axis_name!r}; valid: {', '.join(axes)}, as in payload=15+slope=10")
+        axis = axes[axis_name]
+        severities.append((axis, _parse_severity(name, axis, number, has_number=bool(equals))))
+    return severities
+
+
+def _parse_severity(name: str, axis: Axis, number: str, *, has_number: bool) -> float:
+    """Return the severity that is written after an axis in a combination's name."""
+    try:
+        severity = float(number)
+    except ValueError:
+        fact = f"{number!r} is no number" if has_number else f"{axis.name} needs a severity"
+        raise ValueError(f"{name}: {fact}; write {axis.name}{EQUALS}{axis.nominal:g} for {axis.quantity}") from None
+    if not 0 <= severity <= MAX_SEVERITY:
+        raise ValueError(f"{name}: {axis.quantity} is a number from 0 to {MAX_SEVERITY:g}, got {number}")
+    return severity + 0.0  # turns -0 into 0
+
+
+@dataclass(frozen=True)
+class _AxisSetting:
+    """One setting of a scenario as one axis of a combination gives it."""
+
+    axis: str
+    """Name of the axis."""
+    value: Any
+    """Setting at the severity of the combination."""
+    level_values: list[Any]
+    """Setting at each level of the axis."""
+
+    def is_set(self, default: Any) -> bool:
+        """Return True if the axis sets it at any severity; at the given one it may equal the `default`."""
+        return any(value != default for value in (self.value, *self.level_values))
+
+    def of_field(self, name: str) -> "_AxisSetting":
+        """Return the field `name` of the setting as the axis gives it."""
+        level_values = [getattr(value, name) for value in self.level_values]
+        return _AxisSetting(self.axis, getattr(self.value, name), level_values)
 
 
 def _combine(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
-    """What each of them sets, in one scenario."""
+    """Return one scenario with the settings of scenarios on different axes."""
     axes = known_axes(robot)
-    # At any level of the axis: the severity may be that of no disturbance.
-    given = [(part.axis, [part, *map(axes[part.axis].at, axes[part.axis].levels)]) for part in parts]
-    whole: Scenario = _merge_changes(scaled(Scenario(name), robot), given, name)
-    return whole
+    settings = []
+    for part in parts:
+        axis = axes[part.axis]
+        settings.append(_AxisSetting(part.axis, part, [axis.at(level) for level in axis.levels]))
+    combination: Scenario = _merge(scaled(Scenario(name), robot), settings, name)
+    return combination
 
 
-def _merge_changes(usual: Any, given: list[tuple[str, list[Any]]], name: str, what: str = "") -> Any:
-    """What axes set of a usual setting, by axis its own value and those at its levels; of what has parts, each part."""
-    if isinstance(usual, _MERGED_BY_FIELD):
+def _merge(default: Any, settings: list[_AxisSetting], name: str, path: str = "") -> Any:
+    """Merge one setting over the axes of a combination, field by field where it has fields that several axes set.
+
+    Args:
+        default: Setting without any disturbance.
+        settings: The same setting by axis.
+        name: Name of the combination, for errors.
+        path: Words for the setting, for errors; each begins with a space.
+
+    Returns:
+        The merged setting.
+
+    Raises:
+        ValueError: Two axes set it differently.
+    """
+    if isinstance(default, _MERGED_BY_FIELD):
         merged = {}
-        for part in (field.name for field in fields(usual) if field.name not in _LABELS):
-            values = [(axis, [getattr(value, part) for value in its]) for axis, its in given]
-            merged[part] = _merge_changes(getattr(usual, part), values, name, f"{what} {part.replace('_', ' ')}")
-        return replace(usual, **merged)
-    setters = [(axis, its[0]) for axis, its in given if any(value != usual for value in its)]
-    for axis, own in setters:
-        if own != setters[0][1]:
-            raise ValueError(f"{name}: {setters[0][0]} and {axis} set the{what} differently; leave one out")
-    return setters[0][1] if setters else usual
+        for field in fields(default):
+            if field.name not in _LABELS:
+                field_settings = [setting.of_field(field.name) for setting in settings]
+                field_path = f"{path} {field.name.replace('_', ' ')}"
+                merged[field.name] = _merge(getattr(default, field.name), field_settings, name, field_path)
+        return replace(default, **merged)
+    setters = [setting for setting in settings if setting.is_set(default)]
+    if not setters:
+        return default
+    first = setters[0]
+    for other in setters:
+        if other.value != first.value:
+            raise ValueError(f"{name}: {first.axis} and {other.axis} set the{path} differently; leave one out")
+    return first.value

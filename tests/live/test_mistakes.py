@@ -34,7 +34,7 @@ from quad_env.__main__ import main
 )
 def test_a_mistake_is_one_line_and_nothing_is_written(words: str, said: str, tmp_path: Path, monkeypatch, refused):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(interpreter, "MODULES", {"1": ("json",)})
+    monkeypatch.setattr(interpreter, "REQUIRED_MODULES", {"1": ("json",)})
     Path("mine.mcap").write_text("mine", encoding="utf-8")
     assert said in refused(main, *words.split())
     assert [path.read_text(encoding="utf-8") for path in tmp_path.iterdir()] == ["mine"]

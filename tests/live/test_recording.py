@@ -149,7 +149,7 @@ def test_an_episode_after_a_reset_goes_on_in_time_and_a_slow_writer_loses_nothin
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Fewer rows fit into the pipe than are sent before the writer has started."""
-    monkeypatch.setattr(recorder, "WAITING", 4096)
+    monkeypatch.setattr(recorder, "PIPE_SIZE", 4096)
     path, steps = tmp_path / "walk.mcap", []
     residual = policies.resolve("residual")
     with recorder_for(path, residual) as observer:

@@ -14,7 +14,7 @@ from quad_env.cli.command_line import UsageError
 
 
 def test_without_ros_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]) -> None:
-    monkeypatch.setattr(interpreter, "MODULES", {"1": ("json", "no_such_rospy"), "2": ("no_such_rclpy",)})
+    monkeypatch.setattr(interpreter, "REQUIRED_MODULES", {"1": ("json", "no_such_rospy"), "2": ("no_such_rclpy",)})
     monkeypatch.delenv("ROS_VERSION", raising=False)
     said = refused(main, "ros")
     assert said.startswith("error: no Python here has ROS 1 or ROS 2")
@@ -22,7 +22,7 @@ def test_without_ros_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch, refuse
 
 
 def test_the_version_that_is_sourced_or_asked_for_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(interpreter, "MODULES", {"1": ("json",), "2": ("socket", "json")})
+    monkeypatch.setattr(interpreter, "REQUIRED_MODULES", {"1": ("json",), "2": ("socket", "json")})
     monkeypatch.delenv("ROS_VERSION", raising=False)
     assert interpreter.find(None)[0] == "1"
     monkeypatch.setenv("ROS_VERSION", "2")
