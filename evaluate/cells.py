@@ -12,7 +12,7 @@ from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import OFF_COMMAND, SUCCEEDED, SuccessRule
 from policies.base import Policy
 from policies.external import ExternalPolicy
-from quad_env.scenarios.named import Scenario
+from quad_env.scenarios.registry import Scenario
 from quad_env.seeding import episode_seeds
 
 

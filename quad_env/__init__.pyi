@@ -35,9 +35,9 @@ from quad_env.scenarios.disturbances import Payload as Payload
 from quad_env.scenarios.disturbances import Pushes as Pushes
 from quad_env.scenarios.disturbances import SensorNoise as SensorNoise
 from quad_env.scenarios.disturbances import SteadyForce as SteadyForce
-from quad_env.scenarios.named import SCENARIOS as SCENARIOS
-from quad_env.scenarios.named import scenario as scenario
 from quad_env.scenarios.randomisation import DomainRandomisation as DomainRandomisation
+from quad_env.scenarios.registry import SCENARIOS as SCENARIOS
+from quad_env.scenarios.registry import scenario as scenario
 from quad_env.scenarios.scenario import Scenario as Scenario
 from quad_env.scenarios.terrain import Flat as Flat
 from quad_env.scenarios.terrain import HeightField as HeightField

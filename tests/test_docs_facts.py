@@ -29,7 +29,7 @@ from policies import residual
 from policies.behaviour.transitions import TIME_LIMIT
 from quad_env import SIMPLE_QUAD, CommandRanges, FallRule, RewardWeights, TaskConfig
 from quad_env.envs.home_pose import AUTHORITY
-from quad_env.scenarios.named import STEADY
+from quad_env.scenarios.registry import STEADY
 from tests.test_docs import PAGES, help_of, named_by, table
 from train import config, curriculum
 from train.sb3 import callbacks

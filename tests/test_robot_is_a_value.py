@@ -18,7 +18,7 @@ PACKAGES = ("quad_env", "policies", "evaluate", "train")
 OF_SIMPLE_QUAD = {
     "quad_env/actuation/hardware.py": "its article has its motors",
     "quad_env/scenarios/axes.py": "severities are chosen for it",
-    "quad_env/scenarios/named.py": "and so are the named scenarios",
+    "quad_env/scenarios/registry.py": "and so are the named scenarios",
     "quad_env/scenarios/scenario.py": "which are not scaled for itself",
     "quad_env/serialisation.py": "old results know no other robot",
     "quad_env/task/observations.py": "public names are of it",

@@ -17,7 +17,7 @@ from quad_env.config import RewardWeights
 from quad_env.physics.simulators import WARP, check_simulator
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.named import scenario
+from quad_env.scenarios.registry import scenario
 from quad_env.sensing.height_scan import HeightScan
 
 PolicyKind = Literal["residual", "end-to-end"]

@@ -11,7 +11,7 @@ from evaluate.measures.outcomes import RULES, SUCCESS_RULE
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import axes_of
-from quad_env.scenarios.named import scenario
+from quad_env.scenarios.registry import scenario
 from quad_env.scenarios.scenario import FIELD_OF_SUFFIX, Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from train.residual_env import BoolArray

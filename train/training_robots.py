@@ -18,7 +18,7 @@ from quad_env.config import TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.simulators import WARP
 from quad_env.physics.state import rotation_matrix, to_heading
-from quad_env.scenarios.named import scenario as find_scenario
+from quad_env.scenarios.registry import scenario as find_scenario
 from quad_env.seeding import episode_seeds
 from quad_env.task.rewards import REWARD
 from train.config import EFFORT_TERMS, SOLVER_ITERATIONS, TIMESTEP, TrainConfig

@@ -21,7 +21,7 @@ from evaluate.statistics.intervals import (
     wilson_interval,
 )
 from evaluate.statistics.significance import sign_flip_test
-from quad_env.scenarios.named import STEADY
+from quad_env.scenarios.registry import STEADY
 from quad_env.scenarios.scenario import HARDWARE, Scenario
 
 SCORES = "score", "hardware score"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from evaluate.cells import PolicyScenarioResult
 from evaluate.measures.metrics import Measures
 from evaluate.records import parquet
-from quad_env.scenarios.named import Scenario
+from quad_env.scenarios.registry import Scenario
 
 MEASURES = tuple(field.name for field in fields(Measures) if field.name != "extra")
 """Names of the project's measures; those of extensions are further columns."""

@@ -16,7 +16,7 @@ from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import parse_json, read_bytes
 from quad_env.files.writing import write_atomically
 from quad_env.robots.registry import SUFFIXES
-from quad_env.scenarios.named import Scenario
+from quad_env.scenarios.registry import Scenario
 from quad_env.serialisation import from_plain, to_json_values
 
 NAME = "manifest.json"

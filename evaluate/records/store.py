@@ -24,7 +24,7 @@ from evaluate.records.episode_table import (
 from evaluate.records.manifest import CHUNKS, FILES, Manifest
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import with_count
-from quad_env.scenarios.named import Scenario
+from quad_env.scenarios.registry import Scenario
 
 EPISODES = "episodes.parquet"
 _CHUNK = re.compile(r"\d{5}-\d{7}(-[0-9a-f]{8})?\.parquet")

@@ -12,7 +12,16 @@ from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES, Axis, axes_of, known_axis
-from quad_env.scenarios.named import SCENARIOS, STEADY, SYNTAX_HELP, TERRAIN, find, is_combination, scenarios_of, split
+from quad_env.scenarios.registry import (
+    SCENARIOS,
+    STEADY,
+    SYNTAX_HELP,
+    TERRAIN,
+    find,
+    is_combination,
+    scenarios_of,
+    split,
+)
 from quad_env.scenarios.scenario import Scenario, with_hardware_profile
 from quad_env.serialisation import from_plain, to_json_values
 

@@ -16,7 +16,7 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
 from quad_env.cli.progress import CellProgress
-from quad_env.scenarios.named import Scenario
+from quad_env.scenarios.registry import Scenario
 
 
 class StoreError(OSError):

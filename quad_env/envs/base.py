@@ -33,7 +33,7 @@ from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot, parse_servo_gains
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import EpisodeSample, stack_initial_conditions
-from quad_env.scenarios.named import scenario as find_scenario
+from quad_env.scenarios.registry import scenario as find_scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.schedule import EpisodeSchedule
 from quad_env.sensing.estimators import COMPLEMENTARY, Estimator, check_estimator

@@ -6,7 +6,7 @@ from quad_env.robots.registry import parse_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import Axis, known_axes
-from quad_env.scenarios.named import STEADY, extension_scenarios
+from quad_env.scenarios.registry import STEADY, extension_scenarios
 
 EXAMPLES = {
     "push": "the nominal severity of the axis",

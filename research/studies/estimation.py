@@ -30,7 +30,7 @@ from quad_env.actuation.hardware import hardware_profile
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.format import ABSENT
 from quad_env.robots.registry import get_robot
-from quad_env.scenarios.named import scenario as named
+from quad_env.scenarios.registry import scenario as named
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds

@@ -41,7 +41,7 @@ from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import number
 from quad_env.files.writing import make_writable_folder, write_atomically
-from quad_env.scenarios.named import STEADY, scenario
+from quad_env.scenarios.registry import STEADY, scenario
 from quad_env.seeding import episode_seeds
 from research.pages.markdown import table
 from research.pages.places import page_with

@@ -26,7 +26,7 @@ from quad_env.files.writing import write_atomically
 from quad_env.robots.robot import Robot
 from quad_env.robots.scene import build_spec
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.named import scenario
+from quad_env.scenarios.registry import scenario
 from quad_env.seeding import episode_seeds
 from research.pages.csv_text import csv_text
 

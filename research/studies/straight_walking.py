@@ -24,7 +24,7 @@ from quad_env.config import CommandRanges
 from quad_env.files.writing import write_atomically
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import scale_to_robot
-from quad_env.scenarios.named import scenario
+from quad_env.scenarios.registry import scenario
 from quad_env.scenarios.scenario import Scenario
 from research.pages import markdown
 from research.pages.csv_text import csv_text, flat

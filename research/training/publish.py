@@ -28,7 +28,7 @@ from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.reading import read_bytes
 from quad_env.files.writing import make_writable_folder, write_atomically
-from quad_env.scenarios.named import scaled_name
+from quad_env.scenarios.registry import scaled_name
 from research.training.model_card import TrainedRun, model_card
 from train.config import TIMESTEP, TrainConfig
 from train.run_folder import BEST, CHECKPOINTS

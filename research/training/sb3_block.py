@@ -24,7 +24,7 @@ from evaluate.statistics.intervals import wilson_interval
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.format import number, share
 from quad_env.files.writing import make_writable_folder, write_atomically
-from quad_env.scenarios.named import scenario
+from quad_env.scenarios.registry import scenario
 from quad_env.seeding import episode_seeds
 from research.pages import markdown
 from research.pages.places import insert, page_with

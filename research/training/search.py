@@ -20,7 +20,7 @@ from policies.shipped import folder_of
 from policies.trot import integral
 from policies.virtual_model import parameters as virtual_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.named import scaled_name
+from quad_env.scenarios.registry import scaled_name
 from quad_env.seeding import episode_seeds
 from train.config import check_scenarios
 from train.search.cmaes import (

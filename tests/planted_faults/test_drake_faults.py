@@ -12,7 +12,7 @@ from quad_env.physics.drake import plant
 from quad_env.physics.drake.batch import DrakeBatch
 from quad_env.physics.model import compile_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.named import scenario
+from quad_env.scenarios.registry import scenario
 from tests.planted_faults.harness import Faults, checks_of, fault_tests
 
 GRAVITY = 9.81

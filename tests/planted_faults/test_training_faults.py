@@ -12,8 +12,8 @@ import policies
 from evaluate.hardware import IDEAL
 from policies.residual import Features
 from quad_env.physics.randomisation import RandomisedModels
-from quad_env.scenarios.named import SCENARIOS, scenario
 from quad_env.scenarios.randomisation import DomainRandomisation
+from quad_env.scenarios.registry import SCENARIOS, scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import PURPOSES, EpisodeStreams, episode_seeds
 from quad_env.sensing import observation as sensed

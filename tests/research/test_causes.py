@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from quad_env.scenarios.named import scenario
+from quad_env.scenarios.registry import scenario
 from quad_env.seeding import episode_seeds
 from research.__main__ import main
 from research.studies import causes

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from quad_env.scenarios.named import scenario
+from quad_env.scenarios.registry import scenario
 from train.curriculum import CommandIntervalTracker, at_difficulty, update_difficulties, with_terrain_seed
 
 FORWARD, STILL = np.array([1.0, 0.0, 0.0]), np.zeros(3)

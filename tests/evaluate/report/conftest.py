@@ -17,7 +17,7 @@ from evaluate.measures.catalogue import OF_CAUSES
 from evaluate.measures.metrics import Measures
 from evaluate.report.page import write_report
 from evaluate.rollouts.battery import resolve
-from quad_env.scenarios.named import Scenario
+from quad_env.scenarios.registry import Scenario
 
 POLICIES = ("trot", "stand-in", "runs/x/seed-0", "runs/x/seed-1")
 SCENARIOS = ("flat", "push:1", "push:2", "push:3", "rough")

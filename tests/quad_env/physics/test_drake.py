@@ -14,7 +14,7 @@ from quad_env.physics.simulation import Simulation, SimulationConfig
 from quad_env.physics.simulators import check_simulator
 from quad_env.robots.registry import get_robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.named import scenario
+from quad_env.scenarios.registry import scenario
 from quad_env.scenarios.scenario import with_hardware_profile
 
 pytest.importorskip("pydrake")

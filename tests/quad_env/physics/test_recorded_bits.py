@@ -10,7 +10,7 @@ import pytest
 
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.scenarios.named import SCENARIOS
+from quad_env.scenarios.registry import SCENARIOS
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 

@@ -12,7 +12,7 @@ from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import Rotation, heading_velocity, rotation_matrix, to_body, to_heading
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import EpisodeSample, stack_initial_conditions
-from quad_env.scenarios.named import SCENARIOS, scenario
+from quad_env.scenarios.registry import SCENARIOS, scenario
 
 angle = st.floats(-3.0, 3.0)
 

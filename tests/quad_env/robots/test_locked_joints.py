@@ -13,7 +13,7 @@ from quad_env.physics.model import compile_model
 from quad_env.robots.part_names import foot_geoms
 from quad_env.robots.registry import ROBOTS
 from quad_env.robots.robot import Robot
-from quad_env.scenarios.named import SCENARIOS
+from quad_env.scenarios.registry import SCENARIOS
 from tests.quad_env.robots.made import ARM, WHEEL, Made
 from tests.quad_env.robots.test_model_files import PLAIN, SHIN, TRUNK, UNSEEN, robot_of_text, standing
 from tests.quad_env.robots.test_parameter_inference import changed

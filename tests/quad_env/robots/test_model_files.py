@@ -28,7 +28,7 @@ from quad_env.robots.registry import MODEL_PACKAGE, ROBOTS
 from quad_env.robots.shapes import welded_bodies
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.robots.structure import ModelError
-from quad_env.scenarios.named import SCENARIOS
+from quad_env.scenarios.registry import SCENARIOS
 from tests.quad_env.robots.made import Made
 from tests.quad_env.robots.test_parameter_inference import NAMED, changed
 

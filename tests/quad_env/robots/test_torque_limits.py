@@ -12,7 +12,7 @@ from quad_env import ModelError, Robot
 from quad_env.actuation.models import Actuator, TorqueSpeed
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.model import compile_model
-from quad_env.scenarios.named import SCENARIOS
+from quad_env.scenarios.registry import SCENARIOS
 from tests.quad_env.robots.made import Made
 from tests.quad_env.robots.test_model_files import PLAIN, TRUNK, robot_of_text
 from tests.quad_env.robots.test_read_urdf import urdf, written

@@ -14,7 +14,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.disturbances import Dropouts, Latency, Motors, Payload, Pushes, SensorNoise, SteadyForce
 from quad_env.scenarios.episode import EpisodeSample, stack_initial_conditions
-from quad_env.scenarios.named import SCENARIOS, scenario
+from quad_env.scenarios.registry import SCENARIOS, scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs
 

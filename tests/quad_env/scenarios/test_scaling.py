@@ -15,7 +15,7 @@ from quad_env import SCENARIOS, SIMPLE_QUAD, Robot, Scenario, scenario
 from quad_env.config import GRAVITY
 from quad_env.envs.env import SimpleQuadEnv
 from quad_env.scenarios.axes import AXES, ROBOT_SCALED_UNITS, axes_of
-from quad_env.scenarios.named import scaled_name, scenarios_of
+from quad_env.scenarios.registry import scaled_name, scenarios_of
 from quad_env.scenarios.scenario import scaled
 from quad_env.task.terminations import fall_reason_code
 from tests.batches import begun

@@ -10,7 +10,7 @@ from quad_env.physics.model import compile_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.episode import EpisodeSample
-from quad_env.scenarios.named import SCENARIOS
+from quad_env.scenarios.registry import SCENARIOS
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Flat, Slope, SmoothRandom, Stairs, Terrain
 from quad_env.seeding import episode_seeds

@@ -10,7 +10,7 @@ import policies
 from quad_env import VectorHomePoseActions
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.scenarios.disturbances import Pushes
-from quad_env.scenarios.named import scenario
+from quad_env.scenarios.registry import scenario
 from quad_env.seeding import episode_seeds
 from train.config import PpoConfig, TrainConfig
 from train.residual_env import ResidualVectorEnv

@@ -12,8 +12,8 @@ from evaluate.rollouts import battery
 from quad_env import ENV_ID
 from quad_env.scenarios.axes import AXES
 from quad_env.scenarios.disturbances import Ground, Latency, Payload
-from quad_env.scenarios.named import scenario
 from quad_env.scenarios.randomisation import DomainRandomisation
+from quad_env.scenarios.registry import scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope
 from quad_env.serialisation import from_plain, to_json_values
