@@ -1,4 +1,4 @@
-"""Values of a comparison: labelled policies, tasks, and cells, each the episodes of one policy on one scenario."""
+"""Values of a comparison: labelled policies, tasks, and results by policy and scenario (cells)."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -148,7 +148,7 @@ def _join_extra(cells: Sequence[PolicyScenarioResult], order: NDArray[np.intp]) 
 
 
 def apply_success_rule(cell: PolicyScenarioResult, rule: SuccessRule) -> PolicyScenarioResult:
-    """Return the cell with the outcomes by another success rule; a success that it rejects becomes `off_command`."""
+    """Return the cell with outcomes by another success `rule`; a rejected success is `off_command`."""
     measures = cell.measures
     has_policy_failure = np.array([reason is not None for reason in cell.failure], np.bool_)
     errors = np.stack([measures.velocity_error, measures.yaw_rate_error], axis=-1)
@@ -159,5 +159,5 @@ def apply_success_rule(cell: PolicyScenarioResult, rule: SuccessRule) -> PolicyS
 
 
 def evaluation_seeds(seed: int, count: int) -> NDArray[np.int64]:
-    """Return the seeds of the evaluation's `count` episodes, (count,), from a family that no training draws."""
+    """Return the evaluation seeds of `count` episodes for a `seed`, (count,); no training draws them."""
     return episode_seeds("evaluation", seed, count)

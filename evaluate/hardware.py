@@ -32,7 +32,7 @@ class HardwareConfig:
 
     @property
     def robot_model(self) -> "Robot":
-        """The robot with the servo gains of `servo`; errors as for `quad_env.robots.registry.get_robot`."""
+        """Robot with the servo gains of `servo`; errors as for `quad_env.robots.registry.get_robot`."""
         from quad_env.robots.registry import get_robot
 
         robot = get_robot(self.robot)
@@ -60,7 +60,7 @@ class HardwareConfig:
             trust: True to load files that can hide code.
             on_hardware_profile: True for scenarios on the robot's hardware profile. Our controllers then command the
                 servo gains of the robot's maker.
-            **options: Further options of the policy, such as `parameters`.
+            **options: Further options of the policy, for example `parameters`.
 
         Returns:
             The policy.
@@ -87,7 +87,7 @@ IDEAL = HardwareConfig()
 
 
 def describe_hardware(hardware: HardwareConfig) -> str:
-    """Return sentences on the hardware that differs from the default, such as ` Robot: go1. Motors: motor; ...`."""
+    """Return sentences on hardware that differs from the default: ` Robot: go1. Motors: motor; ...`."""
     text = ""
     if hardware.robot != IDEAL.robot:
         text += f" Robot: {hardware.robot}."
@@ -123,7 +123,7 @@ def parse_robot_option(robot: str, option: str = "--robot") -> HardwareConfig:
 
 
 def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None) -> None:
-    """Check that the hardware exists and that the simulator supports it in a scenario; warn about a user's robot.
+    """Check that the hardware exists and the simulator supports it; warn about a user's robot.
 
     Args:
         hardware: Hardware to check.

@@ -1,1 +1,1 @@
-"""Why episodes failed: written rules over what was recorded and what the scenario says."""
+"""Causes of failed episodes, by rules on the recorded signals and the scenario."""

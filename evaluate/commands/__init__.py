@@ -1,1 +1,1 @@
-"""The subcommands of `python -m evaluate`, a module each."""
+"""Subcommands of `python -m evaluate`, one module each."""

@@ -1,1 +1,1 @@
-"""What an episode measured: tracking, effort, gait, pushes."""
+"""Measures of an episode: outcome, tracking, effort, gait and pushes."""

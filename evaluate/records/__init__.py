@@ -1,1 +1,1 @@
-"""A run's folder: manifest, episodes, and what the figures were made with."""
+"""Results folders: manifest, provenance, and tables of episodes."""

@@ -1,4 +1,4 @@
-"""`episodes.parquet`: one row an episode, from which a cell is read back to the bit and an episode simulated again.
+"""`episodes.parquet`: one row an episode, from which cells are read back to the bit.
 
 The columns are policy, scenario, severity, episode, seed and the fields of `Measures`.
 """
@@ -132,6 +132,7 @@ def concatenate(tables: Sequence[pa.Table]) -> pa.Table:
 
 
 def _add_null_columns(rows: pa.Table, columns: dict[str, pa.Field]) -> pa.Table:
+    """Add the missing ones of the columns, as null."""
     for name, column in columns.items():
         if name not in rows.column_names:
             rows = rows.append_column(column, pa.nulls(rows.num_rows, column.type))
@@ -139,7 +140,17 @@ def _add_null_columns(rows: pa.Table, columns: dict[str, pa.Field]) -> pa.Table:
 
 
 def add_missing_measures(rows: pa.Table) -> pa.Table:
-    """Add the measures that a file of an older version lacks, as null; ValueError if a required column is missing."""
+    """Add the measures that a file of an older version lacks, as null.
+
+    Args:
+        rows: Rows of a file.
+
+    Returns:
+        Rows with every measure.
+
+    Raises:
+        ValueError: A required column is missing.
+    """
     if absent := sorted(REQUIRED - set(rows.column_names)):
         raise ValueError(f"it lacks the columns {', '.join(absent)}")
     for name in MEASURES:
@@ -158,7 +169,7 @@ def missing_measures(rows: pa.Table) -> list[str]:
 
 
 def _null_column(rows: pa.Table, name: str) -> pa.Array:
-    """Return a column of NaN or no text, with lists as long as those of its siblings."""
+    """Return a column of NaN or no text, with the list lengths of its siblings."""
     if name in _TEXT_COLUMNS:
         return pa.nulls(rows.num_rows, pa.string())
     if name not in _LIST_COLUMNS:

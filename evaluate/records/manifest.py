@@ -1,4 +1,4 @@
-"""`manifest.json`: all inputs that a run's results depend on, written with its first episodes to allow --resume."""
+"""`manifest.json`: the inputs that a run's results depend on, written at its start for --resume."""
 
 import hashlib
 import json
@@ -185,7 +185,7 @@ def read(folder: Path) -> Manifest:
 
 
 def _parse(path: Path) -> Manifest:
-    """Parse a manifest file; UsageError if it is by other rules or was changed, other errors if it is malformed."""
+    """Parse a manifest file; UsageError if it is by other rules or was changed."""
     contents = parse_json(read_bytes(path))
     if type(contents["schema"]) is not int or contents["schema"] != SCHEMA:
         raise ValueError("it is of another schema")

@@ -1,4 +1,4 @@
-"""Parquet files with a content hash: written completely or not at all, and refused if they were changed."""
+"""Parquet files with a content hash: written atomically, and refused if they were changed."""
 
 import hashlib
 import io
@@ -56,7 +56,7 @@ def _hashed_metadata(metadata: Mapping[bytes, bytes] | None) -> list[tuple[bytes
 
 
 def _add_values(digest: Any, values: pa.Array) -> None:
-    """Add to the digest the validity bits and the bytes of the values; for lists the lengths and the flat values."""
+    """Add validity bits and bytes of the values to the digest; for lists lengths and flat values."""
     values = values.combine_chunks() if isinstance(values, pa.ChunkedArray) else values
     digest.update(np.packbits(values.is_valid().to_numpy(zero_copy_only=False)).tobytes())
     if isinstance(values, pa.ListArray):

@@ -1,4 +1,4 @@
-"""Provenance of results: versions, processor, and digests of the code, the policies and the robot's model."""
+"""Provenance of results: versions, processor, and digests of code, policies and robot model."""
 
 import ast
 import ctypes
@@ -34,7 +34,7 @@ _SOURCE_SUFFIXES = {".py", ".xml", ".json"}
 
 
 def versions() -> dict[str, str | None]:
-    """Return the versions that the results depend on, and the git revision, which is None outside a repository."""
+    """Return the versions that the results depend on, and the git revision (None without git)."""
     return {
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
@@ -56,7 +56,7 @@ def blas() -> str:
 
 
 def _openblas_kernels() -> set[str]:
-    """Return the kernels of this process's OpenBLAS libraries; empty if the system does not list the libraries."""
+    """Return the kernels of this process's OpenBLAS libraries; empty if they cannot be listed."""
     try:
         lines = Path("/proc/self/maps").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -71,7 +71,7 @@ def _openblas_kernels() -> set[str]:
 
 
 def hardware_versions(hardware: HardwareConfig) -> dict[str, str]:
-    """Return the SHA-256 of the robot's model unless it is the default robot, and the version of another simulator."""
+    """Return the SHA-256 of a robot and the version of a simulator that are not the default."""
     versions = {}
     if hardware.robot != HardwareConfig.robot:
         versions["robot"] = hardware.robot_model.sha256
@@ -81,7 +81,7 @@ def hardware_versions(hardware: HardwareConfig) -> dict[str, str]:
 
 
 def git_revision(folder: Path) -> str | None:
-    """Return the commit of a checkout, with `-dirty` if tracked files differ from it; None without a repository."""
+    """Return a checkout's commit, with `-dirty` if tracked files differ; None without a repository."""
     revision = _git(folder, "rev-parse", "HEAD")
     if revision is None:
         return None
@@ -116,7 +116,7 @@ def code_digest() -> str:
 
 
 def _statements(source: bytes) -> bytes:
-    """Return the syntax tree of Python source as text, without docstrings; the source itself if it has no tree."""
+    """Return the syntax tree of Python source as text without docstrings, or invalid source as it is."""
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError):
@@ -156,7 +156,7 @@ def _is_docstring(node: Any) -> bool:
 
 
 def policy_digest(*policies: Policy) -> str:
-    """Return the SHA-256 of fresh policies: their classes and all attributes, such as parameters and weights."""
+    """Return the SHA-256 of fresh policies: classes and attributes, with parameters and weights."""
     digest = hashlib.sha256()
     for piece in chain.from_iterable(_pieces(policy, ()) for policy in policies):
         digest.update(piece + b"\n")
@@ -164,7 +164,7 @@ def policy_digest(*policies: Policy) -> str:
 
 
 def _pieces(value: Any, ancestors: tuple[int, ...]) -> Iterator[bytes]:
-    """Yield the class and the contents of a value in a fixed order, or only the class if it has no known contents.
+    """Yield the class and the contents of a value in a fixed order.
 
     Args:
         value: A policy or a value within it.

@@ -64,14 +64,14 @@ class ChunkStore:
         self._policies = list(manifest.policies)
 
     def load(self, policy: str, scenario: Scenario) -> Sequence[EpisodeChunk]:
-        """Return the finished chunks of a cell, without files that are damaged or of other runs, seeds or episodes.
+        """Return the finished chunks of a cell, without damaged files and files of other runs or seeds.
 
         Args:
             policy: Label of the policy.
             scenario: Scenario of the cell.
 
         Returns:
-            Chunks of which no two have an episode in common.
+            Chunks without a common episode.
         """
         if not self.begun:
             return ()
@@ -142,7 +142,7 @@ def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
 
 
 def _stored_rows(path: Path, manifest: Manifest) -> pa.Table:
-    """Read episodes.parquet; empty if there is no such file.
+    """Read episodes.parquet; empty if there is no file.
 
     A measure that the file lacks is added as missing values and named on stderr.
 
@@ -206,7 +206,7 @@ def _chunk_files(folder: Path) -> Iterator[Path]:
 
 
 def _from_chunks(store: ChunkStore) -> Iterator[PolicyScenarioResult]:
-    """Yield the cells whose chunks are all there, and report on stderr the number of files that cannot be used."""
+    """Yield the cells with all their chunks, and report unusable files on stderr."""
     files = [path for path in _chunk_files(store.folder) if int(path.name[_FIRST_EPISODE]) < store.manifest.episodes]
     file_count = len(files)
     used = 0

@@ -1,1 +1,1 @@
-"""Simulation of episodes: one policy on one scenario side by side, in batteries of scenarios and worker processes."""
+"""Simulation of episodes side by side, batteries of scenarios, and worker processes."""

@@ -1,4 +1,4 @@
-"""The batteries: the scenarios that every policy runs on, and what a name on the command line stands for."""
+"""Batteries of scenarios, and the scenarios of a name on the command line."""
 
 import runpy
 from collections.abc import Callable, Iterable
@@ -26,13 +26,15 @@ from quad_env.scenarios.scenario import Scenario, with_hardware_profile
 from quad_env.serialisation import from_plain, to_json_values
 
 NOMINAL = ("flat", "push", "rough")
-"""What the quick battery begins with."""
+"""First scenarios of the quick battery."""
 QUICK_LEVELS: dict[str, tuple[int, ...]] = {"push": (4,), "rough": (4,)}
-"""Levels in the quick battery, by axis."""
+"""Axis -> levels in the quick battery."""
 LEVELS_ABOVE_NOMINAL = 2
-"""Levels of each axis that the default battery has beyond the nominal one: hard, and hardest."""
+"""Number of levels above the nominal one in the default battery: hard, and hardest."""
 ALL = "all"
-_FILE = ".py:"
+"""Name of the battery of all nominal scenarios, and, as in `push:all`, of all levels of an axis."""
+_FILE_SEPARATOR = ".py:"
+"""Separator of a Python file and a name in it."""
 
 
 BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
@@ -49,9 +51,13 @@ BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
     "full": lambda robot: _battery(robot, lambda axis: range(1, len(axis.levels) + 1), tuple(AXES)),
     ALL: lambda robot: tuple(scenarios_of(robot).values()),
 }
-"""Names that stand for several scenarios: a first look; every axis at its nominal severity and the next two levels, and
-with the hardware profile at the level after the nominal one; every axis at every level; every axis at its nominal
-severity."""
+"""Name -> scenarios of a robot.
+
+- quick: a first impression.
+- default: every axis at its nominal level and the next two, and with the hardware profile at the next one.
+- full: every axis at every level.
+- all: every axis at its nominal level.
+"""
 _VALID = (
     f"{', '.join((*SCENARIOS, *BATTERIES))}, {SYNTAX_HELP}, every level of an axis such as push:all, "
     "a file of yours such as my_file.py:NAME"
@@ -59,69 +65,104 @@ _VALID = (
 
 
 def resolve(names: tuple[str, ...], robot: Robot = SIMPLE_QUAD) -> tuple[Scenario, ...]:
-    """A robot's scenarios of names as `push`, `push:3`, `push:all`, `payload=15+slope=10`, `full`, `file.py:NAME`;
-    ValueError lists the valid ones."""
+    """Return the scenarios of names on the command line.
+
+    Names are `push`, `push:3`, `push:all`, `payload=15+slope=10`, `full`, `file.py:NAME`.
+
+    Args:
+        names: Names on the command line.
+        robot: Robot to which the severities are scaled.
+
+    Returns:
+        Scenarios in the order of the names.
+
+    Raises:
+        ValueError: No name is given, or a scenario is given twice.
+    """
     if not names:
         raise ValueError(f"no scenario given; valid: {_VALID}")
-    by_name = [(name, each) for name in names for each in _named(name, robot)]
-    called = [each.name for _, each in by_name]
-    for twice in dict.fromkeys(name for name in called if called.count(name) > 1):
-        files = [name for name, each in by_name if each.name == twice]
-        if len(set(files)) > 1 and all(map(is_file_reference, files)):
+    named = [(name, scenario) for name in names for scenario in _named(name, robot)]
+    scenario_names = [scenario.name for _, scenario in named]
+    repeated = [name for name in dict.fromkeys(scenario_names) if scenario_names.count(name) > 1]
+    for scenario_name in repeated:
+        sources = [name for name, scenario in named if scenario.name == scenario_name]
+        if len(set(sources)) > 1 and all(map(is_file_reference, sources)):
             raise ValueError(
-                f"{len(files)} scenarios have the name {twice}: {', '.join(files)}; a scenario is called after its "
-                "file or in it: give one of them another name"
+                f"{len(sources)} scenarios have the name {scenario_name}: {', '.join(sources)}; a scenario is called "
+                "after its file or in it: give one of them another name"
             )
-    if several := [name for name in dict.fromkeys(called) if called.count(name) > 1]:
-        raise ValueError(f"a scenario is given twice: {' '.join(several)}")
-    return tuple(each for _, each in by_name)
+    if repeated:
+        raise ValueError(f"a scenario is given twice: {' '.join(repeated)}")
+    return tuple(scenario for _, scenario in named)
 
 
 def resolve_single(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """A robot's scenario of that name; ValueError where there is none, or several."""
-    found, *more = resolve((name,), robot)
-    if more:
-        raise ValueError(f"{name} is {1 + len(more)} scenarios: name one of them")
-    return found
+    """Return the robot's scenario of a name.
+
+    Args:
+        name: Name on the command line.
+        robot: Robot to which the severity is scaled.
+
+    Returns:
+        The scenario.
+
+    Raises:
+        ValueError: The name stands for several scenarios.
+    """
+    first, *others = resolve((name,), robot)
+    if others:
+        raise ValueError(f"{name} is {1 + len(others)} scenarios: name one of them")
+    return first
 
 
 def is_file_reference(name: str) -> bool:
-    """Whether a name stands for what a file of the user's makes."""
-    return _FILE in name or split(split(name)[0])[0].endswith(TERRAIN)
+    """Return True if a name refers to a file of the user."""
+    return _FILE_SEPARATOR in name or split(split(name)[0])[0].endswith(TERRAIN)
 
 
 def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
+    """Return the scenarios of one name; ValueError, with the valid names, if it is unknown."""
     if name in BATTERIES:
         return BATTERIES[name](robot)
     plain, with_ending = split(name)
     if with_ending is not None:
-        made = (with_ending(each, robot) for each in _named(plain, robot))
-        return tuple({each.name: each for each in made}.values())
-    if _FILE in name:
+        ended = (with_ending(scenario, robot) for scenario in _named(plain, robot))
+        return tuple({scenario.name: scenario for scenario in ended}.values())
+    if _FILE_SEPARATOR in name:
         return _from_file(name)
-    axis, colon, level = name.partition(":")
-    if colon and level == ALL and (leveled := known_axis(axis)) is not None:
-        return tuple(map(leveled.for_robot(robot).level, range(1, len(leveled.levels) + 1)))
-    if (one := find(name, robot)) is None:
+    axis_name, colon, level = name.partition(":")
+    if colon and level == ALL and (axis := known_axis(axis_name)) is not None:
+        return tuple(map(axis.for_robot(robot).level, range(1, len(axis.levels) + 1)))
+    scenario = find(name, robot)
+    if scenario is None:
         raise ValueError(missing_file(name) or f"unknown scenario {name!r}; valid: {_VALID}")
-    return (one,)
+    return (scenario,)
 
 
 def _hardware_scenarios(robot: Robot) -> tuple[Scenario, ...]:
-    """With the hardware profile: level ground, the steady walk, and every axis at the level after its nominal one."""
+    """Return flat, steady and each axis one level above nominal, all with the hardware profile."""
     levels = (axis.level(min(axis.nominal_level + 1, len(axis.levels))) for axis in axes_of(robot).values())
     return with_profile((scenarios_of(robot)[NOMINAL[0]], STEADY, *levels))
 
 
 def with_profile(scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
-    """The scenarios with the robot's hardware profile, none twice."""
-    return tuple({each.name: each for each in map(with_hardware_profile, scenarios)}.values())
+    """Return the scenarios with the robot's hardware profile, without duplicates."""
+    return tuple({scenario.name: scenario for scenario in map(with_hardware_profile, scenarios)}.values())
 
 
 def _battery(
     robot: Robot, levels: Callable[[Axis], Iterable[int]], nominal: tuple[str, ...] = NOMINAL
 ) -> tuple[Scenario, ...]:
-    """A robot's nominal scenarios of those axes and those levels of each axis, none twice, and the steady walk."""
+    """Return nominal scenarios, levels of each axis, and the steady walk, without duplicates.
+
+    Args:
+        robot: Robot to which the severities are scaled.
+        levels: Axis -> its levels in the battery.
+        nominal: Names of the nominal scenarios.
+
+    Returns:
+        Scenarios in the order of the battery.
+    """
     chosen = [scenarios_of(robot)[name] for name in nominal]
     for axis in axes_of(robot).values():
         for level in levels(axis):
@@ -132,22 +173,22 @@ def _battery(
 
 
 def _from_file(reference: str) -> tuple[Scenario, ...]:
-    """The scenarios that `file.py:NAME` refers to; ValueError, one line, where there are none."""
+    """Return the scenarios of a reference `file.py:NAME`; ValueError, one line, if there are none."""
     file, _, name = reference.rpartition(":")
-    contents = _contents_of(Path(file))
+    contents = _run_file(Path(file))
     if name not in contents:
-        known = [key for key, value in contents.items() if _scenarios(value)]
+        known = [key for key, value in contents.items() if _as_scenarios(value)]
         raise ValueError(f"{file} has no {name!r}; its scenarios: {', '.join(known) or 'none'}")
-    found = _scenarios(contents[name])
-    if not found:
+    scenarios = _as_scenarios(contents[name])
+    if not scenarios:
         raise ValueError(f"{name} in {file} must be a quad_env.Scenario or a tuple of them, not {contents[name]!r:.80}")
-    for scenario in found:
+    for scenario in scenarios:
         _check(scenario, file)
-    return found
+    return scenarios
 
 
-def _contents_of(file: Path) -> dict[str, Any]:
-    """What the file defines."""
+def _run_file(file: Path) -> dict[str, Any]:
+    """Run a Python file and return its names; ValueError if it fails."""
     if not file.is_file():
         raise ValueError(f"there is no file {file}")
     try:
@@ -157,21 +198,21 @@ def _contents_of(file: Path) -> dict[str, Any]:
         raise ValueError(f"{file} fails: {format_exception(error)}") from error
 
 
-def _scenarios(value: Any) -> tuple[Scenario, ...]:
-    """The scenarios that a value is; none if it is something else."""
-    several = tuple(value) if isinstance(value, list | tuple) else (value,)
-    return several if all(isinstance(each, Scenario) for each in several) else ()
+def _as_scenarios(value: Any) -> tuple[Scenario, ...]:
+    """Return a scenario or a sequence of scenarios as a tuple; empty for other values."""
+    scenarios = tuple(value) if isinstance(value, list | tuple) else (value,)
+    return scenarios if all(isinstance(scenario, Scenario) for scenario in scenarios) else ()
 
 
 def _check(scenario: Scenario, file: str) -> None:
-    """Raise ValueError for a scenario that a result could not hold."""
+    """Raise ValueError for a scenario of a file that cannot be stored in results."""
     if not isinstance(scenario.name, str) or not scenario.name:
         raise ValueError(f"a scenario in {file} needs a name, not {scenario.name!r}")
     if scenario.name in SCENARIOS or ":" in scenario.name or is_combination(scenario.name):
         raise ValueError(f"a scenario in {file} is called {scenario.name!r}, as one of quad_env's; call it differently")
     try:
-        same = from_plain(to_json_values(scenario)) == scenario
+        is_restored = from_plain(to_json_values(scenario)) == scenario
     except ValueError as error:
         raise ValueError(f"the scenario {scenario.name} in {file}: {error}") from error
-    if not same:
+    if not is_restored:
         raise ValueError(f"the scenario {scenario.name} in {file} must be made of numbers and texts alone")

@@ -1,4 +1,4 @@
-"""Diagnosis of external policies: whether they stand and walk as described, and which common mistake explains it."""
+"""Diagnosis of external policies that do not walk: the common mistake that explains the failure."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -70,7 +70,10 @@ def failure_messages(walks: Sequence[Walk]) -> dict[str, str]:
 
 
 def has_policy_failure(walks: Sequence[Walk]) -> bool:
-    """Return True if the policy itself failed; a network that overflows may have a mistake in its description."""
+    """Return True if the policy itself failed, other than by values that are not finite.
+
+    A network overflows if its description is wrong.
+    """
     return any(walk.failure and "not finite" not in walk.failure for walk in walks)
 
 
@@ -177,7 +180,7 @@ def remarks(policy: Policy) -> tuple[str, ...]:
 
 
 def warning(policy: Policy, robot: str) -> str | None:
-    """Test an external policy on the `robot`, a name or path; return a line if it does not stand or walk, else None."""
+    """Return a line if an external policy does not stand or walk on the `robot`, a name or path."""
     inner: Any = getattr(policy, "policy", policy)  # within a safety layer
     is_described = getattr(inner, "spec", None) is not None
     if not is_described and not isinstance(inner, ExternalPolicy):
@@ -194,7 +197,7 @@ def warning(policy: Policy, robot: str) -> str | None:
 
 
 def suggest_description(policy: ExternalPolicy) -> str:
-    """Return the observation that a policy without a description received, and how to describe another one."""
+    """Return the observation that a policy received, and how to describe another one."""
     table = table_with(policy.robot, policy.height_scan)
     names = ", ".join(f"{name} {part.stop - part.start}" for name, part in table.slices.items())
     given = f"it was given this environment's {table.size} numbers ({names})"

@@ -40,7 +40,7 @@ Its changes of the policy take effect with the next action.
 
 
 class FallRecorder:
-    """Observer that records the first fall of each of n robots, by the environment's rule or by divergence."""
+    """Observer that records the first fall of n robots, by the environment's rule or by divergence."""
 
     def __init__(self, count: int, steps: int) -> None:
         self.step = np.full(count, steps, dtype=np.int64)

@@ -39,7 +39,7 @@ def roll_out(
     terminate_on_fall: bool = True,
     hardware: HardwareConfig = IDEAL,
 ) -> None:
-    """Run one episode of the policy for each seed, side by side, until no robot moves or an observer ends it.
+    """Run one episode for each seed, side by side, until no robot moves or an observer ends it.
 
     Args:
         policy: Policy of all robots.
@@ -99,7 +99,7 @@ def iterate_episode(
 def _iterate_steps(
     policy: Policy, env: "SimpleQuadVectorEnv", seeds: NDArray[np.int64], command: ArrayLike | None
 ) -> Generator[Step]:
-    """Yield the start and the control steps of one episode for each seed, and close the environment at the end."""
+    """Yield the start and the control steps of the episodes, and close the environment at the end."""
     with closing(env):
         policy.check_compatible(env.robot, env.dt)
         step = reset_episodes(env, seeds, command)
@@ -121,7 +121,7 @@ def make_env(
     terminate_on_fall: bool = True,
     hardware: HardwareConfig = IDEAL,
 ) -> "SimpleQuadVectorEnv":
-    """Make an environment with the policy's observations, and with the readings that observers need in its infos.
+    """Make an environment with the policy's observations and with the readings of the observers.
 
     Args:
         policy: Policy that will control the robots.

@@ -60,9 +60,9 @@ class RunSettings:
 def run_cells(
     policies: Sequence[LabelledPolicy], scenarios: Sequence[Scenario], seeds: NDArray[np.int64], settings: RunSettings
 ) -> Iterator[PolicyScenarioResult]:
-    """Simulate and measure every cell that is not stored, all policies of one scenario before the next scenario.
+    """Simulate and measure every cell that is not stored.
 
-    The finished cells of an interrupted run are therefore comparable.
+    All policies of one scenario come before the next scenario. The finished cells of an interrupted run are therefore comparable.
 
     Args:
         policies: Policies to compare.

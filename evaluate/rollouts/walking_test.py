@@ -29,7 +29,7 @@ class Walk:
     """Result of a robot's walk with a constant command."""
 
     command_name: str
-    """Name of the command, such as `forward`."""
+    """Name of the command, for example `forward`."""
     command: Floats
     """Commanded velocity, heading frame, (3,), m/s and rad/s."""
     velocity: Floats
@@ -43,12 +43,12 @@ class Walk:
 
     @property
     def deviation(self) -> float:
-        """Largest of the errors, infinite after a fall or a failure; at most 1 if the robot follows its command."""
+        """Largest of the errors, at most 1 if the robot follows its command; infinite after a fall."""
         return np.inf if self.fall or self.failure else float(self.errors.max())
 
     @property
     def description(self) -> str:
-        """Text such as `forward 0.49 of 0.50 m/s`."""
+        """Text in the form `forward 0.49 of 0.50 m/s`."""
         if self.failure:
             return f"commanded {self.command_name} it {self.failure}"
         if self.fall:

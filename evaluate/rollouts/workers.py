@@ -1,4 +1,4 @@
-"""Executor of worker processes, one for each core, so that simulations and the policies' Python run in parallel."""
+"""Executor of worker processes, one for each core, so that policies run in parallel too."""
 
 import contextlib
 import multiprocessing
@@ -65,7 +65,7 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
 def _distribute(
     tasks: Sequence[Task], workers: list["_Worker"], progress: TaskProgress, check: Callable[[], None]
 ) -> Generator[tuple[int, EpisodeChunk]]:
-    """Yield the index and the chunk of each task as it is finished, while every worker that is ready gets the next."""
+    """Yield the index and the chunk of each finished task, and send the next task to its worker."""
     remaining = iter(enumerate(tasks))
     while workers:
         check()
@@ -87,7 +87,7 @@ def _distribute(
 
 
 def estimated_steps(task: Task) -> float:
-    """Return the number of control steps in MuJoCo that take as long as a task, of all its robots together."""
+    """Return the number of control steps of one robot in MuJoCo that take as long as a task."""
     return len(task.episode_indices) * task.steps * RELATIVE_STEP_TIME[task.hardware.simulator]
 
 
@@ -156,7 +156,7 @@ def _workers(count: int) -> Iterator[list[_Worker]]:
 
 
 def _end(workers: Sequence[_Worker]) -> None:
-    """Close the workers' pipes, upon which they end, and kill those that have not ended after SHUTDOWN_TIMEOUT."""
+    """Close the workers' pipes, which ends them, and kill the remaining ones after SHUTDOWN_TIMEOUT."""
     for worker in workers:
         worker.pipe.close()
     deadline = time.monotonic() + SHUTDOWN_TIMEOUT
@@ -222,7 +222,7 @@ def _run_task(task: Task, pipe: Connection) -> EpisodeChunk | BaseException:
 
 
 def _picklable(error: BaseException) -> BaseException:
-    """Return the error with its traceback as a note, or an error with only its message if it cannot be pickled."""
+    """Return the error with its traceback as a note, or only its message if it cannot be pickled."""
     try:
         error.add_note(f"in a worker process:\n{''.join(traceback.format_exception(error))}")
         copy: BaseException = pickle.loads(pickle.dumps(error))
