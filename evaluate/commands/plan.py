@@ -77,11 +77,12 @@ def check(options: EvaluateOptions) -> Plan:
         options.run_options(),
         seed=options.seed,
         episodes=options.max_episodes,
-        limit=options.max_episodes if options.until else 0,
         steps=rollout.STEPS,
         threads=options.threads,
         hardware=options.hardware_config,
     )
+    if options.until:
+        manifest = manifest.until_settled()
     if options.resume:
         manifest = _resume_manifest(manifest, options)
     return Plan(compared, scenarios, manifest, options)

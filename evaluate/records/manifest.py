@@ -93,6 +93,10 @@ class Manifest:
         """Return a copy with its fingerprint."""
         return replace(self, fingerprint=_fingerprint(self.provenance()))
 
+    def until_settled(self) -> "Manifest":
+        """Return the manifest of a run --until settled with at most as many episodes, at its first interim analysis."""
+        return replace(self, limit=self.episodes, episodes=looks(self.episodes)[0]).with_fingerprint()
+
     def as_json(self) -> dict[str, Any]:
         """Return the contents of the file."""
         contents = {
@@ -124,7 +128,6 @@ def manifest(
     steps: int,
     threads: int,
     hardware: HardwareConfig = IDEAL,
-    limit: int = 0,
 ) -> Manifest:
     """Make the manifest of a run on this machine with this code.
 
@@ -133,11 +136,10 @@ def manifest(
         scenarios: Scenarios in the order of the run.
         options: Options of the command line by name.
         seed: Evaluation seed.
-        episodes: Episodes of each policy on each scenario; ignored if `limit` is given.
+        episodes: Episodes of each policy on each scenario.
         steps: Control steps of an episode.
         threads: Threads of the simulation.
         hardware: Hardware of the robots.
-        limit: Maximum number of episodes of a run --until settled; 0 for other runs.
 
     Returns:
         The manifest with its fingerprint.
@@ -146,8 +148,7 @@ def manifest(
         policies={policy.label: policy_digest(*policy.variants) for policy in policies},
         scenarios=tuple(scenarios),
         seed=seed,
-        episodes=looks(limit)[0] if limit else episodes,
-        limit=limit,
+        episodes=episodes,
         steps=steps,
         versions=versions() | hardware_versions(hardware),
         code=code_digest(),

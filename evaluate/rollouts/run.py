@@ -62,7 +62,7 @@ def run_cells(
 ) -> Iterator[PolicyScenarioResult]:
     """Simulate and measure every cell that is not stored.
 
-    All policies of one scenario come before the next scenario. The finished cells of an interrupted run are therefore comparable.
+    All policies of one scenario come before the next scenario, so that the cells of an interrupted run are comparable.
 
     Args:
         policies: Policies to compare.
