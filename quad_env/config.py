@@ -11,7 +11,7 @@ from typeguard import CollectionCheckStrategy, TypeCheckError, check_type
 
 GRAVITY = 9.81
 """Gravity of every world, m/s²."""
-LOWEST_TRUNK = 0.2
+MIN_TRUNK_HEIGHT_RATIO = 0.2
 """Height of the trunk's centre, in leg lengths, below which a robot has fallen."""
 COMMAND_BOUND = 100.0
 """Largest command that the observation can show, m/s and rad/s."""
@@ -20,9 +20,9 @@ COMMAND_BOUND = 100.0
 class Bounds(NamedTuple):
     """What the numbers of a setting may be, for its annotation: in words, and from where to where."""
 
-    words: str
-    lowest: float
-    highest: float = sys.float_info.max
+    description: str
+    minimum: float
+    maximum: float = sys.float_info.max
 
 
 Finite = Annotated[float, Bounds("finite", -sys.float_info.max)]
@@ -42,8 +42,8 @@ def check_settings(settings: Any) -> None:
             raise ValueError(f"{what} is of the type {getattr(kind, '__name__', kind)}, got {value!r:.80}") from None
         for bounds in () if value is None else limits:
             numbers = np.ravel(value).tolist()
-            if any(isinstance(each, bool) or not bounds.lowest <= each <= bounds.highest for each in numbers):
-                raise ValueError(f"{what} must be {bounds.words}, got {value!s:.80}")
+            if any(isinstance(each, bool) or not bounds.minimum <= each <= bounds.maximum for each in numbers):
+                raise ValueError(f"{what} must be {bounds.description}, got {value!s:.80}")
 
 
 @cache
@@ -146,9 +146,9 @@ class FallRule(Settings):
     height: float | None = None
     """m, trunk centre above the terrain below it; None for a fifth of the robot's leg, SimpleQuad's 0.12 m"""
 
-    def lowest(self, leg_length: float) -> float:
+    def min_trunk_height(self, leg_length: float) -> float:
         """Height below which a robot on legs of that length, m, has fallen, m."""
-        return LOWEST_TRUNK * leg_length if self.height is None else self.height
+        return MIN_TRUNK_HEIGHT_RATIO * leg_length if self.height is None else self.height
 
 
 FALL_RULE = FallRule().name

@@ -59,7 +59,7 @@ FACTS: list[Fact] = [
     (
         "docs/environment.md",
         f"its tilt exceeds {NUMBER}°, or its centre is lower than {NUMBER} m",
-        lambda: [math.degrees(FallRule().tilt), FallRule().lowest(SIMPLE_QUAD.leg_length)],
+        lambda: [math.degrees(FallRule().tilt), FallRule().min_trunk_height(SIMPLE_QUAD.leg_length)],
     ),
     (
         "docs/environment.md",
@@ -72,7 +72,7 @@ FACTS: list[Fact] = [
     (
         "docs/numbers.md",
         f"its tilt exceeds {NUMBER}°, or its trunk's centre is lower than {NUMBER} m",
-        lambda: [math.degrees(FallRule().tilt), FallRule().lowest(SIMPLE_QUAD.leg_length)],
+        lambda: [math.degrees(FallRule().tilt), FallRule().min_trunk_height(SIMPLE_QUAD.leg_length)],
     ),
     (
         "docs/numbers.md",

@@ -100,6 +100,6 @@ def _episode_json(policy: LabelledPolicy, take: FilmSpec, progress: Progress) ->
         "events": sorted(events(record, measures, end), key=itemgetter("time")),
         "curves": curves(record, end),
         "legs": [name.upper() for name in record.robot.leg_names],
-        "fallen": {"tilt": FallRule.tilt, "height": FallRule().lowest(record.robot.leg_length)},
+        "fallen": {"tilt": FallRule.tilt, "height": FallRule().min_trunk_height(record.robot.leg_length)},
         "frames": frames,
     }

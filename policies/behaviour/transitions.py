@@ -107,7 +107,7 @@ def conditions(
     begun = ticks >= round(MINIMUM_TIME / control_period)
     return {
         "in home pose": at_home & begun,
-        "toppling": (up < np.cos(TOPPLING_TILT)) | (height < _FALL_RULE.lowest(robot.leg_length)),
+        "toppling": (up < np.cos(TOPPLING_TILT)) | (height < _FALL_RULE.min_trunk_height(robot.leg_length)),
         "landed": at_home & (ticks >= round(JUMP_TIME / control_period)),
         "settled": begun & (turning < SETTLED_ANGULAR),
         "late": ticks >= _limit_ticks(control_period)[state],

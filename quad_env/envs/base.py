@@ -146,7 +146,7 @@ class QuadEnvBase:
         self.scenario = find_scenario(_setting(scenario), self.robot)
         """Scenario that is simulated."""
         equipment = self._select_equipment(_setting(actuator), _setting(sensors), estimator)
-        self._min_trunk_height = self.config.fall_rule.lowest(self.robot.leg_length)
+        self._min_trunk_height = self.config.fall_rule.min_trunk_height(self.robot.leg_length)
         self._reward_weights = step_weights(self.config.reward_weights, self.dt)
         self._user_rewards = user_rewards(rewards)
         self._user_terms = user_terms(observations)
@@ -264,7 +264,7 @@ class QuadEnvBase:
     def _simulate(self, targets: Array, delayed_targets: Array | None, env_ids: EnvSelection) -> None:
         """Advance the simulation and the clocks of robots by a control period."""
         schedule = self._schedule
-        self.simulation.step(targets, schedule.force(), env_ids, delayed_targets)
+        self.simulation.step(targets, schedule.push_force(), env_ids, delayed_targets)
         self._tracked_command[env_ids] = schedule.command[env_ids]
         schedule.step_count[env_ids] += 1
 

@@ -145,7 +145,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         Raises:
             ValueError: a wrong shape, or a command that is not finite or beyond the largest; nothing has changed then.
         """
-        self._schedule.steer(arguments.commands(command, self.num_envs, "command"))
+        self._schedule.fix_commands(arguments.commands(command, self.num_envs, "command"))
 
     def push(self, force: ArrayLike, duration: float) -> None:
         """Push the trunks with this force, world frame, (2,) or (n, 2), N, for a duration, s, added to the scenario's

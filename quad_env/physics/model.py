@@ -50,7 +50,7 @@ def compile_model(
     if scenario.payload is not None:
         _add_payload(spec, scenario.payload, robot)
     bandwidth = min_limit(motors.bandwidth, actuator.bandwidth)
-    limit = np.full(robot.num_joints, motors.largest_torque(robot))
+    limit = np.full(robot.num_joints, motors.max_torque(robot))
     if actuator.curve is not None:
         line = actuator.curve.resolve(robot)
         _convert_to_dc_motors(spec, line, robot)
@@ -123,15 +123,15 @@ def slope_quaternion(slope: Slope) -> tuple[float, float, float, float]:
 def _add_height_field(spec: mujoco.MjSpec, terrain: SmoothRandom | HeightField) -> None:
     """About the origin; the plane around it is as low as its lowest point."""
     heights = terrain.heights
-    rows, columns = heights.unit.shape
+    rows, columns = heights.normalized.shape
     spec.add_hfield(
         name=_TERRAIN,
         nrow=rows,
         ncol=columns,
         size=[*terrain.half, heights.span, _FLOOR_DEPTH],
-        userdata=heights.unit.ravel(),
+        userdata=heights.normalized.ravel(),
     )
-    place = (0.0, 0.0, heights.lowest)
+    place = (0.0, 0.0, heights.min_height)
     _add_ground(spec, name=_TERRAIN, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=_TERRAIN, pos=place)
     spec.geom(_GROUND).pos = place
 

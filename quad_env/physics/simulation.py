@@ -205,7 +205,7 @@ class Simulation:
         is_bumpy = isinstance(self.terrain, SmoothRandom | HeightField)
         clearance = _SPAWN_HEIGHT * self.robot.leg_length if self.robot.imported and is_bumpy else 0.0
         if isinstance(self.terrain, HeightField):  # it may be at any height and have many small cells
-            clearance += self.terrain.heights.lowest + self.terrain.heights.span
+            clearance += self.terrain.heights.min_height + self.terrain.heights.span
         return clearance
 
     def _bind_servo_gains(self, servo_gains: Array | None) -> None:

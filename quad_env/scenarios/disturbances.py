@@ -80,7 +80,7 @@ class Motors(Settings):
     """Hz at which a servo follows a sine of its target with 1/√2 of the amplitude: a first-order filter of the target
     with the time constant 1/(2π·bandwidth). None is a servo that sees its target at once."""
 
-    def largest_torque(self, robot: Robot) -> float:
+    def max_torque(self, robot: Robot) -> float:
         """Torque limit on that robot, N·m."""
         return robot.rated_torque if self.torque_limit is None else self.torque_limit
 

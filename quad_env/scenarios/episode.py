@@ -49,7 +49,7 @@ class EpisodeSample:
         self.pushes = _draw_pushes(scenario.pushes, self.streams.pushes, dt)
         self.force: Array | None = None
         """Steady force on the trunk in a uniformly random horizontal direction, world frame, (2,), N."""
-        self.load: Array | None = None
+        self.payload_position: Array | None = None
         """Centre of the payload, ahead and to the left of the trunk's centre, (2,), m."""
         self.randomised: RandomizationSample | None = None
         """Figures of robot and ground that are not as usual."""
@@ -63,7 +63,7 @@ class EpisodeSample:
             angle = self.streams.force.uniform(-np.pi, np.pi)
             self.force = steady.force * np.array((np.cos(angle), np.sin(angle)))
         if (payload := scenario.payload) is not None:
-            self.load = self.streams.payload.uniform(-1, 1, 2) * np.array(payload.reach)
+            self.payload_position = self.streams.payload.uniform(-1, 1, 2) * np.array(payload.reach)
         if (dropouts := scenario.dropouts) is not None:
             first_step = _stratified_start_steps(dropouts, self.streams.dropouts, dt)
             self.dropouts = first_step, self.streams.dropouts.integers(robot.num_joints, size=dropouts.count)
@@ -133,7 +133,7 @@ def stack_initial_conditions(
     what of robot and ground was drawn, k or none."""
     starts = np.stack([episode.start for episode in episodes])
     forces = [episode.force for episode in episodes if episode.force is not None]
-    loads = [episode.load for episode in episodes if episode.load is not None]
+    loads = [episode.payload_position for episode in episodes if episode.payload_position is not None]
     randomised = [episode.randomised for episode in episodes if episode.randomised is not None]
     return starts, np.stack(forces) if forces else None, np.stack(loads) if loads else None, randomised
 

@@ -13,25 +13,25 @@ from quad_env.columns import Array
 from quad_env.files.reading import parse_toml, read_bytes
 from quad_env.files.text import format_exception, one_line
 
-MOST_SAMPLES = 4_000_000
-LARGEST = 1e6
+MAX_SAMPLES = 4_000_000
+MAX_HEIGHT = 1e6
 """m, beyond any ground."""
 KEYS = "file", "size", "height", "start"
-LINES = 'file = "hill.png" or "hill.npy", size = [8.0, 8.0], and perhaps height = 0.4 or start = [0.0, 0.0]'
+EXAMPLE_LINES = 'file = "hill.png" or "hill.npy", size = [8.0, 8.0], and perhaps height = 0.4 or start = [0.0, 0.0]'
 
 
 class Heights(NamedTuple):
     """Heights on a grid."""
 
-    unit: Array
+    normalized: Array
     """From 0 at the lowest to 1 at the highest, rows along y and columns along x, (rows, columns)."""
-    lowest: float
+    min_height: float
     """m"""
     span: float
     """From the lowest to the highest, m; 1 where all are alike."""
 
 
-def given(path: Path) -> list[Any]:
+def parse_terrain_toml(path: Path) -> list[Any]:
     """The values of KEYS in a TOML file, arrays as tuples; ValueError, one line, for what has others."""
     content = _content(path)
     try:
@@ -69,8 +69,8 @@ def read(file: str, sha256: str, peak: float | None) -> Heights:
     except Exception as error:  # of most kinds: Pillow raises them for damaged files
         raise ValueError(f"{file}: {format_exception(error).removeprefix('ValueError: ')}") from error
     lowest, highest = float(values.min()), float(values.max())
-    if not max(-lowest, highest) < LARGEST:
-        raise ValueError(f"{file}: heights are numbers within ±{LARGEST:g} m, not from {lowest:g} to {highest:g}")
+    if not max(-lowest, highest) < MAX_HEIGHT:
+        raise ValueError(f"{file}: heights are numbers within ±{MAX_HEIGHT:g} m, not from {lowest:g} to {highest:g}")
     span = highest - lowest or 1.0
     # MuJoCo keeps height fields in single precision; both must see the same surface. Its rows run towards +y.
     unit = ((values[::-1] - lowest) / span).astype(np.float32).astype(np.float64)
@@ -120,6 +120,6 @@ def _picture(content: bytes) -> Array:
 
 
 def _check_shape(shape: tuple[int, ...]) -> None:
-    if len(shape) != 2 or min(shape) < 2 or shape[0] * shape[1] > MOST_SAMPLES:
+    if len(shape) != 2 or min(shape) < 2 or shape[0] * shape[1] > MAX_SAMPLES:
         size = " x ".join(map(str, shape)) or "one number"
-        raise ValueError(f"heights are at least 2 x 2 and at most {MOST_SAMPLES} samples, in rows; these are {size}")
+        raise ValueError(f"heights are at least 2 x 2 and at most {MAX_SAMPLES} samples, in rows; these are {size}")

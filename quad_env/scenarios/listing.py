@@ -8,7 +8,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import Axis, known_axes
 from quad_env.scenarios.registry import STEADY, extension_scenarios
 
-EXAMPLES = {
+SYNTAX_EXAMPLES = {
     "push": "the nominal severity of the axis",
     "push:3": "the third of its levels",
     "push=42": "that severity, in the unit of the axis",
@@ -46,7 +46,7 @@ def text(robot: Robot = SIMPLE_QUAD) -> str:
     lines += [f"  {STEADY.name:13}level ground, and 0.5 m/s straight ahead: where effort is compared"]
     lines += [f"  {name:13}of an installed extension" for name in extension_scenarios()]
     lines += ["", "where a scenario is asked for, write"]
-    return "\n".join(lines + [f"  {written:21}{meaning}" for written, meaning in EXAMPLES.items()])
+    return "\n".join(lines + [f"  {written:21}{meaning}" for written, meaning in SYNTAX_EXAMPLES.items()])
 
 
 def axis_line(axis: Axis) -> str:

@@ -9,7 +9,7 @@ from quad_env.columns import Array
 from quad_env.config import Bounds, NonNegative, Positive, Settings
 from quad_env.scenarios.disturbances import Delay
 
-Part = Annotated[float, Bounds("from 0 to 0.9", 0.0, 0.9)]
+LargeFraction = Annotated[float, Bounds("from 0 to 0.9", 0.0, 0.9)]
 
 
 class RandomizationSample(NamedTuple):
@@ -38,15 +38,15 @@ class DomainRandomisation(Settings):
 
     friction: tuple[Positive, Positive] = (0.5, 1.25)
     """Range of the factor on the ground's friction coefficient, which holds for whatever touches the ground"""
-    trunk_mass: Part = 0.2
+    trunk_mass: LargeFraction = 0.2
     """Largest share of the trunk's mass that is added or removed; its inertia goes with it"""
     centre_of_mass: tuple[NonNegative, NonNegative, NonNegative] = (0.05, 0.05, 0.01)
     """m, half-widths along the trunk's axes, forward, to the left and up, of its centre of mass"""
-    stiffness: Part = 0.2
+    stiffness: LargeFraction = 0.2
     """Largest share by which the stiffness of each joint's servo is more or less"""
-    damping: Part = 0.2
+    damping: LargeFraction = 0.2
     """The same of its damping"""
-    motor_strength: Part = 0.1
+    motor_strength: LargeFraction = 0.1
     """The same of its torque limit; of motors with a torque-speed curve, of the limit of the current"""
     delay: Delay = 0.02
     """s, longest delay of actions, from 0 on, rounded to whole control steps; added to the scenario's `Latency`"""

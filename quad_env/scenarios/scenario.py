@@ -16,7 +16,7 @@ from quad_env.scenarios.terrain import Flat, SmoothRandom, Stairs, Terrain
 HARDWARE, RANDOMISED, SCAN_LOST = "+hardware", "+randomised", "+scan_lost"
 """Ends of the names of scenarios on the hardware profile, with domain randomisation and with a height scan that shows
 nothing."""
-FIELD_OF_SUFFIX = {SCAN_LOST: "scan_lost", RANDOMISED: "randomisation", HARDWARE: "hardware"}
+SUFFIX_FIELDS = {SCAN_LOST: "scan_lost", RANDOMISED: "randomisation", HARDWARE: "hardware"}
 """End of a name -> the field that it is about, in the order in which they stand."""
 
 
@@ -52,24 +52,24 @@ class Scenario(Settings):
     @property
     def suffix(self) -> str:
         """End of the name of an axis's scenarios like this."""
-        return "".join(end for end, field in FIELD_OF_SUFFIX.items() if getattr(self, field))
+        return "".join(end for end, field in SUFFIX_FIELDS.items() if getattr(self, field))
 
 
 def with_hardware_profile(scenario: Scenario, _: Robot = SIMPLE_QUAD) -> Scenario:
     """The same with the robot's hardware profile, under the name with HARDWARE; itself where it has that already."""
-    return _ended(scenario, hardware=True)
+    return _with_settings(scenario, hardware=True)
 
 
 def _randomised(scenario: Scenario, robot: Robot) -> Scenario:
     usual = scaled(Scenario("usual", randomisation=DomainRandomisation()), robot).randomisation
-    return _ended(scenario, randomisation=scenario.randomisation or usual)
+    return _with_settings(scenario, randomisation=scenario.randomisation or usual)
 
 
 def _without_scan(scenario: Scenario, _: Robot) -> Scenario:
-    return _ended(scenario, scan_lost=True)
+    return _with_settings(scenario, scan_lost=True)
 
 
-def _ended(scenario: Scenario, **settings: Any) -> Scenario:
+def _with_settings(scenario: Scenario, **settings: Any) -> Scenario:
     found = replace(scenario, **settings)
     renamed = scenario.name.removesuffix(scenario.suffix) + found.suffix
     return scenario if found == scenario else replace(found, name=renamed)
@@ -105,7 +105,7 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
         randomisation = replace(randomisation, centre_of_mass=(by("m") * ahead, by("m") * beside, by("m") * above))
     return replace(
         scenario,
-        terrain=_terrain(scenario.terrain, by("m")),
+        terrain=_scaled_terrain(scenario.terrain, by("m")),
         commands=scenario.commands.scaled(by("m/s"), by("rad/s")),
         pushes=pushes and replace(pushes, impulse=by("N·s") * pushes.impulse),
         force=force and replace(force, force=by("N") * force.force),
@@ -116,7 +116,7 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
     )
 
 
-def _terrain(terrain: Terrain, larger: float) -> Terrain:
+def _scaled_terrain(terrain: Terrain, larger: float) -> Terrain:
     if isinstance(terrain, Stairs):
         landing = max(1.0, larger) * terrain.landing  # which small robots need no less
         lengths = {name: larger * getattr(terrain, name) for name in ("rise", "run", "half_width")}

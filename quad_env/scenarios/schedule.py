@@ -60,7 +60,7 @@ class EpisodeSchedule:
             for i in np.arange(len(self.step_count))[env_ids][due & ~self._held[env_ids]]:
                 self.command[i] = self._episodes[i].next_command()
 
-    def steer(self, commands: Array) -> None:
+    def fix_commands(self, commands: Array) -> None:
         """Every robot follows its command, (n, 3), to the end of its episode; no more are drawn."""
         self.command[:], self._held[:] = commands, True
 
@@ -68,7 +68,7 @@ class EpisodeSchedule:
         """Push the trunks with these forces, world frame, (n, 2), N, for some control steps, added to their pushes."""
         self._shove, self._shove_end = forces, self.step_count + steps
 
-    def force(self) -> Array | None:
+    def push_force(self) -> Array | None:
         """Pushing force on every trunk in the coming step, world frame, (n, 2), N; None before the first push."""
         planned = self.pushes.force_at(self.step_count)
         if self._shove is None:

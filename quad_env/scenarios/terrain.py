@@ -16,7 +16,7 @@ from quad_env.scenarios import height_file
 from quad_env.scenarios.height_file import Heights
 
 Length = Annotated[float, Bounds("more than 0 m and at most 1e6 m", sys.float_info.min, 1e6)]
-STRIDE_ROOM = 0.7
+MIN_START_CLEARANCE = 0.7
 """m of level ground about the trunk's centre that hold the legs of a starting robot, whatever way it faces."""
 
 
@@ -77,8 +77,8 @@ class Stairs(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.landing >= self.spawn_radius + STRIDE_ROOM:
-            raise ValueError(f"the landing must be longer than the spawn_radius by {STRIDE_ROOM} m, got {self}")
+        if not self.landing >= self.spawn_radius + MIN_START_CLEARANCE:
+            raise ValueError(f"the landing must be longer than the spawn_radius by {MIN_START_CLEARANCE} m, got {self}")
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
         """Ground height in the world frame, m; that of the tread right on a riser."""
@@ -148,7 +148,7 @@ class SmoothRandom(Settings):
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
         """Surface height at world points, m: linear on the two triangles of each cell, as MuJoCo collides with it."""
         column, row = (x + self.half_size) / self.cell, (y + self.half_size) / self.cell
-        surface = _interpolate_height(self.heights.unit, self.peak_to_valley, column, row)
+        surface = _interpolate_height(self.heights.normalized, self.peak_to_valley, column, row)
         inside = (abs(x) <= self.half_size) & (abs(y) <= self.half_size)
         return cast("ScalarOrBatch", where(inside, surface, 0.0))
 
@@ -186,12 +186,12 @@ class HeightField(Settings):
     def from_toml(cls, path: Path) -> "HeightField":
         """The ground that a TOML file describes by its `file`, `size`, `height` (the `peak`) and `start`; ValueError,
         one line, for what is none."""
-        file, size, height, start = height_file.given(path)
+        file, size, height, start = height_file.parse_terrain_toml(path)
         place = str(path.parent / str(file))
         try:
             found = cls(place, height_file.sha256_of(place), size, height, start)
         except ValueError as error:
-            raise ValueError(one_line(f"{path}: {error}; it wants lines such as {height_file.LINES}")) from None
+            raise ValueError(one_line(f"{path}: {error}; it wants lines such as {height_file.EXAMPLE_LINES}")) from None
         height_file.read(place, found.sha256, height)  # raises for what is no ground
         return found
 

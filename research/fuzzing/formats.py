@@ -269,7 +269,7 @@ def _terrain(folder: Path, rng: Rng) -> Path:
 
 def _read_terrain(file: Path) -> None:
     found = HeightField.from_toml(file)
-    if not np.isfinite([found.heights.lowest, found.heights.span]).all():
+    if not np.isfinite([found.heights.min_height, found.heights.span]).all():
         raise AbsurdError("heights that are not finite")
 
 

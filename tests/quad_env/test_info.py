@@ -59,7 +59,7 @@ def test_the_scenarios_of_a_smaller_robot_are_those_that_are_as_hard_for_it() ->
     assert "  push         17.5 N·s " in own
 
 
-@pytest.mark.parametrize("written", [name for name in listing.EXAMPLES if not battery.is_file_reference(name)])
+@pytest.mark.parametrize("written", [name for name in listing.SYNTAX_EXAMPLES if not battery.is_file_reference(name)])
 def test_scenarios_can_be_written_as_the_examples_say(written) -> None:
     assert battery.resolve((written,), quad_env.SIMPLE_QUAD)
 

@@ -166,8 +166,8 @@ def test_a_validation_is_on_the_robots_own_ground(small: Robot, monkeypatch: pyt
 
 def test_a_fall_is_judged_by_the_robots_own_height(small: Robot) -> None:
     env = SimpleQuadEnv(robot=small, terminate_on_fall=False)
-    assert env.config.fall_rule.lowest(small.leg_length) == pytest.approx(0.2 * small.leg_length)
-    assert env.config.fall_rule.lowest(SIMPLE_QUAD.leg_length) == 0.12
+    assert env.config.fall_rule.min_trunk_height(small.leg_length) == pytest.approx(0.2 * small.leg_length)
+    assert env.config.fall_rule.min_trunk_height(SIMPLE_QUAD.leg_length) == 0.12
     env.reset(seed=0)
     for height, code in ((0.9, 3), (1.1, 0)):
         state = env.simulation.state((0.0, 0.0, 0.0), None)._replace(height=height * 0.2 * small.leg_length)

@@ -75,7 +75,7 @@ def test_a_command_that_is_given_holds_to_the_end_of_the_episode() -> None:
     found.reset(np.array([1]), None)
     np.testing.assert_array_equal(found.command[1], episode(5, 1).next_command())
     np.testing.assert_array_equal(found.command[[0, 2]], held[[0, 2]])
-    found.steer(held[::-1])
+    found.fix_commands(held[::-1])
     found.step_count[:] = 20
     found.resample_commands(slice(None))
     np.testing.assert_array_equal(found.command, held[::-1])
@@ -98,25 +98,25 @@ def test_pushes_act_for_their_time_and_those_by_hand_on_top_of_them() -> None:
     seen = 0
     for step in range(45):
         found.step_count[:] = step, step + 3, step + 11
-        force = found.force()
+        force = found.push_force()
         assert force is not None
         np.testing.assert_allclose(force, planned(found.step_count))
         seen += int(np.abs(force).any(axis=1).sum())
     assert seen > 20
     found.step_count[:] = [plan.first_step[0] for plan in plans]
     found.apply_push(np.ones((3, 2)), 1)
-    np.testing.assert_allclose(found.force(), planned(found.step_count) + 1.0)
+    np.testing.assert_allclose(found.push_force(), planned(found.step_count) + 1.0)
     found.step_count[:] = 100, 200, 300
     by_hand = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
     found.apply_push(by_hand, 2)
     for _ in range(2):
-        np.testing.assert_allclose(found.force(), by_hand)
+        np.testing.assert_allclose(found.push_force(), by_hand)
         found.step_count += 1
-    assert not found.force().any()  # type: ignore[union-attr]
+    assert not found.push_force().any()  # type: ignore[union-attr]
     found.apply_push(by_hand, 5)
     found.reset(np.array([1]), None)
     found.step_count[0], found.step_count[2] = 102, 302
-    force = found.force()
+    force = found.push_force()
     assert force is not None
     np.testing.assert_allclose(force[[0, 2]], by_hand[[0, 2]])
     plans[1] = episode(5, 1).pushes
@@ -126,6 +126,6 @@ def test_pushes_act_for_their_time_and_those_by_hand_on_top_of_them() -> None:
 def test_where_nothing_pushes_there_is_no_force_before_the_first_push_by_hand() -> None:
     found = schedule(scenario=Scenario("made"))
     found.reset(ALL, None)
-    assert found.force() is None
+    assert found.push_force() is None
     found.apply_push(np.ones((3, 2)), 1)
-    np.testing.assert_array_equal(found.force(), np.ones((3, 2)))
+    np.testing.assert_array_equal(found.push_force(), np.ones((3, 2)))

@@ -19,20 +19,20 @@ SMALL = SmoothRandom(half_size=6.0, spawn_radius=4.0)
 
 
 def test_peak_to_valley_is_exact_and_reached_within_any_few_metres() -> None:
-    heights = SMALL.heights.unit * SMALL.peak_to_valley
+    heights = SMALL.heights.normalized * SMALL.peak_to_valley
     assert np.ptp(heights) == pytest.approx(0.12)
     assert min(np.ptp(heights[i : i + 20, j : j + 20]) for i in range(0, 100, 20) for j in range(0, 100, 20)) > 0.08
 
 
 def test_autocorrelation_falls_to_1_over_e_at_the_correlation_length() -> None:
-    heights = SmoothRandom(correlation_length=0.5).heights.unit
+    heights = SmoothRandom(correlation_length=0.5).heights.normalized
     heights = heights - heights.mean()
     assert np.mean(heights[:, 5:] * heights[:, :-5]) / heights.var() == pytest.approx(np.exp(-1), abs=0.05)
 
 
 def test_a_seed_is_a_surface() -> None:
-    assert (SmoothRandom(half_size=6.0, spawn_radius=4.0).heights.unit == SMALL.heights.unit).all()
-    assert (SmoothRandom(half_size=6.0, spawn_radius=4.0, seed=1).heights.unit != SMALL.heights.unit).any()
+    assert (SmoothRandom(half_size=6.0, spawn_radius=4.0).heights.normalized == SMALL.heights.normalized).all()
+    assert (SmoothRandom(half_size=6.0, spawn_radius=4.0, seed=1).heights.normalized != SMALL.heights.normalized).any()
 
 
 @pytest.mark.parametrize("name", ["rough", "gravel", "surprise"])
