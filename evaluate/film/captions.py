@@ -46,16 +46,18 @@ class Text:
         Returns:
             Width that the text takes with its margins, pixels.
         """
-        draw, size, room = ImageDraw.Draw(image), self.size, image.width - 2 * _MARGIN - taken
+        draw = ImageDraw.Draw(image)
+        size = self.size
+        room = image.width - 2 * _MARGIN - taken
         while size > MIN_FONT_SIZE and draw.textlength(text, font_size=size) > room:
             size -= 1
         while len(text) > 1 and draw.textlength(text, font_size=size) > room:
             text = f"{text[:-2]}…"
-        length = round(draw.textlength(text, font_size=size))
+        width = round(draw.textlength(text, font_size=size))
+        left = image.width - _MARGIN - width if right else _MARGIN
         top = self.height(line) - _MARGIN // 2 if line >= 0 else image.height - self.height(-line) + _MARGIN // 2
-        place = image.width - _MARGIN - length if right else _MARGIN, top
-        draw.text(place, text, fill=ink, font_size=size, stroke_width=self.edge, stroke_fill=(0, 0, 0))
-        return length + 2 * _MARGIN
+        draw.text((left, top), text, fill=ink, font_size=size, stroke_width=self.edge, stroke_fill=(0, 0, 0))
+        return width + 2 * _MARGIN
 
     def write_banner(self, image: Image.Image, text: str, ground: Ink) -> None:
         """Write a line on a coloured bar along the bottom.

@@ -25,12 +25,12 @@ def curves(episodes: Episodes, end: int) -> dict[str, Any]:
         Signal -> a list for each of its columns, one value per control step, from the reading after it. `torque_share`
         is the largest of each leg's joints, `given` is from `estimated_state`.
     """
-    found = {name: np.asarray(getattr(episodes, name)[:end, 0], np.float64) for name in SIGNALS}
-    share = episodes.peak_torque[:end, 0].astype(np.float64) / np.asarray(episodes.torque_limit)
-    found["torque_share"] = share.reshape(end, len(episodes.robot.leg_names), -1).max(axis=-1)
+    signals = {name: np.asarray(getattr(episodes, name)[:end, 0], np.float64) for name in SIGNALS}
+    torque_share = episodes.peak_torque[:end, 0].astype(np.float64) / np.asarray(episodes.torque_limit)
+    signals["torque_share"] = torque_share.reshape(end, len(episodes.robot.leg_names), -1).max(axis=-1)
     if episodes.observed is not None:
-        found["given"] = estimated_state(episodes.observed[:end, 0].astype(np.float64))
-    columns = {name: values.round(4).reshape(end, -1).T.tolist() for name, values in found.items()}
+        signals["given"] = estimated_state(episodes.observed[:end, 0].astype(np.float64))
+    columns = {name: values.round(4).reshape(end, -1).T.tolist() for name, values in signals.items()}
     return {name: nan_to_null(lists) for name, lists in columns.items()}
 
 
@@ -43,13 +43,21 @@ def estimated_state(observed: Floats) -> Floats:
     Returns:
         Tilt, rad, forward and left velocity, m/s, and yaw rate, rad/s, (steps, 4).
     """
-    gravity, turning, velocity = np.split(observed, 3, axis=1)
+    gravity, angular_velocity, velocity = np.split(observed, 3, axis=1)
     up = -gravity / np.maximum(np.linalg.norm(gravity, axis=1), 1e-9)[:, None]
-    nose = np.array([1.0, 0.0, 0.0]) - up[:, :1] * up
-    nose /= np.maximum(np.linalg.norm(nose, axis=1), 1e-9)[:, None]
-    along = ((velocity, nose), (velocity, np.cross(up, nose)), (turning, up))
+    forward = np.array([1.0, 0.0, 0.0]) - up[:, :1] * up
+    forward /= np.maximum(np.linalg.norm(forward, axis=1), 1e-9)[:, None]
+    left = np.cross(up, forward)
     tilt = np.arccos(np.clip(up[:, 2], -1.0, 1.0))
-    return np.stack([tilt, *((one * way).sum(axis=1) for one, way in along)], axis=1)
+    return np.stack(
+        [
+            tilt,
+            (velocity * forward).sum(axis=1),
+            (velocity * left).sum(axis=1),
+            (angular_velocity * up).sum(axis=1),
+        ],
+        axis=1,
+    )
 
 
 def events(episodes: Episodes, measures: Measures, end: int) -> Iterator[dict[str, Any]]:

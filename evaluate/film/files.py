@@ -15,7 +15,9 @@ from quad_env.files.writing import write_atomically
 
 STRIP_SUFFIX = ".png"
 FILM_SUFFIXES = (".mp4", ".webp", ".gif", STRIP_SUFFIX)
-STRIP_FRAMES, STRIP_WIDTH = 12, 2560
+STRIP_FRAMES = 12
+"""Number of frames in a strip."""
+STRIP_WIDTH = 2560
 """pixels. Width of the rows of a strip."""
 LAST_FRAME_TIME = 1.5
 """s. Additional display time of the last frame."""
@@ -74,14 +76,16 @@ def write_film(images: Iterable[Image.Image], path: Path, period: float) -> None
         path: File; its suffix selects the format.
         period: Display time of a frame, s.
     """
-    kind = path.suffix.lower()
-    if kind == ".mp4":
+    suffix = path.suffix.lower()
+    if suffix == ".mp4":
         _encode(images, path, period)
+        return
+    frames = list(images)
+    if suffix == STRIP_SUFFIX:
+        content = _strip(frames)
     else:
-        whole = list(images)
-        write_atomically(
-            path, _strip(whole) if kind == STRIP_SUFFIX else encode_animation(whole, kind[1:], period, LAST_FRAME_TIME)
-        )
+        content = encode_animation(frames, suffix[1:], period, LAST_FRAME_TIME)
+    write_atomically(path, content)
 
 
 def encode_animation(
@@ -99,18 +103,26 @@ def encode_animation(
     Returns:
         Contents of the file.
     """
-    buffer, lasting = io.BytesIO(), [round(1000 * period)] * len(images)
-    lasting[-1] += round(1000 * end)
-    how = {"duration": lasting, "loop": 0, "quality": quality, "method": 4}  # a third smaller than by Pillow's 0
-    images[0].save(buffer, kind, save_all=True, append_images=images[1:], **how)
+    buffer = io.BytesIO()
+    durations = [round(1000 * period)] * len(images)
+    durations[-1] += round(1000 * end)
+    settings = {
+        "duration": durations,
+        "loop": 0,
+        "quality": quality,
+        "method": 4,  # a third smaller than with Pillow's default of 0
+    }
+    images[0].save(buffer, kind, save_all=True, append_images=images[1:], **settings)
     return buffer.getvalue()
 
 
 def _strip(images: list[Image.Image]) -> bytes:
     """Encode STRIP_FRAMES images, evenly over the film, in rows of a PNG."""
-    places = np.linspace(0, len(images) - 1, min(STRIP_FRAMES, len(images))).round().astype(int)
-    rows = -(-len(places) // max(1, STRIP_WIDTH // images[0].width))
-    tile_images([images[place] for place in places], -(-len(places) // rows)).save(buffer := io.BytesIO(), "png")
+    indices = np.linspace(0, len(images) - 1, min(STRIP_FRAMES, len(images))).round().astype(int)
+    rows = -(-len(indices) // max(1, STRIP_WIDTH // images[0].width))
+    columns = -(-len(indices) // rows)
+    buffer = io.BytesIO()
+    tile_images([images[index] for index in indices], columns).save(buffer, "png")
     return buffer.getvalue()
 
 
@@ -118,25 +130,28 @@ def tile_images(images: Sequence[Image.Image], columns: int) -> Image.Image:
     """Arrange `images` of equal size in rows of at most `columns`."""
     width, height = images[0].size
     columns = min(columns, len(images))
-    out = Image.new("RGB", (columns * width, -(-len(images) // columns) * height), "white")
-    for place, image in enumerate(images):
-        out.paste(image, (place % columns * width, place // columns * height))
-    return out
+    rows = -(-len(images) // columns)
+    tiles = Image.new("RGB", (columns * width, rows * height), "white")
+    for index, image in enumerate(images):
+        tiles.paste(image, (index % columns * width, index // columns * height))
+    return tiles
 
 
 def _encode(images: Iterable[Image.Image], path: Path, period: float) -> None:
-    """Encode an MP4 with even width and height, as its colour format needs; OSError if it is incomplete."""
+    """Encode an MP4 with even width and height, as its colours need; OSError if it is incomplete."""
     import imageio_ffmpeg
 
-    left = iter(images)
-    first = next(left)
-    size = first.width + first.width % 2, first.height + first.height % 2
-    how = {"fps": 1 / period, "macro_block_size": 1, "ffmpeg_log_level": "quiet"}
+    remaining = iter(images)
+    first = next(remaining)
+    size = (first.width + first.width % 2, first.height + first.height % 2)
+    settings = {"fps": 1 / period, "macro_block_size": 1, "ffmpeg_log_level": "quiet"}
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
-        temporary, count, frame = Path(folder) / path.name, 0, b""
-        with closing(imageio_ffmpeg.write_frames(str(temporary), size, **how)) as encoder:
+        temporary = Path(folder) / path.name
+        count = 0
+        frame = b""
+        with closing(imageio_ffmpeg.write_frames(str(temporary), size, **settings)) as encoder:
             encoder.send(None)
-            for image in chain([first], left, repeat(None, round(LAST_FRAME_TIME / period))):
+            for image in chain([first], remaining, repeat(None, round(LAST_FRAME_TIME / period))):
                 frame = frame if image is None else image.crop((0, 0, *size)).tobytes()
                 encoder.send(frame)
                 count += 1

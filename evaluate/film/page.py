@@ -26,7 +26,7 @@ LEAD = 1.0
 """s. Time before the first cause or fall at which the page opens."""
 
 
-def write_page(take: FilmSpec, path: Path, progress: Progress) -> None:
+def write_page(spec: FilmSpec, path: Path, progress: Progress) -> None:
     """Simulate, film and write the page of an episode.
 
     Args:
@@ -34,12 +34,12 @@ def write_page(take: FilmSpec, path: Path, progress: Progress) -> None:
         path: File to write.
         progress: Receives the completed part, 0 … 1.
     """
-    count = len(take.policies)
-    shown = [
-        _episode_json(policy, take, partial_progress(progress, place, count))
-        for place, policy in enumerate(take.policies)
+    count = len(spec.policies)
+    episodes = [
+        _episode_json(policy, spec, partial_progress(progress, index, count))
+        for index, policy in enumerate(spec.policies)
     ]
-    write_atomically(path, render_page(take.title, shown).encode())
+    write_atomically(path, render_page(spec.title, episodes).encode())
     progress(1.0)
 
 
@@ -67,29 +67,30 @@ def render_page(title: str, episodes: list[dict[str, Any]]) -> str:
     Returns:
         HTML.
     """
-    failures = [event["time"] for each in episodes for event in each["events"] if event["kind"] in ("cause", "fall")]
-    values = {
-        "period": PAGE_RENDER_OPTIONS.period,
-        "start": max(0.0, min(failures, default=0.0) - LEAD),
-        "episodes": episodes,
-    }
+    failure_times = [
+        event["time"] for episode in episodes for event in episode["events"] if event["kind"] in ("cause", "fall")
+    ]
+    start = max(0.0, min(failure_times, default=0.0) - LEAD)
+    values = {"period": PAGE_RENDER_OPTIONS.period, "start": start, "episodes": episodes}
     data = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     folder = Path(__file__).with_name("html")
     html, css, js = ((folder / f"episode.{kind}").read_text(encoding="utf-8") for kind in ("html", "css", "js"))
     return Template(html).substitute(title=escape(title), css=css, js=js, data=data)
 
 
-def _episode_json(policy: LabelledPolicy, take: FilmSpec, progress: Progress) -> dict[str, Any]:
+def _episode_json(policy: LabelledPolicy, spec: FilmSpec, progress: Progress) -> dict[str, Any]:
     """Simulate and film one policy's episode; return the content of the page as JSON values."""
     frames = []
-    with closing(EpisodeView(policy, take, PAGE_RENDER_OPTIONS)) as panel:
-        for step in panel:
+    with closing(EpisodeView(policy, spec, PAGE_RENDER_OPTIONS)) as view:
+        for step in view:
             if step.number % PAGE_RENDER_OPTIONS.steps_per_frame == 0:
-                panel.picture().save(image := io.BytesIO(), "webp", quality=QUALITY, method=2)
+                image = io.BytesIO()
+                view.picture().save(image, "webp", quality=QUALITY, method=2)
                 frames.append(f"data:image/webp;base64,{b64encode(image.getvalue()).decode()}")
-                progress(step.number / take.steps)
-        end, record = panel.step.number, panel.recorder.episodes()
-    measures = measure_cell(policy.label, take.scenario, record).measures
+                progress(step.number / spec.steps)
+        end = view.step.number
+        record = view.recorder.episodes()
+    measures = measure_cell(policy.label, spec.scenario, record).measures
     return {
         "label": policy.label,
         "verdict": measures.outcome[0].replace("_", " "),

@@ -25,8 +25,12 @@ AHEAD = 0.5
 """s. Length of a velocity arrow over the velocity, on SimpleQuad."""
 _FORCE = 0.2
 """m. Length of a push arrow for a force of one body weight, on SimpleQuad."""
-_RADIUS, _ABOVE, _FOOT = 0.018, 0.22, 0.03
-"""Of the arrows, between them and the trunk, and of the balls at the feet, m, on SimpleQuad."""
+_RADIUS = 0.018
+"""m. Radius of the arrows, on SimpleQuad."""
+_ABOVE = 0.22
+"""m. Height of the arrows above the trunk, on SimpleQuad."""
+_FOOT = 0.03
+"""m. Radius of the balls at the feet, on SimpleQuad."""
 
 
 def heading_angles(step: Step) -> Array:
@@ -46,9 +50,9 @@ class Scene:
     def __init__(self, start: Step) -> None:
         self._velocities: deque[Array] = deque(maxlen=max(1, round(VELOCITY_WINDOW / start.env.dt)))
         self._push = np.zeros(2)  # N, world frame, the latest
-        self._push_until = 0
+        self._push_until = 0  # control step
         self.step = start
-        """The latest."""
+        """Latest control step."""
 
     def advance(self, step: Step) -> None:
         """Update the marks with a control step."""
@@ -56,7 +60,8 @@ class Scene:
         self._velocities.append(step.infos["heading_velocity"][0].copy())
         push = step.infos["push"][0]
         if push.any():
-            self._push, self._push_until = push.copy(), step.number + round(PUSH_DISPLAY_TIME / step.env.dt)
+            self._push = push.copy()
+            self._push_until = step.number + round(PUSH_DISPLAY_TIME / step.env.dt)
 
     @property
     def velocity(self) -> Array:
@@ -70,34 +75,45 @@ class Scene:
 
     def marks(self) -> list[Arrow | Ball]:
         """Return the arrows, and a ball at each foot with the leg's name: blue in contact, white in the air."""
-        infos, robot = self.step.infos, self.step.env.robot
+        infos = self.step.infos
+        robot = self.step.env.robot
         radius = max(scale_to_robot(robot, _FOOT, "m"), 1.1 * robot.foot_radius)
         feet = zip(infos["foot_position"][0].tolist(), infos["foot_contact"][0], robot.leg_names, strict=True)
-        balls = [Ball(tuple(place), radius, CONTACT if on else SWING, leg.upper()) for place, on, leg in feet]
+        balls = [
+            Ball(tuple(position), radius, CONTACT if in_contact else SWING, leg.upper())
+            for position, in_contact, leg in feet
+        ]
         return [*self.arrows(), *balls]
 
     def arrows(self) -> list[Arrow]:
         """Return the arrows of command, velocity, and push if one is displayed."""
-        robot, trunk = self.step.env.robot, self.step.infos["position"][0]
+        robot = self.step.env.robot
+        trunk = self.step.infos["position"][0]
         payload = self.step.env.scenario.payload
-        above = (
-            scale_to_robot(robot, _ABOVE, "m") + robot.trunk_size[2] / 2 + (0.0 if payload is None else payload.edge)
-        )
-        yaw = heading_angle(self.step)
-        ahead, cos, sin = scale_to_robot(robot, AHEAD, "s"), math.cos(yaw), math.sin(yaw)
-        found = []
-        for (forward, left, _), colour, lift in (
-            (self.step.infos["command"][0], COMMAND, above),
-            (self.velocity, VELOCITY, above + scale_to_robot(robot, 3.0 * _RADIUS, "m")),
-        ):
-            way = ahead * np.array([cos * forward - sin * left, sin * forward + cos * left, 0.0])
-            found.append(self._arrow(trunk + np.array([0.0, 0.0, lift]), way, colour))
+        payload_height = 0.0 if payload is None else payload.edge
+        height = scale_to_robot(robot, _ABOVE, "m") + robot.trunk_size[2] / 2 + payload_height
+        velocity_height = height + scale_to_robot(robot, 3.0 * _RADIUS, "m")
+        arrows = [
+            self._velocity_arrow(trunk, self.step.infos["command"][0], COMMAND, height),
+            self._velocity_arrow(trunk, self.velocity, VELOCITY, velocity_height),
+        ]
         if self.is_push_shown:
             weights = self._push / (robot.mass * GRAVITY)
-            found.append(self._arrow(trunk, scale_to_robot(robot, _FORCE, "m") * np.array([*weights, 0.0]), PUSH, 1.5))
-        return found
+            displacement = scale_to_robot(robot, _FORCE, "m") * np.array([*weights, 0.0])
+            arrows.append(self._arrow(trunk, displacement, PUSH, 1.5))
+        return arrows
 
-    def _arrow(self, start: Array, way: Array, colour: Colour, thickness: float = 1.0) -> Arrow:
+    def _velocity_arrow(self, trunk: Array, velocity: Array, colour: Colour, height: float) -> Arrow:
+        """Return the arrow of a velocity in the heading frame, m/s, at that height above the trunk, m."""
+        forward, left, _ = velocity
+        yaw = heading_angle(self.step)
+        cos = math.cos(yaw)
+        sin = math.sin(yaw)
+        length = scale_to_robot(self.step.env.robot, AHEAD, "s")
+        displacement = length * np.array([cos * forward - sin * left, sin * forward + cos * left, 0.0])
+        return self._arrow(trunk + np.array([0.0, 0.0, height]), displacement, colour)
+
+    def _arrow(self, start: Array, displacement: Array, colour: Colour, thickness: float = 1.0) -> Arrow:
         """Return an arrow from a start by a displacement, world frame, m."""
         radius = thickness * scale_to_robot(self.step.env.robot, _RADIUS, "m")
-        return Arrow(tuple(start.tolist()), tuple((start + way).tolist()), radius, colour)
+        return Arrow(tuple(start.tolist()), tuple((start + displacement).tolist()), radius, colour)

@@ -34,7 +34,12 @@ RENDERING_SHARE = 0.8
 """Part of the work of a film for simulation and rendering; the rest writes the file."""
 STRIP_RATE = 5.0
 """Frames per second from which the frames of a strip are chosen."""
-ALARM, GOOD, BAD = (200, 30, 30), (0, 130, 90), (190, 110, 0)
+ALARM = (200, 30, 30)
+"""Colour of a fall."""
+GOOD = (0, 130, 90)
+"""Colour of a success."""
+BAD = (190, 110, 0)
+"""Colour of a failure without a fall."""
 Progress = Callable[[float], None]
 """Receives the completed part of the work, 0 … 1."""
 
@@ -85,7 +90,7 @@ class RenderOptions:
         return max(captions.MIN_FONT_SIZE, min(self.size) // 30)
 
 
-def film(spec: FilmSpec, path: Path, progress: Progress, look: RenderOptions = RenderOptions()) -> None:
+def film(spec: FilmSpec, path: Path, progress: Progress, options: RenderOptions = RenderOptions()) -> None:
     """Film an episode into a file, see `files`.
 
     A ValueError says that the camera does not exist or a policy is for another robot; a UsageError that nothing can be
@@ -95,24 +100,25 @@ def film(spec: FilmSpec, path: Path, progress: Progress, look: RenderOptions = R
         spec: Episode to film.
         path: File; its suffix selects the format.
         progress: Receives the completed part, 0 … 1.
-        look: Appearance of the film.
+        options: Appearance of the film.
     """
     if path.suffix.lower() == files.STRIP_SUFFIX:
-        look = replace(look, rate=STRIP_RATE)
-    files.check_pixels(path, (spec.steps // look.steps_per_frame + 1) * len(spec.policies) * math.prod(look.size))
-    with closing(render_frames(spec, look, lambda share: progress(RENDERING_SHARE * share))) as images:
-        files.write_film(images, path, look.period)
+        options = replace(options, rate=STRIP_RATE)
+    frames = spec.steps // options.steps_per_frame + 1
+    files.check_pixels(path, frames * len(spec.policies) * math.prod(options.size))
+    with closing(render_frames(spec, options, lambda part: progress(RENDERING_SHARE * part))) as images:
+        files.write_film(images, path, options.period)
     progress(1.0)
 
 
-def render_frames(spec: FilmSpec, look: RenderOptions, progress: Progress) -> Generator[Image.Image]:
+def render_frames(spec: FilmSpec, options: RenderOptions, progress: Progress) -> Generator[Image.Image]:
     """Render the frames of a film, until shortly after the last robot's fall.
 
     The last frame shows the outcome of each policy. Errors are the same as for `film`.
 
     Args:
         spec: Episode to film.
-        look: Appearance of the film.
+        options: Appearance of the film.
         progress: Receives the completed part, 0 … 1.
 
     Yields:
@@ -121,44 +127,48 @@ def render_frames(spec: FilmSpec, look: RenderOptions, progress: Progress) -> Ge
     count = len(spec.policies)
     columns = count if count <= 3 else math.ceil(math.sqrt(count))
     with ExitStack() as stack:
-        panels = [stack.enter_context(closing(EpisodeView(policy, spec, look))) for policy in spec.policies]
+        views = [stack.enter_context(closing(EpisodeView(policy, spec, options))) for policy in spec.policies]
         for number in range(spec.steps + 1):
-            over = number == spec.steps or all(panel.is_over for panel in panels)
-            if over or number % look.steps_per_frame == 0:
-                tiles = files.tile_images([panel.draw(over) for panel in panels], columns)
-                yield _add_header(tiles, spec, look, panels[0].step, number)
+            is_last = number == spec.steps or all(view.is_over for view in views)
+            if is_last or number % options.steps_per_frame == 0:
+                tiles = files.tile_images([view.draw(is_last) for view in views], columns)
+                yield _add_header(tiles, spec, options, views[0].step, number)
                 progress(number / spec.steps)
-            if over:
+            if is_last:
                 break
-            for panel in panels:
-                panel.advance()
+            for view in views:
+                view.advance()
     progress(1.0)
 
 
-def _add_header(tiles: Image.Image, spec: FilmSpec, look: RenderOptions, step: Step, number: int) -> Image.Image:
+def _add_header(tiles: Image.Image, spec: FilmSpec, options: RenderOptions, step: Step, number: int) -> Image.Image:
     """Put title, time and command, which all policies share, above the tiles."""
-    text = captions.Text(look.font_size)
-    out = Image.new("RGB", (tiles.width, text.height(2) + tiles.height), captions.DARK)
-    out.paste(tiles, (0, text.height(2)))
-    slowed = "" if look.speed == 1.0 else f" at {look.speed:g} of real time"
-    room = text.write(out, f"{number * step.env.dt:.2f} s{slowed}", 0, right=True)
-    text.write(out, spec.title, 0, taken=room)
-    text.write(out, f"command {captions.format_velocity(step.infos['command'][0])}", 1, captions.text_colour(COMMAND))
-    return out
+    text = captions.Text(options.font_size)
+    frame = Image.new("RGB", (tiles.width, text.height(2) + tiles.height), captions.DARK)
+    frame.paste(tiles, (0, text.height(2)))
+    speed = "" if options.speed == 1.0 else f" at {options.speed:g} of real time"
+    time_width = text.write(frame, f"{number * step.env.dt:.2f} s{speed}", 0, right=True)
+    text.write(frame, spec.title, 0, taken=time_width)
+    command = captions.format_velocity(step.infos["command"][0])
+    text.write(frame, f"command {command}", 1, captions.text_colour(COMMAND))
+    return frame
 
 
 class EpisodeView:
     """One policy's part of a film, step by step, with its marks and captions; to be closed after use."""
 
-    def __init__(self, policy: LabelledPolicy, spec: FilmSpec, look: RenderOptions) -> None:
-        self._label, self._look, self._count = policy.label, look, spec.steps
+    def __init__(self, policy: LabelledPolicy, spec: FilmSpec, options: RenderOptions) -> None:
+        self._label = policy.label
+        self._options = options
+        self._num_steps = spec.steps
         self._camera: Any = None
-        walker = policy.policy_for(spec.scenario)
-        self.recorder = EpisodeRecorder(walker, np.array([spec.seed]), spec.steps)
-        where = walker, spec.scenario, spec.seed
-        self._steps = iterate_episode(*where, steps=spec.steps, command=spec.command, hardware=spec.hardware)
+        controller = policy.policy_for(spec.scenario)
+        self.recorder = EpisodeRecorder(controller, np.array([spec.seed]), spec.steps)
+        self._steps = iterate_episode(
+            controller, spec.scenario, spec.seed, steps=spec.steps, command=spec.command, hardware=spec.hardware
+        )
         self.step = next(self._steps)
-        """The control step that the episode is at."""
+        """Current control step."""
         self.recorder(self.step)
         self._scene = Scene(self.step)
         self._has_outcome = spec.steps > round(SETTLING_TIME / self.step.env.dt)
@@ -166,7 +176,7 @@ class EpisodeView:
     def __iter__(self) -> Iterator[Step]:
         """Iterate over the start and the control steps until shortly after the fall."""
         yield self.step
-        while not self.is_over and self.step.number < self._count:
+        while not self.is_over and self.step.number < self._num_steps:
             self.advance()
             yield self.step
 
@@ -182,37 +192,33 @@ class EpisodeView:
     def is_over(self) -> bool:
         """True if the episode has nothing more to show."""
         falls = self.recorder.falls
-        past = self.step.number - (falls.step[0] + 1)
-        return bool(
-            falls.fell[0] and (self.step.infos["diverged"][0] or past >= round(POST_FALL_TIME / self.step.env.dt))
-        )
+        if not falls.fell[0]:
+            return False
+        steps_since_fall = self.step.number - (falls.step[0] + 1)
+        is_past_fall = steps_since_fall >= round(POST_FALL_TIME / self.step.env.dt)
+        return bool(self.step.infos["diverged"][0] or is_past_fall)
 
     def picture(self) -> Image.Image:
         """Render the robot now, with marks if wanted; a fallen robot has a red frame."""
-        marks = self._scene.marks() if self._look.arrows else ()
+        marks = self._scene.marks() if self._options.arrows else ()
         image = Image.fromarray(self._frame(marks))
         if marks and self.recorder.falls.fell[0]:
-            ImageDraw.Draw(image).rectangle(
-                (0, 0, *np.subtract(image.size, 1)), outline=ALARM, width=image.height // 60
-            )
+            border = (0, 0, *np.subtract(image.size, 1))
+            ImageDraw.Draw(image).rectangle(border, outline=ALARM, width=image.height // 60)
         return image
 
     def _frame(self, marks: Sequence[Arrow | Ball]) -> NDArray[np.uint8]:
         """Render the robot now, with these arrows and balls. Raises as `film`."""
         from quad_env.physics.rendering import Camera, Viewpoint
 
-        env, look = self.step.env, self._look
+        env = self.step.env
         try:
-            self._camera = self._camera or Camera(env.simulation.model, *look.size, look.camera)
+            self._camera = self._camera or Camera(env.simulation.model, *self._options.size, self._options.camera)
             data = env.simulation.snapshot(0)
             x, y, z = data.body("base_link").xpos
-            near = Viewpoint(
-                110.0,
-                -12.0,
-                scale_to_robot(env.robot, FREE_CAMERA_DISTANCE, "m"),
-                (x, y, z - env.robot.home_height / 3.0),
-            )
-            frame: NDArray[np.uint8] = self._camera.draw(data, arrows=marks, viewpoint=near)
+            distance = scale_to_robot(env.robot, FREE_CAMERA_DISTANCE, "m")
+            viewpoint = Viewpoint(110.0, -12.0, distance, (x, y, z - env.robot.home_height / 3.0))
+            frame: NDArray[np.uint8] = self._camera.draw(data, arrows=marks, viewpoint=viewpoint)
         except ValueError:
             raise
         except Exception as error:  # whatever the graphics driver fails with
@@ -222,13 +228,14 @@ class EpisodeView:
     def draw(self, last: bool) -> Image.Image:
         """Render the robot now with its captions; the `last` frame has the outcome."""
         image = self.picture()
-        text = captions.Text(self._look.font_size, edge=1)
+        text = captions.Text(self._options.font_size, edge=1)
         text.write(image, self._label, 0)
-        if self._look.arrows:
-            text.write(image, captions.format_velocity(self._scene.velocity), 1, captions.text_colour(VELOCITY))
-        words, ground = self._status_caption(last)
-        if words:
-            text.write_banner(image, words, ground)
+        if self._options.arrows:
+            velocity = captions.format_velocity(self._scene.velocity)
+            text.write(image, velocity, 1, captions.text_colour(VELOCITY))
+        status, ground = self._status_caption(last)
+        if status:
+            text.write_banner(image, status, ground)
         return image
 
     def _status_caption(self, last: bool) -> tuple[str, captions.Ink]:
@@ -236,8 +243,8 @@ class EpisodeView:
         falls = self.recorder.falls
         outcome = str(metrics.outcome(self.recorder.episodes())[0]) if last and self._has_outcome else None
         if falls.fell[0]:
-            fell = f"fell at {(falls.step[0] + 1) * self.step.env.dt:.2f} s: {falls.reason[0]}"
-            return fell if outcome in (None, FELL, DIVERGED) else f"{outcome}, {fell}", ALARM
+            fall = f"fell at {(falls.step[0] + 1) * self.step.env.dt:.2f} s: {falls.reason[0]}"
+            return fall if outcome in (None, FELL, DIVERGED) else f"{outcome}, {fall}", ALARM
         if outcome is not None:
             return f"{outcome.replace('_', ' ')} ({SUCCESS_RULE})", GOOD if outcome == SUCCEEDED else BAD
         return ("pushed" if self._scene.is_push_shown else ""), ALARM

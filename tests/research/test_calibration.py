@@ -89,7 +89,7 @@ def test_runs_until_settled_end_early_and_stale_pairs_would_be_seen(monkeypatch)
     def one_episode_late(values, most):
         return compare({name: np.roll(each, int(name)) for name, each in values.items()}, most)
 
-    monkeypatch.setattr(sequential, "neighbours", one_episode_late)
+    monkeypatch.setattr(sequential, "compare_adjacent_policies", one_episode_late)
     assert settled.figures(APART, 60, seed=2)["episodes"] > 42.0
 
 

@@ -90,7 +90,9 @@ def test_an_outcome_that_is_no_better_on_validation_episodes_leaves_those_in_for
     in_force = policies.make("trot_feedback").parameters
     worse = dataclasses.replace(in_force, forward_damping=0.2, tilt_damping=0.0)
     seen, real = [], run_candidates
-    monkeypatch.setattr(trials, "walked", lambda *walk, **options: seen.append(walk[3:5]) or real(*walk, **options))
+    monkeypatch.setattr(
+        trials, "run_candidates", lambda *walk, **options: seen.append(walk[3:5]) or real(*walk, **options)
+    )
     out, start = tmp_path / "found.json", tmp_path / "start.json"
     start.write_text(json.dumps(dataclasses.asdict(worse)), encoding="utf-8")
     words = [*TINY.split(), "--generations", "0", "--start", str(start), "--out", str(out)]
