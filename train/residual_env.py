@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from policies.base import Policy
+from policies.base import Actions, Policy
 from policies.history import Inputs
 from policies.residual import NO_HISTORY, Features, apply_correction, authority_of
 
@@ -25,72 +25,94 @@ FloatArray = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 Infos = dict[str, Any]
 Step = tuple[FloatArray, NDArray[np.float64], BoolArray, BoolArray, Infos]
+"""Observation, reward, terminated, truncated and infos of a vector environment's step."""
 
 
 class BaseGroup:
-    """A base policy of some rows of an environment, with what the learner sees of it and what starts new episodes.
+    """A base policy that moves some of the robots, with its latest action and the learner's features.
+
+    `ResidualVectorEnv` makes one for each base.
 
     Args:
-        base: made for these robots and their control period.
-        rows: theirs.
-        inputs: as of `ResidualVectorEnv`.
+        base: Policy of these robots, made for them and their control period.
+        rows: Their rows in the environment.
+        inputs: As in `ResidualVectorEnv`.
     """
 
+    action: Actions
+    """Latest action of the base, rad, (k, 12)."""
+    features: FloatArray
+    """Features of the latest observation, (k, `width`)."""
+
     def __init__(self, base: Policy, rows: slice, inputs: Inputs) -> None:
-        self.base, self.rows = base, rows
-        self._features = Features(base, inputs)
-        self.width = self._features.width
-        """Numbers of a row of `seen`."""
+        self.base = base
+        self.rows = rows
+        self._feature_extractor = Features(base, inputs)
+        self.width = self._feature_extractor.width
+        """Number of features of a robot."""
         self._reset_base = copy.deepcopy(base)
-        """Of the robots that begin an episode, which the base then takes over: all are asked for an action on the last
-        observation of their old episode, and these on the first one of their new, without the others' clocks running
-        twice."""
-        self._fresh_features = Features(self._reset_base, inputs)
+        """Copy of the base that acts on the first observation of an episode; the base then takes over its state.
+
+        The base itself has already acted for all robots in this step, on the last observation of the old episodes. A
+        second call would advance the clocks of the other robots twice."""
+        self._reset_feature_extractor = Features(self._reset_base, inputs)
 
     def reset(self) -> None:
-        """Begin with fresh memory of all its robots."""
+        """Reset base and features of all robots of the group."""
         count = self.rows.stop - self.rows.start
         self.base.reset(count)
-        self._features.reset(count)
+        self._feature_extractor.reset(count)
 
     def act(self, observation: FloatArray) -> None:
-        """Answer observations of all robots of the environment, (n, m)."""
-        own = observation[self.rows]
-        self.action = self.base.act(own)
-        self.features = self._features.update(own, self.action)
+        """Update action and features from an `observation` of all robots of the environment, (n, m)."""
+        group_observation = observation[self.rows]
+        self.action = self.base.act(group_observation)
+        self.features = self._feature_extractor.update(group_observation, self.action)
 
-    def reset_rows(self, robots: BoolArray, observation: FloatArray) -> None:
-        """Answer the first observations, (n, m), of the robots in the mask, (n,), which begin an episode."""
-        if not (own := robots[self.rows]).any():
+    def reset_rows(self, mask: BoolArray, observation: FloatArray) -> None:
+        """Reset the robots that begin an episode and act on their first observation.
+
+        Args:
+            mask: True for robots that begin an episode, all robots of the environment, (n,).
+            observation: Observation of all robots of the environment, (n, m).
+        """
+        group_mask = mask[self.rows]
+        if not group_mask.any():
             return
-        first, count = observation[self.rows][own], int(own.sum())
+        first = observation[self.rows][group_mask]
+        count = int(group_mask.sum())
         self._reset_base.reset(count)
-        self._fresh_features.reset(count)
+        self._reset_feature_extractor.reset(count)
         action = self._reset_base.act(first)
-        seen = self._fresh_features.update(first, action)
-        self.base.copy_state_from(own, self._reset_base)
-        self._features.copy_state_from(own, self._fresh_features)
-        self.action, self.features = self.action.copy(), self.features.copy()
-        self.action[own], self.features[own] = action, seen
+        features = self._reset_feature_extractor.update(first, action)
+        self.base.copy_state_from(group_mask, self._reset_base)
+        self._feature_extractor.copy_state_from(group_mask, self._reset_feature_extractor)
+        self.action = self.action.copy()
+        self.features = self.features.copy()
+        self.action[group_mask] = action
+        self.features[group_mask] = features
 
 
 class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
-    """Robots that follow `base` plus the learner's correction.
+    """Robots that follow a base policy plus the learner's correction.
 
-    Observation: `policies.residual.Features`, shape (n, m). Action: the correction in shares of the authority, -1 … 1,
-    shape (n, 12), held for `hold` control steps while the base acts at every one: noise that lasts moves a robot,
-    noise that changes every 10 ms only shakes it.
+    Observation: `policies.residual.Features`, (n, m). Action: the correction as a fraction of the authority, -1 … 1,
+    (n, 12). It is held for `hold` control steps while the base acts at every one: noise that lasts moves a robot, noise
+    that changes every 10 ms only shakes it.
 
-    A finished robot restarts in the same step: its row shows the new episode, and `infos["final_obs"]`,
-    `infos["final_info"]` the end of the old one, with the base's clock still running.
+    A finished robot restarts in the same step. Its row shows the new episode, and `infos["final_obs"]` and
+    `infos["final_info"]` show the end of the old one, with the base's clock still running.
 
     Args:
-        env: robots with `autoreset_mode` DISABLED; they are restarted here, once their last features have been taken.
-        base: the policy that is corrected; made for the robots and their control period. Or several of one kind, such
-            as for robots with and without a real robot's delays, each with the number of robots that are its own.
-        authority: largest correction of each joint, rad, shape (12,); None for the usual one.
-        hold: control steps of one step of the learner.
-        inputs: observations of the learner in addition to the present one and the base.
+        env: Robots with `autoreset_mode` DISABLED. They are restarted here, after their last features are computed.
+        base: Policy that is corrected, made for the robots and their control period. Or several policies of one kind,
+            for example with and without the delays of a real robot, each with its number of robots.
+        authority: Largest correction of each joint, rad, (12,). None for the usual one.
+        hold: Control steps per step of the learner.
+        inputs: Observations of the learner in addition to the present one and the base.
+
+    Raises:
+        ValueError: The robots restart by themselves.
     """
 
     def __init__(
@@ -104,17 +126,8 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         super().__init__(env)
         if (mode := env.metadata.get("autoreset_mode")) is not AutoresetMode.DISABLED:
             raise ValueError(f'the robots must be made with autoreset_mode="DISABLED", not {mode}: they restart here')
-        robots: Any = env.unwrapped
-        each = [(base, env.num_envs)] if isinstance(base, Policy) else list(base)
-        ends = list(itertools.accumulate(count for _, count in each))
-        if not each or ends[-1] != env.num_envs:
-            raise ValueError(f"{env.num_envs} robots need as many rows of bases, not {sum(count for _, count in each)}")
-        for policy, _ in each:
-            policy.check_compatible(robots.robot, robots.dt)
-        self.bases = [
-            BaseGroup(policy, slice(end - count, end), inputs) for (policy, count), end in zip(each, ends, strict=True)
-        ]
-        robot = each[0][0].robot
+        self.bases = _make_groups(env, base, inputs)
+        robot = self.bases[0].base.robot
         self.authority = authority if authority is not None else authority_of(robot)
         self._hold = hold
         self.single_observation_space = Box(-np.inf, np.inf, (self.bases[0].width,), np.float32)
@@ -124,19 +137,39 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         self.metadata = env.metadata | {"autoreset_mode": AutoresetMode.SAME_STEP}
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[FloatArray, Infos]:
-        """Start new episodes of all robots; `seed` and `options` as the robots take them, but for "reset_mask"."""
+        """Start new episodes of all robots.
+
+        Args:
+            seed: As the robots take it.
+            options: As the robots take them, without "reset_mask".
+
+        Returns:
+            Features, (n, m), and infos.
+
+        Raises:
+            ValueError: `options` has a "reset_mask".
+        """
         if options and "reset_mask" in options:
             raise ValueError("finished robots restart by themselves: leave options['reset_mask'] out")
         observation, infos = self.env.reset(seed=seed, options=options)
-        for each in self.bases:
-            each.reset()
+        for group in self.bases:
+            group.reset()
         self._update_bases(observation)
         return self._features, infos
 
     def step(self, actions: FloatArray) -> Step:
-        """Move the robots by `hold` control steps; rewards are summed. Raises ValueError for actions of another shape.
+        """Move the robots by `hold` control steps and sum the rewards.
 
         A robot that finishes within them stays where it is until their end.
+
+        Args:
+            actions: Corrections as fractions of the authority, (n, 12).
+
+        Returns:
+            Features, reward, terminated, truncated and infos.
+
+        Raises:
+            ValueError: The corrections have another shape.
         """
         correction = np.asarray(actions, np.float32)
         if correction.shape != self.action_space.shape:
@@ -152,35 +185,54 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         return self._features, rewards, terminated, truncated, infos
 
     def _step_robots(self, correction: FloatArray) -> Step:
-        """One control step of the robots, their joints corrected."""
-        base_action = np.concatenate([each.action for each in self.bases])
+        """Move the robots by one control step with the corrected actions of the bases."""
+        base_action = np.concatenate([group.action for group in self.bases])
         return self.env.step(apply_correction(self.bases[0].base.robot, base_action, correction, self.authority))
 
     def _restart_finished(self, finished: BoolArray, infos: Infos) -> Infos:
-        """Restart the finished robots; the infos with the end of their episodes."""
+        """Restart the finished robots and return the infos, with the end of their episodes."""
         ends = {
             "final_obs": np.where(finished[:, None], self._features, np.float32(0.0)),
             "final_info": {key: finished.copy() if key.startswith("_") else value for key, value in infos.items()},
         }
-        observation, fresh = self.env.reset(options={"reset_mask": finished})
-        for each in self.bases:
-            each.reset_rows(finished, observation)
+        observation, reset_infos = self.env.reset(options={"reset_mask": finished})
+        for group in self.bases:
+            group.reset_rows(finished, observation)
         masks = {f"_{key}": finished.copy() for key in ends}
-        return _merge_infos(finished, fresh, infos) | ends | masks
+        return _merge_infos(finished, reset_infos, infos) | ends | masks
 
     def _update_bases(self, observation: FloatArray) -> None:
-        """Ask the bases for their actions on these observations."""
-        for each in self.bases:
-            each.act(observation)
+        """Update actions and features of all groups from an observation, (n, m)."""
+        for group in self.bases:
+            group.act(observation)
 
     @property
     def _features(self) -> FloatArray:
-        return np.concatenate([each.features for each in self.bases])
+        """Features of all robots, (n, m)."""
+        return np.concatenate([group.features for group in self.bases])
 
 
-def _merge_infos(mask: BoolArray, fresh: Infos, infos: Infos) -> Infos:
-    """Infos with the rows where the mask is true taken from `fresh`, as far as that has them."""
+def _make_groups(
+    env: VectorEnv[FloatArray, FloatArray, NDArray[Any]], base: Policy | Sequence[tuple[Policy, int]], inputs: Inputs
+) -> list[BaseGroup]:
+    """Make the group of each base. Raises ValueError if they do not fit the robots or their number."""
+    robots: Any = env.unwrapped
+    bases = [(base, env.num_envs)] if isinstance(base, Policy) else list(base)
+    ends = list(itertools.accumulate(count for _, count in bases))
+    if not bases or ends[-1] != env.num_envs:
+        raise ValueError(f"{env.num_envs} robots need as many rows of bases, not {sum(count for _, count in bases)}")
+    for policy, _ in bases:
+        policy.check_compatible(robots.robot, robots.dt)
+    return [
+        BaseGroup(policy, slice(end - count, end), inputs) for (policy, count), end in zip(bases, ends, strict=True)
+    ]
+
+
+def _merge_infos(mask: BoolArray, reset_infos: Infos, infos: Infos) -> Infos:
+    """Return `infos` with the masked rows from `reset_infos`, for the keys that these have."""
     return {
-        key: np.where(mask.reshape(-1, *(1,) * (value.ndim - 1)), fresh[key], value) if key in fresh else value
+        key: np.where(mask.reshape(-1, *(1,) * (value.ndim - 1)), reset_infos[key], value)
+        if key in reset_infos
+        else value
         for key, value in infos.items()
     }

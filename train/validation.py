@@ -1,4 +1,4 @@
-"""Evaluation of a policy during training, by the code of `evaluate`, on seeds of its own."""
+"""Evaluation of a policy during training, by the code of `evaluate`, on its own seeds."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -12,11 +12,11 @@ from train.config import ValidationConfig
 from train.curriculum import with_terrain_seed
 
 Results = Mapping[str, Mapping[str, float]]
-"""Mean metrics of each scenario, scenario -> name -> value."""
+"""Mean metrics by name, for each scenario by name."""
 VALIDATION_SEED = 0
-"""The same episodes in every run, so that runs compare."""
+"""Seed of the validation episodes. It is the same in every run, so that runs can be compared."""
 YAW_WEIGHT = 0.5
-"""m/s of velocity error that a rad/s of yaw-rate error counts as."""
+"""m/s of velocity error per rad/s of yaw-rate error, in the score."""
 
 
 def validate(
@@ -26,37 +26,51 @@ def validate(
     hardware: HardwareConfig,
     hardware_profile: Policy | None = None,
 ) -> dict[str, dict[str, float]]:
-    """Mean metrics of each scenario on robots with that hardware, scenario -> name -> value.
+    """Evaluate a policy on the validation episodes.
 
-    `real`: the same policy as it is made for scenarios on the hardware profile, where that differs.
+    Args:
+        policy: Policy.
+        config: Scenarios and number of episodes.
+        nthread: Threads of the simulation.
+        hardware: Hardware of the robots.
+        hardware_profile: The same policy, made for scenarios on the hardware profile; `policy` by default.
+
+    Returns:
+        Mean metrics by name, for each scenario by name.
     """
     seeds = episode_seeds("validation", VALIDATION_SEED, config.episodes)
-    walk = partial(run, seeds=seeds, nthread=nthread, hardware=hardware)
-    scenarios = {name: with_terrain_seed(name, "validation", robot=hardware.robot_model) for name in config.scenarios}
-    return {
-        name: summarise(walk(hardware_profile if hardware_profile and each.hardware else policy, each))
-        for name, each in scenarios.items()
-    }
+    run_scenario = partial(run, seeds=seeds, nthread=nthread, hardware=hardware)
+    results = dict[str, dict[str, float]]()
+    for name in config.scenarios:
+        scenario = with_terrain_seed(name, "validation", robot=hardware.robot_model)
+        profile_policy = hardware_profile if hardware_profile and scenario.hardware else policy
+        results[name] = summarise(run_scenario(profile_policy, scenario))
+    return results
 
 
 def ranking_key(results: Results) -> tuple[float, float]:
-    """Order of policies, the smallest is best: share of failed episodes, and where these are equal the score."""
+    """Return the sort key of a policy, smaller is better: share of failed episodes, then the score."""
     return 1.0 - mean_success_rate(results), mean_score(results)
 
 
 def mean_success_rate(results: Results) -> float:
-    """Share of the episodes that succeed, mean over scenarios."""
+    """Return the share of successful episodes, averaged over scenarios."""
     return sum(means["success_rate"] for means in results.values()) / len(results)
 
 
 def total_cost_of_transport(results: Results) -> float:
-    """Cost of transport over all scenarios, a quotient of sums; NaN where nothing was carried anywhere."""
+    """Return the cost of transport over all scenarios, a quotient of sums; NaN if no robot moved."""
     energy = sum(means["energy"] for means in results.values())
-    carried = sum(means["energy"] / cost for means in results.values() if (cost := means["cost_of_transport"]) > 0.0)
-    return energy / carried if carried else float("nan")
+    moved_weight = sum(
+        means["energy"] / cost for means in results.values() if (cost := means["cost_of_transport"]) > 0.0
+    )
+    return energy / moved_weight if moved_weight else float("nan")
 
 
 def mean_score(results: Results) -> float:
-    """Velocity error plus half the yaw-rate error, m/s, mean over scenarios; each step after a fall has the largest."""
+    """Return velocity error plus half the yaw-rate error, m/s, averaged over scenarios.
+
+    Every step after a fall counts the largest error.
+    """
     errors = [means["velocity_error"] + YAW_WEIGHT * means["yaw_rate_error"] for means in results.values()]
     return sum(errors) / len(errors)

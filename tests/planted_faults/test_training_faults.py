@@ -82,7 +82,7 @@ def check_searches_are_on_their_own_episodes_and_ground() -> None:
         seen.extend(seeds.tolist())
         return [float(place) for place, _ in enumerate(candidates)]
 
-    effort = SearchOptions(generation_seeds=2, candidates=4, episodes=3, steps=BRIEF, spread=0.1)
+    effort = SearchOptions(generations=2, candidates=4, episodes=3, steps=BRIEF, spread=0.1)
     ranges = {"frequency": (2.0, 4.0), "duty": (0.4, 0.6)}
     unused: dict[str, Any] = {"conclude": lambda _: ("", ""), "file": Path("unused.json"), "account": "unused.md"}
     list(evolve(effort, SearchProblem(trot.TrotParameters(), ranges, costs, **unused)))

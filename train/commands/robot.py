@@ -34,7 +34,7 @@ from train.search import trot
 RESIDUAL, OPTIONS_FILE, DESCRIPTION_FILE = "residual", "begun.json", "described.txt"
 MUTABLE_OPTIONS = "out", "threads"
 """Options that may change from one call to the next."""
-SEARCH = trot.TrotSearchOptions(generation_seeds=12, steps=400, check_episodes=48)
+SEARCH = trot.TrotSearchOptions(generations=12, steps=400, check_episodes=48)
 """A short search: SimpleQuad's parameters walk on most robots already."""
 
 

@@ -48,7 +48,7 @@ MOVED_COMMANDS |= {
 
 
 def run(words: list[str]) -> int:
-    """Train with the options of a command line, whose first word may be `run`, and return the exit code.
+    """Train with the options of a command line, which may begin with `run`, and return the exit code.
 
     Args:
         words: The command line, without `python -m train`.
@@ -83,7 +83,7 @@ def parse(words: Sequence[str]) -> TrainConfig:
         words: The command line, without `python -m train`.
 
     Returns:
-        The settings. Options that are not given have the defaults of --policy, or with --resume those of the run.
+        The settings. Options that are not given have the defaults of --policy, or with --resume the values of the run.
 
     Raises:
         UsageError: An option is unknown or has no valid value, or --resume comes with settings that the run does not
@@ -127,7 +127,7 @@ def _defaults(words: list[str]) -> TrainConfig:
 
 
 def _basic_config() -> type[TrainConfig]:
-    """Return the settings as a dataclass whose help text explains the basic options alone."""
+    """Return the settings as a dataclass that explains only the basic options in its help text."""
     import tyro
 
     hints = get_type_hints(TrainConfig, include_extras=True)

@@ -1,8 +1,9 @@
-"""Search of parameters by CMA-ES: its effort, its subject, its generations, and the files that it writes.
+"""Search of policy parameters by CMA-ES: options, problem, generations, and the files that it writes.
 
-A generation's candidates are simulated together on the same episodes, other ones in each generation, all from the
-"search" family of seeds, which neither training nor evaluation draws. What a search finds is written as JSON, with an
-account in Markdown of how it was found and what it changed."""
+The candidates of a generation are simulated together on the same episodes. Each generation has new episodes, all from
+the "search" family of seeds, which neither training nor evaluation draws. The result is written as JSON, and a report
+in Markdown says how it was found and how the parameters changed.
+"""
 
 import json
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -27,23 +28,23 @@ from train.search.trials import Seeds
 Ranges = Mapping[str, tuple[float, float]]
 """Bounds of the parameters that are searched, by field name."""
 MARGIN = 0.02
-"""Least distance of a start from the faces of the unit cube."""
+"""Smallest distance of the start from the faces of the unit cube."""
 MIN_EPISODE_STEPS = round(SETTLING_TIME / CONTROL_PERIOD) + 1
-"""Shortest episode, control steps: longer than the settling time, which no measure counts."""
+"""Shortest episode, control steps: one step longer than the settling time, which no measure counts."""
 
 TRIALS_SUFFIX = ".trials.jsonl"
-"""End of the file of candidates and costs, a line for each generation, with the mean of the distribution after it."""
+"""Suffix of the file of candidates and costs: a line for each generation, with the new mean of the distribution."""
 
 P = TypeVar("P", bound=Parameters)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SearchOptions:
-    """How thoroughly is searched, and where the outcome goes: options of every search."""
+    """Options of every search: its budget, its scenarios and its files."""
 
     seed: int = parameter(0, limits=(0, 2**31))
     """Seed of the search."""
-    generation_seeds: int = parameter(14, limits=(0, 10_000))
+    generations: int = parameter(14, limits=(0, 10_000))
     """Rounds; 0 only does what follows the search."""
     candidates: int = parameter(14, limits=(4, 1000))
     """Parameter sets tried in a round."""
@@ -66,13 +67,13 @@ class SearchOptions:
     to it."""
 
     def command(self, program: str) -> str:
-        """The command that repeats the search."""
+        """Return the command line of `program` that repeats the search."""
         words = [program]
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if each.name == "seed" or (value != each.default and each.name not in ("threads", "out")):
+        for option in fields(self):
+            value = getattr(self, option.name)
+            if option.name == "seed" or (value != option.default and option.name not in ("threads", "out")):
                 entries = map(str, value if isinstance(value, tuple) else (value,))
-                words += [f"--{each.name.replace('_', '-')}", *entries]
+                words += [f"--{option.name.replace('_', '-')}", *entries]
         return " ".join(words)
 
 
@@ -81,61 +82,90 @@ E = TypeVar("E", bound=SearchOptions)
 
 @dataclass(frozen=True)
 class SearchProblem(Generic[P]):
-    """What is searched: parameters, each of which goes from 0 to 1 over its range, in the unit cube."""
+    """A search: its start, the ranges of its parameters, its cost function and its files.
+
+    Each parameter goes from 0 to 1 over its range, so that CMA-ES searches the unit cube.
+    """
 
     start: P
+    """Parameters that the search starts from."""
     ranges: Ranges
+    """Bounds of the parameters that are searched."""
     costs: Callable[[list[P], Seeds], Sequence[float] | Floats]
-    """Costs of a generation's candidates on the same episodes."""
+    """Returns the cost of each candidate on the episodes of the seeds."""
     finalize: Callable[[P], tuple[str, str]]
-    """Of the mean of the last generation the text of the file, and the account of how it was found, Markdown."""
+    """Returns the text of the parameter file and the report in Markdown, from the mean of the last generation."""
     file: Path
-    """Where the outcome goes."""
+    """Default file of the result."""
     account: str
-    """File of the account, next to the outcome."""
+    """File name of the report, in the folder of the result."""
     digits: int | None = None
-    """To which candidates are rounded."""
+    """Decimals that candidates are rounded to; None for no rounding."""
     diagonal: bool = False
-    """Whether each parameter has a spread of its own, for spaces with too many to learn how they go together."""
+    """Search with a diagonal covariance: with many parameters there are too few candidates to learn a full one."""
 
 
 def decode(point: Floats, start: P, ranges: Ranges, digits: int | None = None) -> P:
-    """Parameters of a point of the unit cube, rounded where digits are given; those not searched are the start's."""
+    """Convert a point of the unit cube to parameters.
+
+    Args:
+        point: Point of the unit cube, one coordinate for each entry of `ranges`.
+        start: Parameters whose other fields are kept.
+        ranges: Bounds of the parameters that are searched.
+        digits: Decimals to round to; None for no rounding.
+
+    Returns:
+        The parameters.
+    """
     values = {name: low + (high - low) * float(x) for x, (name, (low, high)) in zip(point, ranges.items(), strict=True)}
     return replace(start, **(values if digits is None else {name: round(x, digits) for name, x in values.items()}))
 
 
 def encode(parameters: Parameters, ranges: Ranges) -> Floats:
-    """Point of the unit cube of some parameters."""
+    """Convert `parameters` to the point of the unit cube over `ranges`."""
     return np.array([(getattr(parameters, name) - low) / (high - low) for name, (low, high) in ranges.items()])
 
 
 def round_parameters(parameters: P) -> P:
-    """The parameters to four digits."""
+    """Round every parameter to four decimals."""
     return replace(parameters, **{name: round(float(value), 4) for name, value in vars(parameters).items()})
 
 
-def generations(effort: SearchOptions) -> list[Seeds]:
-    """Seeds of the episodes of each generation, new ones in each."""
-    seeds = episode_seeds("search", effort.seed, effort.generation_seeds * effort.episodes)
-    return [seeds[place : place + effort.episodes] for place in range(0, len(seeds), effort.episodes)]
+def generation_seeds(options: SearchOptions) -> list[Seeds]:
+    """Return the seeds of the episodes of each generation, new ones in each."""
+    seeds = episode_seeds("search", options.seed, options.generations * options.episodes)
+    return [seeds[first : first + options.episodes] for first in range(0, len(seeds), options.episodes)]
 
 
-def search(subject_of: Callable[[E], SearchProblem[Any]], options: E) -> int:
-    """Search, conclude, write; the exit code. Raises UsageError, also for numbers beyond their limits."""
+def search(make_problem: Callable[[E], SearchProblem[Any]], options: E) -> int:
+    """Run a search and write its files.
+
+    Args:
+        make_problem: Makes the problem from the options.
+        options: Options; UsageError for numbers beyond their limits.
+
+    Returns:
+        The exit code, 0.
+
+    Raises:
+        UsageError: The options or files cannot be used.
+        KeyboardInterrupt: After Ctrl-C, with the name of the file of generations if there are any.
+    """
     check_numbers(options, limits_of(options))
-    subject = subject_of(options)
-    out = options.out or subject.file
-    if out.name == subject.account:
-        raise UsageError(f"--out must not be {subject.account}, which the account goes to")
+    problem = make_problem(options)
+    out = options.out or problem.file
+    if out.name == problem.account:
+        raise UsageError(f"--out must not be {problem.account}, which the account goes to")
     make_folder_of(out, "--out")
     raise_on_interrupt()
-    found, lines, trials = subject.start, list[str](), out.with_suffix(TRIALS_SUFFIX)
+    mean = problem.start
+    lines = list[str]()
+    trials = out.with_suffix(TRIALS_SUFFIX)
     try:
-        for found, tried in evolve(options, subject):
-            lines.append(json.dumps({"generation": len(lines) + 1, "tried": tried, "mean": vars(found)}))
+        for mean, tried in evolve(options, problem):
+            lines.append(json.dumps({"generation": len(lines) + 1, "tried": tried, "mean": vars(mean)}))
             save(trials, "\n".join(lines) + "\n")
-        outcome, account = subject.finalize(found)
+        outcome, account = problem.finalize(mean)
     except KeyboardInterrupt:
         if not lines:
             raise
@@ -143,37 +173,54 @@ def search(subject_of: Callable[[E], SearchProblem[Any]], options: E) -> int:
     try:
         save(out, outcome)
     finally:
-        save(out.with_name(subject.account), account, show=True)
+        save(out.with_name(problem.account), account, show=True)
     print(out)
     return 0
 
 
-def evolve(effort: SearchOptions, subject: SearchProblem[P]) -> Iterator[tuple[P, list[dict[str, Any]]]]:
-    """After each generation the mean of CMA-ES's distribution, and the candidates with their costs."""
+def evolve(options: SearchOptions, problem: SearchProblem[P]) -> Iterator[tuple[P, list[dict[str, Any]]]]:
+    """Run the generations of CMA-ES.
+
+    Args:
+        options: Budget and seed.
+        problem: Problem.
+
+    Yields:
+        Mean of the distribution after each generation, and the candidates with their costs.
+    """
     import cma
 
-    settings = {"popsize": effort.candidates, "seed": effort.seed + 1, "verbose": -9, "bounds": [0, 1]}
-    settings |= {"CMA_diagonal": True} if subject.diagonal else {}
-    start, ranges, digits = subject.start, subject.ranges, subject.digits
-    first = np.clip(encode(start, ranges), MARGIN, 1.0 - MARGIN)
-    strategy = cma.CMAEvolutionStrategy(first, effort.spread, settings)
-    for seeds in track(generations(effort), description="generations"):
+    settings = {"popsize": options.candidates, "seed": options.seed + 1, "verbose": -9, "bounds": [0, 1]}
+    settings |= {"CMA_diagonal": True} if problem.diagonal else {}
+    first = np.clip(encode(problem.start, problem.ranges), MARGIN, 1.0 - MARGIN)
+    strategy = cma.CMAEvolutionStrategy(first, options.spread, settings)
+    for seeds in track(generation_seeds(options), description="generations"):
         points = strategy.ask()
-        candidates = [decode(point, start, ranges, digits) for point in points]
-        costs = subject.costs(candidates, seeds)
+        candidates = [decode(point, problem.start, problem.ranges, problem.digits) for point in points]
+        costs = problem.costs(candidates, seeds)
         strategy.tell(points, list(costs))
         print(f"best {min(costs):.3f}  median {np.median(costs):.3f}", flush=True)
-        tried = [{"cost": float(cost)} | asdict(each) for cost, each in zip(costs, candidates, strict=True)]
-        yield decode(np.clip(strategy.result.xfavorite, 0, 1), start, ranges, digits), tried
+        tried = [{"cost": float(cost)} | asdict(candidate) for cost, candidate in zip(costs, candidates, strict=True)]
+        mean = np.clip(strategy.result.xfavorite, 0, 1)
+        yield decode(mean, problem.start, problem.ranges, problem.digits), tried
 
 
 def parameters_to_json(parameters: Any) -> str:
-    """The parameters as the text of a file."""
+    """Return the parameters as the text of a JSON file."""
     return json.dumps(asdict(parameters), indent=2) + "\n"
 
 
 def save(path: Path, text: str, *, show: bool = False) -> None:
-    """Write the text, and print it where asked for or where it would be lost. Raises UsageError where it cannot be."""
+    """Write a text file.
+
+    Args:
+        path: File.
+        text: Contents. They are printed if the file cannot be written.
+        show: Also print them.
+
+    Raises:
+        UsageError: The file cannot be written.
+    """
     problem = ""
     try:
         write_atomically(path, text.encode())
@@ -185,17 +232,36 @@ def save(path: Path, text: str, *, show: bool = False) -> None:
         raise UsageError(problem)
 
 
-def describe_method(program: str, effort: SearchOptions, scenarios: str) -> str:
-    """How the search was made, for its account."""
+def describe_method(program: str, options: SearchOptions, scenarios: str) -> str:
+    """Describe the search, for its report.
+
+    Args:
+        program: Command of the search, for example `python -m train search trot`.
+        options: Its options.
+        scenarios: Names of its scenarios, separated by commas.
+
+    Returns:
+        A sentence.
+    """
     return (
-        f"Written by `{effort.command(program)}`: CMA-ES, {effort.generation_seeds} generations of {effort.candidates} "
-        f"candidates, {effort.episodes} episodes of {effort.steps * CONTROL_PERIOD:g} s a candidate on each of "
+        f"Written by `{options.command(program)}`: CMA-ES, {options.generations} generations of {options.candidates} "
+        f"candidates, {options.episodes} episodes of {options.steps * CONTROL_PERIOD:g} s a candidate on each of "
         f"{scenarios}."
     )
 
 
 def parameter_table(before: Parameters, after: Parameters, ranges: Ranges, fitted: Collection[str] = ()) -> list[str]:
-    """Range and values of every parameter, as a table."""
+    """Tabulate the parameters before and after the search.
+
+    Args:
+        before: Parameters before.
+        after: Parameters after.
+        ranges: Bounds of the parameters that were searched.
+        fitted: Names of the parameters that were fitted afterwards.
+
+    Returns:
+        Lines of a Markdown table.
+    """
     lines = ["| parameter | range | before | after |", "|---|---|---|---|"]
     for name, old in asdict(before).items():
         otherwise = "fitted" if name in fitted else "fixed"
@@ -213,16 +279,24 @@ COLUMNS = {
     "flight": "flight",
     "trunk_height": "trunk height",
 }
-"""Measures of which an account has the means."""
+"""Heading of each measure in a report, which shows the mean."""
 
 
 def results_table(rows: Iterable[tuple[str, str, Measures]]) -> list[str]:
-    """Measures on each scenario with the parameters before and after, (scenario, which, measures) each, as a table."""
+    """Tabulate the results before and after a search.
+
+    Args:
+        rows: Scenario, `before` or `after`, and measures of the episodes.
+
+    Returns:
+        Lines of a Markdown table.
+    """
     head = ["scenario", "parameters", "succeeded", "stalled", "falls", *COLUMNS.values()]
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
-    for name, label, found in rows:
-        counts = [f"{int(each.sum())}/{len(each)}" for each in (found.succeeded, found.stalled, found.fell)]
-        values = [getattr(found, each) for each in COLUMNS]
-        means = [quotient(np.nansum(each), np.isfinite(each).sum()) for each in values]
-        lines.append(f"| {' | '.join([name, label, *counts, *(f'{float(mean):.3f}' for mean in means)])} |")
+    for name, label, measures in rows:
+        outcomes = (measures.succeeded, measures.stalled, measures.fell)
+        counts = [f"{int(outcome.sum())}/{len(outcome)}" for outcome in outcomes]
+        values = [getattr(measures, column) for column in COLUMNS]
+        means = [float(quotient(np.nansum(column), np.isfinite(column).sum())) for column in values]
+        lines.append(f"| {' | '.join([name, label, *counts, *(f'{mean:.3f}' for mean in means)])} |")
     return lines

@@ -1,4 +1,4 @@
-"""Trials of a search: episodes of many candidates on many scenarios at once, and what an episode costs."""
+"""Trials of a search: episodes of many candidates on many scenarios in one batch, and the cost of an episode."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
@@ -21,22 +21,27 @@ from quad_env.scenarios.scenario import HARDWARE, Scenario
 from train.curriculum import Purpose, with_terrain_seed
 
 SCENARIOS_PER_BATCH = 7
-"""Scenarios simulated at once in a comparison: the more, the faster, and the more memory their records take."""
+"""Number of scenarios that a comparison simulates together: more are faster, and their records need more memory."""
 Seeds = NDArray[np.int64]
 
 
 class SaturatingCost(NamedTuple):
-    """Cost of a measure: none up to one value, half of `most` where it is beyond by `scale`, and ever nearer to it."""
+    """Cost of a measure: `maximum` x / (1 + x), where x = (measure - threshold) / scale, and zero below x = 0."""
 
     maximum: float
+    """Upper bound of the cost."""
     threshold: float
+    """Value up to which the cost is zero, in the unit of the measure."""
     scale: float
+    """Distance from the threshold at which the cost is half the maximum; negative if smaller values cost more."""
 
 
 OUTCOME_COSTS = dict(zip(OUTCOMES, (0.0, 1.0, 1.5, 2.0, 2.0, 2.0), strict=True))
-"""Cost of an episode's outcome; the graded costs on top add up to what a failure costs at least."""
-DEVIATION_COST, MAX_DEVIATION = 0.1, 4.0
-"""Graded cost of the worst command interval at most, and the deviation, per allowed deviation, at which it is that."""
+"""Cost of an episode's outcome. All graded costs together add up to at most the smallest cost of a failure."""
+DEVIATION_COST = 0.1
+"""Upper bound of the graded cost of the worst command interval."""
+MAX_DEVIATION = 4.0
+"""Deviation of the worst command interval, per allowed deviation, at which its cost is DEVIATION_COST."""
 GRADES = {
     "velocity_error": SaturatingCost(0.05, 0.0, 0.3),
     "overspeed": SaturatingCost(0.05, 0.0, 0.05),
@@ -46,7 +51,8 @@ GRADES = {
     "touchdown_impulse": SaturatingCost(0.05, 0.0, 0.03),
     "trunk_height": SaturatingCost(0.15, 0.85, -0.1),
 }
-"""Graded cost of each measure that has one, in its unit; of what does not exist, the most: the robot fell at once."""
+"""Graded cost of each measure that has one, in its unit. A measure that is NaN costs the maximum: the robot fell at
+once."""
 COST_DESCRIPTION = (
     "Cost of an episode: "
     + ", ".join(f"{name} {cost:g}" for name, cost in OUTCOME_COSTS.items())
@@ -58,12 +64,12 @@ COST_DESCRIPTION = (
     )
     + ", in the share x / (1 + x) of it."
 )
-"""The cost in words."""
+"""Description of the cost, for reports."""
 
 
 def episode_costs(measures: Measures) -> Floats:
-    """Cost of each episode, (episodes,): of its outcome, of how far it was from a better one, and of its effort."""
-    total = np.array([OUTCOME_COSTS[each] for each in measures.outcome])
+    """Compute the cost of each episode, (episodes,): its outcome, its distance from a better one, and its effort."""
+    total = np.array([OUTCOME_COSTS[outcome] for outcome in measures.outcome])
     deviation = RULES[SUCCESS_RULE].deviations(measures.commands, measures.mean_velocities)
     # An interval that was not completed has the largest cost.
     total += DEVIATION_COST * np.clip(np.nan_to_num(deviation, nan=np.inf) / MAX_DEVIATION, 0.0, 1.0).max(axis=1)
@@ -83,18 +89,34 @@ def run_candidates(
     threads: int = 1,
     hardware: HardwareConfig = IDEAL,
 ) -> list[Episodes]:
-    """Records of episodes from those seeds on each scenario, on ground of that purpose, of the policy of that name with
-    each candidate's parameters, candidate after candidate."""
-    found = dict[str, Episodes]()
-    for real in (False, True):
-        if names := [each for each in scenario_names if each.endswith(HARDWARE) == real]:
-            members = [hardware.policy(name, on_hardware_profile=real, parameters=each) for each in candidates]
-            stack = PolicyStack(members, len(names))
-            scenarios = [with_terrain_seed(each, purpose, robot=hardware.robot_model) for each in names]
-            every_seed = np.tile(seeds, len(candidates))
-            walks = run_each(stack, scenarios, every_seed, nthread=threads, steps=steps, hardware=hardware)
-            found |= dict(zip(names, walks, strict=True))
-    return [found[each] for each in scenario_names]
+    """Run a policy with the parameters of each candidate.
+
+    Args:
+        name: Name of the policy.
+        candidates: Parameters of each candidate.
+        scenario_names: Scenarios.
+        seeds: Seeds of the episodes of every candidate on every scenario.
+        purpose: Purpose that selects the random ground.
+        steps: Length of an episode, control steps.
+        threads: Threads of the simulation.
+        hardware: Hardware of the robots.
+
+    Returns:
+        Records of the episodes on each scenario, candidate after candidate.
+    """
+    episodes_by_scenario = dict[str, Episodes]()
+    for on_hardware_profile in (False, True):
+        names = [scenario for scenario in scenario_names if scenario.endswith(HARDWARE) == on_hardware_profile]
+        if not names:
+            continue
+        make_policy = partial(hardware.policy, name, on_hardware_profile=on_hardware_profile)
+        members = [make_policy(parameters=candidate) for candidate in candidates]
+        stack = PolicyStack(members, len(names))
+        scenarios = [with_terrain_seed(scenario, purpose, robot=hardware.robot_model) for scenario in names]
+        all_seeds = np.tile(seeds, len(candidates))
+        records = run_each(stack, scenarios, all_seeds, nthread=threads, steps=steps, hardware=hardware)
+        episodes_by_scenario |= dict(zip(names, records, strict=True))
+    return [episodes_by_scenario[scenario] for scenario in scenario_names]
 
 
 def run_each(
@@ -106,30 +128,41 @@ def run_each(
     steps: int = STEPS,
     hardware: HardwareConfig = IDEAL,
 ) -> list[Episodes]:
-    """The records of one episode for each seed on each of the scenarios, all walked side by side.
+    """Run one episode per seed on each scenario, all of them together.
 
-    The policy acts for all at once, scenario after scenario: for one whose time hardly depends on how many robots it
-    moves that is many times faster. What is the policy's own, such as its phase, is not in the records.
+    The policy acts for all robots in one call, scenario after scenario. This is many times faster if the time of the
+    policy hardly depends on the number of robots. The policy's own signals, for example its phase, are not recorded.
+
+    Args:
+        policy: Policy of all robots.
+        scenarios: Scenarios.
+        seeds: Seeds of the episodes on every scenario.
+        nthread: Threads of the simulation.
+        steps: Length of an episode, control steps.
+        hardware: Hardware of the robots.
+
+    Returns:
+        Records of the episodes on each scenario.
     """
     recorders = [EpisodeRecorder(None, seeds, steps) for _ in scenarios]
+    make_scenario_env = partial(make_env, policy, count=len(seeds), steps=steps, nthread=nthread, hardware=hardware)
     with ExitStack() as stack:
-        batch = partial(make_env, policy, count=len(seeds), steps=steps, nthread=nthread, hardware=hardware)
-        envs = [batch(scenario) for scenario in scenarios]
+        envs = [make_scenario_env(scenario) for scenario in scenarios]
         for env in envs:
             stack.enter_context(closing(env))
             policy.check_compatible(env.robot, env.dt)
-        now = [reset_episodes(env, seeds, None) for env in envs]
+        current = [reset_episodes(env, seeds, None) for env in envs]
         policy.reset(num_envs=len(envs) * len(seeds), seed=0)
-        for recorder, step in zip(recorders, now, strict=True):
+        for recorder, step in zip(recorders, current, strict=True):
             recorder(step)
         active = list(range(len(envs)))
         while active:
-            actions = np.split(policy.act(np.concatenate([step.observation for step in now])), len(envs))
-            for number in active.copy():
-                now[number], ended = advance(now[number], actions[number])
-                recorders[number](now[number])
+            actions = np.split(policy.act(np.concatenate([step.observation for step in current])), len(envs))
+            for index in active.copy():
+                current[index], ended = advance(current[index], actions[index])
+                recorders[index](current[index])
                 if ended:  # its robots stay as they are
-                    active.remove(number)
+                    active.remove(index)
     return [recorder.episodes() for recorder in recorders]
 
 
@@ -142,21 +175,31 @@ def compare_parameters(
     threads: int = 1,
     hardware: HardwareConfig = IDEAL,
 ) -> tuple[list[tuple[str, str, Measures]], Floats]:
-    """The policy of that name with both parameters on the same full episodes of those seeds, on ground of the
-    validation: scenario, `before` for the parameters in force or `after`, and measures of each walk; cost of the
-    outcome less that of those in force, mean over the scenarios, of each seed, (seeds,)."""
+    """Run a policy with old and new parameters on the same full episodes, on the ground of the validation.
+
+    Args:
+        name: Name of the policy.
+        in_force: Parameters before.
+        outcome: Parameters after.
+        scenario_names: Scenarios.
+        seeds: Seeds of the episodes.
+        threads: Threads of the simulation.
+        hardware: Hardware of the robots.
+
+    Returns:
+        walks: Scenario, `before` or `after`, and measures of the episodes.
+        differences: Cost after minus cost before, mean over the scenarios, of each seed, (seeds,).
+    """
     walks: list[tuple[str, str, Measures]] = []
     differences = np.zeros(len(seeds))
-    groups = [
-        scenario_names[first : first + SCENARIOS_PER_BATCH]
-        for first in range(0, len(scenario_names), SCENARIOS_PER_BATCH)
-    ]
+    starts = range(0, len(scenario_names), SCENARIOS_PER_BATCH)
+    groups = [scenario_names[first : first + SCENARIOS_PER_BATCH] for first in starts]
     for group in track(groups, description="comparison"):
         before, after = (
-            map(measure, run_candidates(name, [each], group, seeds, "validation", threads=threads, hardware=hardware))
-            for each in (in_force, outcome)
+            run_candidates(name, [parameters], group, seeds, "validation", threads=threads, hardware=hardware)
+            for parameters in (in_force, outcome)
         )
-        for exercise, old, new in zip(group, before, after, strict=True):
-            walks += [(exercise, "before", old), (exercise, "after", new)]
+        for scenario_name, old, new in zip(group, map(measure, before), map(measure, after), strict=True):
+            walks += [(scenario_name, "before", old), (scenario_name, "after", new)]
             differences += episode_costs(new) - episode_costs(old)
     return walks, differences / len(scenario_names)

@@ -36,25 +36,28 @@ from train.search.cmaes import (
 from train.search.trials import COST_DESCRIPTION, Seeds, compare_parameters, episode_costs, run_candidates
 
 EXERCISES = ("flat", "push", "rough")
-"""Usual scenarios of the search; the response to commands is measured on the first."""
+"""Default scenarios of the search. The response to commands is measured on the first."""
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
+"""Parameters of the command map, which are fitted after the search."""
 MIN_RESPONSE = 0.7
 """Achieved per commanded velocity below which a candidate costs more, so that standing still does not win."""
 WEAK_RESPONSE_WEIGHT = 2.0
+"""Cost per unit by which a response is below `MIN_RESPONSE`, for each of the three velocities."""
 MIN_INVERTIBLE_RESPONSE = 0.1
-"""Achieved per commanded velocity below which a response is not undone: the map would ask for leaps."""
+"""Achieved per commanded velocity below which a response is not inverted: the map would command leaps."""
 MIN_INTERVALS = 6
-"""Command intervals needed to fit a response."""
+"""Number of command intervals needed to fit a response."""
 MAP_ROUNDS = 3
-"""How often the command map is fitted again with the one before in force."""
+"""Number of fits of the command map; each has the map before in force."""
 ACCOUNT = "TROT.md"
+"""File name of the report."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrotSearchOptions(SearchOptions):
-    """Which robot's trot is searched, and how thoroughly."""
+    """Options of the search of a robot's trot."""
 
-    make_search_problem: Annotated[Literal["trot"], tyro.conf.Positional] = "trot"
+    subject: Annotated[Literal["trot"], tyro.conf.Positional] = "trot"
     """trot: the open-loop trot."""
     robot: str | None = None
     """Robot: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
@@ -66,15 +69,20 @@ class TrotSearchOptions(SearchOptions):
 
 
 def main(options: TrotSearchOptions) -> int:
-    """Search, conclude, write; the exit code. Raises UsageError."""
-    return search(subject, options)
+    """Search, write the files and return the exit code. Raises UsageError."""
+    return search(make_search_problem, options)
 
 
-def subject(options: TrotSearchOptions) -> SearchProblem[TrotParameters]:
-    """The search of a robot's trot: from SimpleQuad's, or for another robot from that of dynamic similarity."""
-    hardware, threads = parse_robot_option(options.robot or HardwareConfig.robot), options.threads
-    robot, own = hardware.robot_model, hardware.robot_model == SIMPLE_QUAD
-    start = TrotParameters() if own else scaled_parameters(searched_parameters(), robot)
+def make_search_problem(options: TrotSearchOptions) -> SearchProblem[TrotParameters]:
+    """Return the search of a robot's trot.
+
+    It starts from SimpleQuad's trot, scaled by dynamic similarity for another robot.
+    """
+    threads = options.threads
+    hardware = parse_robot_option(options.robot or HardwareConfig.robot)
+    robot = hardware.robot_model
+    is_simple_quad = robot == SIMPLE_QUAD
+    start = TrotParameters() if is_simple_quad else scaled_parameters(searched_parameters(), robot)
     start = FILE.read(options.start) if options.start else start
     scenario_names = options.exercises or EXERCISES
     check_scenarios("--exercises", scenario_names, robot)
@@ -83,39 +91,50 @@ def subject(options: TrotSearchOptions) -> SearchProblem[TrotParameters]:
     def costs(candidates: list[TrotParameters], seeds: Seeds) -> Floats:
         return candidate_costs(candidates, seeds, options.steps, threads, hardware, scenario_names)
 
-    def conclude(found: TrotParameters) -> tuple[str, str]:
+    def finalize(parameters: TrotParameters) -> tuple[str, str]:
         fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
         for seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
-            found = fit_command_map(found, seeds, threads, hardware, scenario_names)
-        after, seeds = round_parameters(found), episode_seeds("validation", options.seed, options.check_episodes)
+            parameters = fit_command_map(parameters, seeds, threads, hardware, scenario_names)
+        after = round_parameters(parameters)
+        seeds = episode_seeds("validation", options.seed, options.check_episodes)
         walks, _ = compare_parameters("trot", start, after, scenario_names, seeds, threads, hardware)
-        how = describe_method("python -m train search trot", options, ", ".join(scenario_names))
-        lines = ["# The trot's parameters", "", how, COST_DESCRIPTION]
+        method = describe_method("python -m train search trot", options, ", ".join(scenario_names))
+        lines = ["# The trot's parameters", "", method, COST_DESCRIPTION]
         lines += ["Commands are those that a candidate's linear response on flat ground would be mapped to; the map is"]
         lines += ["fitted by least squares afterwards.", "", *parameter_table(start, after, ranges, COMMAND_MAP), ""]
         lines += [f"On {options.check_episodes} validation episodes of 10 s a scenario:", "", *results_table(walks)]
         return parameters_to_json(after), "\n".join(lines) + "\n"
 
-    file = FILE.path if own else folder_of(robot) / FILE.path.name
-    return SearchProblem(start, ranges, costs, conclude, file, ACCOUNT)
+    file = FILE.path if is_simple_quad else folder_of(robot) / FILE.path.name
+    return SearchProblem(start, ranges, costs, finalize, file, ACCOUNT)
 
 
 def fit_command_response(walk: Episodes, members: int) -> Floats:
-    """Least-squares map of each member from commanded (and 1) to achieved velocity, (members, 4, 3), over the intervals
-    without a fall; zeros where these are too few."""
+    """Fit the linear response of each candidate to its commands by least squares.
+
+    Args:
+        walk: Episodes, the same number for each candidate.
+        members: Number of candidates.
+
+    Returns:
+        Matrix from the command and 1 to the mean velocity, (members, 4, 3), fitted to the intervals without a fall.
+        Zero where there are fewer than MIN_INTERVALS.
+    """
     measures = measure(walk)
-    command, achieved = (each.reshape(members, -1, 3) for each in (measures.commands, measures.mean_velocities))
-    upright, found = np.asarray(np.isfinite(achieved).all(axis=-1)), np.zeros((members, 4, 3))
+    command = measures.commands.reshape(members, -1, 3)
+    achieved = measures.mean_velocities.reshape(members, -1, 3)
+    upright = np.asarray(np.isfinite(achieved).all(axis=-1))
+    response = np.zeros((members, 4, 3))
     for member in np.flatnonzero(upright.sum(axis=1) >= MIN_INTERVALS):
         rows = upright[member]
         inputs = np.column_stack((command[member, rows], np.ones(rows.sum())))
-        found[member] = np.linalg.lstsq(inputs, achieved[member, rows], rcond=None)[0]
-    return found
+        response[member] = np.linalg.lstsq(inputs, achieved[member, rows], rcond=None)[0]
+    return response
 
 
-def weak_response_cost(found: Floats) -> float:
-    """Cost of a response (4, 3) whose velocities are too small compared with the commanded ones."""
-    return WEAK_RESPONSE_WEIGHT * float(np.clip(MIN_RESPONSE - np.diag(found[:3]), 0.0, None).sum())
+def weak_response_cost(response: Floats) -> float:
+    """Return the cost of a `response`, (4, 3), with achieved velocities that are small for their commands."""
+    return WEAK_RESPONSE_WEIGHT * float(np.clip(MIN_RESPONSE - np.diag(response[:3]), 0.0, None).sum())
 
 
 def candidate_costs(
@@ -126,17 +145,28 @@ def candidate_costs(
     hardware: HardwareConfig = IDEAL,
     scenario_names: Sequence[str] = EXERCISES,
 ) -> Floats:
-    """Mean cost of each candidate over all scenarios of a robot, (candidates,).
+    """Compute the mean cost of each candidate over all scenarios.
 
-    A candidate is evaluated against its own linear response on flat ground, as if its command map were fitted already,
-    plus a cost for a response that is too weak to be mapped.
+    A candidate is evaluated against its own linear response on flat ground, as if its command map were fitted already.
+    A response that is too weak for a map costs more.
+
+    Args:
+        candidates: Parameters.
+        seeds: Seeds of the episodes of every candidate.
+        steps: Length of an episode, control steps.
+        threads: Threads of the simulation.
+        hardware: Hardware of the robots.
+        scenario_names: Scenarios.
+
+    Returns:
+        Cost of each candidate, (candidates,).
     """
     walks = run_candidates("trot", candidates, scenario_names, seeds, "search", steps, threads, hardware)
-    found = fit_command_response(walks[0], len(candidates))
-    total = np.array([weak_response_cost(each) for each in found])
-    each_robot = found.repeat(len(seeds), axis=0)
+    responses = fit_command_response(walks[0], len(candidates))
+    total = np.array([weak_response_cost(response) for response in responses])
+    response_of_robot = responses.repeat(len(seeds), axis=0)
     for walk in walks:
-        target = np.einsum("tnc,ncd->tnd", walk.command, each_robot[:, :3]) + each_robot[:, 3]
+        target = np.einsum("tnc,ncd->tnd", walk.command, response_of_robot[:, :3]) + response_of_robot[:, 3]
         costs = episode_costs(measure(replace(walk, command=target)))
         total += costs.reshape(len(candidates), -1).mean(axis=1) / len(walks)
     return total
@@ -149,36 +179,60 @@ def fit_command_map(
     hardware: HardwareConfig = IDEAL,
     scenario_names: Sequence[str] = EXERCISES,
 ) -> TrotParameters:
-    """The same gait with the command map that undoes a robot's response to it on flat ground."""
+    """Fit the command map of a gait to its response on flat ground.
+
+    Args:
+        parameters: Parameters of the gait.
+        seeds: Seeds of the episodes.
+        threads: Threads of the simulation.
+        hardware: Hardware of the robots.
+        scenario_names: Scenarios of the search. The first is walked.
+
+    Returns:
+        The same gait with the command map that inverts the response; unchanged if the response is too weak.
+    """
     (walk,) = run_candidates(
         "trot", [parameters], scenario_names[:1], seeds, "search", threads=threads, hardware=hardware
     )
     return try_invert_command_response(parameters, fit_command_response(walk, 1)[0])
 
 
-def invert_command_response(parameters: TrotParameters, found: Floats) -> TrotParameters:
-    """The same gait with the command map that undoes the response `found`, (4, 3), to the map in force.
+def invert_command_response(parameters: TrotParameters, response: Floats) -> TrotParameters:
+    """Return the same gait with the command map that inverts a response to the map in force.
 
-    With u asked of the gait and v achieved: forward v = a u + b, lateral v = a u, yaw rate ω = a u + c u_lateral.
-    Raises ValueError where the response is too weak for the parameters' limits.
+    With the gait's input u and the achieved v: forward v = a u + b, lateral v = a u, yaw rate ω = a u + c u_lateral.
+    ValueError if the response is too weak for the limits of the parameters.
+
+    Args:
+        parameters: Parameters of the gait.
+        response: Its response, (4, 3), see `fit_command_response`.
+
+    Returns:
+        The parameters.
     """
     return replace(
         parameters,
-        forward_gain=parameters.forward_gain / found[0, 0],
-        forward_bias=parameters.forward_bias - parameters.forward_gain * found[3, 0] / found[0, 0],
-        lateral_gain=parameters.lateral_gain / found[1, 1],
-        yaw_gain=parameters.yaw_gain / found[2, 2],
-        yaw_per_lateral=(parameters.yaw_per_lateral - parameters.yaw_gain * found[1, 2] / found[2, 2]) / found[1, 1],
+        forward_gain=parameters.forward_gain / response[0, 0],
+        forward_bias=parameters.forward_bias - parameters.forward_gain * response[3, 0] / response[0, 0],
+        lateral_gain=parameters.lateral_gain / response[1, 1],
+        yaw_gain=parameters.yaw_gain / response[2, 2],
+        yaw_per_lateral=(
+            (parameters.yaw_per_lateral - parameters.yaw_gain * response[1, 2] / response[2, 2]) / response[1, 1]
+        ),
     )
 
 
-def try_invert_command_response(parameters: TrotParameters, found: Floats) -> TrotParameters:
-    """The parameters whose command map undoes the response `found`, (4, 3); unchanged where it is too weak for that."""
+def try_invert_command_response(parameters: TrotParameters, response: Floats) -> TrotParameters:
+    """Return `parameters` with the inverse of `response`, (4, 3), as command map; unchanged if that is too weak."""
+    if np.diag(response[:3]).min() < MIN_INVERTIBLE_RESPONSE:
+        return _keep_map(parameters, "the response is too weak")
     try:
-        if np.diag(found[:3]).min() < MIN_INVERTIBLE_RESPONSE:
-            raise ValueError("the response is too weak")
-        return invert_command_response(parameters, found)
+        return invert_command_response(parameters, response)
     except ValueError as error:
-        # Not worth the loss of a long search.
-        print(f"the command map is unchanged: {error}", file=sys.stderr)
-        return parameters
+        return _keep_map(parameters, str(error))
+
+
+def _keep_map(parameters: TrotParameters, reason: str) -> TrotParameters:
+    """Print the reason and return the parameters. An error would lose the result of a long search."""
+    print(f"the command map is unchanged: {reason}", file=sys.stderr)
+    return parameters

@@ -104,7 +104,7 @@ class Kept:
 
         patch.setattr(cmaes, "evolve", evolve)
         patch.setattr(trot, "fit_command_map", lambda found, *_: found)
-        patch.setattr(trot, "compared", lambda *_: ([], None))
+        patch.setattr(trot, "compare_parameters", lambda *_: ([], None))
         self.code = main(["search", "trot", "--out", str(folder / "found.json")])
         self.files = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
 

@@ -56,7 +56,7 @@ def test_a_response_too_weak_to_be_undone_leaves_the_map_alone(monkeypatch):
     beyond = np.eye(4, 3)
     beyond[3, 0] = math.inf  # a bias that no trot's parameters may have
     assert try_invert_command_response(TrotParameters(), beyond) == TrotParameters()
-    monkeypatch.setattr(trot, "walked", lambda *_, **__: [measures()])
+    monkeypatch.setattr(trot, "run_candidates", lambda *_, **__: [measures()])
     monkeypatch.setattr(trot, "measure", lambda walk: walk)
     assert fit_command_map(TrotParameters(), episode_seeds("search", 0, 6), 1).lateral_gain == pytest.approx(2.0)
 
