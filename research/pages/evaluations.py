@@ -15,7 +15,7 @@ from evaluate.measures.outcomes import SUCCESS_RULE
 from evaluate.report.headings import EFFORT_SCENARIOS, EFFORT_TITLES, MAIN_EFFORT_TITLES, ROW_LABEL, format_effort
 from evaluate.report.plots import drawing, pareto, success
 from evaluate.rollouts.battery import BATTERIES, resolve
-from policies.summaries import explained
+from policies.summaries import SUMMARIES
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import (
     ABSENT,
@@ -94,30 +94,51 @@ def made_by(found: dict[str, Any]) -> str:
     return f"`{words}`; MuJoCo {versions['mujoco']}, Python {versions['python']}{older}."
 
 
-def legend(found: dict[str, Any]) -> str:
-    """What each policy is, in one line of Markdown that shows as one line each; empty where none is known."""
-    return "<br>".join(f"`{name}`: {text}." for name, text in explained(found["policies"]).items())
-
-
 def overview(found: dict[str, Any]) -> list[str]:
-    """Scores and effort, a policy a row, and the success on flat ground of policies that have no score; in lines."""
+    """Return the table of scores and effort, one policy a row, and a sentence below it.
+
+    Args:
+        found: Results of an evaluation.
+
+    Returns:
+        Lines of Markdown. The sentence explains the columns and names policies that ran on flat ground alone.
+    """
     ideal, real = ({each.policy: share(each.score, each.ci) for each in scores(found, kind)} for kind in KINDS)
     place = cost_scenario(scenarios_of(found))
-    heads = {"policy": "policy", "score": "success", "real": "success with the hardware profile"}
+    heads = {"policy": "policy", "about": "controller", "score": "success", "real": "success with the hardware profile"}
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in MAIN_EFFORT_TITLES}
-    ran, rows, flat = {policy: of["scenarios"] for policy, of in found["policies"].items()}, [], ""
+    cells_by_policy = {policy: of["scenarios"] for policy, of in found["policies"].items()}
+    rows = []
     for policy in dict.fromkeys((*ideal, *real)):
-        effort = dict.fromkeys(MAIN_EFFORT_TITLES, math.nan) | ran.get(policy, {}).get(place, {}).get("effort", {})
-        row = {"policy": f"`{policy}`", "score": ideal.get(policy, ABSENT), "real": real.get(policy, ABSENT)}
+        row = {"policy": f"`{policy}`", "about": SUMMARIES.get(policy, ABSENT)}
+        row |= {"score": ideal.get(policy, ABSENT), "real": real.get(policy, ABSENT)}
+        measured = cells_by_policy.get(policy, {}).get(place, {}).get("effort", {})
+        effort = dict.fromkeys(MAIN_EFFORT_TITLES, math.nan) | measured
         rows.append(row | {name: format_effort(name, effort[name]) for name in MAIN_EFFORT_TITLES})
-    for policy, cells in ran.items():
-        if policy not in {*ideal, *real} and FLAT in cells:
-            flat += f" `{policy}` on flat ground alone: {percent(cells[FLAT]['success_rate'])}."
     shown = {name: head for name, head in heads.items() if any(row[name] != ABSENT for row in rows)}
-    count, axes = with_count(found["episodes"], "episode"), len(scores(found)[0].axes)
-    where = f"; effort {EFFORT_SCENARIOS[place]}" if set(MAIN_EFFORT_TITLES) & set(shown) else ""
-    said = f"Success: mean over {axes} axes of disturbance, {count} at each severity{where}.{flat}"
-    return [said, "", *table(shown, rows).splitlines()]
+    count = with_count(found["episodes"], "episode")
+    axes = len(scores(found)[0].axes)
+    effort_note = f"; effort {EFFORT_SCENARIOS[place]}" if set(MAIN_EFFORT_TITLES) & set(shown) else ""
+    said = f"Success: mean over {axes} axes of disturbance, {count} at each severity{effort_note}."
+    without_score = {policy: cells for policy, cells in cells_by_policy.items() if policy not in {*ideal, *real}}
+    return [*_with_text_column(table(shown, rows).splitlines(), shown), "", said + _on_flat_ground(without_score)]
+
+
+def _with_text_column(lines: list[str], heads: dict[str, str]) -> list[str]:
+    """Align the column `about`, the second, to the left."""
+    if "about" not in heads:
+        return lines
+    return [lines[0], lines[1].replace("|---|---:|", "|---|---|", 1), *lines[2:]]
+
+
+def _on_flat_ground(cells_by_policy: dict[str, Any]) -> str:
+    """Return a sentence for each policy without a score: its success on flat ground, and its description."""
+    sentences = ""
+    for policy, cells in cells_by_policy.items():
+        if FLAT in cells:
+            about = f" ({SUMMARIES[policy]})" if policy in SUMMARIES else ""
+            sentences += f" `{policy}`{about} on flat ground alone: {percent(cells[FLAT]['success_rate'])}."
+    return sentences
 
 
 def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:

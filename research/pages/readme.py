@@ -36,8 +36,7 @@ def main(options: ReadmeOptions) -> int:
     """Write the README; the exit code. Raises UsageError."""
     text, found = page_with(options.readme), evaluations.read(options.results)
     others = [evaluations.read(path) for path in options.robots]
-    said, *table = evaluations.overview(found)
-    lines = ["<br>".join(filter(None, (evaluations.legend(found), said))), *table, ""]
+    lines = [*evaluations.overview(found), ""]
     seen = Path(os.path.relpath(options.picture, options.readme.parent)).as_posix()
     lines += [evaluations.pictures(found, seen), "", evaluations.made_by(found)]
     text = insert(text, lines)

@@ -69,12 +69,12 @@ def page(folder, found=FOUND) -> str:
 def test_the_readme_has_policies_scores_and_figure(folder) -> None:
     text = readme(folder)
     lines = text.splitlines()
-    said = "Success: mean over 2 axes of disturbance, 128 episodes at each severity."
-    assert lines[2] == f"`trot`: {summary('trot')}.<br>`stand`: {summary('stand')}.<br>{said}"
-    assert lines[4:7] == ["| policy | success |", "|---|---:|", "| `trot` | 47\u00a0% [43,\u00a053] |"]
+    row = f"| `trot` | {summary('trot')} | 47\u00a0% [43,\u00a053] |"
+    assert lines[2:5] == ["| policy | controller | success |", "|---|---|---:|", row]
+    assert lines[7] == "Success: mean over 2 axes of disturbance, 128 episodes at each severity."
     assert lines[9].endswith("](docs/results/run.png)")
-    unknown = FOUND | {"policies": {"my.onnx": FOUND["policies"]["trot"]}}
-    assert readme(folder, unknown).splitlines()[2].startswith("Success")
+    unknown = FOUND | {"scores": [SCORE | {"policy": "my.onnx"}], "policies": {"my.onnx": FOUND["policies"]["trot"]}}
+    assert readme(folder, unknown).splitlines()[2:4] == ["| policy | success |", "|---|---:|"]
 
 
 def test_effort_and_the_front_stand_next_to_success(folder) -> None:
@@ -90,11 +90,14 @@ def test_effort_and_the_front_stand_next_to_success(folder) -> None:
     found = FOUND | {"pareto": front, "policies": of, "hardware_scores": [SCORE | {"score": 0.3}]}
     lines = readme(folder, found, "--robots", evaluation(folder, found, "go")).replace("\u00a0", " ").splitlines()
     first = lines.index("<!-- results -->")
-    assert lines[first + 1].endswith("severity; effort at a steady 0.5 m/s. `mine` on flat ground alone: 50 %.")
-    heads = "policy | success | success with the hardware profile | cost of transport | step rate, 1/s | flight, %"
-    rows = ["`trot` | 47 % [43, 53] | 30 % [43, 53] | 1.23 | 4.00 | 30.5", "`stand` | 10 % [43, 53] | – | – | – | –"]
-    assert lines[first + 3] == f"| {heads} |"
-    assert lines[first + 5 : first + 7] == [f"| {row} |" for row in rows]
+    assert lines[first + 6].endswith("severity; effort at a steady 0.5 m/s. `mine` on flat ground alone: 50 %.")
+    heads = "policy | controller | success | success with the hardware profile | cost of transport | step rate, 1/s | flight, %"
+    rows = [
+        f"`trot` | {summary('trot')} | 47 % [43, 53] | 30 % [43, 53] | 1.23 | 4.00 | 30.5",
+        f"`stand` | {summary('stand')} | 10 % [43, 53] | – | – | – | –",
+    ]
+    assert lines[first + 1] == f"| {heads} |"
+    assert lines[first + 3 : first + 5] == [f"| {row} |" for row in rows]
     assert lines[first + 8].endswith("(docs/results/run_pareto.png)")
     assert not any("go_pareto.png" in line for line in lines)
     assert "](results/run_pareto.png)" in page(folder, found)
@@ -152,8 +155,8 @@ def test_scores_with_the_hardware_profile_stand_next_to_those_without_and_polici
     alone = FOUND["policies"] | {"article": {"scenarios": {"flat": CELL}}}
     both = FOUND | {"hardware_scores": [WORSE | {"score": 0.2, "axes": {"push": [0.2]}}], "policies": alone}
     text = readme(folder, both, "--robots", evaluation(folder, both, "one")).replace("\u00a0", " ")
-    assert "| policy | success | success with the hardware profile |" in text
-    assert "| `stand` | 10 % [43, 53] | 20 % [43, 53] |" in text
+    assert "| policy | controller | success | success with the hardware profile |" in text
+    assert f"| `stand` | {summary('stand')} | 10 % [43, 53] | 20 % [43, 53] |" in text
     assert "`article` on flat ground alone: 50 %." in text
     assert "| simple_quad, hardware profile | – | 20 %" in text
     run = page(folder, both).replace("\u00a0", " ")
