@@ -91,7 +91,8 @@ def test_effort_and_the_front_stand_next_to_success(folder) -> None:
     lines = readme(folder, found, "--robots", evaluation(folder, found, "go")).replace("\u00a0", " ").splitlines()
     first = lines.index("<!-- results -->")
     assert lines[first + 6].endswith("severity; effort at a steady 0.5 m/s. `mine` on flat ground alone: 50 %.")
-    heads = "policy | controller | success | success with the hardware profile | cost of transport | step rate, 1/s | flight, %"
+    heads = "policy | controller | success | success with the hardware profile | "
+    heads += "cost of transport | step rate, 1/s | flight, %"
     rows = [
         f"`trot` | {summary('trot')} | 47 % [43, 53] | 30 % [43, 53] | 1.23 | 4.00 | 30.5",
         f"`stand` | {summary('stand')} | 10 % [43, 53] | – | – | – | –",
