@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.hardware import HardwareConfig
-from evaluate.measures.metrics import Measures
+from evaluate.measures.metrics import MEASURE_NAMES, Measures
 from evaluate.measures.outcomes import OFF_COMMAND, SUCCEEDED, SuccessRule
 from policies.base import Policy
 from policies.external import ExternalPolicy
@@ -122,11 +122,7 @@ def join(chunks: Sequence[EpisodeChunk]) -> PolicyScenarioResult:
     """Join the chunks of one cell, with the episodes in the order of their indices."""
     order = np.argsort(np.concatenate([chunk.episode_indices for chunk in chunks]))
     cells = [chunk.cell for chunk in chunks]
-    measures = {
-        field.name: np.concatenate([getattr(cell.measures, field.name) for cell in cells])[order]
-        for field in dataclasses.fields(Measures)
-        if field.name != "extra"
-    }
+    measures = {name: np.concatenate([getattr(cell.measures, name) for cell in cells])[order] for name in MEASURE_NAMES}
     extra = _join_extra(cells, order)
     return dataclasses.replace(
         cells[0],

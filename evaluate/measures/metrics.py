@@ -1,12 +1,12 @@
-"""Every measure of a set of episodes; what each means, its unit and its formula stand in `evaluate.measures.catalogue`.
+"""All measures of a set of episodes; meaning, unit and formula are in `evaluate.measures.catalogue`.
 
-They look at the control steps after an episode's first second. A step is *upright* if its reading was taken before the
-robot fell or diverged; nothing that was recorded later counts, whatever it is. Arithmetic is in double precision, on
-what was recorded in single precision.
+The control steps after an episode's first second count. A step is *upright* if its reading was taken before the robot
+fell or diverged; later readings do not count. Signals are recorded in single precision and evaluated in double
+precision.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from evaluate.measures.pushes import pushes
 
 @dataclass(frozen=True)
 class Measures:
-    """What n episodes measured; one entry an episode, NaN where it does not exist; see `catalogue`."""
+    """Measures of n episodes, one entry an episode, NaN without a value; `catalogue` has units and formulas."""
 
     outcome: NDArray[np.object_]
     fell: Bools
@@ -56,18 +56,19 @@ class Measures:
     flight: Floats
     trunk_height: Floats
     duty_factor: Floats
-    """(n, 4)"""
+    """Of each foot, (n, 4)."""
     commands: Floats
-    """(n, k, 3), k command intervals; NaN where the robot was not upright to begin it."""
+    """Commands of the k intervals, (n, k, 3); NaN if the robot was not upright at the start of the interval."""
     mean_velocities: Floats
-    """(n, k, 3); NaN where the robot was not upright to its end."""
+    """Mean velocities of the intervals, (n, k, 3); NaN if the robot was not upright at the end of the interval."""
     push_time: Floats
-    """(n, k), k pushes, as are the next two."""
+    """Onset of each of k pushes, (n, k)."""
     push_impulse: Floats
-    """(n, k, 2)"""
+    """Impulse of each push, (n, k, 2)."""
     push_fell: Floats
+    """1 if a fall follows the push, else 0, (n, k)."""
     cause: NDArray[np.object_]
-    """Why each episode failed, one of `evaluate.causes.rules.CAUSES`; None of a success, and where it is not known."""
+    """One of `evaluate.causes.rules.CAUSES`, (n,); None for a success, and if the cause is not known."""
     cause_time: Floats
     cause_detail: NDArray[np.object_]
     extra: Mapping[str, Floats] = field(default_factory=dict)
@@ -75,17 +76,21 @@ class Measures:
 
     @property
     def succeeded(self) -> Bools:
-        """Which episodes succeeded, (n,)."""
+        """True for episodes that succeeded, (n,)."""
         return np.asarray(self.outcome == SUCCEEDED)
 
     @property
     def stalled(self) -> Bools:
-        """Which episodes stalled, (n,)."""
+        """True for episodes that stalled, (n,)."""
         return np.asarray(self.outcome == STALLED)
 
 
+MEASURE_NAMES = tuple(each.name for each in fields(Measures) if each.name != "extra")
+"""Names of the project's measures, without those of extensions."""
+
+
 def measure(episodes: Episodes) -> Measures:
-    """Every measure of a set of episodes but the causes of failures, see `evaluate.causes.verdict`."""
+    """Compute all measures of episodes except the causes of failures; see `evaluate.causes.verdict`."""
     upright = upright_steps(episodes.fall_step, episodes.steps)
     fell = episodes.fall_step < episodes.steps
     unknown = np.full(episodes.count, None, dtype=object)
@@ -110,14 +115,23 @@ def measure(episodes: Episodes) -> Measures:
 def outcome(
     episodes: Episodes, rule: SuccessRule = RULES[SUCCESS_RULE], tracking_measures: dict[str, Floats] | None = None
 ) -> NDArray[np.object_]:
-    """What came of each episode under a rule of success, one of OUTCOMES, (n,); `following` are its measures
-    of tracking where they are known."""
+    """Determine the outcome of each episode under a success rule.
+
+    Args:
+        episodes: Recorded episodes.
+        rule: Success rule.
+        tracking_measures: Tracking measures of the episodes if they are known; None to compute them.
+
+    Returns:
+        One of OUTCOMES for each episode, (n,).
+    """
     upright = upright_steps(episodes.fall_step, episodes.steps)
-    tracking_measures = tracking_measures or _tracking(episodes, upright)[0]
-    fell, stopped = episodes.fall_step < episodes.steps, np.zeros(episodes.count, np.bool_)
+    if not tracking_measures:
+        tracking_measures, _ = _tracking(episodes, upright)
+    fell = episodes.fall_step < episodes.steps
+    stopped = np.zeros(episodes.count, np.bool_)
     if episodes.stopped is not None:
-        controlled = controlled_stops(episodes)
-        stopped = (episodes.stopped & upright).any(axis=0) & (~fell | controlled)
+        stopped = (episodes.stopped & upright).any(axis=0) & (~fell | controlled_stops(episodes))
     return outcomes(
         fell=fell,
         diverged=episodes.diverged,
@@ -132,9 +146,9 @@ def outcome(
 
 
 def summarise(episodes: Episodes) -> dict[str, float]:
-    """Plain means over a set of episodes, name -> value, and their cost of transport together: what training validates
-    with."""
-    measures, means = measure(episodes), ("velocity_error", "yaw_rate_error", "mean_velocity_error", "energy")
+    """Return the means that training validates with, by name, and the cost of transport of all episodes together."""
+    measures = measure(episodes)
+    means = ("velocity_error", "yaw_rate_error", "mean_velocity_error", "energy")
     return {
         "success_rate": float(measures.succeeded.mean()),
         "fall_rate": float(measures.fell.mean()),
@@ -145,17 +159,32 @@ def summarise(episodes: Episodes) -> dict[str, float]:
 
 
 def _tracking(episodes: Episodes, upright: Bools) -> tuple[dict[str, Floats], Floats]:
-    """How commands were followed, and the distance covered."""
-    settling, intervals = episodes.settling, episodes.intervals
-    settled, windows = slice(settling, None), intervals.settled
-    command, velocity = (signal.astype(np.float64) for signal in (episodes.command, episodes.heading_velocity))
-    after: dict[str, Any] = {"command": command[settled], "velocity": velocity[settled], "upright": upright[settled]}
+    """Compute the tracking measures and the distance.
+
+    Args:
+        episodes: Recorded episodes.
+        upright: True for upright steps, (steps, n).
+
+    Returns:
+        measures: Name -> measure of each episode, (n, …).
+        distance: Distance covered, (n,), m.
+    """
+    settling = episodes.settling
+    intervals = episodes.intervals
+    windows = intervals.settled
+    command = episodes.command.astype(np.float64)
+    velocity = episodes.heading_velocity.astype(np.float64)
+    settled: dict[str, Any] = {
+        "command": command[settling:],
+        "velocity": velocity[settling:],
+        "upright": upright[settling:],
+    }
     measures = {
-        "velocity_error": tracking.velocity_error(**after),
-        "yaw_rate_error": tracking.yaw_rate_error(**after),
-        "velocity_error_upright": tracking.velocity_error_upright(**after),
+        "velocity_error": tracking.velocity_error(**settled),
+        "yaw_rate_error": tracking.yaw_rate_error(**settled),
+        "velocity_error_upright": tracking.velocity_error_upright(**settled),
         "mean_velocity_error": tracking.mean_velocity_error(command, velocity, upright, windows),
-        "commands": tracking.commands_given(command, upright, tuple(w.start - settling for w in windows)),
+        "commands": tracking.commands_given(command, upright, tuple(window.start - settling for window in windows)),
         "mean_velocities": tracking.mean_velocities(velocity, upright, windows),
     }
     return measures, tracking.distance_covered(velocity, upright, intervals.travelled, episodes.dt)

@@ -4,7 +4,7 @@ The columns are policy, scenario, severity, episode, seed and the fields of `Mea
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +13,10 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from evaluate.cells import PolicyScenarioResult
-from evaluate.measures.metrics import Measures
+from evaluate.measures.metrics import MEASURE_NAMES, Measures
 from evaluate.records import parquet
 from quad_env.scenarios.registry import Scenario
 
-MEASURES = tuple(field.name for field in fields(Measures) if field.name != "extra")
-"""Names of the project's measures; those of extensions are further columns."""
 FIRST = ("outcome", "fell", "fall_reason", "failure", "fall_time", "diverged")
 """Columns before the other measures."""
 REQUIRED = {"policy", "scenario", "episode", "seed", "outcome", "fell", "diverged", "fall_reason", "failure"}
@@ -68,7 +66,7 @@ def table(cell: PolicyScenarioResult, episodes: NDArray[np.int64] | None = None)
     Returns:
         A table with one row an episode.
     """
-    values = {name: getattr(cell.measures, name) for name in MEASURES}
+    values = {name: getattr(cell.measures, name) for name in MEASURE_NAMES}
     values["fall_reason"] = cell.fall_reason
     values["failure"] = cell.failure
     count = cell.episodes
@@ -104,7 +102,7 @@ def cell_of(rows: pa.Table, scenario: Scenario) -> PolicyScenarioResult:
     """
     try:
         extra = {name: _to_numpy(rows, name) for name in extra_columns(rows)}
-        measures = Measures(**{name: _to_numpy(rows, name) for name in MEASURES}, extra=extra)
+        measures = Measures(**{name: _to_numpy(rows, name) for name in MEASURE_NAMES}, extra=extra)
     except (TypeError, ValueError) as error:
         raise ValueError(f"its lists are not all of one length ({error})") from error
     return PolicyScenarioResult(
@@ -153,7 +151,7 @@ def add_missing_measures(rows: pa.Table) -> pa.Table:
     """
     if absent := sorted(REQUIRED - set(rows.column_names)):
         raise ValueError(f"it lacks the columns {', '.join(absent)}")
-    for name in MEASURES:
+    for name in MEASURE_NAMES:
         if name not in rows.column_names:
             column = _null_column(rows, name)
             metadata = {_MISSING: b"1"}

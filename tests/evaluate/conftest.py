@@ -13,7 +13,7 @@ import pytest
 from evaluate.__main__ import main
 from evaluate.analysis.results import Results, analyse
 from evaluate.cells import PolicyScenarioResult
-from evaluate.measures.metrics import Measures
+from evaluate.measures.metrics import MEASURE_NAMES, Measures
 from evaluate.rollouts.battery import resolve
 from quad_env import SCENARIOS as NOMINAL
 from quad_env import Scenario
@@ -79,7 +79,7 @@ def outcomes(
     }
     known["mean_velocities"] = known["commands"]
     nothing = np.full(len(fell), np.nan)
-    measures = Measures(**{field.name: known.get(field.name, nothing) for field in dataclasses.fields(Measures)})
+    measures = Measures(**{name: known.get(name, nothing) for name in MEASURE_NAMES})
     reasons = np.full(len(fell), None, dtype=object)
     return PolicyScenarioResult(
         policy, scenario, np.arange(first_seed, first_seed + len(fell)), reasons, measures, reasons

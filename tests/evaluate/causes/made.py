@@ -18,7 +18,7 @@ TIME_CONSTANT = 0.23604
 RISER = Stairs(rise=0.15, run=0.3, landing=0.75)
 
 
-FOLLOWS = "onset", "window", "shank", "capture"
+FOLLOWS = "onset", "window", "shank", "capture_point_offset"
 """Fields of a record that follow from its signals, where a test gives them."""
 
 

@@ -66,10 +66,10 @@ def test_episodes_made_to_fail_have_the_cause_they_were_made_for(cause: str) -> 
         ("trips trunk_blow", rules.TRIP),
         ("slides", rules.SLIP),
         ("pushes", rules.PUSH),
-        ("motors", rules.MOTOR),
+        ("motor_saturation", rules.MOTOR),
         ("limits", rules.REACH),
-        ("estimates", rules.ESTIMATE),
-        ("signals", rules.SIGNAL),
+        ("estimation_error", rules.ESTIMATE),
+        ("delay_or_dropout", rules.SIGNAL),
     ],
 )
 def test_a_rule_that_never_answers_is_missed(missing: str, cause: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -93,8 +93,8 @@ def test_a_cause_is_certain_only_if_no_other_had_begun() -> None:
     assert events(push, slip) == Verdict(push, False, (slip, push))
     assert events(push, slip._replace(step=100)) == Verdict(push, True, (push, slip._replace(step=100)))
     assert events(slip, Event(rules.MOTOR, 80, 1.1, "weak")).certain is False
-    assert events(push._replace(strength=1.4)).certain is False
-    assert events(slip._replace(strength=0.9)).event.cause == rules.UNCLEAR
+    assert events(push._replace(score=1.4)).certain is False
+    assert events(slip._replace(score=0.9)).event.cause == rules.UNCLEAR
 
 
 def check_legs_and_rises_are_those_that_were_hit() -> None:

@@ -59,7 +59,7 @@ def test_the_onset_follows_the_last_moment_of_an_ordinary_posture() -> None:
     assert plain(height=height).onset == END  # a crouch that was its gait
     off = np.zeros((END, 2))
     off[170:, 1] = -0.21
-    assert plain(capture=off).onset == 170
+    assert plain(capture_point_offset=off).onset == 170
 
 
 def test_a_capture_point_that_the_command_asks_for_is_ordinary() -> None:
@@ -70,7 +70,7 @@ def test_a_capture_point_that_the_command_asks_for_is_ordinary() -> None:
         capture = np.zeros((END, 2))
         capture[:, 0] = TIME_CONSTANT
         capture[170:, 0] = off
-        assert plain(capture=capture, command=command).onset == onset
+        assert plain(capture_point_offset=capture, command=command).onset == onset
 
 
 @pytest.mark.parametrize(

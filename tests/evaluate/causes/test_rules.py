@@ -83,7 +83,7 @@ def test_a_steady_force_counts_where_the_robot_gives_way_to_it(way: float, count
     record = recorded(scenario)
     along = record.sampled.force / 60.0
     across = np.array([-along[1], along[0]])
-    vars(record)["capture"] = np.tile(0.2 * (way * along + np.sqrt(1.0 - way * way) * across), (END, 1))
+    vars(record)["capture_point_offset"] = np.tile(0.2 * (way * along + np.sqrt(1.0 - way * way) * across), (END, 1))
     events = list(rules.pushes(record))
     assert len(events) == counts
     if counts:

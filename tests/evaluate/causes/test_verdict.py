@@ -48,33 +48,33 @@ def test_the_first_sudden_event_decides_and_else_the_strongest_that_lasts(of: An
     assert of(ICE, Event(rules.MOTOR, 110, 1.1, "weak")).event == ICE
     assert of(LIMITS, ICE).event == ICE  # limits of joints last
     assert of(LIMITS).event == LIMITS
-    assert of(PUSH._replace(strength=0.99), ICE).event == ICE
+    assert of(PUSH._replace(score=0.99), ICE).event == ICE
     assert of(PUSH, ICE, TRIP).triggered_events == (TRIP, ICE, PUSH)  # by time
 
 
 def test_it_is_certain_where_it_is_strong_and_nothing_else_had_begun(of: Any) -> None:
     assert of(PUSH).certain
-    assert not of(PUSH._replace(strength=1.49)).certain
-    assert of(PUSH._replace(strength=1.5)).certain
+    assert not of(PUSH._replace(score=1.49)).certain
+    assert of(PUSH._replace(score=1.5)).certain
     assert not of(PUSH, ICE).certain
     assert not of(PUSH, ICE._replace(step=140)).certain
     assert of(PUSH, ICE._replace(step=141)).certain
-    assert of(PUSH, PUSH._replace(step=100, strength=0.9)).certain
+    assert of(PUSH, PUSH._replace(step=100, score=0.9)).certain
     assert of(PUSH, LIMITS).certain
     assert not of(LIMITS).certain
 
 
 def test_a_blow_such_as_it_has_taken_before_is_not_certain(of: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    windows, before = [], [TRIP._replace(step=20, strength=0.9)]
+    windows, before = [], [TRIP._replace(step=20, score=0.9)]
 
     def trips(_: EpisodeSignals, window: slice) -> Iterator[Event]:
         windows.append(window)
         yield from before
 
     monkeypatch.setattr(verdicts, "trips", trips)
-    hard = TRIP._replace(strength=5.0)
+    hard = TRIP._replace(score=5.0)
     assert of(hard).certain
-    before.append(TRIP._replace(step=40, strength=1.0))
+    before.append(TRIP._replace(step=40, score=1.0))
     assert not of(hard).certain
     assert windows == [slice(0, 110)] * 2  # until its cause is looked for
     assert of(hard._replace(step=200)).certain  # the trunk's own blow ends it
@@ -89,11 +89,11 @@ def test_a_robot_that_never_walked_has_no_clear_cause(of: Any) -> None:
 
 def test_without_events_the_gait_is_the_cause_and_certain_where_nothing_disturbed_it(of: Any) -> None:
     assert of() == Verdict(Event(rules.GAIT, 150, 1.0, "it leaves its ordinary gait by itself"), True)
-    assert of(PUSH._replace(strength=0.49)).certain
-    assert not of(PUSH._replace(strength=0.5)).certain
-    assert of(PUSH._replace(strength=0.5)).event.cause == rules.GAIT
-    assert of(PUSH._replace(strength=0.75)).event.cause == rules.UNCLEAR
-    assert of(LIMITS._replace(strength=0.9)).certain
+    assert of(PUSH._replace(score=0.49)).certain
+    assert not of(PUSH._replace(score=0.5)).certain
+    assert of(PUSH._replace(score=0.5)).event.cause == rules.GAIT
+    assert of(PUSH._replace(score=0.75)).event.cause == rules.UNCLEAR
+    assert of(LIMITS._replace(score=0.9)).certain
     assert not of(scenario=Scenario("made", pushes=Pushes(count=1))).certain
     fast = signal("command")
     fast[:, 1, 0] = 5.0

@@ -97,7 +97,7 @@ def test_files_that_can_hide_code_are_loaded_for_pages_where_they_are_trusted(co
     monkeypatch.setattr(pages, "policy_of", lambda label, _, trust: given.append((label, trust)))
     monkeypatch.setattr(pages.ReplayTarget, "take", lambda *_: None)
     monkeypatch.setattr(pages, "write_page", lambda *_: None)
-    monkeypatch.setattr("evaluate.commands.outputs.conclude", lambda *_: 0)
+    monkeypatch.setattr("evaluate.commands.outputs.write_results", lambda *_: 0)
     for word in ([], ["--trust"]):
         assert main(["report", str(copied), "--pages", *word]) == 0
     assert {trust for _, trust in given[: len(given) // 2]} == {False}

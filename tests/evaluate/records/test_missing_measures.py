@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from evaluate.__main__ import main
-from evaluate.measures.metrics import Measures
-from evaluate.records.episode_table import MEASURES, REQUIRED
+from evaluate.measures.metrics import MEASURE_NAMES, Measures
+from evaluate.records.episode_table import REQUIRED
 from evaluate.records.store import read_run
 from tests.evaluate.altered import other
 
-OPTIONAL = [name for name in MEASURES if name not in REQUIRED]
+OPTIONAL = [name for name in MEASURE_NAMES if name not in REQUIRED]
 
 
 def values(measures: Measures, name: str) -> list:
@@ -30,7 +30,7 @@ def test_every_measure_that_a_file_lacks_is_missing_in_its_cells_and_all_others_
             == f"{tmp_path / name / 'episodes.parquet'} has no column {name}: read as missing values\n"
         )
         for before, after in zip(whole.cells, found.cells, strict=True):
-            for each in MEASURES:
+            for each in MEASURE_NAMES:
                 if each == name:
                     assert getattr(after.measures, each).ndim == getattr(before.measures, each).ndim
                     assert not any(np.ravel(np.array(values(after.measures, each), object)))

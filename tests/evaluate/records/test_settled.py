@@ -93,7 +93,7 @@ def test_one_that_dies_goes_on_to_the_same_files(settled, tmp_path, monkeypatch,
 
 
 def test_one_that_dies_while_it_ends_goes_on_to_the_same_files(settled, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("evaluate.commands.execution.conclude", full)
+    monkeypatch.setattr("evaluate.commands.execution.write_results", full)
     assert evaluate(*RUN, *ONE, tmp_path)[0] == 2
     monkeypatch.undo()
     monkeypatch.setattr(rollout, "run", None)

@@ -1,6 +1,5 @@
 """A page of made-up episodes with every section that is made of figures."""
 
-import dataclasses
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ from matplotlib.figure import Figure
 from evaluate.analysis.results import analyse, null_to_nan, write_json
 from evaluate.cells import PolicyScenarioResult
 from evaluate.measures.catalogue import OF_CAUSES
-from evaluate.measures.metrics import Measures
+from evaluate.measures.metrics import MEASURE_NAMES, Measures
 from evaluate.report.page import write_report
 from evaluate.rollouts.battery import resolve
 from quad_env.scenarios.registry import Scenario
@@ -46,7 +45,7 @@ def watch_clipping(patch: pytest.MonkeyPatch) -> list[str]:
 
 def measured(generator: np.random.Generator, successes: int, falls: int) -> Measures:
     """Episodes of which no two figures are alike."""
-    names = [each.name for each in dataclasses.fields(Measures) if each.name not in OF_CAUSES]
+    names = [name for name in MEASURE_NAMES if name not in OF_CAUSES]
     drawn = {name: generator.uniform(0.1, 1.9, EPISODES) for name in names}
     drawn |= dict.fromkeys(OF_CAUSES, np.full(EPISODES, None, dtype=object)) | {"cause_time": np.full(EPISODES, np.nan)}
     drawn["distance"] = drawn["distance"] + 2.0  # far enough for a cost of transport

@@ -11,7 +11,7 @@ import pytest
 import policies
 from evaluate.cells import EpisodeChunk, LabelledPolicy, PolicyScenarioResult, Task, apply_success_rule, join
 from evaluate.measures.episodes import shapes
-from evaluate.measures.metrics import Measures, measure
+from evaluate.measures.metrics import MEASURE_NAMES, measure
 from evaluate.measures.outcomes import OFF_COMMAND, STALLED, SUCCEEDED, SuccessRule
 from evaluate.rollouts.observers import FallRecorder, Step
 from evaluate.rollouts.rollout import EpisodeRecorder
@@ -116,9 +116,9 @@ def cell(numbers: Sequence[int], policy: str = "trot") -> PolicyScenarioResult:
     found = measure(uneventful(SIMPLE_QUAD, 200, len(numbers)))
     of_each = np.array(numbers, np.float64)
     fields = {}
-    for field in dataclasses.fields(Measures):
-        values = getattr(found, field.name)
-        fields[field.name] = (
+    for name in MEASURE_NAMES:
+        values = getattr(found, name)
+        fields[name] = (
             values
             if values.dtype == object
             else (np.broadcast_to(of_each.reshape(-1, *(1,) * (values.ndim - 1)), values.shape).astype(values.dtype))
@@ -137,9 +137,9 @@ def test_parts_of_a_cell_are_joined_in_the_order_of_their_episodes() -> None:
     assert found.seeds.tolist() == [100, 101, 102, 103, 104]
     assert found.fall_reason.tolist() == whole.fall_reason.tolist()
     assert found.failure.tolist() == whole.failure.tolist()
-    for field in dataclasses.fields(Measures):
-        ours, theirs = getattr(found.measures, field.name), getattr(whole.measures, field.name)
-        np.testing.assert_array_equal(ours, theirs, err_msg=field.name)
+    for name in MEASURE_NAMES:
+        ours, theirs = getattr(found.measures, name), getattr(whole.measures, name)
+        np.testing.assert_array_equal(ours, theirs, err_msg=name)
 
 
 class Kept:

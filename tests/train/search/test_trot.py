@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from evaluate.measures.metrics import Measures
+from evaluate.measures.metrics import MEASURE_NAMES, Measures
 from policies.trot.open_loop import SEARCH_RANGES, TrotParameters
 from quad_env.seeding import episode_seeds
 from train.search import trot
@@ -28,7 +28,7 @@ RESPONSE = np.array([[0.8, 0.0, 0.1], [0.0, 0.5, 0.3], [0.0, 0.0, 2.0], [-0.1, 0
 def measures(**changes):
     """Of six episodes with two command intervals, all walked to their end."""
     achieved = COMMANDS @ RESPONSE[:3] + RESPONSE[3]
-    nothing = {field.name: np.zeros(6) for field in dataclasses.fields(Measures)}
+    nothing = {name: np.zeros(6) for name in MEASURE_NAMES}
     return Measures(**nothing | {"commands": COMMANDS, "mean_velocities": achieved} | changes)
 
 
