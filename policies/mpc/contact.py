@@ -109,13 +109,13 @@ class ContactEstimator(PerRobotState):
         bounded = (wrench + weight).clip(-LARGEST_WRENCH, LARGEST_WRENCH)
         bounded[:, 2] = np.minimum(bounded[:, 2], MAX_UPWARD_FORCE)
         # What pushes stays where it is in the world while the level frame turns with the robot.
-        turned = self._period * motion.turning[:, 2]
+        turned = self._period * motion.angular_velocity[:, 2]
         cosine, sine, (x, y) = np.cos(turned), np.sin(turned), self.wrench[:, :2].T.copy()
         self.wrench[:, 0], self.wrench[:, 1] = cosine * x + sine * y, cosine * y - sine * x
         shares = warm_start_gain(self._shares, INITIAL_WEIGHT + self._looks[:, None])
         self.wrench += np.where(telling[:, None], shares, 0.0) * (bounded - self.wrench)
         self._looks += telling
-        self._estimate_friction(forces, motion.feet_velocity)
+        self._estimate_friction(forces, motion.foot_velocity)
         return forces
 
     def _solve_contact_forces(self, motion: MotionState, in_mid_swing: Mask | bool) -> tuple[Floats, Floats]:
@@ -125,14 +125,14 @@ class ContactEstimator(PerRobotState):
         Speeds of encoders are means over a period: a difference of two is the joints' mean acceleration over both
         periods, and so are the forces.
         """
-        period, bodies, now = self._period, motion.bodies, motion.generalised
-        state = np.concatenate((now, motion.angles, motion.targets), axis=1)
+        period, bodies, now = self._period, motion.bodies, motion.generalised_velocity
+        state = np.concatenate((now, motion.joint_position, motion.targets), axis=1)
         before = np.where(self._known[:, None], self._before, state)
         self._before, self._known = state, np.ones_like(self._known)
         acceleration = (now - before[:, :18]) / period
         # The level frame has turned with the robot.
-        acceleration[:, 0] -= motion.turning[:, 2] * now[:, 1]
-        acceleration[:, 1] += motion.turning[:, 2] * now[:, 0]
+        acceleration[:, 0] -= motion.angular_velocity[:, 2] * now[:, 1]
+        acceleration[:, 1] += motion.angular_velocity[:, 2] * now[:, 0]
         last, self._trunk = self._trunk, acceleration[:, :6].copy()
         faster, targets = period / 12.0 * (now[:, 6:] - before[:, 6:18]), motion.targets
         if self._encoders:
@@ -140,8 +140,8 @@ class ContactEstimator(PerRobotState):
             targets = 0.5 * (targets + before[:, 30:])
             acceleration[:, :6] = 0.5 * (acceleration[:, :6] + last)
         else:  # the mean of the cubic between both angles with both speeds
-            angle = 0.5 * (motion.angles + before[:, 18:30]) - faster
-            speed = (motion.angles - before[:, 18:30]) / period
+            angle = 0.5 * (motion.joint_position + before[:, 18:30]) - faster
+            speed = (motion.joint_position - before[:, 18:30]) / period
         needed = np.matmul(bodies.inertia, acceleration[..., None])[..., 0] + bodies.bias_force
         needed[:, 6:] -= self._servos.torque(targets, angle, speed)
         legs = bodies.leg_jacobians
@@ -196,7 +196,7 @@ LIFTOFF_PHASE, EARLY_CONTACT_PHASE = 0.1, 0.6
 class ContactState(NamedTuple):
     """Which feet stand, and why; (n, 4)."""
 
-    standing: Mask
+    stance: Mask
     """That bear the robot now."""
     late: Mask
     """That should stand and have not touched the ground yet."""
@@ -215,8 +215,8 @@ def contact_states(
     in_contact = force > p.touch_force
     late = ~cycle.swing & ~earlier.swing & ~in_contact & (cycle.progress < MAX_LATE_CONTACT_PHASE) & old
     early = cycle.swing & earlier.swing & (force > p.early_force) & (earlier.progress > EARLY_CONTACT_PHASE)
-    standing = (~cycle.swing & ~late) | early
+    stance = (~cycle.swing & ~late) | early
     if not flies:
         # Something has to bear the robot, even in the plan of one that is thrown up.
-        standing = np.where(standing.any(axis=1, keepdims=True), standing, ~cycle.swing)
-    return ContactState(standing, late, (~cycle.swing & in_contact & ~late) | early | ~old)
+        stance = np.where(stance.any(axis=1, keepdims=True), stance, ~cycle.swing)
+    return ContactState(stance, late, (~cycle.swing & in_contact & ~late) | early | ~old)

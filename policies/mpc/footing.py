@@ -63,7 +63,7 @@ class TerrainEstimator(PerRobotState):
     """Rise per metre forward and to the left, (2, n)."""
     roughness: Floats = per_robot(0.0)
     """Largest distance of a footprint from the plane through them, smoothed, (n,), m."""
-    places: Floats = per_robot(np.zeros((3, 4)), axis=2)
+    footprints: Floats = per_robot(np.zeros((3, 4)), axis=2)
     """Of the footprints now, level frame, (3, 4, n), m."""
 
     def __init__(self, slope_time: float, period: float) -> None:
@@ -75,16 +75,16 @@ class TerrainEstimator(PerRobotState):
 
         `landed`: feet that show the ground now, (n, 4).
         """
-        former = advect_footprints(self.places, state.velocity.T, state.turning[:, 2], self._period)
-        self.places = places = np.where(landed.T, state.bodies.feet.T, former)
-        _, *slope = plane = fit_plane(places)
-        apart = np.abs(above(plane, places)).max(axis=0)
+        former = advect_footprints(self.footprints, state.velocity.T, state.angular_velocity[:, 2], self._period)
+        self.footprints = footprints = np.where(landed.T, state.bodies.feet.T, former)
+        _, *slope = plane = fit_plane(footprints)
+        apart = np.abs(above(plane, footprints)).max(axis=0)
         self.roughness += lowpass_gain(self._period, ROUGHNESS_TIME) * (apart - self.roughness)
-        turned = self._period * state.turning[:, 2] * np.array((self.slope[1], -self.slope[0]))
+        turned = self._period * state.angular_velocity[:, 2] * np.array((self.slope[1], -self.slope[0]))
         self.slope = self.slope + turned  # with the level frame, which turns with the robot
         self.slope = self.slope + self._share * (np.clip(slope, -MAX_SLOPE, MAX_SLOPE) - self.slope)
         forward, lateral = self.slope
-        under_the_trunk = 0.25 * ordered_sum(above((np.zeros(len(landed)), forward, lateral), places))
+        under_the_trunk = 0.25 * ordered_sum(above((np.zeros(len(landed)), forward, lateral), footprints))
         return TerrainPlane(under_the_trunk, forward, lateral)
 
 

@@ -1,7 +1,8 @@
-"""Controllers that know their motion, the forces of their feet and their ground by the robot's model.
+"""Base class of the model-based controllers: state prediction, contact forces, footholds, inverse servo law.
 
-Observation in, joint targets out, as every policy: the servos' PD law is inverted, so that halfway through the control
-period the joints have the torques that were found.
+A control step has five phases: estimate the state, plan the contacts, plan the contact forces, solve for the joint
+torques, and convert them to joint targets. The targets invert the PD law of the servos, so that the joints have these
+torques halfway through the control period.
 """
 
 from abc import abstractmethod
@@ -31,8 +32,9 @@ from policies.mpc.footing import (
     point_velocity,
     swing_trajectory,
 )
+from policies.mpc.joint_predictor import JointPredictor
 from policies.mpc.motion import MotionState, PositionErrorIntegrator, add_load, estimated_load
-from policies.mpc.observer import DelayCompensator, JointPredictor
+from policies.mpc.observer import DelayCompensator
 from policies.mpc.parameters import ModelParameters
 from policies.mpc.rigid_body import Friction
 from policies.mpc.whole_body import Torques, WholeBodyReference, leg_torques
@@ -41,27 +43,57 @@ from quad_env.actuation.models import Actuator
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
 from quad_env.physics.rotations import cross
+from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import UNSEEN, table_with
 
 FREQUENCY_FILTER_GAIN = 0.3
-"""Of a change of frequency, what is made in a control period."""
-USUAL_ERROR = 0.4
-"""Velocity error, m/s, up to which it steps at its usual frequency."""
-FASTEST_JOINT = 2000.0
-"""Joint acceleration, rad/s², that the inverted PD law counts on at most."""
+"""Fraction of a change of the step frequency that is made per control period."""
+MIN_HURRY_ERROR = 0.4
+"""Velocity error from which the robot steps faster, m/s."""
+MAX_JOINT_ACCELERATION = 2000.0
+"""Largest joint acceleration that the inverse servo law assumes, rad/s²."""
 SOLVER_FAILURE_TIMEOUT = 0.1
-"""For how long a robot goes on without solutions, s: half a step of the gait."""
+"""s without a solution before the controlled stop: half a step of the gait."""
+
+
+class ControlState(NamedTuple):
+    """Estimates of n robots; the result of the first phase of a control step."""
+
+    motion: MotionState
+    """State when the next targets act, with the load, and with position feedback in the command."""
+    contact_forces: Floats
+    """Of the feet in the control period before the readings, level frame, (n, 4, 3), N."""
+    disturbance_wrench: Floats
+    """External wrench on the trunk without the weight of the load, (n, 6): force in the level frame, N, moment about
+    the trunk centre in the base frame, N·m."""
+    disturbance_acceleration: Floats
+    """Acceleration by that wrench, level frame, (n, 6), m/s² and rad/s²."""
+    friction: Friction
+    """Bounds of the contact forces."""
+
+
+class ContactPlan(NamedTuple):
+    """Contacts and foot motions of n robots; the result of the second phase of a control step."""
+
+    stance: Mask
+    """Feet that bear the robot, (n, 4)."""
+    ground: TerrainPlane
+    """Plane under the feet."""
+    foothold_positions: Floats
+    """Next footholds, level frame, (n, 4, 2), m."""
+    foot_acceleration: Floats
+    """Reference accelerations of the feet, level frame, (n, 4, 3), m/s²."""
 
 
 class StanceForces(NamedTuple):
-    """What the standing feet of n robots are to bear."""
+    """Planned contact forces of the stance feet; the result of the third phase of a control step."""
 
     forces: Floats
     """Level frame, (n, 4, 3), N."""
     moment_arms: Floats
-    """Where they act, from the centre of mass, (n, 4, 3), m."""
+    """From the centre of mass to the feet, level frame, (n, 4, 3), m."""
     failed: Mask
-    """Robots without forces of their own now, (n,)."""
+    """Robots whose plan could not be renewed, (n,)."""
 
 
 def _observation_at_rest(policy: Policy) -> NDArray[np.float32]:
@@ -74,206 +106,303 @@ def _observation_at_rest(policy: Policy) -> NDArray[np.float32]:
 
 
 class ModelBased(GaitedPolicy):
-    """A gait whose standing feet bear forces and whose swinging feet follow paths to footholds that catch the body.
+    """Base class of gaited controllers that use the robot's dynamics.
 
-    A robot without torques, or without a finite observation, goes on with what it had, and after `PATIENCE` stops.
+    Stance feet apply planned forces, swing feet track a trajectory to the next foothold. A robot without a solution or
+    a finite observation repeats its last targets and stops after `SOLVER_FAILURE_TIMEOUT`.
+
+    Args:
+        parameters: Gait, footholds, swing and estimators.
+        leg_offsets: Phase of each leg ahead of the clock, in the leg order of the robot, rad.
+        robot: Robot that is controlled.
+        control_period: s.
+        joint_delay_steps: Delay of the encoders, control steps; 0: true joint readings.
+        actuator: Drives of the joints.
     """
 
     parameters: ModelParameters
     stiff_servos = False  # targets carry their torques; soft servos yield at impacts
     stopped: Mask = per_robot(False)
-    """Robots that it has given up and stopped, (n,)."""
+    """Robots that were given up and stopped, (n,)."""
     _observation_invalid: Mask = per_robot(False)
+    """Robots whose present observation is not finite, (n,)."""
     _failed_steps: NDArray[np.int64] = per_robot(0)
-    _new: Mask = per_robot(True)
+    """Control steps in a row without a solution, (n,)."""
+    _is_first_step: Mask = per_robot(True)
+    """Robots that have not acted since their reset, (n,)."""
     _was_swing: Mask = per_robot(np.zeros(4, np.bool_))
+    """Feet that were in swing in the last control step, (n, 4)."""
     _frequencies: Floats = per_robot()
+    """Step frequency, (n,), Hz."""
     _liftoff_position: Floats = per_robot(np.zeros((4, 2)))
+    """Position of each foot at its last lift-off, level frame, (n, 4, 2), m."""
     _targets: Floats = per_robot()
-    _seen: NDArray[np.float32] = per_robot(_observation_at_rest)
+    """Last joint targets, (n, 12), rad."""
+    _last_observation: NDArray[np.float32] = per_robot(_observation_at_rest)
+    """Last finite observation, (n, k)."""
 
-    def _build_components(self, joint_delay_steps: int, actuator: Actuator) -> None:
-        """Make the gait and the senses by the parameters.
-
-        `late`: control steps by which joints are older than the moment at which they are shown.
-        """
-        robot, period, p = self.robot, self.control_period, self.parameters
-        self._gait = Gait(self.leg_offsets, p.duty)
-        self.contact_estimator = ContactEstimator(robot, p, period, actuator, encoders=joint_delay_steps > 0)
-        self._joints = JointPredictor(joint_delay_steps, period)
-        self.observer = DelayCompensator(robot, Dynamics(robot), period, actuator, joint_delay_steps)
-        self.terrain_estimator = TerrainEstimator(p.slope_time, period)
-        self.odometer = PositionErrorIntegrator(p.farthest_behind, period, p.fastest_return)
-        self._stop = Stop(robot, period)
+    def __init__(
+        self,
+        parameters: ModelParameters,
+        leg_offsets: tuple[float, ...],
+        *,
+        robot: Robot,
+        control_period: float,
+        joint_delay_steps: int,
+        actuator: Actuator,
+    ) -> None:
+        super().__init__(robot=robot, control_period=control_period)
+        self.parameters = parameters
+        self.frequency = parameters.frequency
+        self.leg_offsets = leg_offsets
+        self._gait = Gait(leg_offsets, parameters.duty)
+        self.contact_estimator = ContactEstimator(
+            robot, parameters, control_period, actuator, encoders=joint_delay_steps > 0
+        )
+        self.joint_predictor = JointPredictor(joint_delay_steps, control_period)
+        self.observer = DelayCompensator(robot, Dynamics(robot), control_period, actuator, joint_delay_steps)
+        self.terrain_estimator = TerrainEstimator(parameters.slope_time, control_period)
+        self.position_feedback = PositionErrorIntegrator(
+            parameters.farthest_behind, control_period, parameters.fastest_return
+        )
+        self._stop = Stop(robot, control_period)
         initialize_state(self, _frequencies=self.frequency, _targets=robot.home_pose)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        lost, self._observation_invalid, self._seen = (
-            self._observation_invalid,
-            np.zeros(self.num_envs, np.bool_),
-            observation.copy(),
-        )
-        p = self.parameters
+        observation_invalid = self._observation_invalid
+        self._observation_invalid = np.zeros(self.num_envs, np.bool_)
+        self._last_observation = observation.copy()
         observation = self.contact_estimator.remove_encoder_offsets(observation)
-        state, ground_forces, disturbance_wrench = self._motion(observation)
+
+        control_state = self._estimate(observation)
+        state = control_state.motion
         self._advance_gait_clock(state)
-        cycle, contacts = self._contacts(ground_forces)
-        ground = self._ground(state, contacts.landed)
-        disturbance_acceleration = wrench_to_acceleration(state.bodies, state.rotation, disturbance_wrench)
-        foothold_positions = footholds(
-            self.robot, p, state, disturbance_acceleration[:, :2], p.duty / self._frequencies, self._height
-        )
-        foot_acceleration_ref = self._feet(
-            state, cycle, contacts, foothold_positions, self._swing_terrain(foothold_positions, ground)
-        )
-        friction = Friction(self.contact_estimator.friction_estimate, p.most_force * (state.bodies.mass * GRAVITY))
-        stance_forces = self._compute_stance_forces(
-            state, contacts.standing, foothold_positions, ground, disturbance_acceleration, friction
-        )
-        torque = cross(stance_forces.moment_arms, stance_forces.forces).sum(axis=1)[..., None]
-        turning = np.linalg.solve(state.bodies.rotational_inertia, torque)[..., 0] + disturbance_acceleration[:, 3:]
-        turn = np.matmul(turning[:, None], state.rotation)[:, 0]
-        found = self._torques(
-            state,
-            WholeBodyReference(turn, foot_acceleration_ref, stance_forces.forces, contacts.standing),
-            disturbance_wrench,
-            friction,
-        )
-        failed = stance_forces.failed | self._invert_servo_law(state, found)
-        self._stop_failed_robots(failed | lost, observation, state.angles)
-        self._new[:] = False
-        self._targets = self.observer.calibration_targets(self._targets)
-        self.observer.keep(contacts.standing)
+        contact_plan = self._plan_contacts(control_state)
+        stance_forces = self._compute_stance_forces(control_state, contact_plan)
+        reference = self._make_reference(control_state, contact_plan, stance_forces)
+        torques = self._solve_torques(state, reference, control_state.disturbance_wrench, control_state.friction)
+        failed = stance_forces.failed | self._invert_servo_law(state, torques)
+
+        self._stop_failed_robots(failed | observation_invalid, observation, state.joint_position)
+        self._is_first_step[:] = False
+        self._targets = self.observer.calibration.targets(self._targets)
+        self.observer.record_stance(contact_plan.stance)
         return to_actions(self.robot, self._targets)
 
-    @abstractmethod
-    def _compute_stance_forces(
-        self,
-        state: MotionState,
-        standing: Mask,
-        foothold_positions: Floats,
-        ground: TerrainPlane,
-        disturbance_acceleration: Floats,
-        friction: Friction,
-    ) -> StanceForces:
-        """Forces of the standing feet; `aim`: footholds, (n, 4, 2), m, `pushed`: accelerations by what pushes the
-        robots, (n, 6), m/s² and rad/s², level frame."""
-
     def _replace_nonfinite(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Observations, those of before where they are not finite: such a robot goes on blindly for a while."""
+        """Replace observations, (n, k), that are not finite by the last finite ones of their robots."""
         self._observation_invalid[:] = ~np.isfinite(rows).all(axis=1)
-        return np.where(self._observation_invalid[:, None], self._seen, rows)
+        return np.where(self._observation_invalid[:, None], self._last_observation, rows)
 
-    def _motion(self, observation: NDArray[np.float32]) -> tuple[MotionState, Floats, Floats]:
-        """Motion of the robots when their next targets take effect, with commands that make up for the way lost; the
-        forces of their feet in the last control period, (n, 4, 3), N; and what pushes them besides their loads, (n, 6).
+    # Phase 1: estimate.
 
-        `observation`: calibrated, see `ContactSense`.
-        """
-        p, sense = self.parameters, self.contact_estimator
-        load = estimated_load(sense.wrench, p.load_height)
-        read = add_load(self.observer.read(observation, sense.wrench), load)
-        if (unsure := self.observer.noise_unknown).any():
-            sense.reset_where(unsure)  # noise looks like pushes and loads
-        away = (
-            (cycle := self._cycle_at_measurement()).swing
-            & (cycle.progress > LIFTOFF_PHASE)
-            & (cycle.progress < EARLY_CONTACT_PHASE)
+    def _estimate(self, observation: NDArray[np.float32]) -> ControlState:
+        """Estimate state, contact forces, external wrench and friction from observations without encoder offsets."""
+        p = self.parameters
+        observer = self.observer
+        contact_estimator = self.contact_estimator
+        load = estimated_load(contact_estimator.wrench, p.load_height)
+        measured = add_load(observer.read(observation, contact_estimator.wrench), load)
+        if observer.noise_unknown.any():
+            contact_estimator.reset_where(observer.noise_unknown)  # noise looks like pushes and loads
+        contact_forces = contact_estimator.estimate(
+            measured, load.gravity_wrench(measured.rotation), self._feet_in_mid_swing()
         )
-        forces = sense.estimate(read, load.gravity_wrench(read.rotation), away)
-        planned = self._joints.now(observation).astype(np.float64)
-        state = add_load(
-            self.observer.predict(sense.wrench, sense.in_contact, self.terrain_estimator.slope, planned), load
+        observer.correct(contact_estimator.in_contact, contact_estimator.wrench)
+        planned = self.joint_predictor.predict(observation).astype(np.float64)
+        predicted = observer.predict(
+            contact_estimator.wrench, contact_estimator.in_contact, self.terrain_estimator.slope, planned
         )
-        state = self.odometer.with_position_feedback(state, p.position_gain)
-        return state, forces, sense.wrench - load.gravity_wrench(state.rotation)
+        state = self.position_feedback.with_position_feedback(add_load(predicted, load), p.position_gain)
+        disturbance_wrench = contact_estimator.wrench - load.gravity_wrench(state.rotation)
+        return ControlState(
+            motion=state,
+            contact_forces=contact_forces,
+            disturbance_wrench=disturbance_wrench,
+            disturbance_acceleration=wrench_to_acceleration(state.bodies, state.rotation, disturbance_wrench),
+            friction=Friction(contact_estimator.friction_estimate, p.most_force * (state.bodies.mass * GRAVITY)),
+        )
+
+    def _feet_in_mid_swing(self) -> Mask:
+        """Return the feet that the gait had in mid-swing at the time of the readings, (n, 4)."""
+        cycle = self._cycle_at_measurement()
+        return cycle.swing & (cycle.progress > LIFTOFF_PHASE) & (cycle.progress < EARLY_CONTACT_PHASE)
+
+    def _cycle_at_measurement(self) -> LegCycle:
+        """Return the gait cycle of the legs at the time of the readings."""
+        delay_time = self.control_period * self.observer.delays
+        return self._gait.legs(self._phase - TURN * self._frequencies * delay_time)
+
+    # Phase 2: plan the contacts.
 
     def _advance_gait_clock(self, state: MotionState) -> None:
-        """Advance the clocks, faster where the velocity is far from the command."""
+        """Advance the gait clocks by a control step, faster at large velocity errors."""
         p = self.parameters
         velocity_error = np.hypot(*(state.velocity - state.command)[:, :2].T)
-        faster = (p.frequency_gain * (velocity_error - USUAL_ERROR)).clip(0.0, p.most_faster)
+        faster = (p.frequency_gain * (velocity_error - MIN_HURRY_ERROR)).clip(0.0, p.most_faster)
         self._frequencies = self._frequencies + FREQUENCY_FILTER_GAIN * (self.frequency + faster - self._frequencies)
         self._tick(self._frequencies - self.frequency)
 
-    def _contacts(self, forces: Floats) -> tuple[LegCycle, ContactState]:
-        """Where the legs are in their cycle, and which feet stand, by their forces, (n, 4, 3), N."""
-        cycle, p, flies = self._gait.legs(self._phase), self.parameters, self._gait.flies
-        earlier = self._cycle_at_measurement() if self.observer.delays.any() else cycle
-        return cycle, contact_states(p, cycle, earlier, forces[..., 2], self._new, flies=flies)
+    def _plan_contacts(self, control_state: ControlState) -> ContactPlan:
+        """Plan stance feet, footholds and foot motions."""
+        p = self.parameters
+        state = control_state.motion
+        cycle = self._gait.legs(self._phase)
+        contacts = self._classify_contacts(cycle, control_state.contact_forces)
+        ground = self._ground(state, contacts.landed)
+        foothold_positions = footholds(
+            self.robot,
+            p,
+            state,
+            control_state.disturbance_acceleration[:, :2],
+            p.duty / self._frequencies,
+            self._trunk_height,
+        )
+        terrain = self._swing_terrain(foothold_positions, ground)
+        foot_acceleration = self._foot_accelerations(state, cycle, contacts, foothold_positions, terrain)
+        return ContactPlan(contacts.stance, ground, foothold_positions, foot_acceleration)
 
-    def _cycle_at_measurement(self) -> LegCycle:
-        """Where the legs were in their cycle when the readings were taken."""
-        joint_delay_steps = self.control_period * self.observer.delays
-        return self._gait.legs(self._phase - TURN * self._frequencies * joint_delay_steps)
+    def _classify_contacts(self, cycle: LegCycle, contact_forces: Floats) -> ContactState:
+        """Return stance, late and landed feet by the gait cycle and the contact forces, (n, 4, 3), N."""
+        cycle_at_measurement = self._cycle_at_measurement() if self.observer.delays.any() else cycle
+        return contact_states(
+            self.parameters,
+            cycle,
+            cycle_at_measurement,
+            contact_forces[..., 2],
+            self._is_first_step,
+            flies=self._gait.flies,
+        )
 
     @property
-    def _height(self) -> float:
-        """That the trunks are to have above the ground, m."""
+    def _trunk_height(self) -> float:
+        """Reference height of the trunk centre above the ground, m."""
         return self.parameters.height - self.robot.hip_rise
 
     def _ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
-        """The ground that the feet show."""
+        """Return the ground plane; `landed`: feet whose positions show the ground, (n, 4)."""
         return self.terrain_estimator.ground(state, landed)
 
     def _swing_terrain(self, foothold_positions: Floats, ground: TerrainPlane) -> Terrain:
-        """What the feet swing over to their footholds, (n, 4, 2): the plane, and higher where the ground is rough."""
+        """Return the terrain under the swings to the footholds, (n, 4, 2): the plane, higher where it is rough."""
         higher = 16.0 * self.parameters.roughness_gain * self.terrain_estimator.roughness[:, None]
         return lambda x, y, t: ground.at(x, y) + higher * (t * (1.0 - t)) ** 2
 
-    def _feet(
-        self, state: MotionState, cycle: LegCycle, contacts: ContactState, foothold_positions: Floats, ground: Terrain
+    def _foot_accelerations(
+        self, state: MotionState, cycle: LegCycle, contacts: ContactState, foothold_positions: Floats, terrain: Terrain
     ) -> Floats:
-        """Accelerations that the feet are to have, level frame, (n, 4, 3), m/s²."""
-        p, feet, velocity = self.parameters, state.bodies.feet, state.feet_velocity
-        lifted, self._was_swing = cycle.swing & ~self._was_swing, cycle.swing
-        self._liftoff_position = np.where(lifted[..., None], feet[..., :2], self._liftoff_position)
-        leaving, time = ground_velocity(state, state.command[:, 2]), (1.0 - p.duty) / self._frequencies
-        place, rate, acceleration = swing_trajectory(
-            p, self._liftoff_position, foothold_positions, leaving, cycle.progress, time, self.control_period, ground
-        )
-        carried_along = np.empty_like(place)
-        carried_along[..., :2], carried_along[..., 2] = (
-            point_velocity(state, state.turning[:, 2], place),
-            state.velocity[:, 2:],
-        )
-        swinging = (
-            acceleration + p.swing_stiffness * (place - feet) + p.swing_damping * (carried_along + rate - velocity)
-        )
-        if contacts.late.any():
-            down = np.zeros_like(velocity)
-            down[..., 2] = state.velocity[:, None, 2] - p.search_speed
-            swinging = np.where(contacts.late[..., None], p.swing_damping * (down - velocity), swinging)
-        return np.where(contacts.standing[..., None], -p.stance_damping * velocity, swinging)
+        """Return the reference accelerations of the feet, level frame, (n, 4, 3), m/s².
 
-    def _torques(
+        Swing feet track their trajectory by a PD law, stance feet are damped, late feet are lowered.
+        """
+        p = self.parameters
+        foot_velocity = state.foot_velocity
+        self._record_liftoff(state, cycle)
+        swing_time = (1.0 - p.duty) / self._frequencies
+        passing = ground_velocity(state, state.command[:, 2])
+        position, velocity, acceleration = swing_trajectory(
+            p,
+            self._liftoff_position,
+            foothold_positions,
+            passing,
+            cycle.progress,
+            swing_time,
+            self.control_period,
+            terrain,
+        )
+        # The trajectory is relative to the trunk: its points move along with it.
+        trunk_velocity = np.empty_like(position)
+        trunk_velocity[..., :2] = point_velocity(state, state.angular_velocity[:, 2], position)
+        trunk_velocity[..., 2] = state.velocity[:, 2:]
+        position_error = position - state.bodies.feet
+        velocity_error = trunk_velocity + velocity - foot_velocity
+        foot_acceleration = acceleration + p.swing_stiffness * position_error + p.swing_damping * velocity_error
+        if contacts.late.any():
+            lowering = np.zeros_like(foot_velocity)
+            lowering[..., 2] = state.velocity[:, None, 2] - p.search_speed
+            late_acceleration = p.swing_damping * (lowering - foot_velocity)
+            foot_acceleration = np.where(contacts.late[..., None], late_acceleration, foot_acceleration)
+        return np.where(contacts.stance[..., None], -p.stance_damping * foot_velocity, foot_acceleration)
+
+    def _record_liftoff(self, state: MotionState, cycle: LegCycle) -> None:
+        """Record the positions of the feet that begin a swing."""
+        lifted = cycle.swing & ~self._was_swing
+        self._was_swing = cycle.swing
+        self._liftoff_position = np.where(lifted[..., None], state.bodies.feet[..., :2], self._liftoff_position)
+
+    # Phase 3: plan the forces.
+
+    @abstractmethod
+    def _compute_stance_forces(self, control_state: ControlState, contact_plan: ContactPlan) -> StanceForces:
+        """Return the planned contact forces of the stance feet."""
+
+    # Phase 4: solve for the torques.
+
+    def _make_reference(
+        self, control_state: ControlState, contact_plan: ContactPlan, stance_forces: StanceForces
+    ) -> WholeBodyReference:
+        """Return the reference of the whole-body controller, with the angular acceleration by the planned forces.
+
+        With the inertia I about the centre of mass: α = I⁻¹ Σ r × f + the acceleration by the disturbance.
+        """
+        state = control_state.motion
+        moment = cross(stance_forces.moment_arms, stance_forces.forces).sum(axis=1)[..., None]
+        by_forces = np.linalg.solve(state.bodies.rotational_inertia, moment)[..., 0]
+        angular_acceleration = by_forces + control_state.disturbance_acceleration[:, 3:]
+        return WholeBodyReference(
+            base_angular_acceleration=np.matmul(angular_acceleration[:, None], state.rotation)[:, 0],
+            foot_acceleration=contact_plan.foot_acceleration,
+            contact_force=stance_forces.forces,
+            stance=contact_plan.stance,
+        )
+
+    def _solve_torques(
         self, state: MotionState, reference: WholeBodyReference, disturbance_wrench: Floats, friction: Friction
     ) -> Torques:
-        """Torques of the joints for that wish, of robots whose trunks are pushed, (n, 6), N and N·m."""
-        return leg_torques(state.bodies, reference, disturbance_wrench, self._limits(state))
+        """Return the joint torques that track the reference, here leg by leg.
 
-    def _limits(self, state: MotionState) -> tuple[Floats, Floats]:
-        """Least and largest torques of the joints at their speeds, (n, 12), N·m."""
-        return self.observer.servos.limits(state.generalised[:, 6:])
+        `disturbance_wrench`: on the trunk, (n, 6), N and N·m; `friction`: bounds of the contact forces.
+        """
+        return leg_torques(state.bodies, reference, disturbance_wrench, self._torque_limits(state))
 
-    def _invert_servo_law(self, state: MotionState, found: Torques) -> Mask:
-        """Find joint targets; for which robots there are none by these torques, (n,)."""
-        robot, half = self.robot, 0.5 * self.control_period
-        acceleration = found.acceleration.clip(-FASTEST_JOINT, FASTEST_JOINT)
-        self._joints.keep(acceleration)
-        angle = state.angles + half * state.generalised[:, 6:] + 0.5 * half**2 * acceleration
-        speed = state.generalised[:, 6:] + half * acceleration
-        targets: Floats = angle + (found.torque + robot.servo_damping * speed) / robot.servo_stiffness
+    def _torque_limits(self, state: MotionState) -> tuple[Floats, Floats]:
+        """Return the minimum and maximum joint torques at the present speeds, (n, 12) each, N·m."""
+        return self.observer.servos.limits(state.generalised_velocity[:, 6:])
+
+    # Phase 5: convert to targets.
+
+    def _invert_servo_law(self, state: MotionState, torques: Torques) -> Mask:
+        """Set the joint targets that give the torques halfway through the control period.
+
+        u = q + (τ + d q̇) / k, with q and q̇ integrated over half a period at the planned acceleration.
+
+        Returns:
+            Robots without finite targets or without a solution, (n,); the former keep their last targets.
+        """
+        robot = self.robot
+        half_period = 0.5 * self.control_period
+        acceleration = torques.acceleration.clip(-MAX_JOINT_ACCELERATION, MAX_JOINT_ACCELERATION)
+        self.joint_predictor.record(acceleration)
+        speed_now = state.generalised_velocity[:, 6:]
+        angle = state.joint_position + half_period * speed_now + 0.5 * half_period**2 * acceleration
+        speed = speed_now + half_period * acceleration
+        targets: Floats = angle + (torques.torque + robot.servo_damping * speed) / robot.servo_stiffness
         finite = np.isfinite(targets)
         self._targets = np.where(finite.all(axis=1, keepdims=True), targets, self._targets)
-        return ~found.has_solution | ~finite.all(axis=1)
+        return ~torques.has_solution | ~finite.all(axis=1)
 
-    def _stop_failed_robots(self, failed: Mask, observation: NDArray[np.float32], joints: Floats) -> None:
-        """Hand robots over to a controlled stop, until a reset, whose programs have failed for `PATIENCE`."""
+    def _stop_failed_robots(self, failed: Mask, observation: NDArray[np.float32], joint_position: Floats) -> None:
+        """Switch robots to a controlled stop, until a reset, after `SOLVER_FAILURE_TIMEOUT` of failures in a row.
+
+        `failed`: in this control step, (n,); `joint_position`: (n, 12), rad.
+        """
         self._failed_steps = np.where(failed, self._failed_steps + 1, 0)
         giving_up = np.greater(self._failed_steps * self.control_period, SOLVER_FAILURE_TIMEOUT) & ~self.stopped
         if giving_up.any():
             self._stop.start(giving_up, self._targets[giving_up])
             self.stopped |= giving_up
-        if len(rows := self.stopped.nonzero()[0]):
-            self._targets[rows] = self._stop.targets(rows, observation[rows].astype(np.float64), joints[rows])
+        stopped_robots = self.stopped.nonzero()[0]
+        if len(stopped_robots):
+            self._targets[stopped_robots] = self._stop.targets(
+                stopped_robots, observation[stopped_robots].astype(np.float64), joint_position[stopped_robots]
+            )

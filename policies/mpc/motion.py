@@ -34,18 +34,18 @@ class MotionState(NamedTuple):
     """From the base to the level frame, (n, 3, 3)."""
     velocity: Floats
     """Of the trunk's centre, (n, 3), m/s."""
-    turning: Floats
+    angular_velocity: Floats
     """Angular velocity, (n, 3), rad/s."""
-    generalised: Floats
+    generalised_velocity: Floats
     """Generalised velocity, (n, 18), as `quad_env.physics.dynamics` has it."""
-    angles: Floats
+    joint_position: Floats
     """Of the joints, (n, 12), rad."""
     targets: Floats
     """Joint targets of the control period that has passed, (n, 12), rad."""
     command: Floats
     """(n, 3), m/s, m/s and rad/s."""
     bodies: DynamicsTerms
-    feet_velocity: Floats
+    foot_velocity: Floats
     """(n, 4, 3), m/s."""
 
 
@@ -65,13 +65,13 @@ def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | 
         tilt=tilt.T,
         rotation=rotation,
         velocity=velocity,
-        turning=np.matmul(rotation, turning[..., None])[..., 0],
-        generalised=generalised,
-        angles=angles,
+        angular_velocity=np.matmul(rotation, turning[..., None])[..., 0],
+        generalised_velocity=generalised,
+        joint_position=angles,
         targets=rows[:, OBSERVATION["previous_action"]] + robot.home_pose,
         command=rows[:, OBSERVATION["command"]],
         bodies=bodies,
-        feet_velocity=np.matmul(bodies.jacobians, generalised[:, None, :, None])[..., 0],
+        foot_velocity=np.matmul(bodies.jacobians, generalised[:, None, :, None])[..., 0],
     )
 
 
@@ -127,7 +127,7 @@ class PositionErrorIntegrator(PerRobotState):
 
     def with_position_feedback(self, now: MotionState, gain: float) -> MotionState:
         """The motion with a command that also makes up for the way lost; `gain`: velocity per distance, 1/s."""
-        velocity = np.concatenate((now.velocity[:, :2], now.turning[:, 2:]), axis=1)
+        velocity = np.concatenate((now.velocity[:, :2], now.angular_velocity[:, 2:]), axis=1)
         position_error = self.position_error + self._period * (now.command - velocity)
         same = (now.command == self._command).all(axis=1, keepdims=True)
         self.position_error = np.where(same, position_error.clip(-self._farthest, self._farthest), 0.0)
@@ -143,7 +143,7 @@ class PointLoad(NamedTuple):
 
     mass: Floats
     """(n,), kg."""
-    place: Floats
+    position: Floats
     """From the trunk's centre, base frame, (n, 3), m."""
 
     def gravity_wrench(self, rotation: Floats) -> Floats:
@@ -151,9 +151,9 @@ class PointLoad(NamedTuple):
         frame, N·m. `rotation`: from the base to the level frame, (n, 3, 3)."""
         if not self.mass.any():
             return np.zeros((len(self.mass), 6))
-        force = np.zeros_like(self.place)
+        force = np.zeros_like(self.position)
         force[:, 2] = -GRAVITY * self.mass
-        moment = cross(self.place, np.einsum("nji,nj->ni", rotation, force))
+        moment = cross(self.position, np.einsum("nji,nj->ni", rotation, force))
         return np.concatenate((force, moment), axis=1)
 
 
@@ -175,13 +175,13 @@ def add_load(motion: MotionState, load: PointLoad) -> MotionState:
     """
     if not load.mass.any():
         return motion
-    bodies, rotation, generalised = motion.bodies, motion.rotation, motion.generalised
+    bodies, rotation, generalised = motion.bodies, motion.rotation, motion.generalised_velocity
     turning, mass, added = generalised[:, 3:6], bodies.mass[:, None], load.mass[:, None]
-    arm = np.einsum("nij,nj->ni", rotation, load.place)
-    drift = np.einsum("nij,nj->ni", rotation, cross(turning, cross(turning, load.place)))
+    arm = np.einsum("nij,nj->ni", rotation, load.position)
+    drift = np.einsum("nij,nj->ni", rotation, cross(turning, cross(turning, load.position)))
     jacobian = np.zeros((len(arm), 3, generalised.shape[1]))
     jacobian[:, :, :3] = np.eye(3)
-    jacobian[:, :, 3:6] = -rotation @ skew(load.place)
+    jacobian[:, :, 3:6] = -rotation @ skew(load.position)
     velocity = np.einsum("nxk,nk->nx", jacobian, generalised)
     held = drift + np.array([0.0, 0.0, GRAVITY])
     share = added / (mass + added)

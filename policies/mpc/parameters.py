@@ -48,7 +48,7 @@ class ModelParameters(Parameters):
     swing_damping: float = parameter(30.0, limits=(0.0, 1e4), search=(10.0, 80.0), unit="1/s")
     """The same per velocity error, 1/s."""
     stance_damping: float = parameter(20.0, limits=(0.0, 1e4), unit="1/s")
-    """Deceleration asked of a standing foot, 1/s."""
+    """Deceleration asked of a stance foot, 1/s."""
     disturbance_time: float = parameter(0.3, limits=(0.02, 1e6), search=(0.1, 2.0), unit="s")
     """Time constant with which the rigid body's acceleration is corrected by what was observed, s."""
     load_time: float = parameter(0.06, limits=(0.0, 1e6), search=(0.005, 0.5), unit="s")
@@ -99,7 +99,7 @@ class MpcParameters(ModelParameters):
     turning_priority: float = parameter(1.0, limits=(1e-6, 1e6), search=(0.1, 20.0), unit="s⁴")
     """Weight of the trunk's angular acceleration in the whole body's program, s⁴/rad²."""
     standing_priority: float = parameter(10.0, limits=(1e-6, 1e6), search=(0.1, 25.0), unit="s⁴/m²")
-    """The same of the accelerations of standing feet, s⁴/m²."""
+    """The same of the accelerations of stance feet, s⁴/m²."""
     swinging_priority: float = parameter(0.2, limits=(1e-6, 1e6), search=(0.02, 2.0), unit="s⁴/m²")
     """The same of swinging feet."""
     force_priority: float = parameter(0.2, limits=(1e-09, 1000000000.0), search=(0.005, 2.0), unit="1/N²")

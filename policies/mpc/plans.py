@@ -41,11 +41,11 @@ class ForcePlans(PerRobotState):
         """So many s have passed."""
         self.age += time
 
-    def due(self, standing: Mask, interval: float) -> Mask:
+    def due(self, stance: Mask, interval: float) -> Mask:
         """Which robots need another plan, (n,): after `interval` s, or where other feet stand than was planned."""
         if (old := self.age > interval - _TICK).all():
             return old
-        others: Mask = (self._stands[self._robots, self._step] != standing).any(axis=1)
+        others: Mask = (self._stands[self._robots, self._step] != stance).any(axis=1)
         return others | old
 
     def renew(self, robots: EnvSelection, forces: Floats, stands: Mask, arms: Floats) -> None:
@@ -53,16 +53,16 @@ class ForcePlans(PerRobotState):
         of mass, (g, N, 4, 3), m."""
         self.forces[robots], self._stands[robots], self._arms[robots], self.age[robots] = forces, stands, arms, 0.0
 
-    def now(self, standing: Mask, arms: Floats, friction: Friction) -> Floats:
+    def present_forces(self, stance: Mask, arms: Floats, friction: Friction) -> Floats:
         """Forces of the feet now, (n, 4, 3), N. `arms`: of the feet from the centre of mass, (n, 4, 3), m."""
         robots, step = self._robots, self._step
         forces: Floats = self.forces[robots, step]
-        as_planned = (self._stands[robots, step] == standing).all(axis=1)
+        as_planned = (self._stands[robots, step] == stance).all(axis=1)
         if as_planned.all():
             return forces
         moment = cross(self._arms[robots, step], forces).sum(axis=1)
         wrench = np.concatenate((forces.sum(axis=1), moment), axis=1)
-        return np.where(as_planned[:, None, None], forces, distribute_wrench(wrench, standing, arms, friction))
+        return np.where(as_planned[:, None, None], forces, distribute_wrench(wrench, stance, arms, friction))
 
     @property
     def _robots(self) -> EnvIndices:
@@ -74,24 +74,24 @@ class ForcePlans(PerRobotState):
         return np.minimum((self.age + _TICK) / self._period, self._steps - 1).astype(np.intp)
 
 
-def distribute_wrench(wrench: Floats, standing: Mask, arms: Floats, friction: Friction) -> Floats:
-    """The smallest forces of the standing feet, (n, 4, 3), N, that together have that wrench about the centre of mass,
+def distribute_wrench(wrench: Floats, stance: Mask, arms: Floats, friction: Friction) -> Floats:
+    """The smallest forces of the stance feet, (n, 4, 3), N, that together have that wrench about the centre of mass,
     (n, 6), N and N·m, as near as may be; then drawn into the friction's bounds."""
     effects = np.concatenate((np.broadcast_to(np.eye(3), (len(arms), 4, 3, 3)), skew(arms)), axis=2)
-    forces = min_norm_forces(effects, wrench, standing, _DAMPING)
+    forces = min_norm_forces(effects, wrench, stance, _DAMPING)
     up = np.clip(forces[..., 2], 0.0, friction.max_normal_force[:, None])
     across = friction.coefficient[:, None, None] * up[..., None]
     drawn = np.concatenate((np.clip(forces[..., :2], -across, across), up[..., None]), axis=-1)
-    return np.where(standing[..., None], drawn, 0.0)
+    return np.where(stance[..., None], drawn, 0.0)
 
 
-def min_norm_forces(effects: Floats, wanted: Floats, standing: Mask, least: float) -> Floats:
-    """The smallest forces of the standing feet, (n, 4, 3), that together do what is wanted, (n, 6), as near as may be.
+def min_norm_forces(effects: Floats, wanted: Floats, stance: Mask, least: float) -> Floats:
+    """The smallest forces of the stance feet, (n, 4, 3), that together do what is wanted, (n, 6), as near as may be.
 
     `effects`: of each force, (n, 4, 6, 3); `least`: added to their squares, for what the feet cannot do.
     """
-    per_force = np.where(standing[..., None, None], effects, 0.0).transpose(0, 2, 1, 3).reshape(len(wanted), 6, 12)
+    per_force = np.where(stance[..., None, None], effects, 0.0).transpose(0, 2, 1, 3).reshape(len(wanted), 6, 12)
     square = np.matmul(per_force, per_force.transpose(0, 2, 1)) + least * np.eye(6)
     share = np.linalg.solve(square, wanted[..., None])
-    forces: Floats = np.matmul(per_force.transpose(0, 2, 1), share).reshape(*standing.shape, 3)
+    forces: Floats = np.matmul(per_force.transpose(0, 2, 1), share).reshape(*stance.shape, 3)
     return forces

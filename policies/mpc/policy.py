@@ -1,4 +1,4 @@
-"""Model-predictive control of gaits: forces of the feet by prediction of the body, torques by leg or whole body."""
+"""Model-predictive control of gaits: contact forces by a condensed MPC, torques leg by leg or by a whole-body QP."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,16 +8,17 @@ from policies.gait_cycle import TURN, Floats
 from policies.gaits.parameters import OFFSETS
 from policies.memory import per_robot
 from policies.mpc.footing import TerrainPlane, moment_arms
-from policies.mpc.model_based import ModelBased, StanceForces
+from policies.mpc.model_based import ContactPlan, ControlState, ModelBased, StanceForces
 from policies.mpc.motion import MotionState
 from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import ForcePlans
 from policies.mpc.quadratic_program import Solver, solve
-from policies.mpc.rigid_body import Body, CondensedMpc, Friction, Reference, Weights
+from policies.mpc.rigid_body import CondensedMpc, Friction, MpcReference, MpcWeights, RigidBodyState
 from policies.mpc.whole_body import Torques, WholeBodyReference, solve_whole_body
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import EnvSelection, Mask
 from quad_env.config import GRAVITY
+from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -26,19 +27,21 @@ HORIZON = 10
 
 
 class Mpc(ModelBased):
-    """Convex model-predictive control: each leg bears its planned force and follows its path by itself.
+    """Convex model-predictive control: each leg applies its planned force and tracks its trajectory by itself.
 
     Args:
-        parameters: gait, cost and gains; None for those of `parameters_of`.
-        gait: whose footfalls it has, by name.
-        late: control steps by which joints are older than the moment at which it is shown them.
-        actuator: what drives the joints.
+        parameters: Gait, cost and gains; None: the ones of `parameters_of`.
+        gait: Name of the gait.
+        robot: Robot that is controlled, or its name.
+        control_period: s.
+        joint_delay_steps: Delay of the encoders, control steps; 0: true joint readings.
+        actuator: Drives of the joints.
     """
 
     name = "mpc"
     parameters: MpcParameters
     failures: NDArray[np.int64] = per_robot(0)
-    """Programs of each robot without a solution since its start, (n,); it then goes on with the last plan."""
+    """Quadratic programs of each robot without a solution since its reset, (n,); it then follows the last plan."""
 
     def __init__(
         self,
@@ -50,105 +53,172 @@ class Mpc(ModelBased):
         joint_delay_steps: int = 0,
         actuator: Actuator = IDEAL,
     ) -> None:
-        super().__init__(robot=robot, control_period=control_period)
-        robot = self.robot
+        robot = get_robot(robot)
+        p = parameters_of(gait, robot) if parameters is None else parameters
+        super().__init__(
+            p,
+            robot.in_leg_order(OFFSETS[gait]),
+            robot=robot,
+            control_period=control_period,
+            joint_delay_steps=joint_delay_steps,
+            actuator=actuator,
+        )
         if gait != TROT:
             self.name = f"{self.name}_{gait}"
-        self.parameters = p = parameters_of(gait, robot) if parameters is None else parameters
-        self.frequency, self.leg_offsets = p.frequency, robot.in_leg_order(OFFSETS[gait])
-        self._build_components(joint_delay_steps, actuator)
-        pose = p.roll_weight, p.pitch_weight, p.yaw_weight, 0.0, 0.0, p.height_weight
-        turning, velocity = (p.turn_weight, p.turn_weight, p.yaw_rate_weight), (p.velocity_weight, p.velocity_weight)
-        weights = Weights(np.array(pose), np.array([*turning, *velocity, p.vertical_weight]), p.force_weight)
-        self._horizon = CondensedMpc(HORIZON, p.horizon_step, weights)
+        self._horizon = CondensedMpc(HORIZON, p.horizon_step, _cost_weights(p))
         self._plans = ForcePlans(HORIZON, p.horizon_step, robot.mass * GRAVITY)
         self._solver: Solver = solve
 
-    def _compute_stance_forces(
-        self, state: MotionState, standing: Mask, aim: Floats, ground: TerrainPlane, pushed: Floats, friction: Friction
-    ) -> StanceForces:
-        """The planned forces."""
-        stands, since = self._schedule(standing)
-        places = moment_arms(
-            state.bodies.feet,
-            aim,
-            state.bodies.com_position,
-            state.bodies.centre_velocity[:, :2],
-            stands,
-            since,
-            self._horizon.middles,
-            self._footing(state, aim, ground, stands) - state.bodies.com_position[:, 2, None, None],
-        )
+    def _compute_stance_forces(self, control_state: ControlState, contact_plan: ContactPlan) -> StanceForces:
+        """Renew the force plans that are due, and return the planned forces."""
+        state = control_state.motion
+        stance = contact_plan.stance
+        stance_schedule, time_in_stance = self._schedule(stance)
+        arms = self._moment_arms(state, contact_plan, stance_schedule, time_in_stance)
         self._plans.advance(self.control_period)
-        due = self._plans.due(standing, self.parameters.plan_period)
+        due = self._plans.due(stance, self.parameters.plan_period)
         failed = np.zeros(self.num_envs, np.bool_)
         if due.any():
-            failed = self._plan(due, state, ground, pushed, places, stands, friction)
-        return StanceForces(self._plans.now(standing, places[:, 0], friction), places[:, 0], failed)
+            failed = self._plan(
+                due,
+                state,
+                contact_plan.ground,
+                control_state.disturbance_acceleration,
+                arms,
+                stance_schedule,
+                control_state.friction,
+            )
+        forces = self._plans.present_forces(stance, arms[:, 0], control_state.friction)
+        return StanceForces(forces, arms[:, 0], failed)
 
-    def _footing(self, state: MotionState, aim: Floats, ground: TerrainPlane, stands: Mask) -> Floats:
-        """Height of the ground where each foot stands over the horizon, m, (n, 1 or N, 1 or 4)."""
+    def _schedule(self, stance: Mask) -> tuple[Mask, Floats]:
+        """Return the contact schedule: the present stance feet, (n, 4), in the first step, then the gait.
+
+        Returns:
+            stance_schedule: Stance feet in each step of the horizon, (n, N, 4).
+            time_in_stance: Time since the touch-down of each foot, (n, N, 4), s.
+        """
+        phase_ahead = TURN * self._frequencies[:, None] * self._horizon.step_middles
+        cycle = self._gait.legs(self._phase[:, None] + phase_ahead)
+        stance_schedule = ~cycle.swing
+        stance_schedule[:, 0] = stance
+        return stance_schedule, cycle.progress * (self.parameters.duty / self._frequencies)[:, None, None]
+
+    def _moment_arms(
+        self, state: MotionState, contact_plan: ContactPlan, stance_schedule: Mask, time_in_stance: Floats
+    ) -> Floats:
+        """Return the vectors from the centre of mass to the feet over the horizon, level frame, (n, N, 4, 3), m."""
+        bodies = state.bodies
+        foothold_height = self._foothold_height(
+            state, contact_plan.foothold_positions, contact_plan.ground, stance_schedule
+        )
+        return moment_arms(
+            bodies.feet,
+            contact_plan.foothold_positions,
+            bodies.com_position,
+            bodies.centre_velocity[:, :2],
+            stance_schedule,
+            time_in_stance,
+            self._horizon.step_middles,
+            foothold_height - bodies.com_position[:, 2, None, None],
+        )
+
+    def _foothold_height(
+        self, state: MotionState, foothold_positions: Floats, ground: TerrainPlane, stance_schedule: Mask
+    ) -> Floats:
+        """Return the height of the ground under each foot over the horizon, m, (n, 1 or N, 1 or 4)."""
         return ground.height[:, None, None]
-
-    def _schedule(self, standing: Mask) -> tuple[Mask, Floats]:
-        """Which feet stand over the horizon, (n, N, 4), and since when, s: now as they do, then by the gait."""
-        horizon = self._horizon
-        ahead = TURN * self._frequencies[:, None] * horizon.middles
-        cycle = self._gait.legs(self._phase[:, None] + ahead)
-        stands = ~cycle.swing
-        stands[:, 0] = standing
-        return stands, cycle.progress * (self.parameters.duty / self._frequencies)[:, None, None]
 
     def _plan(
         self,
         due: Mask,
         state: MotionState,
         ground: TerrainPlane,
-        pushed: Floats,
-        places: Floats,
-        stands: Mask,
+        disturbance_acceleration: Floats,
+        arms: Floats,
+        stance_schedule: Mask,
         friction: Friction,
     ) -> Mask:
-        """Renew the plans that are due, (n,); which robots have none, (n,): they go on with the one before."""
-        horizon, bodies, command = self._horizon, state.bodies, state.command
-        pose, speed = np.zeros((2, self.num_envs, 6))
-        pose[:, 0], pose[:, 1] = (
-            state.tilt[:, 0] - np.arctan(ground.lateral),
-            state.tilt[:, 1] + np.arctan(ground.forward),
-        )
-        pose[:, 5] = -(ground.height + self._height)
-        speed[:, 2], speed[:, 3:5] = command[:, 2], command[:, :2]
-        speed[:, 5] = ground.forward * command[:, 0] + ground.lateral * command[:, 1]
-        rate = np.concatenate((state.turning, bodies.centre_velocity), axis=1)
-        acceleration = np.concatenate((pushed[:, 3:], pushed[:, :3]), axis=1)
-        body = Body(pose, rate, bodies.mass, bodies.rotational_inertia, acceleration)
-        robots, failed = due.nonzero()[0], due.copy()
-        these: EnvSelection = slice(None) if due.all() else robots
-        body, speed = Body(*(part[these] for part in body)), speed[these, None]
-        wanted = Reference(horizon.times[:, None] * speed, speed)
-        for rows, programs in horizon.programs(body, places[these], stands[these], wanted, friction.of(these)):
+        """Renew the force plans of the robots in `due`, (n,).
+
+        Returns:
+            Robots whose program has no solution, (n,): they follow their last plan.
+        """
+        horizon = self._horizon
+        robots = due.nonzero()[0]
+        selection: EnvSelection = slice(None) if due.all() else robots
+        body = self._rigid_body_state(state, ground, disturbance_acceleration)
+        body = RigidBodyState(*(part[selection] for part in body))
+        reference = self._mpc_reference(state, ground, selection)
+        failed = due.copy()
+        for group, programs in horizon.make_programs(
+            body, arms[selection], stance_schedule[selection], reference, friction.select(selection)
+        ):
             solutions = self._solver(programs)
-            good, value = rows[solutions.solved], solutions.x[solutions.solved]
-            which = robots[good]
-            self._plans.renew(which, horizon.scatter_forces(value, stands[which]), stands[which], places[which])
-            failed[which] = False
+            solved_robots = robots[group[solutions.solved]]
+            schedule = stance_schedule[solved_robots]
+            forces = horizon.scatter_forces(solutions.x[solutions.solved], schedule)
+            self._plans.renew(solved_robots, forces, schedule, arms[solved_robots])
+            failed[solved_robots] = False
         self.failures += failed
         return failed
 
+    def _rigid_body_state(
+        self, state: MotionState, ground: TerrainPlane, disturbance_acceleration: Floats
+    ) -> RigidBodyState:
+        """Return the state of the single rigid body, its orientation and height relative to the reference ones."""
+        bodies = state.bodies
+        pose = np.zeros((self.num_envs, 6))
+        pose[:, 0] = state.tilt[:, 0] - np.arctan(ground.lateral)
+        pose[:, 1] = state.tilt[:, 1] + np.arctan(ground.forward)
+        pose[:, 5] = -(ground.height + self._trunk_height)
+        rate = np.concatenate((state.angular_velocity, bodies.centre_velocity), axis=1)
+        acceleration = np.concatenate((disturbance_acceleration[:, 3:], disturbance_acceleration[:, :3]), axis=1)
+        return RigidBodyState(pose, rate, bodies.mass, bodies.rotational_inertia, acceleration)
+
+    def _mpc_reference(self, state: MotionState, ground: TerrainPlane, selection: EnvSelection) -> MpcReference:
+        """Return the reference of some robots: the commanded velocity along the ground, from the present position."""
+        command = state.command
+        rate = np.zeros((self.num_envs, 6))
+        rate[:, 2] = command[:, 2]
+        rate[:, 3:5] = command[:, :2]
+        rate[:, 5] = ground.forward * command[:, 0] + ground.lateral * command[:, 1]
+        selected_rate = rate[selection, None]
+        return MpcReference(self._horizon.step_ends[:, None] * selected_rate, selected_rate)
+
+
+def _cost_weights(p: MpcParameters) -> MpcWeights:
+    """Return the weights of the cost; the horizontal position is not weighed."""
+    pose = (p.roll_weight, p.pitch_weight, p.yaw_weight, 0.0, 0.0, p.height_weight)
+    angular = (p.turn_weight, p.turn_weight, p.yaw_rate_weight)
+    linear = (p.velocity_weight, p.velocity_weight, p.vertical_weight)
+    return MpcWeights(np.array(pose), np.array([*angular, *linear]), p.force_weight)
+
 
 class MpcWbc(Mpc):
-    """Convex model-predictive control with a whole-body program; without its solution each leg goes by itself."""
+    """Convex model-predictive control with a whole-body QP; robots without a solution are controlled leg by leg."""
 
     name = "mpc_wbc"
 
-    def _torques(self, state: MotionState, wish: WholeBodyReference, push: Floats, friction: Friction) -> Torques:
-        found = solve_whole_body(state.bodies, wish, push, friction, self._limits(state), self.parameters, self._solver)
-        if (there := found.has_solution[:, None]).all():
-            return found
-        self.failures += ~found.has_solution
-        by_leg = super()._torques(state, wish, push, friction)
+    def _solve_torques(
+        self, state: MotionState, reference: WholeBodyReference, disturbance_wrench: Floats, friction: Friction
+    ) -> Torques:
+        torques = solve_whole_body(
+            state.bodies,
+            reference,
+            disturbance_wrench,
+            friction,
+            self._torque_limits(state),
+            self.parameters,
+            self._solver,
+        )
+        solved = torques.has_solution[:, None]
+        if solved.all():
+            return torques
+        self.failures += ~torques.has_solution
+        by_leg = super()._solve_torques(state, reference, disturbance_wrench, friction)
         return Torques(
-            np.where(there, found.torque, by_leg.torque),
-            np.where(there, found.acceleration, by_leg.acceleration),
-            found.has_solution,
+            np.where(solved, torques.torque, by_leg.torque),
+            np.where(solved, torques.acceleration, by_leg.acceleration),
+            torques.has_solution,
         )

@@ -30,7 +30,7 @@ MAX_GROUP_SIZE = 32
 """Robots whose programs are made at once: their matrices fit into a processor's cache."""
 
 
-class Body(NamedTuple):
+class RigidBodyState(NamedTuple):
     """Rigid bodies of n robots now, each in a level frame with its origin at the centre of mass, x ahead."""
 
     pose: Floats
@@ -45,7 +45,7 @@ class Body(NamedTuple):
     """What no foot explains: angular, rad/s², and linear, m/s², (n, 6)."""
 
 
-class Weights(NamedTuple):
+class MpcWeights(NamedTuple):
     """Of the squares in the cost, (6,) each, and of the squared forces."""
 
     pose: Floats
@@ -55,7 +55,7 @@ class Weights(NamedTuple):
     plan sinks towards its end."""
 
 
-class Reference(NamedTuple):
+class MpcReference(NamedTuple):
     """Where n bodies are to be after each step of the horizon, and how they are to move; (n, N or 1, 6)."""
 
     pose: Floats
@@ -63,14 +63,14 @@ class Reference(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """Bounds of the force of a standing foot of each robot."""
+    """Bounds of the force of a stance foot of each robot."""
 
     coefficient: Floats
     """Largest horizontal force along each axis, per vertical; (n,)."""
     max_normal_force: Floats
     """Vertical, (n,), N."""
 
-    def of(self, robots: EnvSelection) -> "Friction":
+    def select(self, robots: EnvSelection) -> "Friction":
         """Those of some robots."""
         return Friction(self.coefficient[robots], self.max_normal_force[robots])
 
@@ -81,40 +81,50 @@ class CondensedMpc:
 
     steps: int
     period: float
-    weights: Weights
+    weights: MpcWeights
 
     def __post_init__(self) -> None:
         steps, period, weights = self.steps, self.period, self.weights
         k, j = np.arange(1, steps + 1)[:, None], np.arange(steps)
         before = j < k
-        self.rate = np.where(before, period, 0.0)
+        self.velocity_response = np.where(before, period, 0.0)
         """Velocity after step k per acceleration in step j, (N, N), s."""
-        self.place = np.where(before, period**2 * (k - j - 0.5), 0.0)
+        self.position_response = np.where(before, period**2 * (k - j - 0.5), 0.0)
         """Position after step k per acceleration in step j, (N, N), s²."""
-        self.times: Floats = period * np.arange(1.0, steps + 1.0)
+        self.step_ends: Floats = period * np.arange(1.0, steps + 1.0)
         """Ends of the steps, (N,), s."""
-        self.middles: Floats = self.times - 0.5 * period
+        self.step_middles: Floats = self.step_ends - 0.5 * period
         """Their middles, (N,), s."""
-        roots = [self._root(place, rate) for place, rate in zip(weights.pose, weights.rate, strict=True)]
+        roots = [
+            self._root(position_response, velocity_response)
+            for position_response, velocity_response in zip(weights.pose, weights.rate, strict=True)
+        ]
         self._roots = np.stack(roots, axis=1).transpose(2, 1, 0).copy()  # (step, axis, row of the root)
 
     def _root(self, place: float, rate: float) -> Floats:
         """R with RᵀR the cost's matrix of the accelerations along one axis, (N, N)."""
-        stacked = np.concatenate((np.sqrt(place) * self.place, np.sqrt(rate) * self.rate))
+        stacked = np.concatenate((np.sqrt(place) * self.position_response, np.sqrt(rate) * self.velocity_response))
         return np.linalg.qr(stacked)[1]
 
-    def free_response(self, body: Body) -> Reference:
+    def free_response(self, body: RigidBodyState) -> MpcReference:
         """Where the bodies go by themselves, gravity and what no foot explains included."""
-        acceleration, rate, t = (body.acceleration - _FALL)[:, None], body.rate[:, None], self.times[:, None]
-        return Reference(body.pose[:, None] + t * rate + 0.5 * t * t * acceleration, rate + t * acceleration)
+        acceleration, velocity_response, t = (
+            (body.acceleration - _FALL)[:, None],
+            body.rate[:, None],
+            self.step_ends[:, None],
+        )
+        return MpcReference(
+            body.pose[:, None] + t * velocity_response + 0.5 * t * t * acceleration,
+            velocity_response + t * acceleration,
+        )
 
-    def programs(
-        self, body: Body, arms: Floats, standing: Mask, wanted: Reference, friction: Friction
+    def make_programs(
+        self, body: RigidBodyState, arms: Floats, stance: Mask, wanted: MpcReference, friction: Friction
     ) -> Iterator[tuple[EnvIndices, QpBatch]]:
         """The forces' programs, those of one shape together, with the robots whose they are.
 
         Variables are those of the feet that stand, (step, foot, axis) in order. `arms`: feet from the centre of mass in
-        each step, (n, N, 4, 3), m; `standing`: which of them stand, (n, N, 4).
+        each step, (n, N, 4, 3), m; `stance`: which of them stand, (n, N, 4).
         """
         weights, count = self.weights, len(arms)
         # Angular and linear acceleration by each variable, (n, variable, 6).
@@ -123,26 +133,26 @@ class CondensedMpc:
         moved[..., :3] = turned.reshape(count, -1, 3, 3)
         moved[..., 3:] = _EYE / body.mass[:, None, None, None]
         moved, free_response = moved.reshape(count, -1, 6), self.free_response(body)
-        pull = np.matmul(self.place.T, weights.pose * (free_response.pose - wanted.pose))
-        pull += np.matmul(self.rate.T, weights.rate * (free_response.rate - wanted.rate))
+        pull = np.matmul(self.position_response.T, weights.pose * (free_response.pose - wanted.pose))
+        pull += np.matmul(self.velocity_response.T, weights.rate * (free_response.rate - wanted.rate))
         gradient = np.matmul(moved.reshape(count, self.steps, 3 * LEGS, 6), pull[..., None]).reshape(count, -1)
-        coefficient = body.mass[:, None] * GRAVITY / np.maximum(standing.sum(axis=2), 1)
+        coefficient = body.mass[:, None] * GRAVITY / np.maximum(stance.sum(axis=2), 1)
         gradient.reshape(count, self.steps, LEGS, 3)[..., 2] -= weights.force * coefficient[..., None]
-        kept = standing.reshape(count, -1).repeat(3, axis=1)
-        for robots in group_by_stance_count(standing.sum(axis=(1, 2))):
+        kept = stance.reshape(count, -1).repeat(3, axis=1)
+        for robots in group_by_stance_count(stance.sum(axis=(1, 2))):
             chosen = np.nonzero(kept[robots])[1].reshape(len(robots), -1)
             of_these = robots[:, None]
             roots = self._roots[chosen // (3 * LEGS)] * moved[of_these, chosen][..., None]
             roots = roots.reshape(*chosen.shape, 6 * self.steps)
             hessian = np.matmul(roots, roots.transpose(0, 2, 1))
             hessian.reshape(len(robots), -1)[:, :: chosen.shape[1] + 1] += weights.force  # on the diagonals
-            bounds = friction_rows(chosen.shape[1] // 3, friction.of(robots))
+            bounds = friction_constraints(chosen.shape[1] // 3, friction.select(robots))
             yield robots, QpBatch(hessian, gradient[of_these, chosen], *bounds)
 
-    def scatter_forces(self, solution: Floats, standing: Mask) -> Floats:
+    def scatter_forces(self, solution: Floats, stance: Mask) -> Floats:
         """Forces of every foot in every step, (g, N, 4, 3), N, zero where it does not stand, of solutions (g, k)."""
-        forces = np.zeros((*standing.shape, 3))
-        forces[standing] = solution.reshape(-1, 3)
+        forces = np.zeros((*stance.shape, 3))
+        forces[stance] = solution.reshape(-1, 3)
         return forces
 
 
@@ -161,7 +171,7 @@ def _pyramids(feet: int) -> tuple[Floats, Floats, EnvIndices]:
     return np.kron(np.eye(feet), one), np.tile([*4 * [-np.inf], 0.0], feet), np.flatnonzero(friction)
 
 
-def friction_rows(feet: int, friction: Friction) -> tuple[Floats, Floats, Floats]:
+def friction_constraints(feet: int, friction: Friction) -> tuple[Floats, Floats, Floats]:
     """Rows of the forces of so many feet of each robot, (n, 5 feet, 3 feet), with their bounds: a pyramid, and the
     vertical force."""
     template, least, places = _pyramids(feet)

@@ -77,16 +77,16 @@ class AffineResponse(NamedTuple):
         return velocities.transpose(2, 0, 1)
 
 
-def response(robot: Robot, now: MotionState, standing: Mask, wrench: Floats, period: float) -> AffineResponse:
+def response(robot: Robot, now: MotionState, stance: Mask, wrench: Floats, period: float) -> AffineResponse:
     """Of a control period of `period` s in which these feet stand, (n, 4), and wrenches push the trunks, (n, 6)."""
-    found, _ = _integrate(robot, now, standing, wrench, period, _UNIT_TARGETS, np.zeros(standing.shape))
+    found, _ = _integrate(robot, now, stance, wrench, period, _UNIT_TARGETS, np.zeros(stance.shape))
     return AffineResponse(found[..., 0], found[..., 1:])
 
 
 def landing(robot: Robot, now: MotionState, gaps: Floats, targets: Floats, wrench: Floats, period: float) -> Floats:
     """Generalised velocity after `period` s by these targets, (n, 18), of robots whose feet are these gaps above the
     ground, (n, 4), m: feet that come down to it stay there."""
-    touching, velocity = np.zeros(gaps.shape, np.bool_), now.generalised.copy()
+    touching, velocity = np.zeros(gaps.shape, np.bool_), now.generalised_velocity.copy()
     sinking = (-gaps / period).clip(-FASTEST_LANDING, 0.0)
     rows, some = np.arange(len(gaps)), now
     for _ in range(CONTACT_ITERATIONS):
@@ -103,22 +103,22 @@ def landing(robot: Robot, now: MotionState, gaps: Floats, targets: Floats, wrenc
 
 
 def _integrate(
-    robot: Robot, now: MotionState, standing: Mask, wrench: Floats, period: float, targets: Floats, sinking: Floats
+    robot: Robot, now: MotionState, stance: Mask, wrench: Floats, period: float, targets: Floats, sinking: Floats
 ) -> tuple[Floats, Floats]:
     """Generalised velocities after `period` s by each of c columns of targets, (n or 1, 12, c), to (n, 18, c), the
-    first by all else as well, and its impulses of the feet, (n, 12); standing feet sink at (n, 4), m/s.
+    first by all else as well, and its impulses of the feet, (n, 12); stance feet sink at (n, 4), m/s.
 
     Every implicit step is the same linear one of a state: velocity, errors of the servos, 1, and the step's number.
     """
     bodies, step = now.bodies, period / SUBSTEPS
-    count, size = now.generalised.shape
-    stands, offset, stiffness = standing.repeat(3, axis=1), size + 12, step * robot.servo_stiffness
+    count, size = now.generalised_velocity.shape
+    stands, offset, stiffness = stance.repeat(3, axis=1), size + 12, step * robot.servo_stiffness
     known, drift = np.zeros((count, offset, 1)), np.zeros((count, 12, 1))
     known[:, :size, 0] = -step * bodies.bias_force
     known[:, :6, 0] += step * wrench
-    known[:, size + 2 :: 3, 0] = np.where(standing, sinking, 0.0)
+    known[:, size + 2 :: 3, 0] = np.where(stance, sinking, 0.0)
     drift[:, :, 0] = np.where(stands, -step * bodies.foot_bias_acceleration.reshape(count, 12), 0.0)
-    inverse = _inverse(bodies, step * (robot.servo_damping + stiffness), standing)
+    inverse = _inverse(bodies, step * (robot.servo_damping + stiffness), stance)
     found = np.empty((count, offset, offset + 2))
     found[..., :size] = inverse[..., :size] @ bodies.inertia
     found[..., size:offset] = inverse[..., 6:size] * stiffness
@@ -129,21 +129,21 @@ def _integrate(
     change.reshape(count, -1)[:, size * (offset + 3) :: offset + 3] += 1.0  # on the diagonals
     change[:, -1, offset] = 1.0
     state, passed = np.zeros((count, offset + 2, targets.shape[2])), np.zeros((count, offset + 2))
-    state[:, :size, 0], state[:, size:offset], state[:, offset:, 0] = now.generalised, targets, 1.0
-    state[:, size:offset, 0] -= now.angles
+    state[:, :size, 0], state[:, size:offset], state[:, offset:, 0] = now.generalised_velocity, targets, 1.0
+    state[:, size:offset, 0] -= now.joint_position
     for _ in range(SUBSTEPS):
         passed += state[..., 0]
         state = change @ state
     return state[:, :size], (found[:, size:] @ passed[..., None])[..., 0]
 
 
-def _inverse(bodies: DynamicsTerms, damping: Floats, standing: Mask) -> Floats:
+def _inverse(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> Floats:
     """Inverse, (n, 30, 30), of the matrix of one step: of velocities and of impulses of the feet that stand, (n, 4).
 
     `damping`: of the servos over a step, (12), N·m·s. Legs touch only the trunk: each is eliminated by itself.
     """
-    count, legs = standing.shape
-    leg_inverse, up, down = _eliminate_legs(bodies, damping, standing)
+    count, legs = stance.shape
+    leg_inverse, up, down = _eliminate_legs(bodies, damping, stance)
     by_trunk, to_trunk = _product(leg_inverse, down), _product(up, leg_inverse)
     trunk = bodies.inertia[:, :6, :6].transpose(1, 2, 0) - ordered_sum(np.moveaxis(_product(up, by_trunk), 2, 0))
     free = np.linalg.inv(trunk.transpose(2, 0, 1))
@@ -162,13 +162,13 @@ def _inverse(bodies: DynamicsTerms, damping: Floats, standing: Mask) -> Floats:
     return out
 
 
-def _eliminate_legs(bodies: DynamicsTerms, damping: Floats, standing: Mask) -> tuple[Floats, Floats, Floats]:
+def _eliminate_legs(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tuple[Floats, Floats, Floats]:
     """Of the joints of each leg and the impulses of its foot: the inverse of their matrix on a trunk that is held,
     (6, 6, 4, n), what they do to the trunk and what the trunk does to them, the same. Robots are on the last axis,
     along which NumPy is fast."""
-    count, legs = standing.shape
+    count, legs = stance.shape
     inertia = bodies.inertia.transpose(1, 2, 0)
-    of_feet = np.where(standing[..., None, None], bodies.jacobians, 0.0).transpose(2, 3, 1, 0)
+    of_feet = np.where(stance[..., None, None], bodies.jacobians, 0.0).transpose(2, 3, 1, 0)
     of_leg = np.empty((3, 3, legs, count))
     foot_by_leg, coupling = np.empty_like(of_leg), np.empty((6, 3, legs, count))
     for leg in range(legs):
@@ -180,7 +180,7 @@ def _eliminate_legs(bodies: DynamicsTerms, damping: Floats, standing: Mask) -> t
     inverse = _inverse_3(of_leg)
     moved = _product(inverse, foot_by_leg.swapaxes(0, 1))
     pressed = _product(foot_by_leg, moved)
-    pressed[range(3), range(3)] += np.where(standing.T, _CONTACT_REGULARIZATION, 1.0)
+    pressed[range(3), range(3)] += np.where(stance.T, _CONTACT_REGULARIZATION, 1.0)
     yields = _inverse_3(pressed)
     by_foot = _product(moved, yields)
     leg_inverse = np.empty((6, 6, legs, count))

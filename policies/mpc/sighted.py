@@ -13,7 +13,7 @@ from policies.mpc.footing import MAX_SLOPE, Terrain, TerrainPlane
 from policies.mpc.motion import MotionState
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
-from policies.mpc.reading_noise import ReadingNoise
+from policies.mpc.reading_noise import NoiseEstimator
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask
 from quad_env.robots.robot import Robot
@@ -142,7 +142,7 @@ class SightedMpcWbc(MpcWbc):
         )
         self._shown = table_with(self.robot, height_scan).slices["height_scan"]
         points = slice(0, height_scan.grid[..., 0].size)
-        self._scan_noise = ReadingNoise(control_period, [points], np.array([NOISE_FLOOR_STD]))
+        self._scan_noise = NoiseEstimator(control_period, [points], np.array([NOISE_FLOOR_STD]))
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self._heights = observation[:, self._shown].astype(np.float64)
@@ -151,17 +151,17 @@ class SightedMpcWbc(MpcWbc):
     def _ground(self, now: MotionState, landed: Mask) -> TerrainPlane:
         ground = super()._ground(now, landed)
         seen = seen_ground(self._scan, self._heights, ground, self.robot.foot_radius)
-        noise = self._scan_noise.variances(seen.heights.reshape(self.num_envs, -1))[:, 0]
+        noise = self._scan_noise.update(seen.heights.reshape(self.num_envs, -1))[:, 0]
         self._seen_ground, kept = denoise_terrain(seen, ground, noise)
         self._scan_weight = np.where((self._heights <= UNSEEN).all(axis=1), 0.0, kept)[:, None]
         mean = np.einsum("cij,nij->cn", mean_plane(self._scan), self._seen_ground.heights)
         mean[1:] = np.clip(mean[1:], -MAX_SLOPE, MAX_SLOPE)
-        share = np.where(self._new, 1.0, lowpass_gain(self.control_period, PLANE_FILTER_TIME))
+        share = np.where(self._is_first_step, 1.0, lowpass_gain(self.control_period, PLANE_FILTER_TIME))
         self._level = self._level + share * (mean - self._level)
         return TerrainPlane(*np.where(self._scan_weight[:, 0] > 0.0, self._level, ground))
 
     def _swing_terrain(self, foothold_positions: Floats, ground: TerrainPlane) -> Terrain:
-        x, y, start = self.terrain_estimator.places.transpose(0, 2, 1)
+        x, y, start = self.terrain_estimator.footprints.transpose(0, 2, 1)
         last, end = np.stack((x, y), axis=-1), self._seen_ground.at(foothold_positions)
         between = [self._seen_ground.at(last + share * (foothold_positions - last)) for share in SWING_SAMPLES]
         over, steps = (
@@ -170,9 +170,11 @@ class SightedMpcWbc(MpcWbc):
         )
         return lambda x, y, t: self._scan_weight * steps(x, y, t) + (1.0 - self._scan_weight) * over(x, y, t)
 
-    def _footing(self, now: MotionState, foothold_positions: Floats, ground: TerrainPlane, stands: Mask) -> Floats:
+    def _foothold_height(
+        self, now: MotionState, foothold_positions: Floats, ground: TerrainPlane, stands: Mask
+    ) -> Floats:
         lasting = np.cumprod(stands, axis=1).astype(np.bool_)
         seen = np.where(lasting, now.bodies.feet[:, None, :, 2], self._seen_ground.at(foothold_positions)[:, None])
         return np.where(
-            self._scan_weight[..., None] > 0.0, seen, super()._footing(now, foothold_positions, ground, stands)
+            self._scan_weight[..., None] > 0.0, seen, super()._foothold_height(now, foothold_positions, ground, stands)
         )

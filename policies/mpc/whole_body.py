@@ -1,7 +1,7 @@
 """Joint torques that make of planned forces and motions what the whole body can do.
 
-A program over the generalised acceleration and the forces of the standing feet: the trunk is to turn and the centre of
-mass to move as planned, standing feet are to rest, swinging ones to follow their paths; the floating base has no motor,
+A program over the generalised acceleration and the forces of the stance feet: the trunk is to turn and the centre of
+mass to move as planned, stance feet are to rest, swinging ones to follow their paths; the floating base has no motor,
 forces lie within friction, torques within the motors' limits.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from policies.gait_cycle import Floats
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.quadratic_program import QpBatch, Solver, solve
-from policies.mpc.rigid_body import Friction, friction_rows, group_by_stance_count
+from policies.mpc.rigid_body import Friction, friction_constraints, group_by_stance_count
 from quad_env.columns import EnvIndices, Mask
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import DynamicsTerms
@@ -27,13 +27,13 @@ JOINT_ACCELERATION_WEIGHT, BASE_ACCELERATION_WEIGHT = 1e-5, 1e-6
 class WholeBodyReference(NamedTuple):
     """What the bodies of n robots are to do now."""
 
-    turning: Floats
+    base_angular_acceleration: Floats
     """Angular accelerations of the trunks, base frame, (n, 3), rad/s²."""
-    feet: Floats
+    foot_acceleration: Floats
     """Accelerations of the feet, world frame, (n, 4, 3), m/s²."""
-    forces: Floats
-    """Of the standing feet, world frame, (n, 4, 3), N."""
-    standing: Mask
+    contact_force: Floats
+    """Of the stance feet, world frame, (n, 4, 3), N."""
+    stance: Mask
     """(n, 4)."""
 
 
@@ -64,7 +64,7 @@ def solve_whole_body(
         np.zeros((count, size - 6)),
         np.zeros(count, np.bool_),
     )
-    for robots, each in programs(bodies, reference, wrench, friction, limits, p):
+    for robots, each in make_programs(bodies, reference, wrench, friction, limits, p):
         solutions = solver(each)
         needed = np.matmul(each.constraint_matrix[:, 6:size], solutions.x[..., None])[..., 0]
         torque[robots] = np.where(solutions.solved[:, None], needed + bodies.bias_force[robots, 6:], 0.0)
@@ -73,7 +73,7 @@ def solve_whole_body(
     return Torques(torque, acceleration, has_solution)
 
 
-def programs(
+def make_programs(
     bodies: DynamicsTerms,
     reference: WholeBodyReference,
     wrench: Floats,
@@ -81,22 +81,22 @@ def programs(
     limits: tuple[Floats, Floats],
     p: MpcParameters,
 ) -> Iterator[tuple[EnvIndices, QpBatch]]:
-    """Programs over generalised acceleration and forces of the standing feet, those of one shape together, with the
+    """Programs over generalised acceleration and forces of the stance feet, those of one shape together, with the
     robots whose they are. `wrench` pushes their trunks, (n, 6), N and N·m; `limits`: least and largest torques, N·m."""
     size = bodies.bias_force.shape[1]
     bias = bodies.bias_force.copy()
     bias[:, :6] -= wrench
     feet = bodies.jacobians.reshape(len(bias), -1, size)
-    weight = np.where(reference.standing, p.standing_priority, p.swinging_priority).repeat(3, axis=1)[..., None]
-    aims = (reference.feet - bodies.foot_bias_acceleration).reshape(weight.shape)
+    weight = np.where(reference.stance, p.standing_priority, p.swinging_priority).repeat(3, axis=1)[..., None]
+    aims = (reference.foot_acceleration - bodies.foot_bias_acceleration).reshape(weight.shape)
     following = np.matmul(feet.transpose(0, 2, 1), np.concatenate((weight * feet, weight * aims), axis=2))
     least, most = -bias, -bias.copy()  # the floating base has no motor
     least[:, 6:] += limits[0]
     most[:, 6:] += limits[1]
-    for robots in group_by_stance_count(reference.standing.sum(axis=1)):
+    for robots in group_by_stance_count(reference.stance.sum(axis=1)):
         group, these = len(robots), slice(None) if len(robots) == len(bias) else robots
-        standing = reference.standing[these]
-        contact = bodies.jacobians[these][standing].reshape(group, -1, size)
+        stance = reference.stance[these]
+        contact = bodies.jacobians[these][stance].reshape(group, -1, size)
         forces = slice(size, size + contact.shape[1])
         hessian = np.zeros((group, forces.stop, forces.stop))
         hessian[:, :size, :size] = following[these, :, :size]
@@ -105,10 +105,10 @@ def programs(
         diagonal[TRUNK] += p.turning_priority
         hessian.reshape(group, -1)[:, :: forces.stop + 1] += diagonal
         gradient = np.zeros((group, forces.stop))
-        gradient[:, TRUNK] = -p.turning_priority * reference.turning[these]
+        gradient[:, TRUNK] = -p.turning_priority * reference.base_angular_acceleration[these]
         gradient[:, :size] -= following[these, :, size]
-        gradient[:, forces] = -p.force_priority * reference.forces[these][standing].reshape(group, -1)
-        pyramid, lower, upper = friction_rows(contact.shape[1] // 3, friction.of(these))
+        gradient[:, forces] = -p.force_priority * reference.contact_force[these][stance].reshape(group, -1)
+        pyramid, lower, upper = friction_constraints(contact.shape[1] // 3, friction.select(these))
         rows = np.zeros((group, size + pyramid.shape[1], forces.stop))
         rows[:, :size, :size] = bodies.inertia[these]
         rows[:, :size, forces] = -contact.transpose(0, 2, 1)  # less bias: what the motors have to give
@@ -131,14 +131,14 @@ def leg_torques(
     acceleration. What one leg's motion does to the others is left out; friction is the plan's; torques are clipped to
     `limits`, N·m. `wrench`: on the trunks, (n, 6), N and N·m.
     """
-    forces = np.where(reference.standing[..., None], reference.forces, 0.0)
+    forces = np.where(reference.stance[..., None], reference.contact_force, 0.0)
     linear = (forces.sum(axis=1) + wrench[:, :3]) / bodies.mass[:, None] - (0.0, 0.0, GRAVITY)
-    trunk = np.concatenate((linear, reference.turning), axis=1)
+    trunk = np.concatenate((linear, reference.base_angular_acceleration), axis=1)
     carried = np.einsum("nlxk,nk->nlx", bodies.jacobians[..., :6], trunk)
     legs = bodies.leg_jacobians
     across = legs.swapaxes(2, 3)
     squares = np.matmul(across, legs) + _DAMPING * np.eye(3)
-    asked = np.matmul(across, (reference.feet - bodies.foot_bias_acceleration - carried)[..., None])
+    asked = np.matmul(across, (reference.foot_acceleration - bodies.foot_bias_acceleration - carried)[..., None])
     joints = np.linalg.solve(squares, asked)[..., 0].reshape(len(trunk), 12)
     motion = np.concatenate((trunk, joints), axis=1)
     needed = np.einsum("nij,nj->ni", bodies.inertia[:, 6:], motion) + bodies.bias_force[:, 6:]

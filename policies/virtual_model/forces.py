@@ -1,4 +1,4 @@
-"""Forces of the standing feet by virtual model control: the trunk as if it hung on springs and dampers.
+"""Forces of the stance feet by virtual model control: the trunk as if it hung on springs and dampers.
 
 Pratt et al., "Virtual model control: an intuitive approach for bipedal locomotion", IJRR 2001. The wanted acceleration
 of the trunk is shared by the feet that stand as the smallest weighted forces; with two of them one of its six parts is
@@ -37,15 +37,15 @@ def virtual_acceleration(p: VirtualParameters, now: MotionState, ground: Terrain
     linear = damping * (np.column_stack((forward, lateral, climb)) - velocity)
     linear[:, 2] += p.height_stiffness * (height + ground.height)
     level = np.stack((np.arctan(ground.lateral), -np.arctan(ground.forward)), axis=-1)
-    tilt = p.tilt_stiffness * (level - now.tilt) - p.tilt_damping * now.turning[:, :2]
-    yaw = p.yaw_damping * (yaw_rate - now.turning[:, 2])
+    tilt = p.tilt_stiffness * (level - now.tilt) - p.tilt_damping * now.angular_velocity[:, :2]
+    yaw = p.yaw_damping * (yaw_rate - now.angular_velocity[:, 2])
     return np.column_stack((linear, tilt, yaw)).clip(LEAST, LARGEST)
 
 
 def distribute_wrench(
-    p: VirtualParameters, now: MotionState, wanted: Floats, standing: Mask, friction: Friction
+    p: VirtualParameters, now: MotionState, wanted: Floats, stance: Mask, friction: Friction
 ) -> Floats:
-    """Forces of the standing feet, level frame, (n, 4, 3), N, that together give the wanted acceleration, (n, 6), m/s²
+    """Forces of the stance feet, level frame, (n, 4, 3), N, that together give the wanted acceleration, (n, 6), m/s²
     and rad/s², as near as may be; then drawn into the friction's cone."""
     bodies = now.bodies
     arms = skew(bodies.feet - bodies.com_position[:, None])
@@ -55,7 +55,7 @@ def distribute_wrench(
     weights = np.array([planar, planar, 1.0, tilt, tilt, yaw])
     effects = np.concatenate((linear, angular), axis=2) * weights[:, None]
     borne = weights * (wanted + np.array([0.0, 0.0, GRAVITY, 0.0, 0.0, 0.0]))
-    forces = min_norm_forces(effects, borne, standing, _DAMPING)
+    forces = min_norm_forces(effects, borne, stance, _DAMPING)
     up = np.clip(forces[..., 2], 0.0, friction.max_normal_force[:, None])
     across = np.hypot(forces[..., 0], forces[..., 1])
     drawn = np.minimum(1.0, friction.coefficient[:, None] * up / np.maximum(across, 1e-9))

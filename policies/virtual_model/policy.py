@@ -2,15 +2,13 @@
 
 import numpy as np
 
-from policies.base import CONTROL_PERIOD, Mask
-from policies.gait_cycle import TROT_OFFSETS, Floats
-from policies.mpc.footing import TerrainPlane
-from policies.mpc.model_based import ModelBased, StanceForces
-from policies.mpc.motion import MotionState
-from policies.mpc.rigid_body import Friction
+from policies.base import CONTROL_PERIOD
+from policies.gait_cycle import TROT_OFFSETS
+from policies.mpc.model_based import ContactPlan, ControlState, ModelBased, StanceForces
 from policies.virtual_model.forces import distribute_wrench, virtual_acceleration
 from policies.virtual_model.parameters import VirtualParameters, searched_parameters
 from quad_env.actuation.models import IDEAL, Actuator
+from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -36,17 +34,21 @@ class TrotFeedback(ModelBased):
         joint_delay_steps: int = 0,
         actuator: Actuator = IDEAL,
     ) -> None:
-        super().__init__(robot=robot, control_period=control_period)
-        self.parameters = p = parameters if parameters is not None else searched_parameters(self.robot)
-        self.frequency, self.leg_offsets = p.frequency, self.robot.in_leg_order(TROT_OFFSETS)
-        self._build_components(joint_delay_steps, actuator)
-
-    def _compute_stance_forces(
-        self, now: MotionState, standing: Mask, aim: Floats, ground: TerrainPlane, pushed: Floats, friction: Friction
-    ) -> StanceForces:
-        """The forces that pull the trunk as its springs and dampers would."""
-        wanted = virtual_acceleration(self.parameters, now, ground, self._height) - pushed
-        forces = distribute_wrench(self.parameters, now, wanted, standing, friction)
-        return StanceForces(
-            forces, now.bodies.feet - now.bodies.com_position[:, None], np.zeros(self.num_envs, np.bool_)
+        robot = get_robot(robot)
+        super().__init__(
+            searched_parameters(robot) if parameters is None else parameters,
+            robot.in_leg_order(TROT_OFFSETS),
+            robot=robot,
+            control_period=control_period,
+            joint_delay_steps=joint_delay_steps,
+            actuator=actuator,
         )
+
+    def _compute_stance_forces(self, control_state: ControlState, contact_plan: ContactPlan) -> StanceForces:
+        """Distribute the acceleration of the virtual springs and dampers over the stance feet."""
+        state = control_state.motion
+        acceleration = virtual_acceleration(self.parameters, state, contact_plan.ground, self._trunk_height)
+        wanted = acceleration - control_state.disturbance_acceleration
+        forces = distribute_wrench(self.parameters, state, wanted, contact_plan.stance, control_state.friction)
+        arms = state.bodies.feet - state.bodies.com_position[:, None]
+        return StanceForces(forces, arms, np.zeros(self.num_envs, np.bool_))

@@ -57,7 +57,7 @@ def test_the_robots_of_each_cell_have_the_gains_of_their_policy_and_the_profile_
 
 def test_policies_that_predict_and_safety_layers_know_the_profiles_delays() -> None:
     real = scenarios("flat+hardware")
-    assert load_labelled_policy("mpc_wbc", IDEAL, real).policy._joints._late == 1  # type: ignore[attr-defined]
+    assert load_labelled_policy("mpc_wbc", IDEAL, real).policy.joint_predictor.delay_steps == 1  # type: ignore[attr-defined]
     limits = load_labelled_policy("safe:trot", IDEAL, real).policy._limits  # type: ignore[attr-defined]
     assert limits.delay == hardware_profile(SIMPLE_QUAD).actuator.delay
 

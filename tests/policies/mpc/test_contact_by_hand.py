@@ -47,13 +47,13 @@ def test_a_leg_stands_is_late_or_has_landed_by_its_cycle_and_its_force(
 ) -> None:
     found = states([leg, STANDS, STANDS, STANDS])
     assert [bool(each[0, 0]) for each in found] == [standing, late, landed]
-    assert all(found.standing[0, 1:])
+    assert all(found.stance[0, 1:])
     assert not found.late[0, 1:].any()
 
 
 def test_feet_of_a_new_robot_show_the_ground_and_none_of_them_is_late() -> None:
     found = states([(False, 0.3, False, 0.2, 0.0), FLIES, STANDS, STANDS], new=True)
-    assert found.standing[0].tolist() == [True, False, True, True]
+    assert found.stance[0].tolist() == [True, False, True, True]
     assert not found.late.any()
     assert found.landed.all()
 
@@ -61,13 +61,13 @@ def test_feet_of_a_new_robot_show_the_ground_and_none_of_them_is_late() -> None:
 def test_the_gait_s_feet_bear_a_robot_that_nothing_else_bears_unless_its_gait_flies() -> None:
     late = (False, 0.3, False, 0.2, 0.0)
     legs = [late, FLIES, FLIES, late]
-    assert not states(legs).standing.any()
-    assert states(legs, flies=False).standing[0].tolist() == [True, False, False, True]
+    assert not states(legs).stance.any()
+    assert states(legs, flies=False).stance[0].tolist() == [True, False, False, True]
     two = [LegCycle(*(np.array([[leg[at] for leg in each] for each in (legs, [STANDS, *legs[1:]])]) for at in pair))
            for pair in ((0, 1), (2, 3))]  # fmt: skip
     force = np.array([[0.0] * 4, [60.0, 0.0, 0.0, 0.0]])
     found = contact_states(P, *two, force, np.zeros(2, np.bool_), flies=False)
-    assert found.standing.tolist() == [[True, False, False, True], [True, False, False, False]]
+    assert found.stance.tolist() == [[True, False, False, True], [True, False, False, False]]
 
 
 class Felt(ContactEstimator):
@@ -209,7 +209,7 @@ def test_a_load_presses_with_its_weight_and_its_arm_in_the_trunk_s_axes() -> Non
 def test_a_load_is_taken_to_be_on_the_trunk() -> None:
     """Moments of 50 N·m by 98.1 N would be half a metre away."""
     wrench = np.array([[0.0, 0.0, -98.1, -50.0, 50.0, 0.0], [0.0, 0.0, -98.1, 9.81, -4.905, 0.0]])
-    np.testing.assert_allclose(estimated_load(wrench, 0.15).place, [[0.25, 0.25, 0.15], [-0.05, -0.1, 0.15]])
+    np.testing.assert_allclose(estimated_load(wrench, 0.15).position, [[0.25, 0.25, 0.15], [-0.05, -0.1, 0.15]])
 
 
 def following(velocity: tuple[float, float], command: tuple[float, float, float], turning: float = 0.0) -> MotionState:

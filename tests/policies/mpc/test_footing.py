@@ -203,10 +203,10 @@ def test_footprints_pass_under_the_trunk_until_their_foot_lands_again() -> None:
     prints.ground(standing_on([-0.4] * 4), ALL)
     moving = standing_on([-0.3] * 4, linear_velocity=(1.0, -0.5, 0.2), angular_velocity=(0.0, 0.0, 2.0))
     prints.ground(moving, np.array([[True, False, False, False]]))
-    np.testing.assert_allclose(prints.places[:, 0, 0], [0.25, 0.2, -0.3], atol=1e-7)
-    np.testing.assert_allclose(prints.places[:, 1, 0], [0.25 - 0.014, -0.2, -0.402], atol=1e-7)
-    np.testing.assert_allclose(prints.places[:, 2, 0], [-0.25 - 0.006, 0.2 + 0.01, -0.402], atol=1e-7)
-    np.testing.assert_allclose(prints.places[:, 3, 0], [-0.25 - 0.014, -0.2 + 0.01, -0.402], atol=1e-7)
+    np.testing.assert_allclose(prints.footprints[:, 0, 0], [0.25, 0.2, -0.3], atol=1e-7)
+    np.testing.assert_allclose(prints.footprints[:, 1, 0], [0.25 - 0.014, -0.2, -0.402], atol=1e-7)
+    np.testing.assert_allclose(prints.footprints[:, 2, 0], [-0.25 - 0.006, 0.2 + 0.01, -0.402], atol=1e-7)
+    np.testing.assert_allclose(prints.footprints[:, 3, 0], [-0.25 - 0.014, -0.2 + 0.01, -0.402], atol=1e-7)
 
 
 def test_no_slope_beyond_the_steepest_is_believed() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 import policies
 from evaluate.hardware import HardwareConfig
-from policies.mpc.observer import JointPredictor
+from policies.mpc.joint_predictor import JointPredictor
 from quad_env import OBSERVATION
 from tests.policies.readings import reading
 
@@ -19,28 +19,31 @@ def test_joints_that_do_as_planned_are_known_as_they_are_now(late: int) -> None:
     prediction, acceleration = JointPredictor(late, PERIOD), 20.0
     for step in range(30):
         seen = max(step - late, 0) * PERIOD
-        found = prediction.now(reading(1, joint_position=0.5 * acceleration * seen**2))
+        found = prediction.predict(reading(1, joint_position=0.5 * acceleration * seen**2))
         if step >= late:
             time = step * PERIOD
             np.testing.assert_allclose(found[0, ANGLES], 0.5 * acceleration * time**2, rtol=0.02, atol=2e-4)
             np.testing.assert_allclose(found[0, SPEEDS], acceleration * time, rtol=0.02, atol=0.02)
-        prediction.keep(np.full((1, 12), acceleration))
+        prediction.record(np.full((1, 12), acceleration))
 
 
 def test_what_no_plan_explains_is_learnt_from_the_readings() -> None:
     """A joint that turns at 3 rad/s though nothing is asked of it."""
     prediction = JointPredictor(1, PERIOD)
     for step in range(40):
-        found = prediction.now(reading(1, joint_position=3.0 * max(step - 1, 0) * PERIOD))
-        prediction.keep(np.zeros((1, 12)))
+        found = prediction.predict(reading(1, joint_position=3.0 * max(step - 1, 0) * PERIOD))
+        prediction.record(np.zeros((1, 12)))
     np.testing.assert_allclose(found[0, SPEEDS], 3.0, rtol=1e-3)
     np.testing.assert_allclose(found[0, ANGLES], 3.0 * 39 * PERIOD, rtol=1e-3)
 
 
 def test_the_evaluator_tells_the_controller_what_its_encoders_take() -> None:
     """One control step with typical sensors, none of the truth and of ideal ones."""
-    found = [HardwareConfig(sensors=name).policy("mpc_wbc")._joints._late for name in ("truth", "ideal", "typical")]
+    found = [
+        HardwareConfig(sensors=name).policy("mpc_wbc").joint_predictor.delay_steps
+        for name in ("truth", "ideal", "typical")
+    ]
     assert found == [0, 0, 1]
     made = policies.make("safe:mpc_wbc", actuator="motor", sensors="typical").policy
-    assert made._joints._late == made.observer.delays[0] == 1
+    assert made.joint_predictor.delay_steps == made.observer.delays[0] == 1
     assert len(made.observer.servos.shares) == 3

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from evaluate.rollouts.rollout import roll_out
+from policies.mpc.calibration import CALIBRATION_STEPS
 from policies.mpc.motion import LARGEST_LOAD, LEAST_LOAD, MotionState, PointLoad, add_load, estimated_load
-from policies.mpc.observer import CALIBRATION_STEPS
 from policies.mpc.policy import MpcWbc
 from quad_env import Scenario
 from quad_env.config import GRAVITY
@@ -47,7 +47,7 @@ def with_point_mass(state: dict[str, np.ndarray]) -> DynamicsTerms:
 def moving(bodies: DynamicsTerms, rotation: np.ndarray, generalised: np.ndarray) -> MotionState:
     """Of what a load does not depend on there is nothing."""
     others = dict.fromkeys(MotionState._fields)
-    return MotionState(**others | {"bodies": bodies, "rotation": rotation, "generalised": generalised})  # type: ignore
+    return MotionState(**others | {"bodies": bodies, "rotation": rotation, "generalised_velocity": generalised})  # type: ignore
 
 
 def test_a_load_changes_the_bodies_as_mujoco_says(state: dict[str, np.ndarray]) -> None:
@@ -64,7 +64,7 @@ def test_a_level_robots_load_is_told_by_its_weight() -> None:
     load = PointLoad(np.array([MASS, 0.0]), np.stack((PLACE, (0.0, 0.0, PLACE[2]))))
     found = estimated_load(load.gravity_wrench(np.stack((np.eye(3),) * 2)), PLACE[2])
     np.testing.assert_allclose(found.mass, load.mass)
-    np.testing.assert_allclose(found.place, load.place)
+    np.testing.assert_allclose(found.position, load.position)
 
 
 @pytest.mark.parametrize(("force", "mass"), [(30.0, 0.0), (-0.5 * LEAST_LOAD * GRAVITY, 0.0), (-1e4, LARGEST_LOAD)])

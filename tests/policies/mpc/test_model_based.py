@@ -32,7 +32,7 @@ def policy_of(actuator: Actuator = MOTOR, robots: int = 1) -> MpcWbc:
 
 def test_motors_are_asked_for_what_they_give_at_the_speeds_of_the_joints() -> None:
     """100 (1 - 5 / 10) = 50 N·m ahead and, at 8 rad/s, 20; at standstill, and against the way, the peak of 80."""
-    least, most = policy_of()._limits(turning())
+    least, most = policy_of()._torque_limits(turning())
     np.testing.assert_allclose(most[0, :4], [80.0, 50.0, 80.0, 20.0])
     np.testing.assert_allclose(least[0, :4], [-80.0, -80.0, -50.0, -80.0])
 
@@ -132,14 +132,14 @@ def accelerations(
     """Return the planned feet at that progress of all four, two in swing."""
     cycle = LegCycle(swings, np.full((1, 4), progress))
     states = ContactState(*(np.array([each], np.bool_) for each in (standing, late, standing)))
-    return policy._feet(now, cycle, states, now.bodies.feet[..., :2] + 0.1, flat)[0]
+    return policy._foot_accelerations(now, cycle, states, now.bodies.feet[..., :2] + 0.1, flat)[0]
 
 
 def test_standing_feet_are_to_rest_and_late_ones_to_come_down() -> None:
     """-20 / s of their velocity; 30 / s to the trunk's less the search speed of 0.5 m/s, straight down."""
     policy, now = policy_of(), moving_feet()
     policy.parameters = policy.parameters.__class__(stance_damping=20.0, swing_damping=30.0, search_speed=0.5)
-    found, velocity = accelerations(policy, now, 0.5, [0, 1, 0, 0], [0, 0, 1, 0]), now.feet_velocity[0]
+    found, velocity = accelerations(policy, now, 0.5, [0, 1, 0, 0], [0, 0, 1, 0]), now.foot_velocity[0]
     np.testing.assert_allclose(found[1], -20.0 * velocity[1], atol=1e-9)
     np.testing.assert_allclose(found[2], 30.0 * (np.array([0.0, 0.0, 0.1 - 0.5]) - velocity[2]), atol=1e-6)
 
@@ -170,7 +170,7 @@ def test_swinging_feet_follow_their_path_from_where_they_were_lifted() -> None:
         x, y, _ = place
         velocity = later.bodies.centre_velocity[0]
         along = np.array([velocity[0] - 0.5 * y, velocity[1] + 0.5 * x, 0.1])
-        by_hand = ahead + 300.0 * (place - feet[foot]) + 30.0 * (along + rate - later.feet_velocity[0, foot])
+        by_hand = ahead + 300.0 * (place - feet[foot]) + 30.0 * (along + rate - later.foot_velocity[0, foot])
         np.testing.assert_allclose(found[foot], by_hand, rtol=1e-4, atol=0.02)
     assert p.duty == 0.6
 
@@ -188,7 +188,7 @@ def test_contacts_are_of_where_the_legs_were_when_the_readings_were_taken() -> N
     """Three control steps ago at 2.5 Hz: 0.075 of a cycle; each robot by its own delay."""
     policy = policy_of(robots=2)
     policy._frequencies = np.array([2.5, 2.5])
-    policy.observer.delays = np.array([0, 3])
+    policy.observer.delay_estimator.delays = np.array([0, 3])
     phase = 2.0 * np.pi * 0.4
     policy._phase = np.array([phase, phase + 2.0 * np.pi * 0.075])
     earlier = policy._cycle_at_measurement()

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
+from policies.mpc.joint_predictor import JointPredictor
 from policies.mpc.motion import motion
-from policies.mpc.observer import DelayCompensator, JointPredictor, predict_readings
-from policies.mpc.reading_noise import ReadingNoise
+from policies.mpc.observer import DelayCompensator
+from policies.mpc.reading_noise import NoiseEstimator
+from policies.mpc.readings import predict_readings
 from policies.mpc.servo_step import ServoModel, _integrate, landing
+from policies.mpc.state_filter import StateFilter
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator, TorqueSpeed
 from quad_env.physics.dynamics import Dynamics
@@ -117,33 +120,34 @@ def test_what_each_robot_was_asked_for_and_stood_on_is_that_of_its_own_delay() -
         rows = reading(2, previous_action=0.1 * step)
         found = observer.read(rows, np.zeros((2, 6)))
         if step == 3:
-            observer.delays = np.array([0, 2])
-        observer.calibrating[:] = False
-        observer.keep(np.array([[True, True, True, step % 2 == 0]] * 2))
+            observer.delay_estimator.delays = np.array([0, 2])
+        observer.calibration.is_active[:] = False
+        observer.record_stance(np.array([[True, True, True, step % 2 == 0]] * 2))
     targets = found.targets - SIMPLE_QUAD.home_pose
     np.testing.assert_allclose(targets[:, 0], [0.4, 0.2], atol=1e-6)
-    assert observer._standing[:3, 0, 3].tolist() == [True, False, True]
-    assert observer._at_estimated_delay(observer._standing)[:, 3].tolist() == [True, True]
-    observer.calibrating[:] = True, False
-    observer.keep(np.zeros((2, 4), np.bool_))
-    assert observer._standing[0].all(axis=1).tolist() == [True, False]
+    assert observer._stance[:3, 0, 3].tolist() == [True, False, True]
+    assert observer.delay_estimator.at_delay(observer._stance)[:, 3].tolist() == [True, True]
+    observer.calibration.is_active[:] = True, False
+    observer.record_stance(np.zeros((2, 4), np.bool_))
+    assert observer._stance[0].all(axis=1).tolist() == [True, False]
 
 
 def test_a_robot_that_listens_stands_and_then_bends_its_legs() -> None:
     observer = DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD)
     observer.reset(3)
-    observer.calibrating, observer._in_noise_calibration = np.array([True, True, False]), np.array([True, False, False])
-    found = observer.calibration_targets(np.full((3, 12), 9.0))
+    observer.calibration.is_active = np.array([True, True, False])
+    observer.calibration.measures_noise = np.array([True, False, False])
+    found = observer.calibration.targets(np.full((3, 12), 9.0))
     np.testing.assert_allclose(found, [SIMPLE_QUAD.home_pose, 1.1 * SIMPLE_QUAD.home_pose, np.full(12, 9.0)])
 
 
 def test_noise_is_known_by_the_group_and_only_from_two_second_differences_on() -> None:
     """Readings that turn back by ±a, second differences ∓4 a: their product, -16 a², is taken for -4 σ²: σ = 2 a."""
-    noise = ReadingNoise(PERIOD, [slice(0, 1), slice(1, 3)], np.array([0.0, 0.0]))
+    noise = NoiseEstimator(PERIOD, [slice(0, 1), slice(1, 3)], np.array([0.0, 0.0]))
     noise.reset(2)
     for step in range(8):
         sign = 1.0 if step % 2 else -1.0
-        found = noise.variances(np.array([[0.1 * sign, 0.2 * sign, 0.0], [0.0, 0.0, 0.0]]))
+        found = noise.update(np.array([[0.1 * sign, 0.2 * sign, 0.0], [0.0, 0.0, 0.0]]))
         if step < 3:
             assert not found.any()
     np.testing.assert_allclose(found, [[0.04, 0.5 * 0.16], [0.0, 0.0]], rtol=1e-9)
@@ -151,9 +155,9 @@ def test_noise_is_known_by_the_group_and_only_from_two_second_differences_on() -
 
 def test_what_seems_to_be_noise_of_a_quiet_walk_is_none() -> None:
     """Up to its variance, and at first up to 1 + 8 / k times as much."""
-    noise = ReadingNoise(PERIOD, [slice(0, 1)], np.array([0.15]))
+    noise = NoiseEstimator(PERIOD, [slice(0, 1)], np.array([0.15]))
     noise.reset(1)
-    found = [float(noise.variances(np.array([[0.1 if step % 2 else -0.1]]))[0, 0]) for step in range(30)]
+    found = [float(noise.update(np.array([[0.1 if step % 2 else -0.1]]))[0, 0]) for step in range(30)]
     looks = np.maximum(np.arange(1, 31) - 3, 1)
     by_hand = np.where(np.arange(1, 31) > 3, np.maximum(0.04 - 0.0225 * (1.0 + 8.0 / looks), 0.0), 0.0)
     np.testing.assert_allclose(found, by_hand, atol=1e-9)
@@ -168,10 +172,11 @@ def test_an_observer_takes_over_the_robots_of_another(late: int) -> None:
     for observer, count, shift in ((own, 3, 0.1), (other, 2, -0.2)):
         for _ in range(3):
             observer.read(reading(count, joint_position=shift, previous_action=shift), np.zeros((count, 6)))
+            observer.correct(np.ones((count, 4), np.bool_), np.zeros((count, 6)))
             observer.predict(np.zeros((count, 6)), np.ones((count, 4), np.bool_), np.zeros((2, count)))
     own.copy_state_from(np.array([True, False, True]), other)
-    assert own._read is not None
-    np.testing.assert_allclose(own._read.angles[:, 0] - SIMPLE_QUAD.home_pose[0], [-0.2, 0.1, -0.2], atol=1e-3)
+    assert own._state is not None
+    np.testing.assert_allclose(own._state.joint_position[:, 0] - SIMPLE_QUAD.home_pose[0], [-0.2, 0.1, -0.2], atol=1e-3)
     np.testing.assert_allclose(own._targets[0, :, 0] - SIMPLE_QUAD.home_pose[0], [-0.2, 0.1, -0.2], atol=1e-6)
 
 
@@ -180,10 +185,10 @@ def test_late_joints_of_a_robot_that_begins_again_are_those_that_it_is_shown() -
     joints = JointPredictor(1, PERIOD)
     joints.reset(2)
     for step in range(40):
-        joints.now(reading(2, joint_position=0.03 * step))
-        joints.keep(np.zeros((2, 12)))
+        joints.predict(reading(2, joint_position=0.03 * step))
+        joints.record(np.zeros((2, 12)))
     joints.reset_where(np.array([False, True]))
-    found = joints.now(reading(2, joint_position=np.array([[0.03 * 40 + 0.01], [0.03 * 40]])))
+    found = joints.predict(reading(2, joint_position=np.array([[0.03 * 40 + 0.01], [0.03 * 40]])))
     angles, speeds = found[:, OBSERVATION["joint_position"]], found[:, OBSERVATION["joint_velocity"]]
     np.testing.assert_allclose(angles[0], 0.03 * 40 + 0.01 + 0.039, atol=2e-3)
     np.testing.assert_allclose(speeds[0], 3.9, atol=0.1)
@@ -198,12 +203,11 @@ NOISY = np.array([[0.0] * 5, [0.004**2, 0.15**2, 0.08**2, 0.003**2, 0.6**2]])
 def test_a_noisy_reading_counts_by_the_doubt_in_the_prediction_which_it_takes_away() -> None:
     """Doubt grows by what a step brings, u², and the reading's share p of p + n is taken in, which leaves
     n p / (p + n): with n = u² shares of 1/2, again 1/2, for the first look leaves none, and 1.5 / 2.5."""
-    observer = DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD)
-    observer.reset(2)
+    state_filter = StateFilter(PERIOD, has_encoders=False)
+    state_filter.reset(2)
     shares = []
     for looks in range(1, 5):
-        observer._noise.sample_count[:] = looks
-        share, joints = observer._kalman_gains(NOISY)
+        share, joints = state_filter.update_gains(NOISY, np.full(2, looks == 1))
         np.testing.assert_allclose(share[0], 1.0)  # without noise the reading itself
         np.testing.assert_allclose(joints[0], np.eye(2), atol=1e-9)
         shares.append(share[1, :2].tolist())
@@ -218,13 +222,12 @@ def test_a_noisy_reading_counts_by_the_doubt_in_the_prediction_which_it_takes_aw
 
 def test_joints_are_corrected_by_a_kalman_filter_of_angle_and_speed() -> None:
     """P = F P Fᵀ + Q, K = P (P + R)⁻¹, P = (1 - K) P, where an angle goes on by 10 ms of its speed."""
-    observer = DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD)
-    observer.reset(2)
+    state_filter = StateFilter(PERIOD, has_encoders=False)
+    state_filter.reset(2)
     step, brought, noise = np.array([[1.0, 0.01], [0.0, 1.0]]), np.diag([0.003**2, 0.6**2]), np.diag(NOISY[1, 3:])
     doubt = np.zeros((2, 2))
     for looks in range(1, 6):
-        observer._noise.sample_count[:] = looks
-        _, found = observer._kalman_gains(NOISY)
+        _, found = state_filter.update_gains(NOISY, np.full(2, looks == 1))
         doubt = step @ doubt @ step.T + brought
         gain = doubt @ np.linalg.inv(doubt + noise)
         np.testing.assert_allclose(found[1], gain, rtol=1e-9)
@@ -238,19 +241,18 @@ def test_only_the_readings_of_noisy_robots_are_corrected() -> None:
     still, standing = np.zeros((2, 6)), np.ones((2, 4), np.bool_)
     for _ in range(3):
         observer.read(reading(2), still)
-        observer.keep(standing)
-    observer._noise.variances = lambda _: NOISY  # type: ignore[method-assign]
+        observer.record_stance(standing)
+    observer.noise_estimator.update = lambda _: NOISY  # type: ignore[method-assign]
     shown = reading(2, linear_velocity=(0.2, 0.0, 0.0), joint_velocity=2.0)
     read = observer.read(shown, still)
     np.testing.assert_allclose(read.velocity[0], (0.2, 0.0, 0.0), atol=1e-6)
-    np.testing.assert_allclose(read.generalised[0, 6:], 2.0, atol=1e-6)
+    np.testing.assert_allclose(read.generalised_velocity[0, 6:], 2.0, atol=1e-6)
     assert 0.02 < read.velocity[1, 0] < 0.18
-    assert (np.abs(read.generalised[1, 6:] - 1.0) < 0.95).all()
+    assert (np.abs(read.generalised_velocity[1, 6:] - 1.0) < 0.95).all()
 
 
 def test_joints_of_encoders_are_corrected_though_their_readings_are_quiet() -> None:
-    observer = DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD, joint_delay_steps=1)
-    observer.reset(1)
-    _, joints = observer._kalman_gains(np.zeros((1, 5)))
+    state_filter = StateFilter(PERIOD, has_encoders=True)
+    _, joints = state_filter.update_gains(np.zeros((1, 5)), np.zeros(1, np.bool_))
     assert 0.0 < joints[0, 0, 0] < 1.0
     assert joints[0, 1, 1] < 1e-3  # a difference of two samples is of no moment

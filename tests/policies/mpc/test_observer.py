@@ -9,10 +9,11 @@ import pytest
 
 from evaluate.rollouts.observers import FallRecorder, Step
 from evaluate.rollouts.rollout import roll_out
+from policies.mpc.calibration import CALIBRATION_STEPS
 from policies.mpc.motion import MotionState
-from policies.mpc.observer import CALIBRATION_STEPS
 from policies.mpc.policy import MpcWbc
-from policies.mpc.reading_noise import GROUPS, NOISE_FLOOR_STD, SENSED, ReadingNoise
+from policies.mpc.reading_noise import NOISE_FLOOR_STD, NoiseEstimator
+from policies.mpc.readings import GROUPS, SENSED
 from quad_env import OBSERVATION
 from quad_env.seeding import episode_seeds
 from tests.policies.readings import reading
@@ -76,7 +77,7 @@ def test_a_robot_walks_once_it_knows_its_delay(scenario: str, late: int) -> None
 def test_late_readings_are_carried_on_to_where_the_robot_is_by_then() -> None:
     """Four control steps ahead, better by far than taking them for the present."""
     policy, late = walked("latency=0.02"), 4
-    for part, most in (("velocity", 0.1), ("turning", 0.5), ("angles", 0.02), ("tilt", 0.01)):
+    for part, most in (("velocity", 0.1), ("angular_velocity", 0.5), ("joint_position", 0.02), ("tilt", 0.01)):
         assert error(policy.ahead, policy.read, late, part) < min(
             most, 0.5 * error(policy.read, policy.read, late, part)
         ), part
@@ -91,20 +92,22 @@ def test_readings_without_noise_and_delay_are_taken_as_they_are() -> None:
 
     roll_out(policy, "flat", SEEDS, watch, steps=60)
     for observation, read, ahead in zip(shown, policy.read, policy.ahead, strict=False):
-        np.testing.assert_allclose(read.generalised[:, 6:], observation[:, OBSERVATION["joint_velocity"]], atol=1e-12)
-        np.testing.assert_array_equal(ahead.generalised, read.generalised)
+        np.testing.assert_allclose(
+            read.generalised_velocity[:, 6:], observation[:, OBSERVATION["joint_velocity"]], atol=1e-12
+        )
+        np.testing.assert_array_equal(ahead.generalised_velocity, read.generalised_velocity)
 
 
 @pytest.mark.parametrize("scenario", list(NOISE))
 def test_noise_shows(scenario: str) -> None:
     """Variances on top of those that a quiet walk seems to have, of the scenario's noise on a motion at 2.5 Hz."""
-    noise, rng = ReadingNoise(0.01), np.random.default_rng(0)
+    noise, rng = NoiseEstimator(0.01), np.random.default_rng(0)
     noise.reset(2)
     time = 0.01 * np.arange(400)
     sines = np.sin(2 * np.pi * 2.5 * time[:, None] + np.arange(SENSED.stop))
     sigma = np.repeat(NOISE[scenario], [group.stop - group.start for group in GROUPS])
     for each in sines:
-        found = noise.variances(np.tile(0.2 * each, (2, 1)) + sigma * rng.standard_normal((2, SENSED.stop)))
+        found = noise.update(np.tile(0.2 * each, (2, 1)) + sigma * rng.standard_normal((2, SENSED.stop)))
     np.testing.assert_allclose(found, np.tile(np.square(NOISE[scenario]) - NOISE_FLOOR_STD**2, (2, 1)), rtol=0.3)
 
 
@@ -118,7 +121,7 @@ def test_a_restart_forgets_one_robot_alone() -> None:
     policy = deepcopy(walked("latency=0.02"))
     policy.observer.reset_where(np.array([True, False]))
     np.testing.assert_array_equal(policy.observer.delays, (0, 4))
-    np.testing.assert_array_equal(policy.observer.looks > 0, (False, True))
+    np.testing.assert_array_equal(policy.observer.sample_count > 0, (False, True))
 
 
 def test_a_restarted_robot_doubts_its_readings_as_a_new_one_does() -> None:
@@ -134,8 +137,8 @@ def test_a_restarted_robot_doubts_its_readings_as_a_new_one_does() -> None:
     old.reset_where(np.array([True]))
     for row in noisy[:15]:
         restarted, fresh = (each.read(row[None], np.zeros((1, 6))) for each in (old, new))
-    np.testing.assert_array_equal(restarted.generalised, fresh.generalised)
-    np.testing.assert_array_equal(restarted.angles, fresh.angles)
+    np.testing.assert_array_equal(restarted.generalised_velocity, fresh.generalised_velocity)
+    np.testing.assert_array_equal(restarted.joint_position, fresh.joint_position)
 
 
 def test_targets_are_those_that_were_asked_for_not_its_own() -> None:

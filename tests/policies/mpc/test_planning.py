@@ -37,9 +37,9 @@ class Seen(CondensedMpc):
 
     asked: tuple[Any, ...] = ()
 
-    def programs(self, *asked: Any) -> Iterator[Any]:
+    def make_programs(self, *asked: Any) -> Iterator[Any]:
         self.asked = asked
-        yield from super().programs(*asked)
+        yield from super().make_programs(*asked)
 
 
 def planned(policy: Mpc, due: list[bool]) -> tuple[Any, ...]:
@@ -67,16 +67,16 @@ def test_a_plan_leads_from_where_the_body_is_over_the_slope_to_the_command(due: 
     policy, now = policy_of(), two()
     body, _, _, wanted, friction = planned(policy, due)
     tilt = now.tilt[1]
-    pose = [tilt[0] + np.arctan(0.1), tilt[1] + np.arctan(0.2), 0.0, 0.0, 0.0, 0.45 - policy._height]
+    pose = [tilt[0] + np.arctan(0.1), tilt[1] + np.arctan(0.2), 0.0, 0.0, 0.0, 0.45 - policy._trunk_height]
     np.testing.assert_allclose(body.pose[-1], pose)
-    np.testing.assert_allclose(body.rate[-1], [*now.turning[1], *now.bodies.centre_velocity[1]])
+    np.testing.assert_allclose(body.rate[-1], [*now.angular_velocity[1], *now.bodies.centre_velocity[1]])
     np.testing.assert_allclose(body.acceleration[-1], [1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
     rate = [0.0, 0.0, 0.3, 0.5, -0.2, 0.2 * 0.5 + 0.1 * 0.2]
     np.testing.assert_allclose(wanted.rate[-1, 0], rate)
     np.testing.assert_allclose(wanted.pose[-1, 4], 5 * policy._horizon.period * np.array(rate))
-    assert (friction.share[-1], friction.most[-1]) == (0.7, 170.0)
+    assert (friction.coefficient[-1], friction.max_normal_force[-1]) == (0.7, 170.0)
     if all(due):
-        np.testing.assert_allclose(body.pose[0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.4 - policy._height], atol=1e-7)
+        np.testing.assert_allclose(body.pose[0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.4 - policy._trunk_height], atol=1e-7)
 
 
 def test_only_plans_that_are_due_are_renewed() -> None:
@@ -116,7 +116,7 @@ def test_feet_stand_over_the_horizon_now_as_they_do_and_then_by_the_gait() -> No
     assert gait.offsets[0] == 0.0
     swing = 1.0 - policy.parameters.duty
     stands, since = policy._schedule(np.array([[True] * 4, [False] * 4]))
-    at = 0.3 + 2.0 * policy._horizon.middles
+    at = 0.3 + 2.0 * policy._horizon.step_middles
     by_gait = at % 1.0 >= swing
     np.testing.assert_array_equal(stands[0, 1:, 0], by_gait[1:])
     assert stands[0, 0].all()
@@ -130,7 +130,7 @@ def test_without_a_solution_each_leg_goes_by_itself_and_the_other_robots_by_thei
     forces = np.zeros((2, 4, 3))
     forces[..., 2] = SIMPLE_QUAD.mass * 9.81 / 4.0
     wish, push = WholeBodyReference(np.zeros((2, 3)), np.zeros((2, 4, 3)), forces, standing), np.zeros((2, 6))
-    whole = policy._torques(now, wish, push, FRICTION)
+    whole = policy._solve_torques(now, wish, push, FRICTION)
     assert whole.has_solution.all()
     assert not policy.failures.any()
 
@@ -139,8 +139,8 @@ def test_without_a_solution_each_leg_goes_by_itself_and_the_other_robots_by_thei
         return found._replace(solved=found.solved & np.array([False, True]))
 
     policy._solver = half
-    found = policy._torques(now, wish, push, FRICTION)
-    by_leg = leg_torques(now.bodies, wish, push, policy._limits(now))
+    found = policy._solve_torques(now, wish, push, FRICTION)
+    by_leg = leg_torques(now.bodies, wish, push, policy._torque_limits(now))
     assert found.has_solution.tolist() == [False, True]
     assert policy.failures.tolist() == [1, 0]
     np.testing.assert_array_equal(found.torque[0], by_leg.torque[0])

@@ -27,7 +27,7 @@ def test_a_plan_is_followed_at_its_age(time: float, step: int) -> None:
     for _ in range(round(time / 0.01)):
         plans.advance(0.01)
     standing = FIRST if step < 2 else ~FIRST
-    np.testing.assert_array_equal(plans.now(standing[None], FEET[None], FRICTION)[0], forces[step])
+    np.testing.assert_array_equal(plans.present_forces(standing[None], FEET[None], FRICTION)[0], forces[step])
 
 
 def test_a_plan_is_due_where_other_feet_stand_than_planned() -> None:
@@ -50,7 +50,7 @@ def test_plans_are_due_by_their_age_and_by_their_feet_each_robot_s_alone() -> No
 def test_other_feet_share_the_wrench_that_was_planned() -> None:
     plans, forces = planned()
     standing = np.ones((1, 4), np.bool_)
-    found = plans.now(standing, FEET[None], FRICTION)[0]
+    found = plans.present_forces(standing, FEET[None], FRICTION)[0]
     np.testing.assert_allclose(found.sum(axis=0), forces[0].sum(axis=0), atol=0.05)
     moment, other = np.cross(FEET, found).sum(axis=0), np.cross(FEET, forces[0]).sum(axis=0)
     np.testing.assert_allclose(moment, other, atol=0.05)
@@ -67,7 +67,7 @@ def test_a_wrench_is_that_of_the_feet_where_they_were_planned_to_be_and_each_rob
     plans.renew(np.arange(2), forces, stands, np.tile(FEET, (2, STEPS, 1, 1)))
     moved, standing = FEET + np.array([0.06, -0.04, 0.0]), np.array([FIRST, np.ones(4, np.bool_)])
     friction = Friction(np.full(2, 0.6), np.full(2, 170.0))
-    found = plans.now(standing, np.stack((moved, moved)), friction)
+    found = plans.present_forces(standing, np.stack((moved, moved)), friction)
     np.testing.assert_array_equal(found[0], forces[0, 0])
     np.testing.assert_allclose(found[1].sum(axis=0), forces[1, 0].sum(axis=0), atol=0.05)
     moment, planned_one = np.cross(moved, found[1]).sum(axis=0), np.cross(FEET, forces[1, 0]).sum(axis=0)
@@ -79,7 +79,7 @@ def test_at_first_every_foot_bears_a_quarter_of_the_weight() -> None:
     plans.reset(2)
     all_four = np.ones((2, 4), np.bool_)
     assert plans.due(all_four, 0.1).all()
-    found = plans.now(all_four, np.stack((FEET, FEET)), Friction(np.full(2, 0.6), np.full(2, 170.0)))
+    found = plans.present_forces(all_four, np.stack((FEET, FEET)), Friction(np.full(2, 0.6), np.full(2, 170.0)))
     np.testing.assert_allclose(found, np.tile([0.0, 0.0, 35.0], (2, 4, 1)))
 
 

@@ -63,8 +63,8 @@ def test_feet_are_lifted_higher_by_how_far_the_footprints_are_off_their_plane() 
     policy = MpcWbc(replace(P, roughness_gain=4.0))
     policy.reset(num_envs=2)
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
-    policy.terrain_estimator.places = now.bodies.feet.T.copy()
-    policy.terrain_estimator.places[2, :, 0] += [0.01, -0.01, -0.01, 0.01]
+    policy.terrain_estimator.footprints = now.bodies.feet.T.copy()
+    policy.terrain_estimator.footprints[2, :, 0] += [0.01, -0.01, -0.01, 0.01]
     for _ in range(1000):
         ground = policy.terrain_estimator.ground(now, np.zeros((2, 4), np.bool_))
     aim = now.bodies.feet[..., :2]

@@ -6,24 +6,24 @@ import pytest
 from policies.mpc.quadratic_program import QpBatch, solve
 from policies.mpc.rigid_body import (
     MAX_GROUP_SIZE,
-    Body,
     CondensedMpc,
     Friction,
-    Reference,
-    Weights,
-    friction_rows,
+    MpcReference,
+    MpcWeights,
+    RigidBodyState,
+    friction_constraints,
     group_by_stance_count,
 )
 from quad_env.config import GRAVITY
 
 STEPS, PERIOD, MASS = 6, 0.04, 14.2
-WEIGHTS = Weights(np.array([10.0, 9.0, 2.0, 1.0, 2.0, 100.0]), np.array([0.1, 0.2, 0.3, 2.0, 3.0, 0.5]), 1e-5)
+WEIGHTS = MpcWeights(np.array([10.0, 9.0, 2.0, 1.0, 2.0, 100.0]), np.array([0.1, 0.2, 0.3, 2.0, 3.0, 0.5]), 1e-5)
 HORIZON = CondensedMpc(STEPS, PERIOD, WEIGHTS)
 FRICTION = Friction(np.array([0.6]), np.array([170.0]))
 
 
-def body() -> Body:
-    return Body(
+def body() -> RigidBodyState:
+    return RigidBodyState(
         pose=np.array([[0.05, -0.04, 0.01, 0.01, -0.02, -0.03]]),
         rate=np.array([[0.3, 0.2, -0.1, 0.5, 0.1, -0.05]]),
         mass=np.array([MASS]),
@@ -43,23 +43,25 @@ def standing() -> np.ndarray:
     return np.array([[first] * 3 + [~first] * 3])
 
 
-def wanted() -> Reference:
-    return Reference(*(np.tile(aim, (1, STEPS, 1)) for aim in ([0, 0, 0.01, 0.02, 0, 0], [0, 0, 0.2, 0.6, 0, 0])))
+def wanted() -> MpcReference:
+    return MpcReference(*(np.tile(aim, (1, STEPS, 1)) for aim in ([0, 0, 0.01, 0.02, 0, 0], [0, 0, 0.2, 0.6, 0, 0])))
 
 
 def of_one() -> QpBatch:
     """The robot's program."""
-    ((robots, programs),) = HORIZON.programs(body(), arms(), standing(), wanted(), FRICTION)
+    ((robots, programs),) = HORIZON.make_programs(body(), arms(), standing(), wanted(), FRICTION)
     assert robots.tolist() == [0]
     return programs
 
 
-def predicted(forces: np.ndarray) -> Reference:
+def predicted(forces: np.ndarray) -> MpcReference:
     """Where the body goes under these forces, (1, N, 4, 3), N."""
     free, linear = HORIZON.free_response(body()), forces.sum(axis=2) / MASS
     angular = np.linalg.solve(body().inertia, np.cross(arms(), forces).sum(axis=2)[..., None])[..., 0]
     acceleration = np.concatenate((angular, linear), axis=-1)
-    return Reference(free.pose + HORIZON.place @ acceleration, free.rate + HORIZON.rate @ acceleration)
+    return MpcReference(
+        free.pose + HORIZON.position_response @ acceleration, free.rate + HORIZON.velocity_response @ acceleration
+    )
 
 
 def test_the_prediction_is_what_steps_of_newton_s_and_euler_s_laws_give() -> None:
@@ -96,7 +98,7 @@ def test_the_program_s_cost_is_that_of_the_prediction() -> None:
 
 
 def test_friction_holds_a_force_within_its_pyramid() -> None:
-    rows, lower, upper = (part[0] for part in friction_rows(2, FRICTION))
+    rows, lower, upper = (part[0] for part in friction_constraints(2, FRICTION))
 
     def allowed(first: list[float], second: list[float]) -> bool:
         reached = rows @ np.array([*first, *second])
@@ -112,13 +114,13 @@ def test_friction_holds_a_force_within_its_pyramid() -> None:
 
 def test_no_foot_pulls_where_pulling_would_be_best() -> None:
     """A body that is to go down at 30 m/s at once, on ground with friction and without, whose pyramid has no bound."""
-    rows, lower, upper = (part[0] for part in friction_rows(1, Friction(np.zeros(1), np.array([170.0]))))
+    rows, lower, upper = (part[0] for part in friction_constraints(1, Friction(np.zeros(1), np.array([170.0]))))
     assert (rows @ [0.0, 0.0, -0.1] < lower - 0.05).any()
     assert ((rows @ [0.0, 0.0, 0.1] >= lower) & (rows @ [0.0, 0.0, 0.1] <= upper)).all()
-    down = Reference(wanted().pose, np.tile([0.0, 0.0, 0.0, 0.0, 0.0, -30.0], (1, STEPS, 1)))
+    down = MpcReference(wanted().pose, np.tile([0.0, 0.0, 0.0, 0.0, 0.0, -30.0], (1, STEPS, 1)))
     for share in (0.0, 0.6):
         bounds = Friction(np.array([share]), np.array([170.0]))
-        ((_, programs),) = HORIZON.programs(body(), arms(), standing(), down, bounds)
+        ((_, programs),) = HORIZON.make_programs(body(), arms(), standing(), down, bounds)
         solutions = solve(programs)
         assert solutions.solved.all()
         forces = HORIZON.scatter_forces(solutions.x, standing())
@@ -137,11 +139,14 @@ def test_programs_of_many_robots_are_those_of_each() -> None:
     goal = [np.repeat(part, 5, axis=0) for part in wanted()]
     bounds = Friction(0.3 + 0.5 * random.random(5), 150.0 + 50.0 * random.random(5))
     seen = []
-    for robots, together in HORIZON.programs(Body(*bodies), feet, stands, Reference(*goal), bounds):
+    for robots, together in HORIZON.make_programs(RigidBodyState(*bodies), feet, stands, MpcReference(*goal), bounds):
         for place, robot in enumerate(robots):
             one = slice(robot, robot + 1)
-            of_one, goal_of_one = Body(*(part[one] for part in bodies)), Reference(*(part[one] for part in goal))
-            ((_, alone),) = HORIZON.programs(of_one, feet[one], stands[one], goal_of_one, bounds.of(one))
+            of_one, goal_of_one = (
+                RigidBodyState(*(part[one] for part in bodies)),
+                MpcReference(*(part[one] for part in goal)),
+            )
+            ((_, alone),) = HORIZON.make_programs(of_one, feet[one], stands[one], goal_of_one, bounds.select(one))
             for name in ("hessian", "gradient", "constraint_matrix", "lower", "upper"):
                 np.testing.assert_array_equal(getattr(together, name)[place], getattr(alone, name)[0], err_msg=name)
             seen.append(robot)

@@ -41,12 +41,12 @@ def test_a_robot_s_motion_ahead_is_its_own_whatever_the_others_delays(delays: tu
     def ahead(robots: slice) -> MotionState:
         observer, count = DelayCompensator(SIMPLE_QUAD, DYNAMICS, PERIOD), len(range(2)[robots])
         observer.reset(count)
-        observer.delays = np.array(delays)[robots]
+        observer.delay_estimator.delays = np.array(delays)[robots]
         observer.read(rows[robots], wrench[robots])
         return observer.predict(wrench[robots], touching[robots], np.zeros((2, count)), None)
 
     together = ahead(slice(0, 2))
     for robot in range(2):
         alone = ahead(slice(robot, robot + 1))
-        np.testing.assert_array_equal(together.generalised[robot], alone.generalised[0])
+        np.testing.assert_array_equal(together.generalised_velocity[robot], alone.generalised_velocity[0])
         np.testing.assert_array_equal(together.bodies.inertia[robot], alone.bodies.inertia[0])

@@ -103,8 +103,8 @@ class Walk:
     def __init__(self, policy: policies.Policy, scenario: str, steps: int = 200) -> None:
         noise = []
         if isinstance(inner := getattr(policy, "policy", policy), SightedMpcWbc):
-            told = inner._scan_noise.variances
-            inner._scan_noise.variances = lambda heights: noise.append(told(heights)) or noise[-1]  # type: ignore
+            told = inner._scan_noise.update
+            inner._scan_noise.update = lambda heights: noise.append(told(heights)) or noise[-1]  # type: ignore
         found = rollout.run(policy, with_terrain_seed(scenario, "search"), episode_seeds("search", 5, 4), steps=steps)
         self.noise = np.sqrt(noise)
         """Of the scan, as it took it, standard deviation, m."""
@@ -142,7 +142,7 @@ def looking(heights: np.ndarray) -> SightedMpcWbc:
     """Two new robots that are shown these heights, (2, p), m."""
     policy = SightedMpcWbc(height_scan=SMALL)
     policy.reset(num_envs=2)
-    policy._heights = heights
+    policy._trunk_heights = heights
     return policy
 
 
@@ -157,8 +157,8 @@ def test_a_new_robot_believes_the_ground_that_it_sees_at_once_and_another_one_by
     policy = looking(shown(-0.35, 0.2, -0.1))
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     np.testing.assert_allclose(np.array(policy._ground(now, STANDS))[:, 0], [-0.35, 0.2, -0.1], atol=1e-9)
-    policy._new[:] = False, True
-    policy._heights = shown(-0.46, 0.75, -0.65)
+    policy._is_first_step[:] = False, True
+    policy._trunk_heights = shown(-0.46, 0.75, -0.65)
     found = np.array(policy._ground(now, STANDS))
     np.testing.assert_allclose(found[:, 1], [-0.46, 0.6, -0.6], atol=1e-9)
     np.testing.assert_allclose(found[:, 0], [-0.36, 0.2 + 0.4 / 11.0, -0.1 - 0.5 / 11.0], atol=1e-9)
@@ -168,7 +168,7 @@ def test_one_point_too_deep_to_see_makes_no_robot_blind_and_none_that_is_seen_do
     heights = shown(-0.35, 0.2, -0.1)
     heights[0, 3], heights[1] = UNSEEN, UNSEEN
     policy = looking(heights)
-    policy._new[1] = False
+    policy._is_first_step[1] = False
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     ground = policy._ground(now, STANDS)
     assert policy._scan_weight[:, 0].tolist() == [1.0, 0.0]
@@ -196,7 +196,7 @@ def test_the_ground_is_that_of_the_scan_s_own_entries() -> None:
     policy.reset(num_envs=2)
     scan = np.random.default_rng(0).uniform(-0.5, -0.3, (2, len(SMALL.points))).astype(np.float32)
     policy.act(np.concatenate((reading(2), scan), axis=1))
-    np.testing.assert_array_equal(policy._heights, scan)
+    np.testing.assert_array_equal(policy._trunk_heights, scan)
 
 
 def test_a_foot_clears_what_lies_between_its_last_footprint_and_its_next_foothold() -> None:
@@ -206,8 +206,8 @@ def test_a_foot_clears_what_lies_between_its_last_footprint_and_its_next_foothol
     heights[0, 4] = 0.1  # rows are from 0.2 m behind on
     policy._seen_ground, policy._scan_weight = ScannedTerrain(SMALL, heights), np.ones((2, 1))
     aside = np.array([0.1, -0.1, 0.1, -0.1])
-    policy.terrain_estimator.places = np.zeros((3, 4, 2))
-    policy.terrain_estimator.places[1] = aside[:, None]
+    policy.terrain_estimator.footprints = np.zeros((3, 4, 2))
+    policy.terrain_estimator.footprints[1] = aside[:, None]
     aim = np.tile(np.column_stack((np.full(4, 0.4), aside)), (2, 1, 1))
     over, place = policy._swing_terrain(aim, TerrainPlane(*np.zeros((3, 2)))), np.zeros((2, 4))
     for progress, expected in ((0.0, 0.0), (0.5, 0.1), (1.0, 0.0)):

@@ -5,7 +5,7 @@ import numpy as np
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.quadratic_program import solve
 from policies.mpc.rigid_body import Friction
-from policies.mpc.whole_body import Torques, WholeBodyReference, leg_torques, programs, solve_whole_body
+from policies.mpc.whole_body import Torques, WholeBodyReference, leg_torques, make_programs, solve_whole_body
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics, DynamicsTerms
 from quad_env.robots.simple_quad import SIMPLE_QUAD as ROBOT
@@ -50,10 +50,10 @@ def test_the_torques_are_those_of_the_equations_of_motion() -> None:
     wished = wish(of)
     found = whole(of, wished, wrench)
     assert found.has_solution.all()
-    for robots, each in programs(of, wished, wrench, FRICTION, LIMITS, PRIORITIES):
+    for robots, each in make_programs(of, wished, wrench, FRICTION, LIMITS, PRIORITIES):
         for robot, x in zip(robots, solve(each).x, strict=True):
             forces = np.zeros((4, 3))
-            forces[wished.standing[robot]] = x[18:].reshape(-1, 3)
+            forces[wished.stance[robot]] = x[18:].reshape(-1, 3)
             pushed = np.concatenate((wrench[robot], found.torque[robot]))
             pushed += np.einsum("lxk,lx->k", of.jacobians[robot], forces)
             np.testing.assert_allclose(of.inertia[robot] @ x[:18] + of.bias_force[robot], pushed, atol=1e-6)
@@ -66,17 +66,17 @@ def test_the_program_s_cost_is_what_is_missed_of_the_wish_by_its_priorities() ->
     robot its own, with the two terms that make it definite."""
     of, random = bodies(), np.random.default_rng(11)
     wished, p = wish(of), PRIORITIES
-    wished = wished._replace(forces=wished.forces + random.normal(0.0, 5.0, (COUNT, 4, 3)))
+    wished = wished._replace(contact_force=wished.contact_force + random.normal(0.0, 5.0, (COUNT, 4, 3)))
     seen = []
-    for robots, each in programs(of, wished, NOTHING, FRICTION, LIMITS, p):
+    for robots, each in make_programs(of, wished, NOTHING, FRICTION, LIMITS, p):
         for number, robot in enumerate(robots):
-            stands = wished.standing[robot]
+            stands = wished.stance[robot]
 
             def cost(x: np.ndarray, robot: int = robot, stands: np.ndarray = stands) -> float:
-                feet = of.jacobians[robot] @ x[:18] + of.foot_bias_acceleration[robot] - wished.feet[robot]
+                feet = of.jacobians[robot] @ x[:18] + of.foot_bias_acceleration[robot] - wished.foot_acceleration[robot]
                 priority = np.where(stands, p.standing_priority, p.swinging_priority)
-                turning = x[3:6] - wished.turning[robot]
-                forces = x[18:].reshape(-1, 3) - wished.forces[robot, stands]
+                turning = x[3:6] - wished.base_angular_acceleration[robot]
+                forces = x[18:].reshape(-1, 3) - wished.contact_force[robot, stands]
                 missed = (priority * (feet**2).sum(axis=1)).sum() + p.turning_priority * turning @ turning
                 definite = 1e-6 * x[:6] @ x[:6] + 1e-5 * x[6:18] @ x[6:18]
                 return 0.5 * float(missed + definite + p.force_priority * (forces**2).sum())
@@ -93,7 +93,7 @@ def test_the_program_s_cost_is_what_is_missed_of_the_wish_by_its_priorities() ->
 def test_each_robot_s_forces_are_held_within_its_own_friction() -> None:
     of = bodies()
     bounds = Friction(0.2 + 0.1 * np.arange(COUNT), WEIGHT * (1.0 + np.arange(COUNT)))
-    for robots, each in programs(of, wish(of), NOTHING, bounds, LIMITS, PRIORITIES):
+    for robots, each in make_programs(of, wish(of), NOTHING, bounds, LIMITS, PRIORITIES):
         for number, robot in enumerate(robots):
             assert set(each.upper[number, 18 + 4 :: 5]) == {WEIGHT * (1.0 + robot)}
             assert set(-each.constraint_matrix[number, 18, 18:][[2]]) == {0.2 + 0.1 * robot}
@@ -127,21 +127,21 @@ def test_legs_move_the_feet_as_wished() -> None:
     of, wrench = bodies(), np.random.default_rng(9).normal(0.0, 5.0, (COUNT, 6))
     wished = wish(of)
     found = leg_torques(of, wished, wrench, LIMITS)
-    trunk = (wished.forces.sum(axis=1) + wrench[:, :3]) / ROBOT.mass - [0.0, 0.0, GRAVITY]
-    motion = np.concatenate((trunk, wished.turning, found.acceleration), axis=1)
+    trunk = (wished.contact_force.sum(axis=1) + wrench[:, :3]) / ROBOT.mass - [0.0, 0.0, GRAVITY]
+    motion = np.concatenate((trunk, wished.base_angular_acceleration, found.acceleration), axis=1)
     feet = np.einsum("nlxk,nk->nlx", of.jacobians, motion) + of.foot_bias_acceleration
-    np.testing.assert_allclose(feet, wished.feet, atol=0.3)  # legs that are nearly straight miss a little
+    np.testing.assert_allclose(feet, wished.foot_acceleration, atol=0.3)  # legs that are nearly straight miss a little
 
 
 def test_a_swinging_leg_bears_no_force_and_a_leg_without_a_finite_wish_leaves_its_robot_without_torques() -> None:
     of = bodies()
     wished = wish(of)
     found = leg_torques(of, wished, NOTHING, LIMITS)
-    pressed = wished._replace(forces=np.where(wished.standing[..., None], wished.forces, 30.0))
+    pressed = wished._replace(contact_force=np.where(wished.stance[..., None], wished.contact_force, 30.0))
     np.testing.assert_array_equal(leg_torques(of, pressed, NOTHING, LIMITS).torque, found.torque)
-    feet = wished.feet.copy()
+    feet = wished.foot_acceleration.copy()
     feet[3, 2, 0] = np.nan
-    broken = leg_torques(of, wished._replace(feet=feet), NOTHING, LIMITS)
+    broken = leg_torques(of, wished._replace(foot_acceleration=feet), NOTHING, LIMITS)
     assert broken.has_solution.tolist() == [True, True, True, False, True, True]
     np.testing.assert_array_equal(broken.torque[broken.has_solution], found.torque[broken.has_solution])
 
@@ -149,10 +149,10 @@ def test_a_swinging_leg_bears_no_force_and_a_leg_without_a_finite_wish_leaves_it
 def test_legs_hold_a_robot_that_stands() -> None:
     """Their forces and gravity: -Jᵀf and h, and nothing else."""
     of = bodies(0.0)
-    wished = wish(of)._replace(standing=np.ones((COUNT, 4), np.bool_), turning=np.zeros((COUNT, 3)))
+    wished = wish(of)._replace(stance=np.ones((COUNT, 4), np.bool_), base_angular_acceleration=np.zeros((COUNT, 3)))
     forces = np.zeros((COUNT, 4, 3))
     forces[..., 2] = WEIGHT / 4.0
-    wished = wished._replace(forces=forces, feet=np.zeros((COUNT, 4, 3)))
+    wished = wished._replace(contact_force=forces, foot_acceleration=np.zeros((COUNT, 4, 3)))
     found = leg_torques(of, wished, NOTHING, LIMITS)
     held = of.bias_force[:, 6:] - np.einsum("nlxk,nlx->nk", of.jacobians, forces)[:, 6:]
     np.testing.assert_allclose(found.torque, held, atol=1e-9)
@@ -163,7 +163,7 @@ def test_legs_ask_for_no_more_than_the_motors_give() -> None:
     """Each joint's own limits, below and above, for feet that are to be accelerated by 500 m/s²."""
     of, random = bodies(), np.random.default_rng(10)
     limits = -random.uniform(20.0, 40.0, (COUNT, 12)), random.uniform(41.0, 60.0, (COUNT, 12))
-    hasty = wish(of)._replace(feet=500.0 * random.choice((-1.0, 1.0), (COUNT, 4, 3)))
+    hasty = wish(of)._replace(foot_acceleration=500.0 * random.choice((-1.0, 1.0), (COUNT, 4, 3)))
     found = leg_torques(of, hasty, NOTHING, limits)
     free = leg_torques(of, hasty, NOTHING, (np.full((COUNT, 12), -np.inf), np.full((COUNT, 12), np.inf))).torque
     below, above = free < limits[0], free > limits[1]

@@ -1,0 +1,134 @@
+"""Prediction of the readings over the delay, with the targets that have not acted yet (Smith predictor, 1957)."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.gait_cycle import Floats
+from policies.legs.ground_plane import above
+from policies.memory import PerRobotState, per_robot
+from policies.mpc.motion import MotionState, motion, with_rows
+from policies.mpc.readings import JOINT_POSITION, JOINT_VELOCITY, SENSED, predict_readings
+from policies.mpc.servo_step import landing
+from quad_env.columns import EnvIndices, Mask
+from quad_env.physics.dynamics import Dynamics
+from quad_env.robots.robot import Robot
+
+UNSEEN_GROUND_DEPTH = 10.0
+"""Assumed depth of the ground below the trunk before a foot has touched it, m."""
+PREDICTION_WEIGHT = 0.5
+"""Weight of the prediction against the plan, for joints that are planned as well."""
+MAX_PLAN_DEVIATION = 1.0
+"""Largest deviation of the prediction from the planned joint speed, rad/s. Where a foot lands elsewhere than predicted
+the joints deviate by up to 9 rad/s, and the torques by 100 N·m."""
+
+
+class ContactGround(NamedTuple):
+    """The ground under the feet of n robots at the time of the readings."""
+
+    height: Floats
+    """Of its plane below the trunk centre, m, (n,); changes as the trunk moves."""
+    unevenness: Floats
+    """Height of the contact of each foot above the plane, m, (n, 4); zero for feet in the air."""
+    slope: Floats
+    """Rise per metre forward and to the left, (2, n)."""
+
+
+class StatePredictor(PerRobotState):
+    """Predicts the state of n robots at the time when their next targets act.
+
+    Args:
+        robot: Robot of the readings.
+        dynamics: Its dynamics.
+        period: Control period, s.
+        joint_delay_steps: Delay of the encoders, control steps; 0: true joint readings.
+    """
+
+    _ground_height: Floats = per_robot(-UNSEEN_GROUND_DEPTH)
+    """Of the ground plane below the trunk centre, m, (n,)."""
+
+    def __init__(self, robot: Robot, dynamics: Dynamics, period: float, joint_delay_steps: int) -> None:
+        self._robot = robot
+        self._dynamics = dynamics
+        self._period = period
+        self._joint_delay_steps = joint_delay_steps
+        super().__init__()
+
+    def predict(
+        self,
+        state: MotionState,
+        observation: Floats,
+        delays: NDArray[np.int64],
+        targets: Floats,
+        wrench: Floats,
+        ground: ContactGround,
+        planned: Floats | None,
+    ) -> MotionState:
+        """Predict the state after the delay of each robot.
+
+        Args:
+            state: State at the time of the readings.
+            observation: Its observation, (n, k).
+            delays: Control steps to predict, (n,).
+            targets: Joint targets that the motors follow, newest first, (m, n, 12), rad.
+            wrench: External wrench on the trunks, (n, 6), N and N·m.
+            ground: Ground at the time of the readings, see `locate_ground`.
+            planned: Observations with the planned joints at the end of the usual delay, (n, k), or None.
+
+        Returns:
+            State when the next targets act; `state` itself for robots without delay.
+        """
+        predicted = observation.copy()
+        height = ground.height.copy()
+        longest = delays.max(initial=0)
+        for steps in range(longest, 0, -1):
+            robots = (delays >= steps).nonzero()[0]
+            starts = steps == longest and len(robots) == len(delays)
+            before = state if starts else motion(self._robot, self._dynamics, predicted[robots])
+            gaps = _height_above(before, ground.slope[:, robots]) - height[robots, None] - ground.unevenness[robots]
+            velocity = landing(self._robot, before, gaps, targets[steps - 1, robots], wrench[robots], self._period)
+            height[robots] -= 0.5 * self._period * (before.velocity + velocity[:, :3])[:, 2]
+            predicted[robots, SENSED] = predict_readings(self._robot, before, velocity, self._period)
+        if planned is not None and self._joint_delay_steps:
+            self._blend_with_plan(predicted, planned, (delays == self._joint_delay_steps).nonzero()[0])
+        robots = delays.nonzero()[0]
+        if not len(robots):
+            return state
+        after = motion(self._robot, self._dynamics, predicted[robots])
+        return after if len(robots) == len(delays) else with_rows(state, robots, after)
+
+    def locate_ground(self, state: MotionState, in_contact: Mask, slope: Floats) -> ContactGround:
+        """Locate the ground by the feet in contact; without one it stays where it was in the world.
+
+        Args:
+            state: State at the time of the readings.
+            in_contact: Feet that touch the ground, (n, 4).
+            slope: Rise of the ground per metre forward and to the left, (2, n).
+
+        Returns:
+            Ground relative to the trunk centre.
+        """
+        foot_height = _height_above(state, slope)
+        count = in_contact.sum(axis=1)
+        carried_along = self._ground_height - self._period * state.velocity[:, 2]
+        mean_height = (foot_height * in_contact).sum(axis=1) / np.maximum(count, 1)
+        self._ground_height[:] = np.where(count, mean_height, carried_along)
+        unevenness = np.where(in_contact, foot_height - self._ground_height[:, None], 0.0)
+        return ContactGround(self._ground_height, unevenness, slope)
+
+    def _blend_with_plan(self, predicted: Floats, planned: Floats, robots: EnvIndices) -> None:
+        """Blend the predicted joints of some robots with the planned ones, in place."""
+        for group, max_deviation in (
+            (JOINT_POSITION, self._period * MAX_PLAN_DEVIATION),
+            (JOINT_VELOCITY, MAX_PLAN_DEVIATION),
+        ):
+            plan = planned[robots, group]
+            deviation = np.clip(predicted[robots, group] - plan, -max_deviation, max_deviation)
+            predicted[robots, group] = plan + PREDICTION_WEIGHT * deviation
+
+
+def _height_above(state: MotionState, slope: Floats) -> Floats:
+    """Return the height of the feet above the plane of that slope through the trunk centre, (n, 4), m."""
+    forward, lateral = slope
+    return above((np.zeros(len(forward)), forward, lateral), state.bodies.feet.T).T
