@@ -8,6 +8,7 @@ import pytest
 
 import policies
 from policies.mpc.footing import TerrainPlane
+from policies.mpc.model_based import ContactPlan, ControlState
 from policies.mpc.motion import motion
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.forces import distribute_wrench, virtual_acceleration
@@ -98,17 +99,22 @@ def test_springs_and_dampers_ask_for_no_more_than_a_robot_can_do() -> None:
     assert fast[[0, 1, 5]].tolist() == [-5.0, 5.0, -60.0]
 
 
+def pushed_by(now: MotionState, acceleration: list[float]) -> ControlState:
+    """Return the estimates of a robot with that disturbance acceleration, m/s² and rad/s²."""
+    friction = Friction(np.array([0.6]), np.array([2.0 * WEIGHT]))
+    return ControlState(now, np.zeros((1, 4, 3)), np.zeros((1, 6)), np.array([acceleration]), friction)
+
+
 def test_feet_bear_against_a_lasting_push() -> None:
     """One of 0.8 m/s² ahead, 0.5 to the right and 1 down: forces of mass · (-0.8, 0.5, 9.81 + 1) N in all."""
     policy, now = TrotFeedback(P), standing()
     policy.reset(1)
     ground = TerrainPlane(*(np.array([value]) for value in (-P.height, 0.0, 0.0)))
-    friction, aim = Friction(np.array([0.6]), np.array([2.0 * WEIGHT])), now.bodies.feet[..., :2]
-    pushed = np.array([[0.8, -0.5, -1.0, 0.0, 0.0, 0.0]])
-    borne = policy._compute_stance_forces(now, ALL, aim, ground, pushed, friction)
+    plan = ContactPlan(ALL, ground, now.bodies.feet[..., :2], np.zeros((1, 4, 3)))
+    borne = policy._compute_stance_forces(pushed_by(now, [0.8, -0.5, -1.0, 0.0, 0.0, 0.0]), plan)
     assert borne.forces[0].sum(axis=0) == pytest.approx(SIMPLE_QUAD.mass * np.array([-0.8, 0.5, 10.81]), rel=2e-3)
     np.testing.assert_allclose(borne.moment_arms, now.bodies.feet - now.bodies.com_position[:, None])
-    turned = policy._compute_stance_forces(now, ALL, aim, ground, np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 2.0]]), friction)
+    turned = policy._compute_stance_forces(pushed_by(now, [0.0, 0.0, 0.0, 0.0, 0.0, 2.0]), plan)
     moment = np.cross(turned.moment_arms[0], turned.forces[0]).sum(axis=0)
     acceleration = np.linalg.solve(now.bodies.rotational_inertia[0], moment)
     assert acceleration == pytest.approx([0.0, 0.0, -2.0], abs=0.02)
