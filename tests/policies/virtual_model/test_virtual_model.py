@@ -9,7 +9,7 @@ import pytest
 import policies
 from policies.mpc.footing import TerrainPlane
 from policies.mpc.model_based import ContactPlan, ControlState
-from policies.mpc.motion import motion
+from policies.mpc.motion import MotionState, motion
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.forces import distribute_wrench, virtual_acceleration
 from policies.virtual_model.parameters import FASTEST, VirtualParameters, searched_parameters
