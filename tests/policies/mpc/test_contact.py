@@ -174,9 +174,7 @@ def test_what_pushes_stays_where_it_is_in_the_world() -> None:
     sense.wrench[:, :3] = 40.0, 10.0, -20.0
     now = Trotting().step()
     # Nothing new is felt.
-    tilted = now._replace(
-        tilt=np.full((1, 2), 0.5), angular_velocity=np.array([[0.0, 0.0, yaw_rate]])
-    )
+    tilted = now._replace(tilt=np.full((1, 2), 0.5), angular_velocity=np.array([[0.0, 0.0, yaw_rate]]))
     for _ in range(100):
         sense.estimate(tilted, NO_LOAD)
     cos, sin = np.cos(yaw_rate), np.sin(yaw_rate)  # the level frame has turned by this in a second
