@@ -1,4 +1,4 @@
-"""Attributes of an environment that may be set, and the errors for those whose assignment would change nothing."""
+"""Check of assignments to attributes of an environment: an assignment that would change nothing is an error."""
 
 from collections.abc import Iterable
 from inspect import signature
@@ -6,13 +6,14 @@ from typing import Any
 
 from quad_env.config import TaskConfig
 
-ALWAYS = frozenset(("spec", "metadata", "np_random", "closed"))
+GYMNASIUM_ATTRIBUTES = frozenset(("spec", "metadata", "np_random", "closed"))
 """Attributes that Gymnasium sets."""
-SPACES = frozenset(("observation_space", "action_space", "single_observation_space", "single_action_space"))
+SPACE_ATTRIBUTES = frozenset(("observation_space", "action_space", "single_observation_space", "single_action_space"))
 """Attributes that a subclass may replace."""
-COMMAND = frozenset(("command", "commands", "command_ranges"))
+COMMAND_ATTRIBUTES = frozenset(("command", "commands", "command_ranges"))
 """Names that users try for the command."""
 PACKAGE = __name__.rpartition(".")[0]
+"""Package of the environment classes; subclasses of users are outside of it."""
 
 
 def check_settable(env: Any, name: str, value: Any, parts: Iterable[str]) -> None:
@@ -27,12 +28,12 @@ def check_settable(env: Any, name: str, value: Any, parts: Iterable[str]) -> Non
     Raises:
         AttributeError: The assignment would change nothing.
     """
-    kind = next(each for each in type(env).__mro__ if each.__module__.startswith(PACKAGE))
-    if name in env.SETTABLE or name in ALWAYS or callable(getattr(kind, name, None)):
+    kind = next(base for base in type(env).__mro__ if base.__module__.startswith(PACKAGE))
+    if name in env.SETTABLE or name in GYMNASIUM_ATTRIBUTES or callable(getattr(kind, name, None)):
         return
     arguments = {*signature(kind).parameters, *parts} - {"parts"}
     is_own = name in arguments or hasattr(env, name)
-    if type(env) is not kind and (name in SPACES or not is_own):
+    if type(env) is not kind and (name in SPACE_ATTRIBUTES or not is_own):
         return
     make = "gym.make_vec" if "num_envs" in arguments else "gym.make"
     if name in arguments:
@@ -41,7 +42,7 @@ def check_settable(env: Any, name: str, value: Any, parts: Iterable[str]) -> Non
     elif name in TaskConfig.__dataclass_fields__:
         fact = "is fixed when the environment is made"
         valid = f"{make}(..., config=quad_env.TaskConfig({name}=...))"
-    elif name in COMMAND:
+    elif name in COMMAND_ATTRIBUTES:
         fact = "is not read"
         steer = " and steer(command)" if hasattr(env, "steer") else ""
         valid = f'reset(options={{"command": (forward, lateral, yaw_rate)}}){steer}, or {make}(..., scenario=...)'

@@ -1,9 +1,10 @@
-"""What the single environment and the batch have in common: their parts, how these start, and copies."""
+"""Base class of the single environment and the batch: parts, reset, the phases of a step, copies."""
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar, Generic, NamedTuple, Self, TypedDict
+from typing import Any, ClassVar, Generic, NamedTuple, Self, TypedDict, Unpack
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -26,6 +27,7 @@ from quad_env.columns import (
 )
 from quad_env.config import TaskConfig
 from quad_env.envs.attributes import check_settable
+from quad_env.physics.model import Mounting
 from quad_env.physics.simulation import ALL, Simulation, SimulationConfig
 from quad_env.physics.simulators import MUJOCO
 from quad_env.physics.state import QuadState
@@ -47,7 +49,7 @@ from quad_env.task.terminations import fall_reason_code
 
 
 class EnvKwargs(TypedDict, total=False):
-    """Arguments that the single environment and the batch share; `SimpleQuadEnv` says what they are."""
+    """Keyword arguments of the single environment and the batch; `SimpleQuadEnv` describes them."""
 
     config: TaskConfig | None
     actuator: str | Actuator
@@ -61,9 +63,56 @@ class EnvKwargs(TypedDict, total=False):
     simulator: str
 
 
-class QuadEnvBase:
-    """Environment base class: a copy or an unpickled one is a new environment with the same arguments, not yet reset.
+@dataclass(frozen=True, eq=False)
+class EnvOptions:
+    """Values of the keyword arguments `EnvKwargs`; `SimpleQuadEnv` describes them."""
 
+    config: TaskConfig | None = None
+    actuator: str | Actuator = "ideal"
+    sensors: str | SensorSuite | None = None
+    robot: str | Robot = SIMPLE_QUAD
+    estimator: str = COMPLEMENTARY
+    height_scan: HeightScan | None = None
+    rewards: Mapping[str, Any] | None = None
+    observations: Sequence[str | ObservationTerm] = ()
+    servo: Any = None
+    simulator: str = MUJOCO
+
+
+class Equipment(NamedTuple):
+    """Actuator, sensors and estimator of a robot."""
+
+    actuator: Actuator
+    sensors: SensorSuite | None
+    estimator: str
+
+    @property
+    def imu(self) -> Mounting | None:
+        """Place of the IMU; None without sensors."""
+        return None if self.sensors is None else (self.sensors.imu.position, self.sensors.imu.rotation)
+
+
+class StepResult(NamedTuple, Generic[ScalarOrBatch]):
+    """Results of a control step: of one robot in floats, or of k robots in arrays."""
+
+    state: QuadState[ScalarOrBatch]
+    """State after the step; its command is the one that was tracked."""
+    observation: NDArray[np.float32]
+    """(size,) or (k, size)."""
+    terms: dict[str, ScalarOrBatch]
+    """Mechanical power, overspeed and reward terms."""
+    fall: Any
+    """Code of the fall, see `config.FALL_REASONS`; 0 for none."""
+    diverged: BoolOrMask
+    """True if the simulation diverged."""
+    terminated: BoolOrMask
+    """True if the episode ends by a fall or by divergence."""
+
+
+class QuadEnvBase:
+    """Base class of the environments: a simulation, an episode schedule, sensors and a task.
+
+    A copy or an unpickled environment is a new one with the same arguments, not yet reset.
     A `reset` without a seed gives a copy the next episode of the original. The state of MuJoCo's simulation can be
     neither copied nor pickled.
 
@@ -82,38 +131,24 @@ class QuadEnvBase:
     _arguments: tuple[tuple[Any, ...], dict[str, Any]]
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Set an attribute. Raises AttributeError where that would change nothing."""
+        """Set an attribute; raise AttributeError if that would change nothing."""
         if name[0] != "_" and self._made:
             check_settable(self, name, value, EnvKwargs.__annotations__)
         object.__setattr__(self, name, value)
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:
-        """An environment that remembers what it was made with."""
+        """Create an environment that keeps its arguments, for copies."""
         env = super().__new__(cls)
         env._arguments = args, kwargs
         return env
 
     def __reduce__(self) -> tuple[Any, ...]:
-        (args, kwargs), kept = self._arguments, ("spec", "_schedule")
-        return partial(type(self), *args, **kwargs), (), {name: deepcopy(getattr(self, name)) for name in kept}
+        args, kwargs = self._arguments
+        state = {name: deepcopy(getattr(self, name)) for name in ("spec", "_schedule")}
+        return partial(type(self), *args, **kwargs), (), state
 
     def _build(
-        self,
-        num_envs: int,
-        nthread: int,
-        scenario: str | Scenario,
-        readings: bool = False,
-        *,
-        config: TaskConfig | None = None,
-        actuator: str | Actuator = "ideal",
-        sensors: str | SensorSuite | None = None,
-        robot: str | Robot = SIMPLE_QUAD,
-        estimator: str = COMPLEMENTARY,
-        height_scan: HeightScan | None = None,
-        rewards: Mapping[str, Any] | None = None,
-        observations: Sequence[str | ObservationTerm] = (),
-        servo: Any = None,
-        simulator: str = MUJOCO,
+        self, num_envs: int, nthread: int, scenario: str | Scenario, readings: bool, **kwargs: Unpack[EnvKwargs]
     ) -> tuple["Box[np.float32]", "Box[np.float32]"]:
         """Create the parts of n robots. Mappings stand for settings, as in an `EnvSpec` that went through JSON.
 
@@ -122,55 +157,76 @@ class QuadEnvBase:
             nthread: Threads of the simulation.
             scenario: Scenario or its name.
             readings: True to measure contacts and motors.
-            config: See `SimpleQuadEnv`, as all that follow.
-            actuator: Actuator.
-            sensors: Sensors.
-            robot: Robot.
-            estimator: Estimator.
-            height_scan: Height scan.
-            rewards: Reward terms of the user.
-            observations: Observation terms of the user.
-            servo: Servo gains.
-            simulator: Simulator.
+            **kwargs: Keyword arguments of the environment.
 
         Returns:
             observation_space: Of one robot.
             action_space: Of one robot.
         """
-        self.config = _task_config(config)
-        rate = self.config.control_rate
-        self.dt = 1 / rate
+        options = EnvOptions(**kwargs)
+        self.config = _check_task_config(_to_setting(options.config))
+        self.dt = 1 / self.config.control_rate
         """Control period, s."""
-        self.robot, servo_gains = _robot_with_servo(robot, servo, num_envs)
-        """All that the environment knows of the robot; its servo gains are the mean if they differ between robots."""
-        self.scenario = find_scenario(_setting(scenario), self.robot)
+        self.robot, servo_gains = _make_robot(options.robot, options.servo, num_envs)
+        """Robot of the environment; its servo gains are the mean if they differ between robots of a batch."""
+        self.scenario = find_scenario(_to_setting(scenario), self.robot)
         """Scenario that is simulated."""
-        equipment = self._select_equipment(_setting(actuator), _setting(sensors), estimator)
-        self._min_trunk_height = self.config.fall_rule.min_trunk_height(self.robot.leg_length)
-        self._reward_weights = step_weights(self.config.reward_weights, self.dt)
-        self._user_rewards = user_rewards(rewards)
-        self._user_terms = user_terms(observations)
-        self._reward_keys = (*self._reward_weights, *self._user_rewards)
-        simulation_config = self._simulation_config(num_envs, nthread, readings, servo_gains, equipment, simulator)
+        equipment = self._select_equipment(options)
+        self._build_task(options)
+        simulation_config = SimulationConfig(
+            num_envs=num_envs,
+            nthread=nthread,
+            control_rate=self.config.control_rate,
+            timestep=self.config.timestep,
+            solver_iterations=self.config.solver_iterations,
+            simulator=options.simulator,
+            actuator=equipment.actuator,
+            servo_gains=servo_gains,
+            imu=equipment.imu,
+            has_meter=readings,
+            tracks_footsteps=self._tracks_footsteps,
+        )
         self.simulation = Simulation(self.robot, self.scenario, simulation_config)
         """The simulated robots."""
+        self._build_episodes(options, equipment, num_envs)
+        self._lower = self.robot.joint_lower
+        self._upper = self.robot.joint_upper
+        bound = self.observation_table.bound
+        return Box(-bound, bound), Box(self._lower.astype(np.float32), self._upper.astype(np.float32))
+
+    def _build_task(self, options: EnvOptions) -> None:
+        """Create the fall rule, reward terms and observation terms."""
+        weights = self.config.reward_weights
+        self._min_trunk_height = self.config.fall_rule.min_trunk_height(self.robot.leg_length)
+        self._reward_weights = step_weights(weights, self.dt)
+        self._user_rewards = user_rewards(options.rewards)
+        self._reward_keys = (*self._reward_weights, *self._user_rewards)
+        """Keys of the terms that add up to the reward."""
+        self._user_terms = user_terms(options.observations)
+        has_weighted_feet = weights.foot_air_time != 0.0 or weights.touchdown_speed != 0.0
+        self._tracks_footsteps = has_weighted_feet or bool(self._user_rewards or self._user_terms)
+
+    def _build_episodes(self, options: EnvOptions, equipment: Equipment, num_envs: int) -> None:
+        """Create the parts that are reset with every episode: schedule, action delay, observation model, scanner."""
+        rate = self.config.control_rate
         self._schedule = EpisodeSchedule(self.robot, self.scenario, num_envs, self.dt)
         self._action_delay = make_action_delay(self.robot, self.scenario, num_envs, self.dt)
         self._observation_model = make_observation_model(
             equipment.sensors, equipment.estimator, self.simulation, self.scenario, num_envs, rate
         )
-        scan = _setting(height_scan)
-        self._scanner = make_scanner(scan, self.scenario, num_envs, rate)
-        self.observation_table = table_with(self.robot, scan, self._user_terms)
+        height_scan = _to_setting(options.height_scan)
+        self._scanner = make_scanner(height_scan, self.scenario, num_envs, rate)
+        self.observation_table = table_with(self.robot, height_scan, self._user_terms)
         """Terms and slices of the observation."""
         self._rows = np.arange(num_envs)
         self._tracked_command = np.zeros((num_envs, 3))
         """Command that each robot tracked in its last step, (n, 3)."""
-        return self._make_spaces()
 
-    def _select_equipment(self, actuator: Any, sensors: Any, estimator: str) -> "Equipment":
+    def _select_equipment(self, options: EnvOptions) -> Equipment:
         """Return the requested equipment, or the robot's hardware profile if the scenario has it."""
-        equipment = Equipment(find_actuator(actuator), sensor_suite(sensors), estimator)
+        equipment = Equipment(
+            find_actuator(_to_setting(options.actuator)), sensor_suite(_to_setting(options.sensors)), options.estimator
+        )
         if self.scenario.hardware:
             if equipment != Equipment(ACTUATORS["ideal"], None, COMPLEMENTARY):
                 raise ValueError(
@@ -181,40 +237,6 @@ class QuadEnvBase:
             equipment = Equipment(profile.actuator, sensor_suite(profile.sensors), profile.estimator)
         check_estimator(equipment.estimator, equipment.sensors)
         return equipment
-
-    def _simulation_config(
-        self,
-        num_envs: int,
-        nthread: int,
-        readings: bool,
-        servo_gains: Array | None,
-        equipment: "Equipment",
-        simulator: str,
-    ) -> SimulationConfig:
-        """Return the options of the simulation."""
-        weights = self.config.reward_weights
-        has_weighted_feet = weights.foot_air_time != 0.0 or weights.touchdown_speed != 0.0
-        suite = equipment.sensors
-        return SimulationConfig(
-            num_envs=num_envs,
-            nthread=nthread,
-            control_rate=self.config.control_rate,
-            timestep=self.config.timestep,
-            solver_iterations=self.config.solver_iterations,
-            simulator=simulator,
-            actuator=equipment.actuator,
-            servo_gains=servo_gains,
-            imu=None if suite is None else (suite.imu.position, suite.imu.rotation),
-            has_meter=readings,
-            tracks_footsteps=has_weighted_feet or bool(self._user_rewards or self._user_terms),
-        )
-
-    def _make_spaces(self) -> tuple["Box[np.float32]", "Box[np.float32]"]:
-        """Return the spaces of observations and actions of one robot."""
-        bound = self.observation_table.bound
-        self._lower = self.robot.joint_lower
-        self._upper = self.robot.joint_upper
-        return Box(-bound, bound), Box(self._lower.astype(np.float32), self._upper.astype(np.float32))
 
     @property
     def estimator(self) -> Estimator | None:
@@ -234,7 +256,7 @@ class QuadEnvBase:
                 part.reset(env_ids, episodes)
         self._tracked_command[env_ids] = self._schedule.command[env_ids]
 
-    def _advance(self, targets: Array, env_ids: EnvSelection | None) -> "StepResult[Any]":
+    def _advance(self, targets: Array, env_ids: EnvSelection | None) -> StepResult[Any]:
         """Advance robots by one control step, in the order of its phases.
 
         Args:
@@ -256,7 +278,7 @@ class QuadEnvBase:
         return StepResult(state, observation, terms, fall, diverged, terminated)
 
     def _apply_action(self, targets: Array, env_ids: EnvSelection) -> Array | None:
-        """Return the targets that the servos receive, (n, 12), rad; None: those of the action."""
+        """Return the targets that the servos receive, (n, 12), rad; None: the action's."""
         if self._action_delay is None:
             return None
         return self._action_delay.update(targets, self._schedule.step_count[env_ids], self._rows[env_ids])
@@ -281,7 +303,7 @@ class QuadEnvBase:
         return self.simulation.state(component_reader(env_ids)(self._tracked_command), env_ids)
 
     def _terminate(self, state: QuadState[ScalarOrBatch], diverged: BoolOrMask) -> tuple[Any, BoolOrMask]:
-        """Return the code of the fall, see `config.FALL_REASONS`, and True for robots whose episode ends."""
+        """Return the code of the fall, see `config.FALL_REASONS`, and True for robots with an episode that ends."""
         fall = where(diverged, 0, fall_reason_code(state, self.config.fall_rule, self._min_trunk_height))
         return fall, diverged | ((fall > 0) & self.terminate_on_fall)
 
@@ -319,45 +341,19 @@ class QuadEnvBase:
             self._view = None
 
 
-class Equipment(NamedTuple):
-    """Actuator, sensors and estimator of a robot."""
-
-    actuator: Actuator
-    sensors: SensorSuite | None
-    estimator: str
-
-
-class StepResult(NamedTuple, Generic[ScalarOrBatch]):
-    """Results of a control step: of one robot in floats, or of k robots in arrays."""
-
-    state: QuadState[ScalarOrBatch]
-    """State after the step; its command is the one that was tracked."""
-    observation: NDArray[np.float32]
-    """(size,) or (k, size)."""
-    terms: dict[str, ScalarOrBatch]
-    """Mechanical power, overspeed and reward terms."""
-    fall: Any
-    """Code of the fall, see `config.FALL_REASONS`; 0 for none."""
-    diverged: BoolOrMask
-    """True if the simulation diverged."""
-    terminated: BoolOrMask
-    """True if the episode ends by a fall or by divergence."""
-
-
-def _setting(value: Any) -> Any:
+def _to_setting(value: Any) -> Any:
     """Return the setting that a mapping stands for, or the value itself."""
     return from_plain(value) if isinstance(value, Mapping) else value
 
 
-def _task_config(config: Any) -> TaskConfig:
+def _check_task_config(config: Any) -> TaskConfig:
     """Return the task configuration, the default for None; raise ValueError for anything else."""
-    config = _setting(config)
     if config is not None and not isinstance(config, TaskConfig):
         raise ValueError(f"config is a quad_env.TaskConfig or None, got {config!r}")
     return config or TaskConfig()
 
 
-def _robot_with_servo(robot: str | Robot, servo: Any, num_envs: int) -> tuple[Robot, Array | None]:
+def _make_robot(robot: str | Robot, servo: Any, num_envs: int) -> tuple[Robot, Array | None]:
     """Return the robot with its servo gains, and the gains of each robot, (2, n, 12), or None if they are the same."""
     robot = get_robot(robot)
     requested = (robot.servo_stiffness, robot.servo_damping) if servo is None else servo

@@ -1,4 +1,4 @@
-"""The single environment: one robot, its readings, rewards and falls worked out on floats."""
+"""The single environment: one robot, its readings, rewards and falls computed in floats."""
 
 from typing import Any, ClassVar, Unpack
 
@@ -9,7 +9,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from quad_env import columns
-from quad_env.envs.arguments import check_frame, joint_targets, reset_options, warn_of_no_render_mode
+from quad_env.envs.arguments import check_frame, check_joint_targets, parse_reset_options, warn_no_render_mode
 from quad_env.envs.base import EnvKwargs, QuadEnvBase, StepResult
 from quad_env.envs.vector_env import Observation
 from quad_env.physics.state import QuadState
@@ -20,36 +20,56 @@ RENDER_MODES = ("rgb_array", "human")
 
 
 class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """A 14.2 kg quadruped that follows velocity commands; 12 joint-position targets at 100 Hz.
+    """A 14.2 kg quadruped that tracks velocity commands with 12 joint-position targets at 100 Hz.
 
-    Actions, observations, commands, infos, falls and seeds are described in docs/environment.md. Every info is a
-    number or an array of numbers. The time limit (1000 steps, 10 s) is the `TimeLimit` wrapper that `gym.make` adds.
+    Action: joint targets, rad, in the order of `quad_env.JOINT_NAMES`, clipped to the joint limits.
+
+    Observation, see `quad_env.OBSERVATION` for the slices:
+
+    ====================  =====  =========================================================
+    projected_gravity     3      unit vector, base frame
+    angular_velocity      3      rad/s, base frame
+    linear_velocity       3      m/s, base frame
+    joint_position        12     rad, minus the home pose
+    joint_velocity        12     rad/s
+    previous_action       12     rad, as clipped, minus the home pose
+    command               3      forward m/s, lateral m/s, yaw rate rad/s
+    ====================  =====  =========================================================
+
+    Infos, falls, rewards, seeds and all changes since the first registration are described in docs/environment.md.
+    Every info is a number or an array of numbers. The time limit (1000 steps, 10 s) is the `TimeLimit` wrapper that
+    `gym.make` adds.
+
+    Keyword arguments of the robot and the task:
+        config: Control rate, fall rule and reward weights.
+        rewards: Reward terms of the user, name -> (function, weight), or name -> weight of an extension's term; see
+            docs/extending.md.
+        observations: Observation terms of the user, the last of the observation: `quad_env.ObservationTerm`, or names
+            of an extension's terms. They show the true state.
+        actuator: A name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
+        sensors: Source of the observation: None or "truth", a name from `quad_env.SENSORS`, or a
+            `quad_env.SensorSuite`. All but the truth add `sensor_<name>`, its value, and `sensor_<name>_time`, the time
+            of its measurement in s since the start of the episode, to the infos.
+        robot: The `quad_env.Robot` that is simulated, or its name in `quad_env.ROBOTS`.
+        estimator: Estimator of gravity and velocity from the sensors' readings: a name from `quad_env.ESTIMATORS`.
+        height_scan: The `quad_env.HeightScan` that is the term `height_scan` of the observation; None: no scan.
+        servo: Stiffness, N·m/rad, and damping, N·m·s/rad, of the joint servos, each a number or (12,) in the joints'
+            order, in a batch also (n, 12); None: the robot's.
+        simulator: "mujoco"; "drake" for ideal motors and level or sloping ground and stairs, see
+            docs/second-simulator.md; "warp", MuJoCo Warp, for training, see docs/training.md.
 
     Args:
-        scenario: a name from `quad_env.SCENARIOS`, a level or severity such as `push:3`, `push=42` or
-            `payload=15+slope=10`, or a `quad_env.Scenario`.
+        scenario: A name from `quad_env.SCENARIOS`, a level or severity, for example `push:3`,
+            `push=42` or `payload=15+slope=10`, or a `quad_env.Scenario`.
         terminate_on_fall: False keeps a fallen robot going.
         render_mode: None, "rgb_array" or "human".
-        width, height: of rendered frames, pixels.
-        camera: name of a camera of the model.
-        config: control rate, fall rule and reward weights.
-        rewards: reward terms of yours, name -> (function, weight), or name -> weight of an extension's term; see
-            docs/extending.md.
-        observations: observation terms of yours, the last of the observation: `quad_env.ObservationTerm`, or names of
-            an extension's terms. They show the true state.
-        actuator: a name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
-        sensors: what the observation is built from: None or "truth", a name of `quad_env.SENSORS`, or a
-            `quad_env.SensorSuite`; all but the truth add `sensor_<name>`, its value, and
-            `sensor_<name>_time`, s since the start of the episode, when it was measured, to the infos.
-        robot: the `quad_env.Robot` that is simulated, or its name among `quad_env.ROBOTS`.
-        estimator: what makes gravity and velocity of the sensors' readings: a name of `quad_env.ESTIMATORS`.
-        height_scan: the `quad_env.HeightScan` that is the observation's last term, `height_scan`; None: there is none.
-        servo: stiffness, N·m/rad, and damping, N·m·s/rad, of the joint servos, each a number or (12,) in the joints'
-            order, in a batch also (n, 12); None: those of the robot.
-        simulator: "mujoco", or "drake" for ideal motors and level or sloping ground and stairs: see
-            docs/second-simulator.md; or "warp", MuJoCo Warp, for training: see docs/training.md.
+        width: Width of rendered frames, pixels.
+        height: Height of rendered frames, pixels.
+        camera: Name of a camera of the model.
+        **parts: Keyword arguments of the robot and the task, see above.
 
-    docs/environment.md says what has changed its figures since it was first registered.
+    Raises:
+        ValueError: An argument is invalid.
     """
 
     SETTABLE: ClassVar = frozenset(("terminate_on_fall", "render_mode"))
@@ -68,7 +88,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         check_frame(width, height)
-        self.observation_space, self.action_space = self._build(1, 1, scenario, **parts)
+        self.observation_space, self.action_space = self._build(1, 1, scenario, False, **parts)
         self.metadata = self.metadata | {"render_fps": round(self.config.control_rate)}
         self.terminate_on_fall = terminate_on_fall
         self.render_mode = render_mode
@@ -105,7 +125,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         Raises:
             ValueError: A seed or command of the wrong shape or kind, or a `reset_mask`.
         """
-        mask, fixed_command = reset_options(options, 1)
+        mask, fixed_command = parse_reset_options(options, 1)
         seed = None if seed is None else seeds_of([seed], 1)[0]
         super().reset(seed=seed)
         if "reset_mask" in (options or ()):
@@ -123,7 +143,9 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return observation, info
 
     def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Advance by one control period; a robot whose episode has ended stands still.
+        """Advance by one control period; after the end of the episode the robot stands still.
+
+        A wrong shape or a non-finite target raises ValueError; the robot has not moved then.
 
         Args:
             action: Joint targets, (12,), rad; targets beyond the joint limits are clipped.
@@ -136,10 +158,9 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             info: See docs/environment.md.
 
         Raises:
-            ValueError: A wrong shape or a non-finite target; the robot has not moved then.
             ResetNeeded: The environment was never reset.
         """
-        targets = joint_targets(action, self._lower.shape, self._lower, self._upper)
+        targets = check_joint_targets(action, self._lower.shape, self._lower, self._upper)
         if not self._started:
             raise ResetNeeded("reset the environment before the first step")
         if self._terminated:
@@ -172,9 +193,9 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return info | {key: values[0] for key, values in self._observation_model.readings().items()}
 
     def render(self) -> NDArray[Any] | None:
-        """The current frame, (height, width, 3) uint8, or None for "human" or no mode."""
+        """Return the current frame, (height, width, 3) uint8, or None for "human" or no mode."""
         if self.render_mode is None:
-            warn_of_no_render_mode(RENDER_MODES)
+            warn_no_render_mode(RENDER_MODES)
             return None
         if self._view is None:
             from quad_env.physics.rendering import Camera, Window

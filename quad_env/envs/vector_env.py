@@ -17,7 +17,7 @@ from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.episode import PushPlan
 from quad_env.scenarios.scenario import Scenario
-from quad_env.task.readings import readings as readings_of
+from quad_env.task.readings import compute_readings
 
 Observation = NDArray[np.float32]
 Infos = dict[str, Any]
@@ -26,22 +26,27 @@ RENDER_MODES = ("rgb_array",)
 
 
 class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
-    """n SimpleQuad robots, stepped together.
+    """n SimpleQuad robots that are stepped together; `gym.make_vec` makes one.
 
-    Env i with a seed gives the same numbers, bit for bit, as a single env with that seed, whatever n and `nthread`.
-    Every info is an array of numbers, (n, …), with a mask `_<key>`, (n,), of who has it. Arguments that are not named
-    here are those of `SimpleQuadEnv`.
+    Env i with a seed gives the same numbers, bit for bit, as a single env with that seed, at any n and `nthread`.
+    Every info is an array of numbers, (n, ...), with a mask `_<key>`, (n,), of the robots that have it.
 
     Args:
-        num_envs: number of robots.
-        nthread: threads of the simulation.
-        autoreset_mode: an `AutoresetMode` or its name, `NEXT_STEP`, `SAME_STEP` or `DISABLED`. With `DISABLED` a
+        num_envs: Number of robots.
+        scenario: See `SimpleQuadEnv`.
+        nthread: Threads of the simulation.
+        autoreset_mode: An `AutoresetMode` or its name, `NEXT_STEP`, `SAME_STEP` or `DISABLED`. With `DISABLED` a
             finished robot stands still in time, its last observation repeated with zero reward, until
             `reset(options={"reset_mask": mask})`.
-        max_episode_steps: time limit in control steps; None or -1 for no limit.
-        render_mode: None or "rgb_array"; `render` gives a frame a robot. A window shows single ones.
-        readings: True adds to the infos what happened in the step beyond what policies observe: see
+        max_episode_steps: Time limit in control steps; None or -1 for no limit.
+        terminate_on_fall: False keeps a fallen robot going.
+        render_mode: None or "rgb_array"; `render` returns one frame per robot. A window shows single robots only.
+        readings: True adds measurements of the step that policies do not observe to the infos; see
             `quad_env.task.readings`.
+        **parts: Keyword arguments of the robot and the task, see `SimpleQuadEnv`.
+
+    Raises:
+        ValueError: An argument is invalid.
     """
 
     SETTABLE: ClassVar = frozenset(("terminate_on_fall", "render_mode", "max_episode_steps"))
@@ -60,16 +65,14 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
     ) -> None:
         num_envs = arguments.check_count("num_envs", num_envs)
         nthread = arguments.check_count("nthread", nthread)
-        if nthread > arguments.MOST_THREADS:
-            raise ValueError(f"nthread is at most {arguments.MOST_THREADS}, got {nthread}")
-        max_episode_steps = None if max_episode_steps == -1 else max_episode_steps
-        if max_episode_steps is not None:
-            max_episode_steps = arguments.check_count("max_episode_steps, None and -1 for no limit,", max_episode_steps)
+        if nthread > arguments.MAX_THREADS:
+            raise ValueError(f"nthread is at most {arguments.MAX_THREADS}, got {nthread}")
+        max_episode_steps = _check_step_limit(max_episode_steps)
         if render_mode not in (None, *RENDER_MODES):
             raise ValueError(f"a batch has no render_mode {render_mode!r}; valid: {', '.join(RENDER_MODES)} or None")
         self.num_envs = num_envs
         self.render_mode = render_mode
-        self.autoreset_mode = arguments.find_autoreset_mode(autoreset_mode)
+        self.autoreset_mode = arguments.parse_autoreset_mode(autoreset_mode)
         spaces = self._build(num_envs, nthread, scenario, readings, **parts)
         self.single_observation_space, self.single_action_space = spaces
         self.metadata = {
@@ -81,49 +84,68 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.max_episode_steps = max_episode_steps
         self.terminate_on_fall = terminate_on_fall
-        self._readings = readings
+        self._has_readings = readings
+        self._allocate(num_envs)
+        self._made = True
+
+    def _allocate(self, num_envs: int) -> None:
+        """Allocate the results of the last step; callers get copies, and a robot that does not move keeps its row."""
         self._started = np.zeros(num_envs, bool)
-        self._terminated, self._truncated = np.zeros(num_envs, bool), np.zeros(num_envs, bool)
-        # What the caller is shown copies of: a robot that does not move keeps its row.
+        self._terminated = np.zeros(num_envs, bool)
+        self._truncated = np.zeros(num_envs, bool)
+        self._diverged = np.zeros(num_envs, bool)
+        self._fall = np.zeros(num_envs, np.int8)
         self._observation: Observation = np.zeros((num_envs, self.observation_table.size), np.float32)
         self._heading_velocity = np.zeros((num_envs, 3))
-        self._diverged, self._fall = np.zeros(num_envs, bool), np.zeros(num_envs, np.int8)
         self._all_true_mask = np.ones(num_envs, bool)
         self._all_true_mask.flags.writeable = False
         self._state: QuadState[Array] | None = None
-        """Of all robots now, where it is known."""
-        self._made = True
+        """Present state of all robots; None if it was not computed for all."""
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, Infos]:
-        """Start a new episode in every env, or in those of `options["reset_mask"]`.
+        """Start a new episode in every env, or only where `options["reset_mask"]` is True.
+
+        A seed, command or mask of the wrong shape or kind raises ValueError.
 
         Args:
-            seed: env i gets seed + i, or the i-th of a sequence; None goes on with each env's next episode.
-            options: "command", (3,) or (n, 3), held for the episode; "reset_mask", (n,) bool.
+            seed: Env i gets seed + i, or the i-th of a sequence; None: the next episode of each env's present seed.
+            options: "command", (3,) or (n, 3), fixed for the episode; "reset_mask", (n,) bool.
 
-        Raises:
-            ValueError: a seed, command or mask of the wrong shape or kind.
+        Returns:
+            observation: Observations of all robots, (n, size).
+            infos: See docs/environment.md.
         """
-        mask, fixed_command = arguments.reset_options(options, self.num_envs)
+        mask, fixed_command = arguments.parse_reset_options(options, self.num_envs)
         self._schedule.reseed(seed, mask)
         super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None)
         self._start_episodes(np.flatnonzero(mask), fixed_command)
-        return self._observation.copy(), self._infos(self._zero_step_terms())
+        return self._observation.copy(), self._infos(self._zero_terms())
 
     def step(self, actions: NDArray[np.floating[Any]]) -> tuple[Observation, Array, Mask, Mask, Infos]:
         """Advance by one control period of `dt` seconds.
 
+        A wrong shape or a non-finite target raises ValueError; no robot has moved then.
+
         Args:
-            actions: target joint positions, (n, 12), rad; targets outside the joint limits are clipped.
+            actions: Joint targets, (n, 12), rad; targets beyond the joint limits are clipped.
+
+        Returns:
+            observation: Observations after the step, (n, size).
+            rewards: Sums of the reward terms, (n,).
+            terminated: True for robots that fell or diverged, (n,).
+            truncated: True for robots at the time limit, (n,).
+            infos: See docs/environment.md.
 
         Raises:
-            ValueError: a wrong shape or a non-finite target; no robot has moved then.
+            ResetNeeded: An env was never reset.
         """
         if not self._started.all():
             raise ResetNeeded("reset the environments before the first step")
-        targets = arguments.joint_targets(actions, (self.num_envs, self.robot.num_joints), self._lower, self._upper)
+        targets = arguments.check_joint_targets(
+            actions, (self.num_envs, self.robot.num_joints), self._lower, self._upper
+        )
         done = self._terminated | self._truncated
         moving = np.flatnonzero(~done) if done.any() else ALL
         result: StepResult[Array] = self._advance(targets, moving)
@@ -139,30 +161,36 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         return self._observation.copy(), rewards, terminated, truncated, infos
 
     def steer(self, command: ArrayLike) -> None:
-        """Follow this command, (3,) or (n, 3), from the next step to the next reset: forward and lateral m/s, heading
-        frame, yaw rate rad/s. Policies are shown it with the next observation.
+        """Set the command from the next step to the next reset; policies observe it with the next observation.
 
-        Raises:
-            ValueError: a wrong shape, or a command that is not finite or beyond the largest; nothing has changed then.
+        A wrong shape, or a command that is not finite or too large, raises ValueError; nothing has changed then.
+
+        Args:
+            command: Forward and lateral velocity, heading frame, m/s, and yaw rate, rad/s, (3,) or (n, 3).
         """
-        self._schedule.fix_commands(arguments.commands(command, self.num_envs, "command"))
+        self._schedule.fix_commands(arguments.check_commands(command, self.num_envs, "command"))
 
     def push(self, force: ArrayLike, duration: float) -> None:
-        """Push the trunks with this force, world frame, (2,) or (n, 2), N, for a duration, s, added to the scenario's
-        pushes; ends one that is still on.
+        """Push the trunks, in addition to the scenario's pushes; ends an earlier push of this kind.
+
+        A force of a wrong shape, or one that is not finite, raises ValueError.
+
+        Args:
+            force: World frame, (2,) or (n, 2), N.
+            duration: s.
 
         Raises:
-            ValueError: a wrong shape, a force that is not finite, or a duration below a control step.
+            ValueError: A duration below a control step.
         """
         steps = round(duration / self.dt) if np.isfinite(duration) else 0
         if steps < 1:
             raise ValueError(f"a push lasts a control step, {self.dt:g} s, or longer, not {duration} s")
-        self._schedule.apply_push(arguments.rows(force, (self.num_envs, 2), "force"), steps)
+        self._schedule.apply_push(arguments.check_rows(force, (self.num_envs, 2), "force"), steps)
 
     def render(self) -> tuple[NDArray[Any], ...] | None:
-        """A frame of each robot, (480, 640, 3) uint8; None without a render_mode."""
+        """Return a frame of each robot, (480, 640, 3) uint8; None without a render_mode."""
         if self.render_mode is None:
-            arguments.warn_of_no_render_mode(RENDER_MODES)
+            arguments.warn_no_render_mode(RENDER_MODES)
             return None
         if self._view is None:
             from quad_env.physics.rendering import Camera
@@ -172,7 +200,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
 
     @property
     def pushes(self) -> PushPlan:
-        """The pushes of every env's present episode."""
+        """Pushes of every env's present episode."""
         return self._schedule.pushes
 
     def _start_episodes(self, env_ids: EnvIndices, fixed_commands: Array | None) -> None:
@@ -211,30 +239,41 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         out[env_ids] = values
         return out
 
-    def _zero_step_terms(self) -> Infos:
+    def _zero_terms(self) -> Infos:
+        """Return zeros for mechanical power, overspeed and reward terms."""
         return {key: np.zeros(self.num_envs) for key in ("mechanical_power", "overspeed", *self._reward_keys)}
 
-    def _infos(self, step_terms: Infos) -> Infos:
+    def _infos(self, terms: Infos) -> Infos:
+        """Return the infos of a step with its `terms`, and the mask of each."""
         infos: Infos = {
             "command": self._tracked_command.copy(),
             "heading_velocity": self._heading_velocity.copy(),
             "fall": self._fall.copy(),
             "diverged": self._diverged.copy(),
-            **step_terms,
+            **terms,
         }
-        if self._readings:
-            infos |= readings_of(self.simulation, self._state)
-            infos["joint_torque"][self._schedule.step_count == 0] = 0.0  # MuJoCo's is that of another simulation yet
+        if self._has_readings:
+            infos |= compute_readings(self.simulation, self._state)
+            infos["joint_torque"][self._schedule.step_count == 0] = 0.0  # MuJoCo's is still that of another simulation
         infos |= self._observation_model.readings()
         return infos | {f"_{key}": self._all_true_mask for key in infos}
 
-    def _restart(self, finished: Mask, infos: Infos, step_terms: Infos) -> Infos:
-        """Same-step autoreset: restart the finished envs; the finished step moves to `final_obs` and `final_info`."""
-        env_ids = np.flatnonzero(finished)
-        extra = {
+    def _restart(self, finished: Mask, infos: Infos, terms: Infos) -> Infos:
+        """Start new episodes in the finished envs, and return their infos (same-step autoreset).
+
+        Observation and infos of the finished step are in `final_obs` and `final_info`.
+        """
+        final = {
             "final_obs": np.where(finished[:, None], self._observation, np.float32(0)),
             "final_info": {key: finished.copy() if key.startswith("_") else value for key, value in infos.items()},
         }
-        self._start_episodes(env_ids, None)
-        infos = self._infos({key: np.where(finished, 0.0, values) for key, values in step_terms.items()})
-        return infos | extra | {f"_{key}": finished.copy() for key in extra}
+        self._start_episodes(np.flatnonzero(finished), None)
+        infos = self._infos({key: np.where(finished, 0.0, values) for key, values in terms.items()})
+        return infos | final | {f"_{key}": finished.copy() for key in final}
+
+
+def _check_step_limit(max_episode_steps: int | None) -> int | None:
+    """Return the time limit in control steps; None for no limit, also for -1."""
+    if max_episode_steps is None or max_episode_steps == -1:
+        return None
+    return arguments.check_count("max_episode_steps, None and -1 for no limit,", max_episode_steps)

@@ -41,7 +41,13 @@ class ObservationTerm:
             raise ValueError(f"observation term {self.name}: scale is finite, got {self.scale!r}")
 
     def evaluate(self, state: QuadState[ScalarOrBatch]) -> NDArray[np.float32]:
-        """Return the clipped values of a user's term in a state, (1, width) of one robot or (n, width) of a batch.
+        """Return the clipped values of a user's term in a state.
+
+        Args:
+            state: Present state of one robot or of n.
+
+        Returns:
+            Values, (1, width) for a state of floats or (n, width).
 
         Raises:
             ValueError: The function returned another shape, or a value that is not finite.
@@ -58,14 +64,14 @@ class ObservationTerm:
 
 
 class ObservationTable:
-    """The terms of a robot's observation, in order, and what follows from them; to be had from `observation_table`.
+    """Terms of a robot's observation, in order, with their slices, bounds and scales; made by `observation_table`.
 
     Args:
-        robot: whose observation it is.
-        more: terms that follow those that every observation has; `observe` does not give them.
+        robot: Robot that is observed.
+        *further_terms: Terms after those that every observation has; `observe` and `assemble` leave them out.
     """
 
-    def __init__(self, robot: Robot, *more: ObservationTerm) -> None:
+    def __init__(self, robot: Robot, *further_terms: ObservationTerm) -> None:
         joints = robot.num_joints
         self.terms = (
             ObservationTerm("projected_gravity", 3, "1, body", 1.0, 1.0),
@@ -75,20 +81,20 @@ class ObservationTable:
             ObservationTerm("joint_velocity", joints, "rad/s", 1000.0, 0.05),
             ObservationTerm("previous_action", joints, "rad, as clipped, minus the home pose", 10.0, 1.0),
             ObservationTerm("command", 3, "forward m/s, lateral m/s, yaw rate rad/s", COMMAND_BOUND, 1.0),
-            *more,
+            *further_terms,
         )
         widths = [term.width for term in self.terms]
         ends = np.cumsum(widths).tolist()
         self.size = sum(widths)
-        """Entries of the observation."""
+        """Number of entries of the observation."""
         self.slices = {t.name: slice(end - t.width, end) for t, end in zip(self.terms, ends, strict=True)}
         """Name of each term -> its slice of the observation."""
         self.sensed = slice(0, self.slices["previous_action"].start)
-        """The terms that sensors measure; what was asked for and the command are known without."""
+        """Slice of the terms that sensors measure; previous action and command are known without sensors."""
         self.bound = np.repeat([term.bound for term in self.terms], widths).astype(np.float32)
-        """The observation space is [-bound, bound], shape (size,)."""
+        """Bound of every entry, (size,): the observation space is [-bound, bound]."""
         self.scale = np.repeat([term.scale for term in self.terms], widths).astype(np.float32)
-        """Scale of every entry, shape (size,)."""
+        """Scale of every entry for a learner, (size,)."""
         self._bound = self.bound[: self.slices["command"].stop]
         """Bounds of the terms that every observation has."""
         self._home: list[float] = robot.home_pose.tolist()
@@ -145,6 +151,7 @@ observation_table = cache(ObservationTable)
 OBSERVATION = observation_table(SIMPLE_QUAD).slices
 """Name of each term of SimpleQuad's observation -> its slice."""
 OBSERVATION_SIZE = observation_table(SIMPLE_QUAD).size
+"""Number of entries of SimpleQuad's observation."""
 
 
 def user_terms(observations: Iterable[str | ObservationTerm]) -> tuple[ObservationTerm, ...]:
@@ -152,6 +159,9 @@ def user_terms(observations: Iterable[str | ObservationTerm]) -> tuple[Observati
 
     Args:
         observations: Terms, or names of terms that an extension has.
+
+    Returns:
+        The terms.
 
     Raises:
         ValueError: An unknown or repeated name, a built-in name, or a term without a function.
@@ -171,6 +181,7 @@ def user_terms(observations: Iterable[str | ObservationTerm]) -> tuple[Observati
 
 
 def _extension_term(name: str, builtin: dict[str, Any]) -> Any:
+    """Return an extension's observation term; raise ValueError for an unknown or built-in name."""
     known = check_new("observations", builtin)
     if name not in known:
         valid = ", ".join(known) or "none is installed"

@@ -1,4 +1,4 @@
-"""Readings for measurement: what happened to every robot in the last control step, beyond what policies observe."""
+"""Readings for measurement: motion, contacts and motors of every robot in the last control step."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,17 +9,18 @@ from quad_env.physics.state import QuadState
 from quad_env.robots.kinematics import feet_in_world, foot_depths
 
 Readings = dict[str, NDArray[np.generic]]
-_NO_COMMAND = (np.zeros(1),) * 3
-"""Command of the state that is looked at here, which has none."""
+_NO_COMMAND = (np.zeros(1), np.zeros(1), np.zeros(1))
+"""Command of a state that is computed here; no reading depends on it."""
 _VECTORS = ("position", "angular_velocity", "joint_position", "joint_velocity", "joint_torque", "action")
+"""Readings that are fields of the state."""
 
 
-def readings(simulation: Simulation, state: QuadState[Array] | None = None) -> Readings:
-    """Name -> value of all n robots, of the current step; contacts and `joint_torque`, without what damping that is
-    integrated implicitly adds, are those of its last substep. What is over the control step is of all of its physics
-    steps, with torques as the joints received them: see `quad_env.physics.energy`.
+def compute_readings(simulation: Simulation, state: QuadState[Array] | None = None) -> Readings:
+    """Return the readings of all n robots in the last control step.
 
-    `state` is that of all robots, where it has been looked at already.
+    Contacts and `joint_torque` are values of the last physics step; `joint_torque` lacks implicitly integrated damping.
+    Readings over the control step include all of its physics steps, with torques as the joints received them, see
+    `quad_env.physics.energy`.
 
     =================  ==========  =====================================================================
     position           (n, 3)      trunk centre, world, m
@@ -39,35 +40,54 @@ def readings(simulation: Simulation, state: QuadState[Array] | None = None) -> R
     trunk_contact      (n,)        bool
     push               (n, 2)      force on the trunk, world, N
     positive_work      (n, 12)     of the motors over the control step, J
-    regeneration       (n, 12)     work that the motors took up over the control step, J
+    regeneration       (n, 12)     work that the motors absorbed over the control step, J
     joule_heat         (n, 12)     of the windings over the control step, J; NaN of motors without a curve
-    mean_torque        (n, 12)     mean of the torque's size over the control step, N·m
-    peak_torque        (n, 12)     largest of the control step, N·m
-    peak_speed         (n, 12)     largest of the control step, rad/s
-    torque_change      (n, 12)     size of the change of the mean torque since the control step before, N·m
-    foot_impulse       (n, 4)      of the forces that pressed each foot over the control step, N·s
+    mean_torque        (n, 12)     mean magnitude over the control step, N·m
+    peak_torque        (n, 12)     maximum over the control step, N·m
+    peak_speed         (n, 12)     maximum over the control step, rad/s
+    torque_change      (n, 12)     magnitude of the change of the mean torque since the last control step, N·m
+    foot_impulse       (n, 4)      of the ground force on each foot over the control step, N·s
     =================  ==========  =====================================================================
 
     Motors with a thermal model add `winding_temperature`, (n, 12), °C.
+
+    Args:
+        simulation: Simulation with a motor meter.
+        state: Present state of all robots; None to compute it.
+
+    Returns:
+        Name -> values.
     """
-    robot, state = simulation.robot, simulation.state(_NO_COMMAND) if state is None else state
-    position, joints = np.transpose(state.position), np.transpose(state.joint_position)
-    rotation = np.moveaxis(np.array(state.rotation), -1, 0)
-    feet, depth = feet_in_world(robot, position, rotation, joints), foot_depths(robot, rotation, joints)
-    feet_contact, leg_contact = simulation.ground_contacts()
-    temperature, metered = simulation.winding_temperature, {} if simulation.meter is None else simulation.meter.readings
-    return {
-        **{name: np.transpose(getattr(state, name)).copy() for name in _VECTORS},
-        **{name: reading.copy() for name, reading in metered.items()},
+    state = simulation.state(_NO_COMMAND) if state is None else state
+    readings: Readings = {name: np.transpose(getattr(state, name)).copy() for name in _VECTORS}
+    if simulation.meter is not None:
+        readings |= {name: values.copy() for name, values in simulation.meter.readings.items()}
+    readings |= {
         "quaternion": simulation.quaternion,
         "height": state.height,
         "vertical_velocity": state.vertical_velocity,
-        "tilt": np.arccos(np.clip(rotation[:, 2, 2], -1.0, 1.0)),
+        "tilt": np.arccos(np.clip(state.rotation[2][2], -1.0, 1.0)),
+    }
+    readings |= _foot_readings(simulation, state)
+    readings |= {"trunk_contact": np.asarray(state.trunk_contact), "push": simulation.push}
+    temperature = simulation.winding_temperature
+    if temperature is not None:
+        readings["winding_temperature"] = temperature
+    return readings
+
+
+def _foot_readings(simulation: Simulation, state: QuadState[Array]) -> Readings:
+    """Return positions and heights of the feet, and ground contacts of feet and legs."""
+    robot = simulation.robot
+    position = np.transpose(state.position)
+    joints = np.transpose(state.joint_position)
+    rotation = np.moveaxis(np.array(state.rotation), -1, 0)
+    feet = feet_in_world(robot, position, rotation, joints)
+    depth = foot_depths(robot, rotation, joints)
+    foot_contact, leg_contact = simulation.ground_contacts()
+    return {
         "foot_position": feet,
         "foot_height": feet[..., 2] - simulation.terrain.height(feet[..., 0], feet[..., 1]) - depth,
-        "foot_contact": feet_contact,
+        "foot_contact": foot_contact,
         "leg_contact": leg_contact,
-        "trunk_contact": np.asarray(state.trunk_contact),
-        "push": simulation.push,
-        **({} if temperature is None else {"winding_temperature": temperature}),
     }

@@ -1,8 +1,7 @@
 """Reward terms: pure functions of the state; the weights are in `config.RewardWeights`.
 
-A term is written once for one robot and for n, see `columns`. The tracking kernels follow the exponential form usual in
-the field, with the error itself rather than its square in the exponent, so that the last centimetres per second still
-pay.
+Every term works on one robot and on n, see `columns`. The tracking terms have the field's exponential form, with the
+error itself instead of its square in the exponent, so that small errors still have a gradient.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,94 +25,100 @@ from quad_env.config import RewardWeights
 from quad_env.extensions import check_new
 from quad_env.physics.state import QuadState
 
-LINEAR_WIDTH = 0.25
-"""m/s at which the linear tracking reward falls to 1/e."""
-YAW_WIDTH = 0.25
-"""rad/s at which the yaw tracking reward falls to 1/e."""
-AIR_TIME = 0.15
-"""Length of a swing that neither pays nor costs, s: about that of the trot's."""
-UPRIGHT = 0.85
-"""Height of the trunk, as a share of that in the home pose, from which on a robot does not crouch."""
-MOVING = 0.1
-"""Norm of a command (m/s, m/s, rad/s) up to which it asks to stand."""
+LINEAR_ERROR_SCALE = 0.25
+"""m/s. Velocity error at which the linear tracking reward is 1/e."""
+YAW_ERROR_SCALE = 0.25
+"""rad/s. Yaw-rate error at which the yaw tracking reward is 1/e."""
+NEUTRAL_SWING_TIME = 0.15
+"""s. Swing time with a reward of 0, about the trot's; longer swings are rewarded, shorter ones penalised."""
+MIN_HEIGHT_FRACTION = 0.85
+"""Trunk height, as a fraction of its height in the home pose, below which a robot crouches."""
+MAX_STAND_COMMAND = 0.1
+"""Norm of a command (m/s, m/s, rad/s) up to which it is a command to stand."""
 
 
 def linear_velocity_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """exp(-‖e‖/LINEAR_WIDTH) of the planar velocity error in the heading frame."""
-    return exp(-linear_velocity_error(state) / LINEAR_WIDTH)
+    """Return exp(-‖e‖ / LINEAR_ERROR_SCALE) of the planar velocity error e in the heading frame."""
+    return exp(-linear_velocity_error(state) / LINEAR_ERROR_SCALE)
 
 
 def yaw_rate_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """exp(-‖e‖/YAW_WIDTH) of the yaw-rate error about the world's vertical."""
-    return exp(-yaw_rate_error(state) / YAW_WIDTH)
+    """Return exp(-|e| / YAW_ERROR_SCALE) of the yaw-rate error e about the world's vertical."""
+    return exp(-yaw_rate_error(state) / YAW_ERROR_SCALE)
 
 
 def linear_velocity_error(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Planar velocity error in the heading frame, m/s: a slope where the tracking reward is flat, far off."""
+    """Return the planar velocity error in the heading frame, m/s: a gradient where the tracking reward is flat."""
     forward = state.command[0] - state.heading_velocity[0]
     lateral = state.command[1] - state.heading_velocity[1]
     return sqrt(forward * forward + lateral * lateral)
 
 
 def yaw_rate_error(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Yaw-rate error about the world's vertical, rad/s."""
+    """Return the yaw-rate error about the world's vertical, rad/s."""
     return abs(state.command[2] - state.heading_velocity[2])
 
 
 def vertical_velocity(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Square of the trunk's vertical velocity, (m/s)²."""
+    """Return the squared vertical velocity of the trunk, (m/s)²."""
     return state.vertical_velocity * state.vertical_velocity
 
 
 def roll_pitch_rate(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Square of the trunk's roll and pitch rates, (rad/s)²."""
+    """Return the sum of the squared roll and pitch rates of the trunk, (rad/s)²."""
     roll, pitch, _ = state.angular_velocity
     return roll * roll + pitch * pitch
 
 
 def tilt(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Square of the sine of the tilt."""
+    """Return the squared sine of the tilt."""
     x, y, _ = state.projected_gravity
     return x * x + y * y
 
 
 def crouch(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Height of the trunk below UPRIGHT, as a share of that in the home pose; 0 above it."""
-    missing = UPRIGHT - state.height / state.standing_height
-    return cast("ScalarOrBatch", where(missing > 0.0, missing, 0.0))
+    """Return the drop of the trunk below MIN_HEIGHT_FRACTION, as a fraction of its home height; 0 above it."""
+    shortfall = MIN_HEIGHT_FRACTION - state.height / state.standing_height
+    return cast("ScalarOrBatch", where(shortfall > 0.0, shortfall, 0.0))
 
 
 def action_rate(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Squared change of the joint targets since the last step, summed over joints, rad²."""
+    """Return the squared change of the joint targets since the last step, summed over joints, rad²."""
     return sum_of_squares(differences(state.action, state.previous_action))
 
 
 def torque(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Squared joint torques, summed over joints, (N·m)²."""
+    """Return the squared joint torques, summed over joints, (N·m)²."""
     return sum_of_squares(state.joint_torque)
 
 
 def mechanical_power(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Σ ‖torque · joint speed‖ over the joints, W."""
+    """Return Σ |torque · joint speed| over the joints, W."""
     return state.mechanical_power
 
 
 def foot_air_time(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Σ (swing time - AIR_TIME) over the feet that touch down in this step, s; 0 where the command is to stand, and
-    where swings are not looked at, since the term has no weight.
+    """Return Σ (swing time - NEUTRAL_SWING_TIME) over the feet that touch down in this step, s.
 
-    As in legged_gym (Rudin et al. 2022, `_reward_feet_air_time`) and Isaac Lab (`feet_air_time`), to which a command to
-    turn on the spot is one to stand.
+    It is 0 for a command to stand, and if swings are not tracked because no term needs them. See legged_gym (Rudin et
+    al. 2022, `_reward_feet_air_time`) and Isaac Lab (`feet_air_time`); there, a command to turn on the spot is also a
+    command to stand.
     """
     if state.swing_time is None:
         return 0.0 * abs(state.height)
-    swings: ScalarOrBatch = ordered_sum(where(swing > 0.0, swing - AIR_TIME, 0.0) for swing in state.swing_time)
-    return cast("ScalarOrBatch", where(sum_of_squares(state.command) > MOVING * MOVING, swings, 0.0))
+    swings: ScalarOrBatch = ordered_sum(
+        where(swing > 0.0, swing - NEUTRAL_SWING_TIME, 0.0) for swing in state.swing_time
+    )
+    return cast(
+        "ScalarOrBatch", where(sum_of_squares(state.command) > MAX_STAND_COMMAND * MAX_STAND_COMMAND, swings, 0.0)
+    )
 
 
 def touchdown_speed(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Σ of the squared downward speeds of the feet that touch down in this step, (m/s)²; 0 where they are not looked
-    at, since the term has no weight."""
+    """Return Σ (touchdown speed)² over the feet that touch down in this step, (m/s)².
+
+    It is 0 if touchdowns are not tracked because no term needs them.
+    """
     return 0.0 * abs(state.height) if state.touchdown_speed is None else sum_of_squares(state.touchdown_speed)
 
 
@@ -143,13 +148,21 @@ TERMS: dict[str, RewardFunction] = {
 }
 """Key of each term in the infos -> its function of the state."""
 FALL = f"{REWARD}fall"
+"""Key of the fall's term in the infos."""
 
 
 def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
-    """Key of each term in the infos -> its weight in one step, in the order of `reward_terms`.
+    """Return the weight of each term in one step.
 
     Terms that accrue with time are multiplied by the control period, so that their sum over a second is their rate;
     `fall` counts once.
+
+    Args:
+        weights: Weights of the terms.
+        dt: Control period, s.
+
+    Returns:
+        Key of each term in the infos -> weight, in the order of `reward_terms`.
     """
     rates = {f"{REWARD}{name}": weight for name, weight in asdict(weights).items()}
     fall = rates.pop(FALL)
@@ -157,13 +170,23 @@ def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
 
 
 def reward_terms(
-    state: QuadState[ScalarOrBatch], ended: BoolOrMask, diverged: BoolOrMask, weights: dict[str, float]
+    state: QuadState[ScalarOrBatch], terminated: BoolOrMask, diverged: BoolOrMask, weights: dict[str, float]
 ) -> dict[str, ScalarOrBatch]:
-    """Weighted terms by `step_weights`, which add up to the reward; a diverged robot's only one is that of the fall."""
+    """Return the weighted terms, which add up to the reward.
+
+    Args:
+        state: State after the step.
+        terminated: True for robots with an episode that ends in this step.
+        diverged: True for robots without a finite state; all their terms but the fall's are 0.
+        weights: Weights of one step, see `step_weights`.
+
+    Returns:
+        Key of each term in the infos -> value.
+    """
     terms = {key: weights[key] * term(state) for key, term in TERMS.items()}
     if any_true(diverged):
         terms = {key: where(diverged, 0.0, value) for key, value in terms.items()}
-    terms[FALL] = weights[FALL] * where(ended, 1.0, 0.0)
+    terms[FALL] = weights[FALL] * where(terminated, 1.0, 0.0)
     return terms
 
 
@@ -200,10 +223,13 @@ class UserReward:
 
 
 def user_rewards(rewards: Mapping[str, Any] | None) -> dict[str, UserReward]:
-    """Return the terms of the option `rewards` of an environment by their keys in the infos.
+    """Return the terms of the option `rewards` of an environment.
 
     Args:
         rewards: Name -> (function, weight), or name -> weight of a term that an extension has.
+
+    Returns:
+        Key of each term in the infos -> term.
 
     Raises:
         ValueError: An unknown or built-in name, or a value of another kind.
@@ -225,6 +251,7 @@ def user_rewards(rewards: Mapping[str, Any] | None) -> dict[str, UserReward]:
 
 
 def _extension_reward(name: str, builtin: dict[str, Any]) -> RewardFunction:
+    """Return the function of an extension's reward term; raise ValueError for an unknown or built-in name."""
     known = check_new("rewards", builtin)
     if name not in known:
         valid = ", ".join(known) or "none is installed"

@@ -8,8 +8,17 @@ from quad_env.config import FallRule
 from quad_env.physics.state import QuadState
 
 
-def fall_reason_code(state: QuadState[ScalarOrBatch], rule: FallRule, lowest: float) -> Any:
-    """Place of the fall in `config.FALL_REASONS`, 0 for none: a whole number, or those of n robots, (n,), by the rule,
-    whose height is this, m, on the robot."""
-    tilted, low = -state.projected_gravity[2] < math.cos(rule.tilt), state.height < lowest
-    return where(state.trunk_contact, 1, where(tilted, 2, where(low, 3, 0)))
+def fall_reason_code(state: QuadState[ScalarOrBatch], rule: FallRule, min_height: float) -> Any:
+    """Return the index into `config.FALL_REASONS`, 0 for no fall.
+
+    Args:
+        state: Present state of one robot or of n.
+        rule: Fall rule.
+        min_height: Minimum trunk height above the terrain, m: the rule's, scaled to the robot.
+
+    Returns:
+        Code, an int or (n,).
+    """
+    is_tilted = -state.projected_gravity[2] < math.cos(rule.tilt)
+    is_low = state.height < min_height
+    return where(state.trunk_contact, 1, where(is_tilted, 2, where(is_low, 3, 0)))
