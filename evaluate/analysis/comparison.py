@@ -81,16 +81,22 @@ def compare(
         for b, a in combinations(baseline_first, 2):
             if b.policy == baseline or {a.policy, b.policy} in adjacent_pairs:
                 comparisons += compare_pair(a, b)
+    return _correct_families(comparisons, baseline)
+
+
+def _correct_families(comparisons: list[Comparison], baseline: str) -> list[Comparison]:
+    """Correct the p-values of each family of comparisons by Holm's method."""
+    corrected = list(comparisons)
     for metric, with_baseline in product(METRICS, (True, False)):
         family = [
             index
             for index, comparison in enumerate(comparisons)
             if comparison.metric == metric and (comparison.b == baseline) == with_baseline
         ]
-        corrected = holm([comparisons[index].p_value for index in family])
-        for index, p_value in zip(family, corrected, strict=True):
-            comparisons[index] = replace(comparisons[index], p_value_holm=p_value)
-    return comparisons
+        p_values = holm([comparisons[index].p_value for index in family])
+        for index, p_value in zip(family, p_values, strict=True):
+            corrected[index] = replace(comparisons[index], p_value_holm=p_value)
+    return corrected
 
 
 def default_baseline(policies: Sequence[str]) -> str:

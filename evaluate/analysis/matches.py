@@ -60,14 +60,9 @@ def _match(scenario: str, pair: tuple[str, str], a: StoredRun, b: StoredRun) -> 
     """Compare one pair of policies on one scenario; None without common episodes."""
     all_rows_a = rows_of(a[1], pair[0], scenario)
     all_rows_b = rows_of(b[1], pair[1], scenario)
-    seeds_a = all_rows_a.column("seed").to_numpy()
-    seeds_b = all_rows_b.column("seed").to_numpy()
-    common, indices_a, indices_b = np.intersect1d(seeds_a, seeds_b, return_indices=True)
-    if not len(common):
+    rows_a, rows_b = _common_rows(all_rows_a, all_rows_b)
+    if not len(rows_a):
         return None
-    order = indices_a.argsort()  # of run A
-    rows_a = all_rows_a.take(indices_a[order])
-    rows_b = all_rows_b.take(indices_b[order])
     values_a = _metric_values(rows_a, _weight(a[0], scenario))
     values_b = _metric_values(rows_b, _weight(b[0], scenario))
     identical = _is_identical(rows_a, rows_b)
@@ -75,11 +70,20 @@ def _match(scenario: str, pair: tuple[str, str], a: StoredRun, b: StoredRun) -> 
         a=pair[0],
         b=pair[1],
         scenario=scenario,
-        episodes=(len(seeds_a), len(seeds_b)),
-        common=len(common),
+        episodes=(len(all_rows_a), len(all_rows_b)),
+        common=len(rows_a),
         identical=identical,
         contrasts=tuple(compare_metrics(values_a, values_b, identical=identical)),
     )
+
+
+def _common_rows(a: pa.Table, b: pa.Table) -> tuple[pa.Table, pa.Table]:
+    """Return the rows of both tables with the seeds that both have, in the order of A."""
+    seeds_a = a.column("seed").to_numpy()
+    seeds_b = b.column("seed").to_numpy()
+    _, indices_a, indices_b = np.intersect1d(seeds_a, seeds_b, return_indices=True)
+    order = indices_a.argsort()
+    return a.take(indices_a[order]), b.take(indices_b[order])
 
 
 def _weight(manifest: Manifest, name: str) -> float:

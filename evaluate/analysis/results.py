@@ -19,6 +19,7 @@ from evaluate.cells import PolicyScenarioResult
 from evaluate.hardware import HardwareConfig
 from evaluate.records.provenance import versions
 from quad_env.files.writing import write_atomically
+from quad_env.robots.robot import Robot
 
 SCHEMA = 1
 
@@ -119,14 +120,11 @@ def analyse(
     baseline = baseline or default_baseline([cell.policy for cell in cells])
     robot = _hardware(origin).robot_model
     run_versions = origin.pop("versions")
-    scores = compute_scores(cells, baseline, hardware=False)
-    hardware_scores = compute_scores(cells, baseline, hardware=True)
-    front = compute_pareto([cell for cell in cells if not cell.scenario.hardware], scores, robot)
-    hardware_front = compute_pareto([cell for cell in cells if cell.scenario.hardware], hardware_scores, robot)
-    ranks_hardware = not scores
-    scored = select_scored_cells(cells, hardware=ranks_hardware)
-    places = hardware_front.points if ranks_hardware else front.points
-    ranked = rank_policies(scored, places, hardware=ranks_hardware)
+    scores, front = _scores_and_front(cells, baseline, robot, hardware=False)
+    hardware_scores, hardware_front = _scores_and_front(cells, baseline, robot, hardware=True)
+    places = front.points if scores else hardware_front.points
+    scored = select_scored_cells(cells, hardware=not scores)
+    ranked = rank_policies(scored, places, hardware=not scores)
     adjacent_pairs = {frozenset((pair.better, pair.worse)) for pair in ranked.neighbours}
     comparisons = compare(cells, baseline, adjacent_pairs)
     ranked, comparisons = correct_p_values(ranked, comparisons, origin.get("limit", 0))
@@ -140,13 +138,21 @@ def analyse(
         summaries={(cell.scenario.name, cell.policy): summarise(cell, robot) for cell in cells},
         comparisons=tuple(comparisons),
         breaking_points=tuple(breaking_points(cells)),
-        scores=tuple(scores),
-        hardware_scores=tuple(hardware_scores),
+        scores=scores,
+        hardware_scores=hardware_scores,
         pareto=front,
         hardware_pareto=hardware_front,
         versions=run_versions,
         provenance=origin,
     )
+
+
+def _scores_and_front(
+    cells: Sequence[PolicyScenarioResult], baseline: str, robot: Robot, *, hardware: bool
+) -> tuple[tuple[Score, ...], Pareto]:
+    """Compute the scores and the Pareto front with the hardware profile, or without it."""
+    scores = compute_scores(cells, baseline, hardware=hardware)
+    return tuple(scores), compute_pareto([cell for cell in cells if cell.scenario.hardware == hardware], scores, robot)
 
 
 def _hardware(provenance: Mapping[str, Any]) -> HardwareConfig:

@@ -77,7 +77,7 @@ def outcomes(
         "diverged": np.zeros(len(fell), bool),
         "commands": np.zeros((len(fell), 1, 3)),
     }
-    known["mean_velocities"] = known["commands"]
+    known |= {"mean_velocities": known["commands"], "extra": {}}
     nothing = np.full(len(fell), np.nan)
     measures = Measures(**{name: known.get(name, nothing) for name in MEASURE_NAMES})
     reasons = np.full(len(fell), None, dtype=object)
