@@ -1,4 +1,4 @@
-"""Severity of each training scenario, raised where the robots track their commands and lowered where they do not."""
+"""Curriculum: raises the difficulty of a scenario when commands are tracked and lowers it when they are not."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -6,23 +6,33 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from quad_env.scenarios.named import scenario
 
 from evaluate.measures.outcomes import RULES, SUCCESS_RULE
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import axes_of
-from quad_env.scenarios.registry import scenario
-from quad_env.scenarios.scenario import SUFFIX_FIELDS, Scenario
+from quad_env.scenarios.scenario import FIELD_OF_SUFFIX, Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from train.residual_env import BoolArray
 
 Purpose = Literal["validation", "search", "training"]
 TERRAIN_SEEDS: dict[Purpose, int] = {"validation": 1, "search": 2, "training": 1000}
-"""Seed of the random ground of each purpose, of which every episode uses another part."""
+"""Seed of the random ground of each purpose. Every episode uses another part of the ground."""
 
 
 def with_terrain_seed(name: str | Scenario, purpose: Purpose, seed: int = 0, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """The scenario, or the robot's of that name, for that purpose; `seed` selects further random ground."""
+    """Return a scenario with the random ground of a purpose.
+
+    Args:
+        name: A scenario, or the name of one of the robot's.
+        purpose: Purpose of the episodes.
+        seed: Selects another random ground of the purpose.
+        robot: Robot that the scenario is scaled to.
+
+    Returns:
+        The scenario; unchanged if its ground is not random.
+    """
     original = scenario(name, robot)
     if not isinstance(original.terrain, SmoothRandom):
         return original
@@ -30,64 +40,102 @@ def with_terrain_seed(name: str | Scenario, purpose: Purpose, seed: int = 0, rob
     return dataclasses.replace(original, terrain=surface)
 
 
-FAST_PROMOTION_RATE, PROMOTION_RATE, DEMOTION_RATE = 0.9, 0.7, 0.5
-"""Shares of tracked command intervals above which a scenario becomes harder, by two steps or one, and below which it
-becomes milder."""
-DIFFICULTY_STEP, MIN_INTERVALS = 0.1, 10
-"""Change of severity, as a share of the way from the mildest level of its axis to that of the mixture, and the command
-intervals that are needed for it."""
+FAST_PROMOTION_RATE = 0.9
+"""Share of tracked command intervals above which the difficulty rises by two steps."""
+PROMOTION_RATE = 0.7
+"""Share of tracked command intervals above which the difficulty rises by one step."""
+DEMOTION_RATE = 0.5
+"""Share of tracked command intervals below which the difficulty falls by one step."""
+DIFFICULTY_STEP = 0.1
+"""Change of the difficulty, which goes from 0 (mildest level of the axis) to 1 (level of the mixture)."""
+MIN_INTERVALS = 10
+"""Number of command intervals needed for a change."""
 
 
 class CommandIntervalTracker:
-    """Whether n robots track each command interval: mean velocity after its first second, by the evaluation's rule."""
+    """Judges whether n robots track their command intervals, by the success rule of the evaluation.
+
+    The rule compares the command with the mean velocity after the first second of the interval.
+
+    Args:
+        robots: Number of robots.
+        dt: Control period, s.
+    """
 
     def __init__(self, robots: int, dt: float) -> None:
-        self._settling = round(1.0 / dt)
-        self._command, self._sum = np.zeros((robots, 3)), np.zeros((robots, 3))
+        self._settling_steps = round(1.0 / dt)
+        self._command = np.zeros((robots, 3))
+        self._velocity_sum = np.zeros((robots, 3))
         self._steps = np.zeros(robots, np.int64)
 
     def reset(self, robots: BoolArray) -> None:
-        """Forget the intervals of robots (n,) that start an episode."""
+        """Start a new interval of the masked `robots`, (n,), without a judgement of the old one."""
         self._steps[robots] = 0
-        self._sum[robots] = 0.0
+        self._velocity_sum[robots] = 0.0
 
     def step(
         self, command: NDArray[np.float64], velocity: NDArray[np.float64], fell: BoolArray
     ) -> tuple[BoolArray, BoolArray]:
-        """Count a control step: its command, (n, 3), the velocity in the heading frame, (n, 3), and falls, (n,).
+        """Count a control step.
 
-        Gives the robots whose interval ended, by a new command or a fall, and those that tracked it, both (n,).
+        Args:
+            command: Velocity command of the step, heading frame, (n, 3), m/s and rad/s.
+            velocity: Velocity of the trunk, heading frame, (n, 3), m/s and rad/s.
+            fell: Robots that fell in this step, (n,).
+
+        Returns:
+            ended: Robots for which an interval ended, by a new command or a fall, (n,).
+            tracked: Robots that tracked it, (n,).
         """
         new = (command != self._command).any(axis=1)
-        counted = self._steps - self._settling
-        mean = self._sum / np.maximum(counted, 1)[:, None]
+        counted = self._steps - self._settling_steps
+        mean = self._velocity_sum / np.maximum(counted, 1)[:, None]
         tracked = RULES[SUCCESS_RULE].on_command(self._command[:, None], mean[:, None])
         ended = new & (counted > 0)
         self._steps[new] = 0
-        self._sum[new] = 0.0
+        self._velocity_sum[new] = 0.0
         self._command[new] = command[new]
         self._steps += 1
-        self._sum[self._steps > self._settling] += velocity[self._steps > self._settling]
+        settled = self._steps > self._settling_steps
+        self._velocity_sum[settled] += velocity[settled]
         return ended | fell, tracked & ~fell
 
 
 def at_difficulty(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """The scenario at that share, 0 … 1, of the way from the mildest level of its axis, over ln(severity); unchanged
-    where it has no axis or is milder than that level."""
+    """Return a scenario at reduced severity, interpolated in log severity.
+
+    Args:
+        scenario: Scenario at full severity.
+        share: Difficulty, 0 (mildest level of its axis) … 1 (full severity).
+        robot: Robot that the axes are scaled to.
+
+    Returns:
+        The scenario; unchanged if it has no axis or is milder than the mildest level.
+    """
     if not scenario.axis or share >= 1.0:
         return scenario
     axis = axes_of(robot)[scenario.axis]
-    mildest, hardest = np.log(axis.levels[0]), np.log(scenario.severity)
+    mildest = np.log(axis.levels[0])
+    hardest = np.log(scenario.severity)
     if (hardest - mildest) * (-1.0 if axis.harder_when_smaller else 1.0) <= 0.0:
         return scenario
-    found = axis.scenario(float(np.exp(mildest + share * (hardest - mildest))), scenario.name)
-    return dataclasses.replace(found, **{field: getattr(scenario, field) for field in SUFFIX_FIELDS.values()})
+    eased = axis.scenario(float(np.exp(mildest + share * (hardest - mildest))), scenario.name)
+    return dataclasses.replace(eased, **{field: getattr(scenario, field) for field in FIELD_OF_SUFFIX.values()})
 
 
 def update_difficulties(
     difficulties: Sequence[float], counted: NDArray[np.int64], tracked: NDArray[np.int64]
 ) -> list[float]:
-    """Shares of severity after those, by the command intervals of each scenario and how many were tracked."""
+    """Raise the difficulty of scenarios with tracked commands and lower the difficulty of the others.
+
+    Args:
+        difficulties: Difficulty of each of s scenarios, 0 … 1.
+        counted: Number of command intervals, (s,).
+        tracked: Number of tracked command intervals, (s,).
+
+    Returns:
+        The new difficulties.
+    """
     rates = tracked / np.maximum(counted, 1)
     change = DIFFICULTY_STEP * np.select(
         [counted < MIN_INTERVALS, rates > FAST_PROMOTION_RATE, rates > PROMOTION_RATE, rates < DEMOTION_RATE],

@@ -16,50 +16,66 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PANELS = ("success in validation, %", 100.0), ("cost of transport", 1.0)
-"""Label and scale of each figure of a curve."""
-FIGURE_WIDTH, PANEL_HEIGHT, LEGEND_LINE_HEIGHT = 5.6, 2.3, 0.2
-"""Width of the picture, height of a pair of axes and of a line of the legend, in."""
-
-
+PANELS = (("success in validation, %", 100.0), ("cost of transport", 1.0))
+"""Label and factor of each curve."""
+FIGURE_WIDTH = 5.6
+"""Width of the picture, in."""
+PANEL_HEIGHT = 2.3
+"""Height of a pair of axes, in."""
+LEGEND_LINE_HEIGHT = 0.2
+"""Height of a line of the legend, in."""
 DATE_METADATA = {".svg": "Date", ".png": "Creation Time", ".pdf": "CreationDate"}
-"""Formats, each with the name of its date, which is left out: the same runs give the same file."""
+"""Name of the date in each file format. It is left out, so that the same runs give the same file."""
 
 
 def write_curve(validations: Sequence[Mapping[str, Any]], out: Path) -> None:
-    """Write the curve of a run's validations, titled as its folder, see `write_figure`. Raises OSError."""
+    """Write the curve of a run's `validations` to the file `out`, titled as its folder. Raises OSError."""
     write_figure(partial(draw_curve, validations, out.parent.name), out)
 
 
 def write_figure(draw: "Callable[[], Figure]", out: Path) -> None:
-    """Write what is drawn to a file of one of those formats, whole or not at all. Raises OSError."""
-    content, dateless = io.BytesIO(), {DATE_METADATA[out.suffix]: None}
+    """Write a figure as a whole file, or raise OSError and write nothing.
+
+    Args:
+        draw: Makes the figure.
+        out: File; its suffix is one of DATE_METADATA.
+    """
+    content = io.BytesIO()
+    metadata = {DATE_METADATA[out.suffix]: None}
     with plot_settings():
-        draw().savefig(content, format=out.suffix[1:], dpi=160, facecolor="white", metadata=dateless)
+        draw().savefig(content, format=out.suffix[1:], dpi=160, facecolor="white", metadata=metadata)
     write_atomically(out, content.getvalue())
 
 
 def draw_curve(validations: Sequence[Mapping[str, Any]], title: str) -> "Figure":
-    """The curve of validations, those of older versions without a cost of transport too."""
-    names = "steps", "success", "cost_of_transport"
-    steps, *figures = np.array([[each.get(name) for name in names] for each in validations], np.float64).T
-    drawn, panels = make_axes(np.array(figures), title)
-    for axes, values, (_, scale) in zip(panels, figures, PANELS, strict=False):
+    """Draw the curve of the `validations` with a `title`; older versions have none of the cost of transport."""
+    names = ("steps", "success", "cost_of_transport")
+    rows = np.array([[validation.get(name) for name in names] for validation in validations], np.float64)
+    steps, *curves = rows.T
+    figure, panels = make_axes(np.array(curves), title)
+    for axes, values, (_, scale) in zip(panels, curves, PANELS, strict=False):
         axes.plot(steps, scale * values, "o-", color=COLOURS[0], linewidth=1.6, markersize=4)
-    return drawn
+    return figure
 
 
 def make_axes(figures: Floats, title: str, legend: int = 0) -> "tuple[Figure, Sequence[Axes]]":
-    """Axes of success over steps, and below them of cost of transport if any of the figures, (2, k), has it; with room
-    for so many lines of a legend."""
+    """Make a figure with axes of success over steps, and below them of cost of transport if there is any.
+
+    Args:
+        figures: Success and cost of transport of k validations, (2, k); NaN where unknown.
+        title: Title.
+        legend: Number of lines of the legend, which room is left for.
+
+    Returns:
+        The figure and its axes.
+    """
     from matplotlib.figure import Figure
     from matplotlib.ticker import EngFormatter
 
     count = 1 + int(np.isfinite(figures[1]).any())
-    drawn = Figure(
-        figsize=(FIGURE_WIDTH, PANEL_HEIGHT * count + LEGEND_LINE_HEIGHT * (legend + 2)), layout="constrained"
-    )
-    panels = drawn.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    height = PANEL_HEIGHT * count + LEGEND_LINE_HEIGHT * (legend + 2)
+    figure = Figure(figsize=(FIGURE_WIDTH, height), layout="constrained")
+    panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     for axes, (label, _) in zip(panels, PANELS, strict=False):
         axes.set_ylabel(label)
         axes.spines[["top", "right"]].set_visible(False)
@@ -67,4 +83,4 @@ def make_axes(figures: Floats, title: str, legend: int = 0) -> "tuple[Figure, Se
     panels[0].set_title(title)
     panels[-1].set_xlabel("steps of the learner, all robots together")
     panels[-1].xaxis.set_major_formatter(EngFormatter(sep=""))
-    return drawn, list(panels)
+    return figure, list(panels)

@@ -1,4 +1,4 @@
-"""A training run."""
+"""Training run: makes robots, learner and callbacks, and runs or resumes them in a folder."""
 
 import contextlib
 from pathlib import Path
@@ -32,9 +32,9 @@ from train.training_robots import make_bases, make_robots, training_seeds
 
 
 def train(config: TrainConfig) -> None:
-    """Train to the last step, or until Ctrl-C; writes bundles, checkpoints, settings, validations and logs.
+    """Train to the last step, or until Ctrl-C, and write bundles, checkpoints, settings, validations and logs.
 
-    Raises UsageError, one line, on what cannot be trained or written, and KeyboardInterrupt after a Ctrl-C, once all is
+    UsageError, one line, says why a run cannot be trained or written. KeyboardInterrupt follows Ctrl-C, after all is
     saved.
     """
     with Interrupt() as interrupt:
@@ -47,37 +47,43 @@ def train(config: TrainConfig) -> None:
     print(f"the policy is {config.folder / BEST}; evaluate it with: {evaluation_command(config)}")
 
 
-def _run(config: TrainConfig, interrupt: Interrupt, found: checkpoint.Checkpoint | None = None) -> None:
-    """A new run, or the rest of one from a checkpoint."""
-    state = CallbackState.read(found.progress["remembered"]) if found else CallbackState()
+def _run(config: TrainConfig, interrupt: Interrupt, resumed: checkpoint.Checkpoint | None = None) -> None:
+    """Train a new run, or the rest of one from a checkpoint."""
+    state = CallbackState.read(resumed.progress["remembered"]) if resumed else CallbackState()
     with contextlib.closing(make_env(config)) as env:
         model = make_ppo(config, env)
-        if found:
-            checkpoint.restore(model, found)
+        if resumed:
+            checkpoint.restore(model, resumed)
         elif config.start is not None:
             _load_initial_network(model, config, config.start)
         done = model.num_timesteps
         if done >= config.steps:
             raise UsageError(f"the run in {config.folder} is finished: extend it with --steps larger than {done}")
         # A new folder only now that the settings are known to work.
-        with report_write_errors(config.folder) if found else new_run_folder(config.folder):
-            notices = [f"skipped a checkpoint: {damage}" for damage in (found.damaged if found else ())]
-            changed = write_settings(config, done)
-            notices += [f"the result may differ from an uninterrupted run; {change}" for change in changed]
-            notices += [f"continuing at {done:,} steps"] if found else []
+        with report_write_errors(config.folder) if resumed else new_run_folder(config.folder):
+            notices = _write_settings(config, done, resumed)
             display = ProgressDisplay(config.steps, ProgressEstimator(config, done, state.validated))
             with run_logger(config.folder, done) as logger, contextlib.closing(display):
                 for notice in notices:
                     display.note(notice)
                 model.set_logger(logger)
-                actions = found.actions if found else ()
+                actions = resumed.actions if resumed else ()
                 callback = TrainingCallback(config, env, display, interrupt, state, actions)
                 # Without SB3's own log, whose means reach back beyond the last checkpoint.
                 model.learn(config.steps - done, callback, config.steps + 1, reset_num_timesteps=False)
 
 
+def _write_settings(config: TrainConfig, done: int, resumed: checkpoint.Checkpoint | None) -> list[str]:
+    """Write the settings of a session that starts at `done` steps, and return notices for the user."""
+    notices = [f"skipped a checkpoint: {damage}" for damage in (resumed.damaged if resumed else ())]
+    changed = write_settings(config, done)
+    notices += [f"the result may differ from an uninterrupted run; {change}" for change in changed]
+    notices += [f"continuing at {done:,} steps"] if resumed else []
+    return notices
+
+
 def _load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
-    """Give a new run the network of a bundle or run. Raises UsageError."""
+    """Load the network of a bundle or run into the learner of a new run. Raises UsageError."""
     try:
         policy = policies.load(start, config.hardware.robot_model)
         if policy.base.name != config.base:
@@ -95,9 +101,9 @@ def _load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
 
 
 def make_env(config: TrainConfig) -> TrainingVecEnv:
-    """The robots of a run as its learner sees them, with the seeds of the first segment.
+    """Make the environment of a run's learner, with the seeds of the first segment.
 
-    The value network also sees what the robot cannot know: its scenario, its true velocity, pushes.
+    The value network also observes quantities that the robot cannot know: its scenario, its true velocity, and pushes.
     """
     robots = make_robots(config)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)

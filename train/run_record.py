@@ -1,6 +1,4 @@
-"""Records of a run: its settings as JSON, in its config.json and in bundles, and their differences; the command that
-repeats it, packages, validations.
-"""
+"""Records of a run: settings as JSON, differences between settings, commands, package versions and validations."""
 
 import dataclasses
 import json
@@ -23,13 +21,13 @@ from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 
 def to_dict(config: TrainConfig) -> dict[str, Any]:
-    """The settings that decide a run's result, as JSON types: all but where it is written and with how many threads."""
+    """Convert the settings to JSON types, without folder, resuming and threads, which do not affect the result."""
     settings: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(config), default=str))
     return {key: value for key, value in settings.items() if key not in ("out", "resume", "threads")}
 
 
 def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
-    """The inverse of `to_dict`. Raises UsageError on what is no configuration of this version."""
+    """Convert the `settings` of `to_dict` back. Raises UsageError if they do not fit this version."""
     try:
         return typing.cast(TrainConfig, decode(TrainConfig, settings))
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
@@ -37,12 +35,12 @@ def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
 
 
 def load_config(folder: Path) -> TrainConfig:
-    """The settings of the run in `folder`. Raises UsageError where there is none."""
+    """Load the settings of the run in `folder`. Raises UsageError if there is none."""
     return from_dict(load_settings(folder))
 
 
 def load_settings(folder: Path) -> dict[str, Any]:
-    """The settings of the run in `folder` as its version wrote them. Raises UsageError where there is none."""
+    """Load the settings of the run in `folder` as its version wrote them. Raises UsageError if there is none."""
     try:
         settings = json.loads(read_bytes(folder / CONFIG_FILE))
     except OSError as error:
@@ -56,7 +54,18 @@ def load_settings(folder: Path) -> dict[str, Any]:
 
 
 def decode(kind: Any, value: Any) -> Any:
-    """A value of that type, dataclasses among them, from JSON types. Raises an error of Python's for what is none."""
+    """Convert JSON types to a value of a type.
+
+    Args:
+        kind: Type: a dataclass, tuple, Literal, optional or plain type.
+        value: Value of JSON types. TypeError, ValueError, AttributeError or OverflowError if it does not fit.
+
+    Returns:
+        The value.
+
+    Raises:
+        ValueError: A setting is unknown or has no valid value.
+    """
     if dataclasses.is_dataclass(kind):
         hints = typing.get_type_hints(kind)
         if unknown := set(value) - set(hints):
@@ -76,15 +85,18 @@ def decode(kind: Any, value: Any) -> Any:
 
 
 class SettingChange(NamedTuple):
-    """A setting in which two runs differ, by its option."""
+    """Setting in which two runs differ."""
 
     option: str
+    """Option of the command line, `--ppo.envs`."""
     old: Any
+    """Value of the first run, JSON types."""
     new: Any
+    """Value of the second run, JSON types."""
 
     @property
     def extends(self) -> bool:
-        """Whether the change only makes the run longer."""
+        """True if the change only makes the run longer."""
         return self.option == "--steps" and self.new > self.old
 
     def __str__(self) -> str:
@@ -92,7 +104,7 @@ class SettingChange(NamedTuple):
 
 
 def differences(old: TrainConfig, new: TrainConfig) -> list[SettingChange]:
-    """Differences between two runs' settings, of those that decide the result."""
+    """Return the differences between the settings `old` and `new` that affect the result."""
     after = dict(flatten(to_dict(new)))
     return [
         SettingChange(f"--{name}", value, after[name]) for name, value in flatten(to_dict(old)) if value != after[name]
@@ -100,7 +112,15 @@ def differences(old: TrainConfig, new: TrainConfig) -> list[SettingChange]:
 
 
 def flatten(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Settings of `to_dict` by the names of their options, groups flattened."""
+    """Flatten the groups of settings.
+
+    Args:
+        settings: Settings of `to_dict`.
+        prefix: Prefix of the names, `ppo.` within a group.
+
+    Yields:
+        Name of the option without dashes, and value.
+    """
     for key, value in settings.items():
         name = prefix + key.replace("_", "-")
         if isinstance(value, dict):
@@ -110,36 +130,45 @@ def flatten(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str
 
 
 LEARNER_PACKAGES = ("stable-baselines3", "torch", "safetensors")
-"""Packages that a run depends on in addition to those of the evaluation."""
+"""Packages that a run depends on, in addition to the packages of the evaluation."""
 
 
 def training_command(config: TrainConfig) -> str:
-    """The command that repeats a run."""
+    """Return the command line that repeats a run."""
     options = [f"--policy {config.policy}"] if config.policy != "residual" else []
     changed = [each for each in differences(DEFAULTS[config.policy], config) if each.option != "--seed"]
-    options += [f"{each.option} {words(each.new)}" for each in changed]
+    options += [f"{each.option} {to_words(each.new)}" for each in changed]
     return " ".join(["python -m train", *options, f"--seed {config.seed}"])
 
 
 def evaluation_command(config: TrainConfig) -> str:
-    """The command that evaluates a run's best policy, next to its base, on robots like those of its training."""
+    """Return the command line that evaluates a run's best policy, next to its base, on the hardware of its training."""
     chosen = vars(config.hardware).items() - vars(HardwareConfig()).items()
     base = [config.base] if config.policy == "residual" else []
-    to_words = ["python", "-m", "evaluate", "--policies", *base, str(config.folder)]
-    to_words += [word for name, value in sorted(chosen) for word in (f"--{name}", value)]
-    return shlex.join([*to_words, "--out", str(config.folder / "evaluation")])
+    words = ["python", "-m", "evaluate", "--policies", *base, str(config.folder)]
+    words += [word for name, value in sorted(chosen) for word in (f"--{name}", value)]
+    return shlex.join([*words, "--out", str(config.folder / "evaluation")])
 
 
-def words(value: Any) -> str:
-    """A setting's value, a JSON one, as words of a command line."""
-    return " ".join(words(entry) for entry in value) if isinstance(value, list) else shlex.quote(str(value))
+def to_words(value: Any) -> str:
+    """Convert the JSON value of a setting to words of a command line."""
+    return " ".join(to_words(entry) for entry in value) if isinstance(value, list) else shlex.quote(str(value))
 
 
 def write_settings(config: TrainConfig, steps: int) -> list[str]:
-    """Write the settings and this session's versions; what differs from the first session, a line each."""
+    """Write the settings of a run and the versions of this session.
+
+    Args:
+        config: Settings.
+        steps: Steps at the start of the session; 0 for a new run.
+
+    Returns:
+        Versions that differ from the first session, a line each.
+    """
     write_atomically(config.folder / CONFIG_FILE, _lines(to_dict(config)))
     packages = {name: metadata.version(name) for name in LEARNER_PACKAGES}
-    path, now = config.folder / RECORD_FILE, versions() | packages | hardware_versions(config.hardware)
+    path = config.folder / RECORD_FILE
+    now = versions() | packages | hardware_versions(config.hardware)
     earlier = _sessions(path) if steps else []
     write_atomically(
         path, _lines({"command": training_command(config), "sessions": [*earlier, {"from_steps": steps, **now}]})
@@ -150,7 +179,7 @@ def write_settings(config: TrainConfig, steps: int) -> list[str]:
 
 
 def _sessions(path: Path) -> list[dict[str, Any]]:
-    """Sessions of an earlier record; none where it is missing or damaged."""
+    """Return the sessions of an earlier record; none if it is missing or damaged."""
     try:
         return list(json.loads(read_bytes(path))["sessions"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -158,7 +187,13 @@ def _sessions(path: Path) -> list[dict[str, Any]]:
 
 
 def write_validations(folder: Path, best: int, validations: Sequence[Mapping[str, Any]]) -> None:
-    """Write all validations, the last of a finished run being the final one, and the steps of the best."""
+    """Write the validations of a run.
+
+    Args:
+        folder: Folder of the run.
+        best: Steps of the best validation.
+        validations: All validations. The last of a finished run is the final one.
+    """
     write_atomically(folder / VALIDATIONS_FILE, _lines({"best": best, "validations": validations}))
 
 
