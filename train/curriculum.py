@@ -12,7 +12,7 @@ from evaluate.measures.outcomes import RULES, SUCCESS_RULE
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import axes_of
-from quad_env.scenarios.scenario import FIELD_OF_SUFFIX, Scenario
+from quad_env.scenarios.scenario import SUFFIX_FIELDS, Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from train.residual_env import BoolArray
 
@@ -120,7 +120,7 @@ def at_difficulty(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) 
     if (hardest - mildest) * (-1.0 if axis.harder_when_smaller else 1.0) <= 0.0:
         return scenario
     eased = axis.scenario(float(np.exp(mildest + share * (hardest - mildest))), scenario.name)
-    return dataclasses.replace(eased, **{field: getattr(scenario, field) for field in FIELD_OF_SUFFIX.values()})
+    return dataclasses.replace(eased, **{field: getattr(scenario, field) for field in SUFFIX_FIELDS.values()})
 
 
 def update_difficulties(

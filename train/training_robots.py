@@ -1,4 +1,4 @@
-"""The robots of a training run: one native batch for each scenario, stepped as one, with statistics of what they do."""
+"""Robots of a training run: one native batch for each scenario, stepped as one, with statistics."""
 
 import dataclasses
 from collections import defaultdict
@@ -26,22 +26,23 @@ from train.curriculum import CommandIntervalTracker, at_difficulty, with_terrain
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 
 PUSH_SCALE = 500.0
-"""N that count as a push of unit size."""
+"""N. Force that the value network observes as 1."""
 NO_TRUNCATION = np.iinfo(np.int64).max
-"""Control steps after which no episode is cut."""
+"""Control steps, of a first episode that is not cut short."""
 
 
 class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
-    """Several batches as one, whose first episodes end at different times, with statistics.
+    """Concatenates one vector environment per scenario, and collects statistics.
 
-    It restarts no robot by itself, as its batches. A robot whose episode has ended has its return and length, control
-    steps, in `infos["episode"]`, as with Gymnasium's RecordEpisodeStatistics.
+    First episodes are cut short at random lengths, so that the robots are at different points of their gaits and
+    episodes. Like its batches it restarts no robot by itself. Return and length, control steps, of a robot's episode
+    are in `infos["episode"]`, as Gymnasium's RecordEpisodeStatistics has them.
 
     Args:
-        batches: made with `AutoresetMode.DISABLED`.
-        first_episode_steps: from the robots' seeds the control steps, (n,), after which each one's first episode is
-            cut, so that not all are at the same point of their gait and episode; no cut when None.
-        threads: batches that are stepped at the same time, each by a thread. Results do not depend on it.
+        batches: Vector environments, made with `AutoresetMode.DISABLED`.
+        first_episode_steps: Returns the control steps after which the first episodes are cut, (n,), from the seeds of
+            the robots. None for no cut.
+        threads: Number of batches that are stepped in parallel, each by a thread. Results do not depend on it.
     """
 
     def __init__(
@@ -55,7 +56,8 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         ends = np.cumsum([batch.num_envs for batch in batches])
         self._parts = [slice(int(end) - batch.num_envs, int(end)) for end, batch in zip(ends, batches, strict=True)]
         self.num_envs = n = int(ends[-1])
-        self.robot, self.dt = batches[0].robot, batches[0].dt
+        self.robot = batches[0].robot
+        self.dt = batches[0].dt
         self.single_observation_space = batches[0].single_observation_space
         self.single_action_space = batches[0].single_action_space
         self.observation_space = batch_space(self.single_observation_space, n)
@@ -63,22 +65,30 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self.metadata = batches[0].metadata | {"autoreset_mode": AutoresetMode.DISABLED}
         self._first_episode_steps = first_episode_steps or (lambda _: np.full(n, NO_TRUNCATION))
         self._first_truncation = np.full(n, NO_TRUNCATION)
-        self._elapsed, self._returns = np.zeros(n, np.int64), np.zeros(n)
+        self._elapsed = np.zeros(n, np.int64)
+        self._returns = np.zeros(n)
         self._fell = np.zeros(n, np.bool_)
         self._intervals = CommandIntervalTracker(n, self.dt)
         self._scenario_one_hot = np.repeat(
-            np.eye(len(batches), dtype=np.float32), [each.num_envs for each in batches], axis=0
+            np.eye(len(batches), dtype=np.float32), [batch.num_envs for batch in batches], axis=0
         )
         self.privileged_width = len(batches) + 3 + 2
-        """Numbers of a row of `infos["privileged"]`: which scenario, true velocity, push."""
+        """Width of `infos["privileged"]`: one-hot scenario, true velocity and push of a robot."""
         self._sums = defaultdict[str, float](float)
-        self._counted = np.zeros((2, len(batches)), np.int64)
+        self._interval_counts = np.zeros((2, len(batches)), np.int64)
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[FloatArray, Infos]:
-        """Start the first episodes of all robots, of seed + i or the i-th of a sequence, or the next ones of those in
-        a "reset_mask"."""
+        """Start the first episodes of all robots, or the next episodes of those in a "reset_mask".
+
+        Args:
+            seed: Robot i has seed + i, or the i-th of a sequence.
+            options: May have a "reset_mask", (n,).
+
+        Returns:
+            Observation, (n, m), and infos.
+        """
         seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
         mask = (options or {}).get("reset_mask")
         chosen = np.ones(self.num_envs, np.bool_) if mask is None else mask
@@ -89,22 +99,23 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         if mask is not None:
             self._count_episodes(mask)
         self._first_truncation[chosen] = NO_TRUNCATION if mask is not None else self._first_episode_steps(seeds)
-        self._elapsed[chosen] = self._returns[chosen] = 0
+        self._elapsed[chosen] = 0
+        self._returns[chosen] = 0
         self._intervals.reset(chosen)
         infos = _concatenate_infos([infos for _, infos in results])
         infos["privileged"] = self._privileged(infos)
         return np.concatenate([observation for observation, _ in results]), infos
 
     def step(self, actions: FloatArray) -> Step:
-        """Move all robots by one control step."""
-        own = [actions[part] for part in self._parts]
-        each = map if self._pool is None else self._pool.map
-        results = list(each(lambda batch, targets: batch.step(targets), self.batches, own))
+        """Move all robots by one control step with their joint targets, (n, 12), rad."""
+        batch_actions = [actions[part] for part in self._parts]
+        map_batches = map if self._pool is None else self._pool.map
+        results = list(map_batches(lambda batch, targets: batch.step(targets), self.batches, batch_actions))
         observation, rewards, terminated, truncated = map(np.concatenate, list(zip(*results, strict=True))[:4])
         infos = _concatenate_infos([result[4] for result in results])
         self._elapsed += 1
         self._returns += rewards
-        self._count(infos, rewards, terminated & ~self._fell)
+        self._count_step(infos, rewards, terminated & ~self._fell)
         self._fell = terminated
         truncated |= self._elapsed >= self._first_truncation
         infos["episode"] = {"r": self._returns.copy(), "l": self._elapsed.copy()}
@@ -113,11 +124,11 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         return observation, rewards, terminated, truncated, infos
 
     def pop_statistics(self) -> dict[str, float]:
-        """Return the means since the last call.
+        """Return the means since the last call, and clear them.
 
         Returns:
-            Of a step: velocity error, m/s, yaw-rate error, rad/s, and each reward term. Of a second: `reward_rate`, the
-            reward. Of a finished episode: `return` and `falls`; of an ended command interval: `tracked`, the share that
+            Per step: velocity error, m/s, yaw-rate error, rad/s, and each reward term. Per second: `reward_rate`, the
+            reward. Per finished episode: `return` and `falls`. Per ended command interval: `tracked`, the share that
             was tracked. NaN without one. And the numbers of both, `episodes` and `intervals`.
         """
         sums, self._sums = self._sums, defaultdict(float)
@@ -135,12 +146,17 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         }
 
     def pop_interval_counts(self) -> NDArray[np.int64]:
-        """Command intervals of each of the b batches since the last call, and how many were tracked, (2, b)."""
-        taken, self._counted = self._counted, np.zeros((2, len(self.batches)), np.int64)
-        return taken
+        """Return the ended and the tracked command intervals of the b batches, (2, b), and clear them."""
+        counts, self._interval_counts = self._interval_counts, np.zeros((2, len(self.batches)), np.int64)
+        return counts
 
     def replace_batch(self, number: int, batch: SimpleQuadVectorEnv) -> None:
-        """Replace a batch by another of as many robots, before all robots start new episodes."""
+        """Replace a batch by another, before all robots start new episodes.
+
+        Args:
+            number: Index of the batch.
+            batch: Batch with the same number of robots.
+        """
         self.batches[number].close()
         self.batches = (*self.batches[:number], batch, *self.batches[number + 1 :])
 
@@ -152,17 +168,19 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             batch.close()
 
     def _privileged(self, infos: Infos) -> FloatArray:
+        """Return the observations of the value network alone, (n, `privileged_width`)."""
         pushes = np.concatenate([_push(batch) for batch in self.batches], axis=1) / PUSH_SCALE
         return np.concatenate((self._scenario_one_hot, infos["heading_velocity"], pushes.T), axis=1, dtype=np.float32)
 
-    def _count(self, infos: Infos, rewards: NDArray[np.float64], fell: BoolArray) -> None:
+    def _count_step(self, infos: Infos, rewards: NDArray[np.float64], fell: BoolArray) -> None:
         """Count a step, and the command intervals that it ends."""
         ended, tracked = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
         self._sums["intervals"] += int(ended.sum())
         self._sums["tracked"] += int((ended & tracked).sum())
         self._sums["reward"] += float(rewards.sum())
         starts = [part.start for part in self._parts]
-        self._counted += np.add.reduceat(np.stack((ended, ended & tracked)).astype(np.int64), starts, axis=1)
+        counts = np.stack((ended, ended & tracked)).astype(np.int64)
+        self._interval_counts += np.add.reduceat(counts, starts, axis=1)
         error = infos["command"] - infos["heading_velocity"]
         self._sums["steps"] += len(error)
         self._sums["velocity_error"] += float(np.hypot(error[:, 0], error[:, 1]).sum())
@@ -172,13 +190,14 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
                 self._sums[f"reward/{key.removeprefix(REWARD)}"] += float(infos[key].sum())
 
     def _count_episodes(self, finished: BoolArray) -> None:
+        """Count the finished episodes of the masked robots."""
         self._sums["episodes"] += int(finished.sum())
         self._sums["return"] += float(self._returns[finished].sum())
         self._sums["falls"] += int((finished & self._fell).sum())
 
 
 def _push(batch: SimpleQuadVectorEnv) -> Array:
-    """Pushing force on every trunk during the last step, heading frame, forward and lateral, (2, n), N."""
+    """Return the pushing force on every trunk during the last step, heading frame, forward and lateral, (2, n), N."""
     if batch.scenario.pushes is None:
         return np.zeros((2, batch.num_envs))
     rotation = rotation_matrix(to_components(batch.simulation.quaternion))
@@ -186,45 +205,57 @@ def _push(batch: SimpleQuadVectorEnv) -> Array:
 
 
 def _concatenate_infos(infos: Sequence[Infos]) -> Infos:
-    """Infos of several batches as those of one."""
-    return {key: np.concatenate([each[key] for each in infos]) for key in infos[0]}
+    """Concatenate the infos of several batches."""
+    return {key: np.concatenate([batch_infos[key] for batch_infos in infos]) for key in infos[0]}
 
 
 def training_seeds(config: TrainConfig, segment: int = 0) -> list[int]:
-    """Seed of each robot of a run, n of them; others in each segment."""
+    """Return the seed of each of a run's n robots.
+
+    Args:
+        config: Settings of the run.
+        segment: Number of the segment; each has other seeds.
+
+    Returns:
+        n seeds.
+    """
     count = config.ppo.envs
     return list(map(int, episode_seeds("training", config.seed, count * (segment + 1))[-count:]))
 
 
 def segment_steps(config: TrainConfig) -> int:
-    """Steps of the learner, all robots together, between two resets of all robots, beyond which none of their state
-    lasts: whole rollouts, about as long as the longest episode."""
+    """Return the length of a segment, steps of the learner, all robots together.
+
+    All robots are reset between two segments, and none of their state lasts longer. A segment consists of whole
+    rollouts and is about as long as the longest episode.
+    """
     ppo = config.ppo
     rollouts = max(round(config.max_episode_steps / (ppo.hold * ppo.rollout_steps)), 1)
     return rollouts * ppo.rollout_steps * ppo.envs
 
 
 def make_robots(config: TrainConfig) -> MultiScenarioVectorEnv:
-    """The robots of a run on their scenarios; the seeds of a reset decide where first episodes are cut."""
+    """Make the robots of a run on their scenarios; the seeds of a reset decide where first episodes are cut."""
 
     def sample_first_lengths(seeds: Sequence[int] | None) -> NDArray[np.int64]:
         return np.random.default_rng(seeds).integers(1, config.max_episode_steps, config.ppo.envs, endpoint=True)
 
-    batches = [
-        make_batch(config, number, config.curriculum, effort_weight_scale(config, 0))
-        for number in range(len(robots_per_scenario(config)))
-    ]
+    effort = effort_weight_scale(config, 0)
+    count = len(robots_per_scenario(config))
+    batches = [make_batch(config, number, config.curriculum, effort) for number in range(count)]
     return MultiScenarioVectorEnv(batches, sample_first_lengths, config.threads if uses_batch_threads(config) else 1)
 
 
 def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
-    """Number of robots on each scenario: shares rounded by largest remainder, scenarios without robots left out; those
-    on the hardware profile last."""
+    """Return the number of robots on each scenario.
+
+    Shares are rounded by largest remainder. Scenarios without robots are left out, and scenarios on the hardware
+    profile come last.
+    """
     total = sum(share for _, share in config.mixture)
     exact = [(name, share / total * config.ppo.envs) for name, share in config.mixture]
-    counts = {
-        name: int(amount) for name, amount in sorted(exact, key=lambda entry: _uses_hardware_profile(config, entry[0]))
-    }
+    ordered = sorted(exact, key=lambda entry: _uses_hardware_profile(config, entry[0]))
+    counts = {name: int(amount) for name, amount in ordered}
     by_remainder = sorted(exact, key=lambda entry: int(entry[1]) - entry[1])
     for name, _ in by_remainder[: config.ppo.envs - sum(counts.values())]:
         counts[name] += 1
@@ -232,14 +263,22 @@ def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
 
 
 def make_base(config: TrainConfig, hardware_profile: bool = False) -> Policy:
-    """A fresh base of a run; a `real` one is for scenarios on the hardware profile, with the same servo gains."""
-    made = partial(config.hardware.policy, config.base, height_scan=config.height_scan)
-    base = made()
-    return made(real=True, robot=base.robot) if hardware_profile else base
+    """Make a fresh base policy of a run.
+
+    Args:
+        config: Settings of the run.
+        hardware_profile: Make it for scenarios on the hardware profile, with the same servo gains.
+
+    Returns:
+        The policy.
+    """
+    make = partial(config.hardware.policy, config.base, height_scan=config.height_scan)
+    base = make()
+    return make(on_hardware_profile=True, robot=base.robot) if hardware_profile else base
 
 
 def make_bases(config: TrainConfig) -> list[tuple[Policy, int]]:
-    """The bases of the robots of a run, each with the number of its robots."""
+    """Make the base policies of a run, each with its number of robots."""
     counts = [0, 0]
     for name, count in robots_per_scenario(config).items():
         counts[_uses_hardware_profile(config, name)] += count
@@ -249,32 +288,56 @@ def make_bases(config: TrainConfig) -> list[tuple[Policy, int]]:
 
 
 def _uses_hardware_profile(config: TrainConfig, name: str) -> bool:
+    """Return True if the scenario of that name is on the hardware profile."""
     return find_scenario(name, config.hardware.robot_model).hardware
 
 
 def uses_batch_threads(config: TrainConfig) -> bool:
-    """Whether there are enough batches for each thread to step one of its own; else all step one after the other."""
+    """Return True if each thread steps a batch of its own.
+
+    This needs as many batches as threads. Otherwise the threads step the robots of one batch after the other.
+    """
     return len(robots_per_scenario(config)) >= config.threads
 
 
 def effort_weight_scale(config: TrainConfig, steps: int) -> float:
-    """Share of the reward weights of effort after so many steps of a run, 0 … 1."""
+    """Return the factor on the reward weights of effort, 0 … 1, at `steps` of the run with this `config`."""
     ramp = config.effort_ramp * config.steps
     return min(steps / ramp, 1.0) if ramp else 1.0
 
 
 def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1.0) -> SimpleQuadVectorEnv:
-    """The batch of a run's scenario of that number, at that share of its severity and of the weights of effort."""
+    """Make the batch of one of a run's scenarios.
+
+    Args:
+        config: Settings of the run.
+        number: Index of the scenario in `robots_per_scenario`.
+        share: Difficulty, 0 … 1, see `at_difficulty`.
+        effort: Factor on the reward weights of effort, 0 … 1.
+
+    Returns:
+        The batch.
+    """
     name, count = list(robots_per_scenario(config).items())[number]
-    robot, base = config.hardware.robot_model, make_base(config)
+    robot = config.hardware.robot_model
+    base = make_base(config)
     scenario = with_terrain_seed(at_difficulty(find_scenario(name, robot), share, robot), "training", config.seed)
-    rewards = dataclasses.replace(
-        config.rewards, **{name: effort * getattr(config.rewards, name) for name in EFFORT_TERMS}
+    effort_weights = {term: effort * getattr(config.rewards, term) for term in EFFORT_TERMS}
+    task = TaskConfig(
+        timestep=TIMESTEP,
+        solver_iterations=SOLVER_ITERATIONS if config.device == "cpu" else None,
+        reward_weights=dataclasses.replace(config.rewards, **effort_weights),
     )
-    iterations = SOLVER_ITERATIONS if config.device == "cpu" else None
-    task = TaskConfig(timestep=TIMESTEP, solver_iterations=iterations, reward_weights=rewards)
+    env_kwargs = config.hardware.env_kwargs(base.robot)
+    if config.device == "cuda":
+        env_kwargs["simulator"] = WARP
     return SimpleQuadVectorEnv(
-        count, scenario, 1 if uses_batch_threads(config) else config.threads, AutoresetMode.DISABLED,
-        max_episode_steps=config.max_episode_steps, config=task, height_scan=base.height_scan,
-        **config.hardware.env_kwargs(base.robot) | ({"simulator": WARP} if config.device == "cuda" else {}),
-    )  # fmt: skip
+        count,
+        scenario,
+        1 if uses_batch_threads(config) else config.threads,
+        AutoresetMode.DISABLED,
+        max_episode_steps=config.max_episode_steps,
+        config=task,
+        height_scan=base.height_scan,
+        **env_kwargs,
+    )
