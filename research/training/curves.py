@@ -21,7 +21,7 @@ from quad_env.cli.format import number
 from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from train.learning_curve import DATE_METADATA, PANELS, make_axes, write_figure
 from train.run_folder import VALIDATIONS_FILE
-from train.run_record import flatten, load_settings, words
+from train.run_record import flatten, load_settings, to_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -120,7 +120,7 @@ def by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
 
 def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
     """These settings of the runs, or where that is too long the first one's folder; and how many seeds."""
-    said = ", ".join(f"{name} {words(runs[0].settings.get(name))}" for name in options)
+    said = ", ".join(f"{name} {to_words(runs[0].settings.get(name))}" for name in options)
     seeds = f"{len(runs)} seeds" if len(runs) > 1 else f"seed {runs[0].seed}"
     return f"{said if len(said) <= LONGEST else runs[0].folder} ({seeds})"
 
