@@ -16,7 +16,7 @@ import warnings
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,7 +166,7 @@ def load_network(spec: PolicySpec) -> BatchedNetwork:
         act = make()
         action, *repeated = (np.array(act(row)) for _ in range(3))
     except Exception as error:
-        raise _network_error(spec, error) from None
+        _raise_call_error(spec, error)
     num_joints = len(spec.joints)
     if action.size != num_joints or action.dtype.kind != "f":
         output = f"gives {action.size} numbers of type {action.dtype}"
@@ -174,12 +174,12 @@ def load_network(spec: PolicySpec) -> BatchedNetwork:
     return BatchedNetwork(make, has_memory or any(action.tobytes() != each.tobytes() for each in repeated))
 
 
-def _network_error(spec: PolicySpec, error: Exception) -> PolicyError:
-    """Return the error of a failed call, with the expected width if the message of the library names one."""
+def _raise_call_error(spec: PolicySpec, error: Exception) -> NoReturn:
+    """Raise PolicyError for a failed call, with the expected width if the message of the library names one."""
     if match := re.search(r"and (\d+)x\d+\)|Expected (\d+), got|mat \(\d+x(\d+)\)", str(error)):
-        return _width_error(spec, int(next(filter(None, match.groups()))))
+        raise _width_error(spec, int(next(filter(None, match.groups())))) from None
     reason = format_exception(error).rpartition("RuntimeError: ")[2]
-    return PolicyError(f"{spec.network} fails: {reason[:MAX_REASON]}")
+    raise PolicyError(f"{spec.network} fails: {reason[:MAX_REASON]}") from None
 
 
 def _width_error(spec: PolicySpec, expected: int) -> PolicyError:

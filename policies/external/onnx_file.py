@@ -38,7 +38,7 @@ _IR_VERSION = 8
 
 
 def load_onnx(reference: PolicyReference, robot: Robot) -> Policy | ActFactory:
-    """Load an ONNX file.
+    """Load an ONNX file. A file that is no policy and a residual of another robot raise PolicyError.
 
     Args:
         reference: Reference to the file.
@@ -46,9 +46,6 @@ def load_onnx(reference: PolicyReference, robot: Robot) -> Policy | ActFactory:
 
     Returns:
         Residual policy, or a factory of functions from one observation to one action.
-
-    Raises:
-        PolicyError: The file is no policy, or is a residual of another robot.
     """
     session = open_session(reference.file)
     make, _ = make_network_factory(session, reference.file)

@@ -23,7 +23,7 @@ def import_package(name: str, extra: str = "onnx") -> Any:
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
-        raise _missing_package(str(error.name), extra) from None
+        raise PolicyError(_missing_package(str(error.name), extra)) from None
 
 
 def check_package(name: str, extra: str = "onnx") -> None:
@@ -37,8 +37,8 @@ def check_package(name: str, extra: str = "onnx") -> None:
         PolicyError: It is not installed.
     """
     if find_spec(name) is None:
-        raise _missing_package(name, extra)
+        raise PolicyError(_missing_package(name, extra))
 
 
-def _missing_package(name: str, extra: str) -> PolicyError:
-    return PolicyError(f'this needs {name}, which is not installed: pip install -e ".[{extra}]"')
+def _missing_package(name: str, extra: str) -> str:
+    return f'this needs {name}, which is not installed: pip install -e ".[{extra}]"'

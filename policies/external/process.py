@@ -146,7 +146,7 @@ class ExternalPolicy(Policy):
     Args:
         reference: Reference to the policy.
         trust: True to load files in which code can be hidden.
-        made_for: Robot and control period. The attribute `robot` has the servo gains of the policy's specification.
+        **made_for: Robot and control period. The attribute `robot` has the servo gains of the policy's specification.
     """
 
     failure: NDArray[np.object_]

@@ -3,6 +3,7 @@
 import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NoReturn
 
 from policies.base import PolicyError
 from policies.external import readers
@@ -119,7 +120,7 @@ def resolve_reference(text: str | Path, trust: bool) -> PolicyReference:
     if reference.suffix == ".zip":
         return _with_statistics(reference, trust)
     if reference.suffix != ".py" and not is_onnx(network) and not trust:
-        raise _trust_error(network)
+        _raise_untrusted(network)
     return reference
 
 
@@ -133,17 +134,17 @@ def _with_statistics(model: PolicyReference, trust: bool) -> PolicyReference:
         statistics = None
         is_certain = True
     if not trust:
-        raise _trust_error(*(file for file in (model.file, statistics) if file is not None))
+        _raise_untrusted(*(file for file in (model.file, statistics) if file is not None))
     remark = f"its observations are normalised by {statistics}, the only statistics of its run"
     return replace(model, normaliser=statistics, remarks=() if is_certain else (remark,))
 
 
-def _trust_error(*files: Path) -> PolicyError:
-    """Return the error for files that are loaded with --trust alone."""
+def _raise_untrusted(*files: Path) -> NoReturn:
+    """Raise PolicyError for files that are loaded with --trust alone."""
     names = " and ".join(map(str, files))
     them = "it" if len(files) == 1 else "them"
     origin = "it comes" if len(files) == 1 else "they come"
-    return PolicyError(
+    raise PolicyError(
         f"loading {names} can run code that is hidden in {them}: give --trust if you know where {origin} from"
     )
 

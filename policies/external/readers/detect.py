@@ -42,7 +42,7 @@ def read(path: Path) -> PolicySpec | None:
             case ".yaml" | ".yml" | ".json":
                 return check_network_matches(_parse_by_keys(load_settings(path)))
     except IncompleteSpecError as error:
-        raise error.at(path) from None
+        raise IncompleteSpecError(*error.arguments_at(path)) from None
     except PolicyError as error:
         raise PolicyError(one_line(f"{path}: {error}")) from None
     except ZeroDivisionError:

@@ -18,20 +18,20 @@ EXAMPLES = {
     "terms": '["linear_velocity", "angular_velocity", "projected_gravity", "command", "joint_position", '
     '"joint_velocity", "previous_action"]',
 }
-"""Fields that every description has, with an example of each, as TOML."""
-DRAFT = "python -m quad_env doctor --policy FILE --write mine.toml writes the rest of it, to complete"
-HEAD = "# What a policy reads and commands, as far as its files say it: docs/deployment-files.md"
+"""Fields that every specification has, with an example of each, as TOML."""
+WRITE_DRAFT = "python -m quad_env doctor --policy FILE --write mine.toml writes the rest of it, to complete"
+HEADER = "# What a policy reads and commands, as far as its files say it: docs/deployment-files.md"
 
 
 class IncompleteSpecError(PolicyError):
-    """File of a known kind without a complete policy.
+    """Raised for a file of a known kind without a complete policy.
 
     Args:
-        kind: What the file is, a noun phrase.
+        kind: Kind of the file, a noun phrase.
         known: Fields of a `PolicySpec` that it gives.
-        advice: What is known of the missing fields, a line each.
-        fault: What to say instead of the kind and the missing fields.
-        remedy: What to do instead of writing a draft.
+        advice: Facts on the missing fields, a line each.
+        fault: Error text instead of the kind and the missing fields.
+        remedy: Remedy instead of a draft.
     """
 
     def __init__(
@@ -47,22 +47,27 @@ class IncompleteSpecError(PolicyError):
         self.advice = advice
         self.missing = tuple(name for name in EXAMPLES if name not in known)
         missing = ", ".join(f"`{name}`" for name in self.missing)
-        super().__init__(fault or f"it is {kind}, which does not say {missing}", remedy or DRAFT)
+        super().__init__(fault or f"it is {kind}, which does not say {missing}", remedy or WRITE_DRAFT)
 
-    def at(self, path: Path) -> "IncompleteSpecError":
-        """Return the same error with the path of the file."""
+    def arguments_at(self, path: Path) -> tuple[str, dict[str, Any], tuple[str, ...], str, str]:
+        """Return the arguments of the same error with the path of the file."""
         remedy = self.remedy.replace("FILE", str(path))
-        return IncompleteSpecError(self.kind, self.known, self.advice, f"{path}: {self.fault}", remedy)
+        return self.kind, self.known, self.advice, f"{path}: {self.fault}", remedy
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the fields too: files are read in a limited process."""
+        """Return the arguments for pickle: files are read in a limited process."""
         return IncompleteSpecError, (self.kind, self.known, self.advice, self.fault, self.remedy)
 
 
 def write_draft(incomplete: IncompleteSpecError, file: Path) -> None:
-    """Write the known fields as TOML, the network relative to the file's folder, and the rest as comments."""
-    lines = [HEAD]
-    lines += [f"# {each}" for each in incomplete.advice]
+    """Write the known fields as TOML, and the rest as comments.
+
+    Args:
+        incomplete: Known fields and advice. The network is written relative to the file's folder.
+        file: TOML to write.
+    """
+    lines = [HEADER]
+    lines += [f"# {advice}" for advice in incomplete.advice]
     for name, example in EXAMPLES.items():
         if name not in incomplete.known:
             lines.append(f"# {name} = {example}")

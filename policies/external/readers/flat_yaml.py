@@ -49,6 +49,7 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
 
     Raises:
         IncompleteSpecError: The settings lack fields, as all flat settings without rl_sar's keys do.
+        PolicyError: A setting is wrong.
     """
     if settings.find("observations") is not None and settings.find("model_name") is not None:
         robot_section = FileSettings({settings.file.stem: settings.values}, settings.file)

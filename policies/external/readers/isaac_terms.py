@@ -9,6 +9,7 @@ observation (`CircularBuffer`).
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import NoReturn
 
 from policies.base import PolicyError
 from policies.external.readers.joint_orders import JointNames
@@ -16,7 +17,7 @@ from policies.external.readers.settings import WRITE_TOML, FileSettings
 from policies.external.spec import TERM_WIDTHS, HeightGrid, ObservationTerm
 from quad_env.files.text import MAX_SHOWN, brief
 
-FUNCTIONS = {
+TERM_NAMES = {
     "base_lin_vel": "linear_velocity",
     "base_ang_vel": "angular_velocity",
     "projected_gravity": "projected_gravity",
@@ -34,75 +35,104 @@ FUNCTIONS = {
     "gait_phase_my": "gait_clock",
     "phase": "gait_clock",
 }
-_OF_JOINTS = {"absolute_joint_position", "joint_position", "joint_velocity", "joint_torque"}
-_PERIODS = {"gait_phase": "period", "gait_phase_my": "period", "phase": "cycle_time"}
+"""Names of this project's terms by function."""
+_JOINT_TERMS = {"absolute_joint_position", "joint_position", "joint_velocity", "joint_torque"}
+_PERIOD_KEYS = {"gait_phase": "period", "gait_phase_my": "period", "phase": "cycle_time"}
+"""Parameters with the period of a clock, s, by function."""
 ZERO_BELOW = 0.1
 """Norm of a command below which newer unitree_rl_mjlab shows its clock as (0, 0)."""
-_THRESHOLDS = "command_threshold", "zero_below"
+_THRESHOLD_KEYS = "command_threshold", "zero_below"
 """Parameters with another threshold."""
 
 
 def make_term(function: str, settings: FileSettings, grid: HeightGrid | None = None) -> ObservationTerm:
-    """A term by the name of its function, with its `params`, `clip`, `scale`, `history_length`. Raises PolicyError."""
-    name = FUNCTIONS.get(function)
+    """Return a term by the name of its function. An unknown function and modifiers raise PolicyError.
+
+    Args:
+        function: Name of the function.
+        settings: Settings of the term: `params`, `clip`, `scale`, `history_length`.
+        grid: Points of a height scan.
+
+    Returns:
+        The term.
+    """
+    name = TERM_NAMES.get(function)
     if name is None or (name == "height_scan" and grid is None):
-        raise unknown_term(function)
+        raise_unknown_term(function)
     if settings.find("modifiers"):
-        raise unknown_term(f"{function} with modifiers")
+        raise_unknown_term(f"{function} with modifiers")
     clip = None if settings.find("clip") is None else settings.range("clip")
-    clock, zero_below = _clock(function, settings)
-    found = ObservationTerm(
-        name, clip=clip, history=history_length(settings), clock=clock, grid=grid, zero_below=zero_below
-    )
-    return with_scale(found, settings)
+    clock, zero_below = _parse_clock(function, settings)
+    history = history_length(settings)
+    term = ObservationTerm(name, clip=clip, history=history, clock=clock, grid=grid, zero_below=zero_below)
+    return with_scale(term, settings)
 
 
-def _clock(function: str, settings: FileSettings) -> tuple[float, float]:
-    """Return a clock's cycles a second, Hz, and the norm of a command below which it is zero; 0 for other functions."""
-    if function not in _PERIODS:
+def _parse_clock(function: str, settings: FileSettings) -> tuple[float, float]:
+    """Return the frequency of a clock, Hz, and the norm of a command below which it is zero; 0 for other functions."""
+    if function not in _PERIOD_KEYS:
         return 0.0, 0.0
     params = settings.section("params")
-    key = _PERIODS[function] if params.find(_PERIODS[function]) is not None else "period"
-    given = [each for each in _THRESHOLDS if params.find(each) is not None]
+    key = _PERIOD_KEYS[function] if params.find(_PERIOD_KEYS[function]) is not None else "period"
+    threshold_keys = [each for each in _THRESHOLD_KEYS if params.find(each) is not None]
     is_gated = function == "gait_phase_my" or params.find("command_name") is not None
-    threshold = params.number(given[0]) if given else ZERO_BELOW * is_gated
+    threshold = params.number(threshold_keys[0]) if threshold_keys else ZERO_BELOW * is_gated
     return 1 / params.number(key), threshold
 
 
 def incomplete_remarks(terms: Iterable[tuple[str, FileSettings]]) -> tuple[str, ...]:
-    """Return a line for each term, by function, that a file leaves incomplete."""
+    """Return a line for each term that its file leaves incomplete; `terms` are functions with their settings."""
     return tuple(
         f"{function} in {settings.file.name} does not say whether it is (0, 0) at commands below {ZERO_BELOW:g}, as in "
         f"newer unitree_rl_mjlab; read as a clock that always runs, else set `zero_below = {ZERO_BELOW:g}` in a TOML"
         for function, settings in terms
-        if function in ("gait_phase", "phase") and not _clock(function, settings)[1]
+        if function in ("gait_phase", "phase") and not _parse_clock(function, settings)[1]
     )
 
 
 def with_scale(term: ObservationTerm, settings: FileSettings, key: str = "scale") -> ObservationTerm:
-    """A term with the scale that a key gives, if it does: one number where all are alike."""
+    """Return a term with the scale of the settings; one number if all are equal.
+
+    Args:
+        term: The term.
+        settings: Settings of the term.
+        key: Key of the scale; the term is unchanged without it.
+
+    Returns:
+        The scaled term.
+    """
     if settings.find(key) is None:
         return term
-    found = replace(term, scale=settings.numbers(key, None))
-    return replace(found, scale=found.scale[:1]) if len(set(found.scale)) == 1 else found
+    scaled = replace(term, scale=settings.numbers(key, None))
+    return replace(scaled, scale=scaled.scale[:1]) if len(set(scaled.scale)) == 1 else scaled
 
 
 def history_length(settings: FileSettings) -> int:
-    """The `history_length`, where 0 stands for the present step alone."""
+    """Return the number of control steps by `history_length`; its value 0 is the present step alone."""
     return max(1, int(settings.number("history_length", 1)))
 
 
 def observed_order(terms: dict[str, ObservationTerm], order: Callable[[str], JointNames]) -> JointNames | None:
-    """The one order in which terms, by key, observe the joints; None where they observe none. Raises PolicyError."""
-    orders = {order(key) for key, each in terms.items() if each.name in _OF_JOINTS}
+    """Return the order in which the terms observe the joints.
+
+    Args:
+        terms: Terms by key.
+        order: Maps the key of a term to the names of its joints.
+
+    Returns:
+        Names of the joints; None if no term observes joints.
+
+    Raises:
+        PolicyError: The terms have several orders.
+    """
+    orders = {order(key) for key, term in terms.items() if term.name in _JOINT_TERMS}
     if len(orders) > 1:
         raise PolicyError("the joints are observed in several orders (`params.asset_cfg`): one is read", WRITE_TOML)
     return next(iter(orders), None)
 
 
-def unknown_term(term: str) -> PolicyError:
-    """The error for a term that is not known."""
-    shown = term if len(term) <= MAX_SHOWN else brief(term)
-    return PolicyError(
-        f"the observation term {shown} is not known", f"{WRITE_TOML} with terms of {', '.join(TERM_WIDTHS)}"
-    )
+def raise_unknown_term(name: str) -> NoReturn:
+    """Raise PolicyError for an unknown term."""
+    shown = name if len(name) <= MAX_SHOWN else brief(name)
+    valid = ", ".join(TERM_WIDTHS)
+    raise PolicyError(f"the observation term {shown} is not known", f"{WRITE_TOML} with terms of {valid}")

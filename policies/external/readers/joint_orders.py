@@ -1,4 +1,4 @@
-"""Orders of the twelve joints in the makers' own names, where a file gives no names or no order.
+"""Orders of the twelve joints in the makers' own names, for files without names or without an order.
 
 Isaac Gym and Isaac Sim import links by name: legs are in alphabetical order. Isaac Gym's joints then go leg by leg
 (`gym.get_asset_dof_names`), Isaac Lab's, with PhysX, breadth first, so kind by kind (`Articulation.joint_names`).
@@ -18,19 +18,36 @@ FAMILIES: dict[str, tuple[str, str]] = {
 
 
 def names_by_leg(legs: str, kinds: str = "hip_joint thigh_joint calf_joint") -> JointNames:
-    """Joints leg by leg, each from the trunk down."""
+    """Return joint names leg by leg, each from the trunk down.
+
+    Args:
+        legs: Names of the legs, separated by spaces.
+        kinds: Names of the joints of a leg, separated by spaces.
+
+    Returns:
+        Names `LEG_KIND`.
+    """
     return tuple(f"{leg}_{kind}" for leg in legs.split() for kind in kinds.split())
 
 
 def names_by_kind(legs: str, kinds: str) -> JointNames:
-    """Joints kind by kind, each in the order of the legs."""
+    """Return joint names kind by kind, each in the order of the legs.
+
+    Args:
+        legs: Names of the legs, separated by spaces.
+        kinds: Names of the joints of a leg, separated by spaces.
+
+    Returns:
+        Names `LEG_KIND`.
+    """
     return tuple(f"{leg}_{kind}" for kind in kinds.split() for leg in legs.split())
 
 
 def isaac_gym_order(names: Iterable[str]) -> JointNames | None:
-    """Isaac Gym's order of joints; None for names of no known family."""
-    given = set(names)
-    return next((order for each in FAMILIES.values() if set(order := names_by_leg(*each)) == given), None)
+    """Return joint names in Isaac Gym's order; None for names of no known family."""
+    name_set = set(names)
+    orders = (names_by_leg(*family) for family in FAMILIES.values())
+    return next((order for order in orders if set(order) == name_set), None)
 
 
 UNITREE_MOTORS = names_by_leg("FR FL RR RL")

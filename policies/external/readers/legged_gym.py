@@ -1,4 +1,4 @@
-"""legged_gym's settings, its config class as a dictionary in YAML or JSON, and those of HIMLoco.
+"""Settings of legged_gym, its config class as a dictionary in YAML or JSON, and of HIMLoco.
 
 Sources: leggedrobotics/legged_gym `envs/base/legged_robot.py` (`compute_observations`, `_compute_torques`, `step`;
 `_init_buffers`: of the keys of `stiffness` that are part of a joint's name the last one gives both gains),
@@ -15,32 +15,38 @@ from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """The policy of such settings. Raises PolicyError."""
-    control, normalization = settings.section("control"), settings.section("normalization")
-    if control.find("control_type") not in (None, "P"):
-        raise control.invalid_value("control_type", "P, of joint positions")
-    if control.find("use_actuator_network") not in (None, False):
-        raise PolicyError(
-            f"`control.use_actuator_network` in {settings.file.name}: the joints were trained with a network of their "
-            "actuators, of which no stiffness and damping are known",
-            f"{WRITE_TOML} with the gains of the robot's own controller",
-        )
+    """Return the policy of legged_gym's settings.
+
+    Args:
+        settings: Settings of the file.
+
+    Returns:
+        Specification of the policy.
+
+    Raises:
+        PolicyError: A setting is missing, wrong or unsupported, or the order of the joints is unknown.
+    """
+    control = settings.section("control")
+    normalization = settings.section("normalization")
+    _check_control(control)
     angles = settings.section("init_state", "default_joint_angles")
-    if (joints := isaac_gym_order(str(key) for key in angles.values)) is None:
+    joints = isaac_gym_order(str(key) for key in angles.values)
+    if joints is None:
         raise PolicyError(f"the order of the joints {', '.join(map(str, angles.values))} cannot be known", WRITE_TOML)
-    scale, clip = control.number("action_scale"), normalization.number("clip_actions")
-    hip = scale * control.number("hip_reduction", 1.0) * control.number("hip_scale_reduction", 1.0)
-    gains_of = [_gains(control, joint) for joint in joints]
+    scale = control.number("action_scale")
+    clip = normalization.number("clip_actions")
+    hip_scale = scale * control.number("hip_reduction", 1.0) * control.number("hip_scale_reduction", 1.0)
+    gains = [_parse_gains(control, joint) for joint in joints]
     return PolicySpec(
         network=settings.network(),
         control_rate=1 / (control.number("decimation") * settings.section("sim").number("dt")),
         joints=joints,
         default_position=tuple(angles.number(joint) for joint in joints),
-        action_scale=(hip, scale, scale) * 4,
+        action_scale=(hip_scale, scale, scale) * 4,
         action_clip=(-clip, clip),
-        stiffness=tuple(gains[0] for gains in gains_of),
-        damping=tuple(gains[1] for gains in gains_of),
-        terms=_terms(settings, normalization.section("obs_scales")),
+        stiffness=tuple(stiffness for stiffness, _ in gains),
+        damping=tuple(damping for _, damping in gains),
+        terms=_parse_terms(settings, normalization.section("obs_scales")),
         observation_clip=normalization.number("clip_observations"),
         history_layout="time",
         history_newest="first",
@@ -48,52 +54,71 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
     )
 
 
-def _gains(control: FileSettings, joint: str) -> tuple[float, float]:
+def _check_control(control: FileSettings) -> None:
+    """Raise PolicyError for other actions than joint positions, and for a network of the actuators."""
+    if control.find("control_type") not in (None, "P"):
+        control.raise_invalid("control_type", "P, of joint positions")
+    if control.find("use_actuator_network") not in (None, False):
+        raise PolicyError(
+            f"`control.use_actuator_network` in {control.file.name}: the joints were trained with a network of their "
+            "actuators, of which no stiffness and damping are known",
+            f"{WRITE_TOML} with the gains of the robot's own controller",
+        )
+
+
+def _parse_gains(control: FileSettings, joint: str) -> tuple[float, float]:
     """Return stiffness and damping of a joint, by the last key of the stiffness that is part of the joint's name.
 
-    The damping has its own key in the joint's name where it lacks the stiffness's key; legged_gym itself then fails.
+    The damping has its own key in the joint's name if it lacks the stiffness's key; legged_gym itself then fails.
     """
     stiffness = control.section("stiffness")
     damping = control.section("damping")
-    if not (keys := [key for key in stiffness.values if str(key) in joint]):
+    keys = [key for key in stiffness.values if str(key) in joint]
+    if not keys:
         raise PolicyError(f"`control.stiffness` in {control.file.name} has nothing for {joint}")
     key = keys[-1]
-    if damping.find(key) is None and len(others := [each for each in damping.values if str(each) in joint]) == 1:
-        return stiffness.number(key), damping.number(others[0])
+    damping_keys = [each for each in damping.values if str(each) in joint]
+    if damping.find(key) is None and len(damping_keys) == 1:
+        return stiffness.number(key), damping.number(damping_keys[0])
     return stiffness.number(key), damping.number(key)
 
 
-def _terms(settings: FileSettings, scales: FileSettings) -> tuple[ObservationTerm, ...]:
+def _parse_terms(settings: FileSettings, scales: FileSettings) -> tuple[ObservationTerm, ...]:
+    """Return the terms of legged_gym or HIMLoco, if their width is the file's. Raises PolicyError."""
     env = settings.section("env")
-    total = env.number("num_observations")
-    speed, turn = scales.number("lin_vel"), scales.number("ang_vel")
-    first = [ObservationTerm("angular_velocity", (turn,)), ObservationTerm("projected_gravity")]
-    command = ObservationTerm("command", (speed, speed, turn))
-    last = [
+    width = env.number("num_observations")
+    velocity_scale = scales.number("lin_vel")
+    turn_scale = scales.number("ang_vel")
+    attitude = [ObservationTerm("angular_velocity", (turn_scale,)), ObservationTerm("projected_gravity")]
+    command = ObservationTerm("command", (velocity_scale, velocity_scale, turn_scale))
+    joints = [
         ObservationTerm("joint_position", (scales.number("dof_pos"),)),
         ObservationTerm("joint_velocity", (scales.number("dof_vel"),)),
         ObservationTerm("previous_action"),
     ]
     if env.find("num_one_step_observations") is not None:
-        terms, one_step = [command, *first, *last], env.number("num_one_step_observations")
+        terms = [command, *attitude, *joints]
+        step_width = env.number("num_one_step_observations")
     else:
-        terms, one_step = (
-            [ObservationTerm("linear_velocity", (speed,)), *first, command, *last, *_heights(settings, scales)],
-            total,
-        )
-    if one_step != (width := sum(term.width for term in terms)) or total % one_step:
+        velocity = ObservationTerm("linear_velocity", (velocity_scale,))
+        terms = [velocity, *attitude, command, *joints, *_parse_heights(settings, scales)]
+        step_width = width
+    terms_width = sum(term.width for term in terms)
+    if step_width != terms_width or width % step_width:
         raise PolicyError(
-            f"the observation is {total:g} numbers, and legged_gym's terms are {width}: which terms they are is not "
-            f"in {env.file.name}",
+            f"the observation is {width:g} numbers, and legged_gym's terms are {terms_width}: which terms they are is "
+            f"not in {env.file.name}",
             WRITE_TOML,
         )
-    return tuple(replace(each, history=int(total / one_step)) for each in terms)
+    return tuple(replace(term, history=int(width / step_width)) for term in terms)
 
 
-def _heights(settings: FileSettings, scales: FileSettings) -> list[ObservationTerm]:
+def _parse_heights(settings: FileSettings, scales: FileSettings) -> list[ObservationTerm]:
+    """Return the height scan if the terrain is measured, else no term."""
     terrain = settings.section("terrain")
     if terrain.find("measure_heights") is not True:
         return []
-    x, y = terrain.numbers("measured_points_x", None), terrain.numbers("measured_points_y", None)
+    x = terrain.numbers("measured_points_x", None)
+    y = terrain.numbers("measured_points_y", None)
     grid = HeightGrid(x, y, x_first=False, offset=0.5)
     return [ObservationTerm("height_scan", (scales.number("height_measurements"),), (-1.0, 1.0), grid=grid)]

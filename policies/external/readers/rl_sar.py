@@ -3,16 +3,16 @@
 Sources: fan-ziqi/rl_sar `library/core/rl_sdk/rl_sdk.cpp` and `observation_buffer.cpp`: joint i of the policy is motor
 `joint_mapping[i]`, observations are scaled, then clipped as a whole; a history starts with zeros, 0 is its newest step.
 From v2.3 on, a history is in the order of `observations_history`. Up to v2.2, `get_obs_vec` walks through that list
-from its end; `hip_scale_reduction` multiplies the actions of `hip_scale_reduction_indices`, also those that are
-observed; vectors of joints are by leg, and with `framework: isaacsim` those of the policy are their `rows` x `cols`,
-transposed (`ReadVectorFromYaml`). Files of v2.1 and older do not name the observation.
+from its end; `hip_scale_reduction` multiplies the actions of `hip_scale_reduction_indices`, also the observed ones;
+vectors of joints are by leg, and with `framework: isaacsim` the policy's are their `rows` x `cols`, transposed
+(`ReadVectorFromYaml`). Files of v2.1 and older do not name the observation.
 """
 
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 from policies.base import PolicyError
-from policies.external.readers.isaac_terms import unknown_term, with_scale
+from policies.external.readers.isaac_terms import raise_unknown_term, with_scale
 from policies.external.readers.joint_orders import JointNames
 from policies.external.readers.settings import WRITE_TOML, FileSettings, find_network, load_settings
 from policies.external.spec import JOINT_FIELDS, ObservationTerm, PolicySpec, Range
@@ -31,104 +31,127 @@ _TERMS = {
 """Names and scales of the terms. `ang_vel_world` is read in the world frame and turned into the base frame;
 `ang_vel_body` is read in the base frame.
 """
-_OLD = "hip_scale_reduction", "hip_scale_reduction_indices", "rows", "cols"
+_KEYS_BEFORE_V2_3 = "hip_scale_reduction", "hip_scale_reduction_indices", "rows", "cols"
 """Keys of files up to v2.2."""
-_NEW = "command_mapping", "state_mapping", "joint_mapping", "observations_history_priority"
+_KEYS_SINCE_V2_3 = "command_mapping", "state_mapping", "joint_mapping", "observations_history_priority"
 """Keys of files from v2.3 on."""
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """The policy of a `config.yaml`, whose settings lie under the name of its folder. Raises PolicyError."""
+    """Return the policy of a `config.yaml`. A fault raises PolicyError.
+
+    Args:
+        settings: Settings with one section, under the name of the file's folder.
+
+    Returns:
+        Specification of the policy.
+    """
     ((_, own),) = settings.sections()
-    file = settings.file.parent.parent / "base.yaml"
-    base = next((each for _, each in load_settings(file).sections()), None) if file.is_file() else None
-    found = FileSettings((base.values if base else {}) | own.values, settings.file, own.key_prefix)
+    base = _load_base(settings)
+    merged = FileSettings((base.values if base else {}) | own.values, settings.file, own.key_prefix)
     for key in ("dt", "decimation", "num_of_dofs"):
-        if base and base.find(key) not in (None, found.find(key)):
-            raise _disagreement(settings, key)
-    is_old = _is_before_v2_3(found)
-    steps, newest = _history(found, is_old)
-    scale = found.numbers("action_scale")
-    described = PolicySpec(
-        network=find_network(settings.file.parent, found.text("model_name")),
-        control_rate=1 / (found.number("dt") * found.number("decimation")),
-        joints=_joints(own, base, found),
-        default_position=found.numbers("default_dof_pos"),
-        action_scale=scale,
-        action_clip=_action_clip(found),
-        stiffness=found.numbers("rl_kp"),
-        damping=found.numbers("rl_kd"),
-        terms=_terms(found, steps),
-        observation_clip=found.number("clip_obs"),
-        history_layout="term" if found.find("observations_history_priority") == "term" else "time",
+        if base and base.find(key) not in (None, merged.find(key)):
+            _raise_contradiction(settings, key)
+    is_old = _is_before_v2_3(merged)
+    steps, newest = _parse_history(merged, is_old)
+    action_scale = merged.numbers("action_scale")
+    spec = PolicySpec(
+        network=find_network(settings.file.parent, merged.text("model_name")),
+        control_rate=1 / (merged.number("dt") * merged.number("decimation")),
+        joints=_parse_joints(own, base, merged),
+        default_position=merged.numbers("default_dof_pos"),
+        action_scale=action_scale,
+        action_clip=_parse_action_clip(merged),
+        stiffness=merged.numbers("rl_kp"),
+        damping=merged.numbers("rl_kd"),
+        terms=_parse_terms(merged, steps),
+        observation_clip=merged.number("clip_obs"),
+        history_layout="term" if merged.find("observations_history_priority") == "term" else "time",
         history_newest=newest,
         history_start="zero",
     )
-    return _with_settings_before_v2_3(described, found) if is_old else described
+    return _with_reduced_hips(_in_framework_order(spec, merged), merged) if is_old else spec
 
 
-def _is_before_v2_3(found: FileSettings) -> bool:
-    """Return whether a file is of v2.2 or older. Raises PolicyError where it has contradicting keys of both."""
-    newer = [key for key in _NEW if found.find(key) is not None]
-    newer += ["action_scale"] * isinstance(found.find("action_scale"), list)
+def _load_base(settings: FileSettings) -> FileSettings | None:
+    """Return the first section of the robot's `base.yaml`; None without this file."""
+    file = settings.file.parent.parent / "base.yaml"
+    if not file.is_file():
+        return None
+    return next((section for _, section in load_settings(file).sections()), None)
+
+
+def _is_before_v2_3(settings: FileSettings) -> bool:
+    """Return True if a file is of v2.2 or older. Raises PolicyError if it has contradicting keys of both."""
+    newer = [key for key in _KEYS_SINCE_V2_3 if settings.find(key) is not None]
+    newer += ["action_scale"] * isinstance(settings.find("action_scale"), list)
     if not newer:
-        return any(found.find(key) is not None for key in _OLD)
-    if found.number("hip_scale_reduction", 1.0) != 1.0:
-        raise found.invalid_value(
-            "hip_scale_reduction", f"in `action_scale`, joint by joint, in a file with `{newer[0]}`"
-        )
+        return any(settings.find(key) is not None for key in _KEYS_BEFORE_V2_3)
+    if settings.number("hip_scale_reduction", 1.0) != 1.0:
+        expected = f"in `action_scale`, joint by joint, in a file with `{newer[0]}`"
+        settings.raise_invalid("hip_scale_reduction", expected)
     return False
 
 
-def _with_settings_before_v2_3(described: PolicySpec, found: FileSettings) -> PolicySpec:
-    """Return the description with the settings of v2.2 and older: the framework's order and the reduction of hips."""
-    framework = found.find("framework")
+def _in_framework_order(spec: PolicySpec, settings: FileSettings) -> PolicySpec:
+    """Return the specification with its joints in the framework's order, as v2.2 and older have it."""
+    framework = settings.find("framework")
     if framework not in (None, "isaacgym", "isaacsim"):
-        raise found.invalid_value("framework", "isaacgym or isaacsim")
-    if framework == "isaacsim":
-        rows = int(found.number("rows", 4.0))
-        columns = int(found.number("cols", 3.0))
-        if rows * columns != 12:
-            raise found.invalid_value("rows", "a number with rows x cols = 12")
-        order = [row * columns + column for column in range(columns) for row in range(rows)]
-        moved: dict[str, Any] = {
-            name: tuple(values[place] for place in order)
-            for name in ("joints", *JOINT_FIELDS)
-            if (values := getattr(described, name)) is not None
-        }
-        described = replace(described, **moved)
-    reduction = found.number("hip_scale_reduction", 1.0)
+        settings.raise_invalid("framework", "isaacgym or isaacsim")
+    if framework != "isaacsim":
+        return spec
+    rows = int(settings.number("rows", 4.0))
+    columns = int(settings.number("cols", 3.0))
+    if rows * columns != 12:
+        settings.raise_invalid("rows", "a number with rows x cols = 12")
+    order = [row * columns + column for column in range(columns) for row in range(rows)]
+    reordered: dict[str, Any] = {
+        name: tuple(values[index] for index in order)
+        for name in ("joints", *JOINT_FIELDS)
+        if (values := getattr(spec, name)) is not None
+    }
+    return replace(spec, **reordered)
+
+
+def _with_reduced_hips(spec: PolicySpec, settings: FileSettings) -> PolicySpec:
+    """Return the specification with `hip_scale_reduction` in the action scale and in the observed previous action."""
+    reduction = settings.number("hip_scale_reduction", 1.0)
     if reduction == 1.0:
-        return described
-    places = [int(each) for each in found.numbers("hip_scale_reduction_indices", None)]
-    if not set(places) <= set(range(12)):
-        raise found.invalid_value("hip_scale_reduction_indices", "places of joints, from 0 to 11")
-    if any(term.name == "previous_action" for term in described.terms):
-        shown = tuple(reduction if place in places else 1.0 for place in range(12))
-        terms = [replace(term, scale=shown) if term.name == "previous_action" else term for term in described.terms]
-        described = replace(described, terms=tuple(terms))
-    scale = tuple(each * (reduction if place in places else 1.0) for place, each in enumerate(described.action_scale))
-    return replace(described, action_scale=scale)
+        return spec
+    hips = [int(index) for index in settings.numbers("hip_scale_reduction_indices", None)]
+    if not set(hips) <= set(range(12)):
+        settings.raise_invalid("hip_scale_reduction_indices", "places of joints, from 0 to 11")
+    factors = tuple(reduction if index in hips else 1.0 for index in range(12))
+    if any(term.name == "previous_action" for term in spec.terms):
+        terms = [replace(term, scale=factors) if term.name == "previous_action" else term for term in spec.terms]
+        spec = replace(spec, terms=tuple(terms))
+    return replace(
+        spec, action_scale=tuple(scale * factor for scale, factor in zip(spec.action_scale, factors, strict=True))
+    )
 
 
-def _disagreement(settings: FileSettings, key: str) -> PolicyError:
-    return PolicyError(f"`{key}` in {settings.file.name} and in ../base.yaml disagree", "make them one")
+def _raise_contradiction(settings: FileSettings, key: str) -> NoReturn:
+    raise PolicyError(f"`{key}` in {settings.file.name} and in ../base.yaml disagree", "make them one")
 
 
-def _joints(own: FileSettings, base: FileSettings | None, found: FileSettings) -> JointNames:
-    """Names in the policy's order: those in the file itself, or the base's by `joint_mapping`."""
-    names, motors = _names(own), _names(base) if base else None
+def _parse_joints(own: FileSettings, base: FileSettings | None, merged: FileSettings) -> JointNames:
+    """Return the names in the policy's order: of the file itself, or of the base by `joint_mapping`.
+
+    Raises PolicyError if there are none, or if both disagree.
+    """
+    names = _joint_names(own)
+    motors = _joint_names(base) if base else None
     if motors and (names is None or own.find("joint_mapping") is not None):
-        mapped = tuple(motors[each] for each in found.permutation("joint_mapping")) if len(motors) == 12 else motors
+        mapped = tuple(motors[index] for index in merged.permutation("joint_mapping")) if len(motors) == 12 else motors
         if names not in (None, mapped):
-            raise _disagreement(own, "joint_names")
+            _raise_contradiction(own, "joint_names")
         return mapped
     if names is None:
         raise PolicyError(f"neither {own.file.name} nor ../base.yaml has `joint_names`", f"add it, or {WRITE_TOML}")
     return names
 
 
-def _names(settings: FileSettings) -> JointNames | None:
+def _joint_names(settings: FileSettings) -> JointNames | None:
     if settings.find("joint_names") is not None:
         return settings.texts("joint_names")
     if settings.find("joint_controller_names") is None:
@@ -136,31 +159,35 @@ def _names(settings: FileSettings) -> JointNames | None:
     return tuple(name.replace("_controller", "_joint") for name in settings.texts("joint_controller_names"))
 
 
-def _terms(found: FileSettings, steps: int) -> tuple[ObservationTerm, ...]:
+def _parse_terms(settings: FileSettings, history: int) -> tuple[ObservationTerm, ...]:
+    """Return the terms with that number of control steps each. Raises PolicyError for unknown ones."""
     terms = []
-    for name in found.texts("observations"):
+    for name in settings.texts("observations"):
         if name not in _TERMS:
-            raise unknown_term(name)
-        term, key = _TERMS[name]
-        if key:
-            found.get(key)
-        terms.append(with_scale(ObservationTerm(term, history=steps), found, key))
+            raise_unknown_term(name)
+        term_name, scale_key = _TERMS[name]
+        if scale_key:
+            settings.get(scale_key)
+        terms.append(with_scale(ObservationTerm(term_name, history=history), settings, scale_key))
     return tuple(terms)
 
 
-def _history(found: FileSettings, is_old: bool) -> tuple[int, Literal["first", "last"]]:
-    """Return the number of steps shown, and the place of the newest."""
-    given: Any = found.find("observations_history") or [0]
+def _parse_history(settings: FileSettings, is_old: bool) -> tuple[int, Literal["first", "last"]]:
+    """Return the number of observed control steps, and the place of the newest."""
+    given: Any = settings.find("observations_history") or [0]
     steps = list(range(len(given))) if isinstance(given, list) else []
     if not steps or given not in (steps, steps[::-1]):
-        raise found.invalid_value("observations_history", "the steps from 0, or down to 0")
+        settings.raise_invalid("observations_history", "the steps from 0, or down to 0")
     return len(steps), "first" if (given == steps) is not is_old else "last"
 
 
-def _action_clip(found: FileSettings) -> Range | None:
-    if not found.find("clip_actions_upper") or not found.find("clip_actions_lower"):
+def _parse_action_clip(settings: FileSettings) -> Range | None:
+    """Return the range of raw actions; None without limits. Raises PolicyError for different limits of the joints."""
+    if not settings.find("clip_actions_upper") or not settings.find("clip_actions_lower"):
         return None
-    limits = {*zip(found.numbers("clip_actions_lower"), found.numbers("clip_actions_upper"), strict=True)}
+    lower = settings.numbers("clip_actions_lower")
+    upper = settings.numbers("clip_actions_upper")
+    limits = {*zip(lower, upper, strict=True)}
     if len(limits) > 1:
-        raise found.invalid_value("clip_actions_upper", "alike for all joints, as `clip_actions_lower`")
+        settings.raise_invalid("clip_actions_upper", "equal for all joints, as `clip_actions_lower`")
     return limits.pop()

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from policies.base import PolicyError
 from policies.external.readers import name_patterns
@@ -56,7 +56,7 @@ class FileSettings:
         for key in keys:
             value = section.get(key)
             if not isinstance(value, dict):
-                raise section.invalid_value(key, "settings by key")
+                section.raise_invalid(key, "settings by key")
             section = FileSettings(value, self.file, f"{section.key_prefix}{key}.")
         return section
 
@@ -77,11 +77,11 @@ class FileSettings:
         """Return a text. Raises PolicyError for any other value."""
         value = self.get(key)
         if not isinstance(value, str):
-            raise self.invalid_value(key, "a text")
+            self.raise_invalid(key, "a text")
         return value
 
     def number(self, key: str, default: float | None = None) -> float:
-        """Return a finite number.
+        """Return a finite number. Any other value raises PolicyError.
 
         Args:
             key: Key of the number.
@@ -89,19 +89,16 @@ class FileSettings:
 
         Returns:
             The number.
-
-        Raises:
-            PolicyError: The required key is missing, or its value is no finite number.
         """
         if default is not None and self.find(key) is None:
             return default
         number = _parse_number(self.get(key))
         if number is None:
-            raise self.invalid_value(key, "a number")
+            self.raise_invalid(key, "a number")
         return number
 
     def numbers(self, key: str, count: int | None = 12, default: float | None = None) -> Numbers:
-        """Return several finite numbers; a single number stands for all.
+        """Return several finite numbers; a single number stands for all. Any other value raises PolicyError.
 
         Args:
             key: Key of the numbers.
@@ -110,14 +107,11 @@ class FileSettings:
 
         Returns:
             The numbers.
-
-        Raises:
-            PolicyError: The required key is missing, or its value is no list of `count` finite numbers.
         """
         value = self.get(key) if default is None or self.find(key) is not None else default
         numbers = [_parse_number(each) for each in (value if isinstance(value, list) else [value] * (count or 1))]
         if len(numbers) != (count or len(numbers)) or None in numbers:
-            raise self.invalid_value(key, f"{count or 'some'} numbers")
+            self.raise_invalid(key, f"{count or 'some'} numbers")
         return tuple(each for each in numbers if each is not None)
 
     def range(self, key: str) -> Range:
@@ -130,11 +124,11 @@ class FileSettings:
         value = self.get(key)
         values = [value] if isinstance(value, str) else value
         if not isinstance(values, list) or not all(isinstance(each, str) for each in values):
-            raise self.invalid_value(key, "a list of names")
+            self.raise_invalid(key, "a list of names")
         return tuple(values)
 
     def permutation(self, key: str, optional: bool = False) -> tuple[int, ...]:
-        """Return the numbers from 0 to 11 in some order.
+        """Return the numbers from 0 to 11 in some order. Any other value raises PolicyError.
 
         Args:
             key: Key of the numbers.
@@ -142,15 +136,12 @@ class FileSettings:
 
         Returns:
             The numbers.
-
-        Raises:
-            PolicyError: The required key is missing, or its value is no permutation.
         """
         if optional and self.find(key) is None:
             return tuple(range(12))
         numbers = self.numbers(key)
         if sorted(numbers) != list(range(12)):
-            raise self.invalid_value(key, "the numbers from 0 to 11 in some order")
+            self.raise_invalid(key, "the numbers from 0 to 11 in some order")
         return tuple(map(int, numbers))
 
     def joint_values(self, key: str, joints: tuple[str, ...], default: float | None = None) -> Numbers:
@@ -195,6 +186,9 @@ class FileSettings:
     def network(self) -> Path:
         """Return the network of these settings: in `exported` of its run, next to the file, or the only .onnx there.
 
+        Returns:
+            Absolute path.
+
         Raises:
             PolicyError: There is no network, or several.
         """
@@ -212,10 +206,10 @@ class FileSettings:
             f"which network belongs to {file.name}? {several}", f"put it at {run / 'exported/policy.onnx'}"
         )
 
-    def invalid_value(self, key: str, expected: str) -> PolicyError:
-        """Return the error for a wrong value of `key`, with the `expected` value, a noun phrase."""
+    def raise_invalid(self, key: str, expected: str) -> NoReturn:
+        """Raise PolicyError for a wrong value of `key`, with the `expected` value, a noun phrase."""
         name = f"`{self.key_prefix}{key}` in {self.file.name}"
-        return PolicyError(f"{name} must be {expected}, not {brief(self.find(key))}")
+        raise PolicyError(f"{name} must be {expected}, not {brief(self.find(key))}")
 
 
 def matches(pattern: str, name: str) -> bool:

@@ -100,7 +100,7 @@ RL_SAR = [
     (path("observations_history", [0, 2]), "must be the steps from 0, or down to 0"),
     (path("dof_vel_scale", None), "config.yaml has no `go2/robot_lab.dof_vel_scale`"),
     (path("model_name", "other.pt"), "there is no network"),
-    (path("clip_actions_upper", list(range(12))), "must be alike for all joints"),
+    (path("clip_actions_upper", list(range(12))), "must be equal for all joints"),
 ]
 LEGGED_GYM = [
     (path("control/control_type", "T"), "`control.control_type` in settings.yaml must be P"),
