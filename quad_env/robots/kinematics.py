@@ -1,4 +1,4 @@
-"""Where the feet are and how they move: exact forward kinematics of the legs.
+"""Forward kinematics of the legs: positions, depths and Jacobians of the feet.
 
 Hip frame: origin at the hip joint, axes parallel to the base frame (x forward, y left, z up).
 """
@@ -12,11 +12,20 @@ from quad_env.robots.robot import Robot
 
 
 def foot_positions(robot: Robot, joints: ArrayLike, *, legs_first: bool = False) -> Array:
-    """Feet in their hip frames, m; shape (..., legs, 3), or (legs, n, 3), from joint angles in rad of that shape."""
+    """Return the foot centres in their hip frames, (..., legs, 3) or (legs, n, 3), m.
+
+    Args:
+        robot: The robot.
+        joints: Joint angles, (..., legs, 3) or, with `legs_first`, (legs, n, 3), rad.
+        legs_first: True if the legs are the first axis of `joints`.
+    """
     angles = np.asarray(joints, dtype=np.float64)
-    thigh, knee = angles[..., 1], angles[..., 1] + angles[..., 2]
-    sin, cos = np.sin(angles[..., 0]), np.cos(angles[..., 0])
-    upper, lower = -robot.thigh_length, robot.calf_length
+    thigh = angles[..., 1]
+    knee = angles[..., 1] + angles[..., 2]
+    sin = np.sin(angles[..., 0])
+    cos = np.cos(angles[..., 0])
+    upper = -robot.thigh_length
+    lower = robot.calf_length
     up = upper * np.cos(thigh) - lower * np.cos(knee)
     outboard = (robot.side[:, None] if legs_first else robot.side) * robot.hip_offset
     feet = np.empty_like(angles)
@@ -27,20 +36,30 @@ def foot_positions(robot: Robot, joints: ArrayLike, *, legs_first: bool = False)
 
 
 def feet_in_world(robot: Robot, position: Array, rotation: Array, joints: Array) -> Array:
-    """Centres of the foot spheres in the world frame, (n, 4, 3), m.
+    """Return the centres of the foot spheres in the world frame, (n, 4, 3), m.
 
-    `position`: trunk centres, (n, 3), m; `rotation`: from the base frame to the world frame, (n, 3, 3); `joints`:
-    (n, 12), rad.
+    Args:
+        robot: The robot.
+        position: Trunk centres, world frame, (n, 3), m.
+        rotation: From the base frame to the world frame, (n, 3, 3).
+        joints: Joint angles, (n, 12), rad.
     """
     base = robot.hip_positions + foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3))
-    # Summed in order: a robot's bits are the same in a batch of any size, as those of matmul are not.
+    # Summed in order: a robot's bits are the same in a batch of any size, unlike the bits of matmul.
     products = rotation[:, None] * base[:, :, None]
     return position[:, None] + (products[..., 0] + products[..., 1] + products[..., 2])
 
 
 def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
-    """Lowest points of the feet below their centres, m, as if no ground were there: their radius where they are balls,
-    else (n, 4); arguments as of `feet_in_world`."""
+    """Return the depths of the feet below their centres: the radius if all feet are balls, else (n, 4), m.
+
+    The depth is that of the undeformed foot, without regard to the ground.
+
+    Args:
+        robot: The robot.
+        rotation: From the base frame to the world frame, (n, 3, 3).
+        joints: Joint angles, (n, 12), rad.
+    """
     if not robot.foot_points.size:
         return robot.foot_radius
     angles = joints.reshape(-1, len(robot.leg_names), 3)
@@ -48,13 +67,22 @@ def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
 
 
 def foot_jacobians(robot: Robot, joints: Array) -> Array:
-    """Derivatives of `foot_positions` by the angles of a leg's own joints, m/rad, (n, 4, 3, 3)."""
-    feet, hip, knee = foot_positions(robot, joints), joints[..., 0], joints[..., 1] + joints[..., 2]
-    upper, lower = robot.thigh_length, robot.calf_length
+    """Return the derivatives of `foot_positions` by the angles of a leg's own joints, (n, 4, 3, 3), m/rad.
+
+    Args:
+        robot: The robot.
+        joints: Joint angles, (n, 4, 3), rad.
+    """
+    feet = foot_positions(robot, joints)
+    hip = joints[..., 0]
+    knee = joints[..., 1] + joints[..., 2]
+    upper = robot.thigh_length
+    lower = robot.calf_length
     by_calf = -lower * np.cos(knee), lower * np.sin(knee)  # ahead, and up in the plane of the leg
     by_thigh = by_calf[0] - upper * np.cos(joints[..., 1]), by_calf[1] + upper * np.sin(joints[..., 1])
     jacobians = np.zeros((*joints.shape, 3))
-    jacobians[..., 1, 0], jacobians[..., 2, 0] = -feet[..., 2], feet[..., 1]
+    jacobians[..., 1, 0] = -feet[..., 2]
+    jacobians[..., 2, 0] = feet[..., 1]
     for joint, (ahead, up) in ((1, by_thigh), (2, by_calf)):
         jacobians[..., joint] = np.stack((ahead, -up * np.sin(hip), up * np.cos(hip)), axis=-1)
     return jacobians

@@ -1,8 +1,8 @@
-"""Joints of a model that belong to none of its four legs, and how they are held: of an arm, a tail, wheels on the feet.
+"""Joints of a model that belong to none of its four legs, as of an arm, a tail or wheels: found and locked.
 
-Such a joint is taken away, and its body is welded where the joint's reference has it. A servo, however stiff, or an
-equality would be one more spring that decides which time step is stable, would yield under load, and would leave
-coordinates in the state that no policy knows; a weld is exact at any time step and costs nothing.
+A locked joint is removed, and its body is welded at the joint's reference. A servo, however stiff, or an equality would
+be one more spring: it limits the stable time step, yields under load, and leaves coordinates in the state that no
+policy knows. A weld is exact at any time step and costs nothing.
 """
 
 from collections import Counter
@@ -13,112 +13,174 @@ import numpy as np
 
 from quad_env.robots.feet import geom_points_to_world
 from quad_env.robots.shapes import Bools, Floats, descendant_mask, geom_ids, ground_collision_mask, surface_points
-from quad_env.robots.structure import JOINTS_PER_LEG, LEGS, are_lateral_axes, find_branches, find_root_body, is_hip_axis
+from quad_env.robots.structure import (
+    JOINTS_PER_LEG,
+    LEGS,
+    are_lateral_axes,
+    find_branches,
+    find_root_body,
+    is_hip_axis,
+)
 
-ROUND = 0.8
-"""Least reach of a wheel from its axis, as a share of its largest."""
-_TURNS = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+WHEEL_ROUNDNESS = 0.8
+"""Least ratio of the smallest to the largest reach of a wheel from its axis; turning a rounder link moves no load."""
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
 
 
 def find_non_leg_joints(mujoco: Any, model: Any) -> list[int]:
-    """Ids of the hinges and slides below the trunk that belong to none of its four legs; none where it is unclear which
-    these are, or where there are other joints, all of which `anatomy` refuses. Raises ModelError.
+    """Return the ids of the hinges and slides below the trunk that belong to none of its four legs.
 
-    A leg has a hinge about the trunk's x axis and two parallel ones. Of more than three hinges those count that bear:
-    that move what collides and do not just turn it on the spot, as a wheel is.
+    A leg has a hinge about the trunk's x axis and two parallel hinges. Of more than three hinges the load-bearing ones
+    count: they move colliding geoms and do not just turn them on the spot, as the axle of a wheel does.
+
+    Args:
+        mujoco: The package.
+        model: Compiled `mujoco.MjModel`.
+
+    Returns:
+        The ids; empty where the four legs are unclear or joints of other kinds exist, which `structure` refuses.
     """
-    root, kinds = find_root_body(mujoco, model), mujoco.mjtJoint
-    trees = find_branches(model, root)
-    joints = [joint for tree in trees.values() for joint in tree]
+    root = find_root_body(mujoco, model)
+    kinds = mujoco.mjtJoint
+    branches = find_branches(model, root)
+    joints = [joint for branch in branches.values() for joint in branch]
     if not joints or not np.isin(model.jnt_type[joints], (kinds.mjJNT_HINGE, kinds.mjJNT_SLIDE)).all():
         return []
-    data, meets = mujoco.MjData(model), ground_collision_mask(model, root)
+    data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    (above, count), *_ = Counter(int(model.body_parentid[first]) for first in trees).most_common()
-    base = data.xmat[above if count >= LEGS else root].reshape(3, 3)
+    collides = ground_collision_mask(model, root)
+    base = data.xmat[_trunk_candidate(model, root, branches)].reshape(3, 3)
     legs = []
-    for tree in trees.values():
-        hinges = [joint for joint in tree if model.jnt_type[joint] == kinds.mjJNT_HINGE]
+    for branch in branches.values():
+        hinges = [joint for joint in branch if model.jnt_type[joint] == kinds.mjJNT_HINGE]
         if len(hinges) > JOINTS_PER_LEG:
-            hinges = [joint for joint in hinges if _is_load_bearing(model, data, joint, meets)]
+            hinges = [joint for joint in hinges if _is_load_bearing(model, data, joint, collides)]
         if _is_leg(data.xaxis[hinges] @ base):
             legs.append(hinges)
     return sorted(set(joints).difference(*legs)) if len(legs) == LEGS else []
 
 
+def _trunk_candidate(model: Any, root: int, branches: dict[int, list[int]]) -> int:
+    """Return the id of the body from which at least four branches hang, else the id of the root."""
+    parents = Counter(int(model.body_parentid[first]) for first in branches)
+    (body, count), *_ = parents.most_common()
+    return body if count >= LEGS else root
+
+
 def lock_joints(mujoco: Any, spec: Any, model: Any, joints: Sequence[int]) -> Any:
-    """Take these joints out of a specification, their bodies welded where the first keyframe or, without one, `qpos0`
-    has them; its model. Bodies and geoms keep their ids."""
+    """Remove joints from a specification and weld their bodies; bodies and geoms keep their ids.
+
+    The bodies are welded at the first keyframe or, without one, at `qpos0`.
+
+    Args:
+        mujoco: The package.
+        spec: The `mujoco.MjSpec`, changed.
+        model: Compiled model of it.
+        joints: Ids of the joints to lock.
+
+    Returns:
+        Compiled model of the changed specification.
+    """
     _keep_springs(spec, model)
-    data, places = mujoco.MjData(model), model.jnt_qposadr[list(joints)]
+    data = mujoco.MjData(model)
+    qpos = model.jnt_qposadr[list(joints)]
     if model.nkey:
-        data.qpos[places] = model.key_qpos[0][places]
+        data.qpos[qpos] = model.key_qpos[0][qpos]
     mujoco.mj_kinematics(model, data)
-    bodies, gone = {part.id: part for part in spec.bodies}, [part for part in spec.joints if part.id in joints]
+    bodies = {element.id: element for element in spec.bodies}
+    locked = [element for element in spec.joints if element.id in joints]
     for body in {int(model.jnt_bodyid[joint]) for joint in joints}:
-        part, above = bodies[body], int(model.body_parentid[body])
-        back, turned = np.zeros(4), np.zeros(4)
-        mujoco.mju_negQuat(back, data.xquat[above])
-        mujoco.mju_mulQuat(turned, back, data.xquat[body])
-        part.set_frame(part.parent.add_frame())
-        part.pos = (data.xpos[body] - data.xpos[above]) @ data.xmat[above].reshape(3, 3)
-        part.quat, part.alt.type = turned, mujoco.mjtOrientation.mjORIENTATION_QUAT
-    for part in (*_referring(mujoco, spec, {part.name for part in gone}), *gone):
-        spec.delete(part)
-    kept = np.delete(np.arange(model.nq), places)
+        _weld(mujoco, bodies[body], model, data, body)
+    for element in (*_dependents(mujoco, spec, {element.name for element in locked}), *locked):
+        spec.delete(element)
+    remaining = np.delete(np.arange(model.nq), qpos)
     for key in spec.keys:
-        key.qpos, key.qvel, key.act, key.ctrl = model.key_qpos[key.id][kept], [], [], []
+        key.qpos = model.key_qpos[key.id][remaining]
+        key.qvel = []
+        key.act = []
+        key.ctrl = []
     return spec.compile()
 
 
+def _weld(mujoco: Any, element: Any, model: Any, data: Any, body: int) -> None:
+    """Give the body `element` with id `body` its pose in `data` relative to its parent."""
+    parent = int(model.body_parentid[body])
+    inverse = np.zeros(4)
+    mujoco.mju_negQuat(inverse, data.xquat[parent])
+    quaternion = np.zeros(4)
+    mujoco.mju_mulQuat(quaternion, inverse, data.xquat[body])
+    element.set_frame(element.parent.add_frame())
+    element.pos = (data.xpos[body] - data.xpos[parent]) @ data.xmat[parent].reshape(3, 3)
+    element.quat = quaternion
+    element.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+
+
 def _keep_springs(spec: Any, model: Any) -> None:
-    """Write the compiled result of `springdamper` to the joints: it depends on an inertia that held joints change."""
-    for part in spec.joints:
-        if part.springdamper.any():
-            dof = int(model.jnt_dofadr[part.id])
-            part.stiffness = (model.jnt_stiffness[part.id], *model.jnt_stiffnesspoly[part.id])
-            part.damping = (model.dof_damping[dof], *model.dof_dampingpoly[dof])
-            part.springdamper = (0.0, 0.0)
+    """Write the compiled result of `springdamper` to the joints: it depends on an inertia that locked joints change."""
+    for joint in spec.joints:
+        if joint.springdamper.any():
+            dof = int(model.jnt_dofadr[joint.id])
+            joint.stiffness = (model.jnt_stiffness[joint.id], *model.jnt_stiffnesspoly[joint.id])
+            joint.damping = (model.dof_damping[dof], *model.dof_dampingpoly[dof])
+            joint.springdamper = (0.0, 0.0)
 
 
-def _referring(mujoco: Any, spec: Any, names: set[str]) -> list[Any]:
-    """Tendons over joints of these names, motors and equalities of the joints or of these tendons, and all sensors."""
-    kinds, ties, joint = mujoco.mjtTrn, mujoco.mjtEq, mujoco.mjtWrap.mjWRAP_JOINT
-    over = [each for each in spec.tendons if any(w.type == joint and w.target.name in names for w in each.path)]
-    tendons = {each.name for each in over}
-    moved = {kinds.mjTRN_JOINT: names, kinds.mjTRN_JOINTINPARENT: names, kinds.mjTRN_TENDON: tendons}
-    tied = {ties.mjEQ_JOINT: names, ties.mjEQ_TENDON: tendons}
-    motors = [each for each in spec.actuators if each.target in moved.get(each.trntype, ())]
+def _dependents(mujoco: Any, spec: Any, names: set[str]) -> list[Any]:
+    """Return the elements that depend on the joints with these names, and all sensors.
+
+    These are tendons over the joints, and motors and equalities of the joints or of these tendons.
+    """
+    transmissions = mujoco.mjtTrn
+    equality_kinds = mujoco.mjtEq
+    over = [tendon for tendon in spec.tendons if _wraps_any(mujoco, tendon, names)]
+    tendons = {tendon.name for tendon in over}
+    targets = {
+        transmissions.mjTRN_JOINT: names,
+        transmissions.mjTRN_JOINTINPARENT: names,
+        transmissions.mjTRN_TENDON: tendons,
+    }
+    tied = {equality_kinds.mjEQ_JOINT: names, equality_kinds.mjEQ_TENDON: tendons}
+    motors = [each for each in spec.actuators if each.target in targets.get(each.trntype, ())]
     equalities = [each for each in spec.equalities if {each.name1, each.name2} & tied.get(each.type, set())]
     return [*spec.sensors, *motors, *equalities, *over]
 
 
+def _wraps_any(mujoco: Any, tendon: Any, names: set[str]) -> bool:
+    """Return True if a tendon runs over a joint with one of these names."""
+    return any(wrap.type == mujoco.mjtWrap.mjWRAP_JOINT and wrap.target.name in names for wrap in tendon.path)
+
+
 def bodies_moved_by(model: Any, joints: Sequence[int]) -> frozenset[int]:
-    """Ids of the bodies that these joints move."""
-    return frozenset(int(body) for joint in joints for body in np.flatnonzero(_moved(model, joint)))
+    """Return the ids of the bodies of the compiled `model` that the `joints` with these ids move."""
+    return frozenset(int(body) for joint in joints for body in np.flatnonzero(_moved_mask(model, joint)))
 
 
-def _moved(model: Any, joint: int) -> Bools:
+def _moved_mask(model: Any, joint: int) -> Bools:
     return descendant_mask(model, int(model.jnt_bodyid[joint]))
 
 
 def _is_leg(axes: Floats) -> bool:
-    """Whether hinges about these axes, (k, 3), of the base frame are those of a leg."""
+    """Return True if hinges with these axes, base frame, (k, 3), can be a leg."""
     return len(axes) == JOINTS_PER_LEG and is_hip_axis(axes[0]) and are_lateral_axes(axes[1], axes[2])
 
 
-def _is_load_bearing(model: Any, data: Any, joint: int, meets: Bools) -> bool:
-    """Whether a hinge moves what meets the ground, and not as the axle of a wheel does."""
-    geoms = geom_ids(model, np.flatnonzero(_moved(model, joint)), meets)
+def _is_load_bearing(model: Any, data: Any, joint: int, collides: Bools) -> bool:
+    """Return True if a hinge moves geoms that collide with the ground, other than by turning a wheel on the spot.
+
+    Args:
+        model: Compiled model.
+        data: Its state, with kinematics.
+        joint: Id of the hinge.
+        collides: Mask of the geoms that collide with the ground, (ngeom,).
+    """
+    geoms = geom_ids(model, np.flatnonzero(_moved_mask(model, joint)), collides)
     if not geoms:
         return False
     axis = data.xaxis[joint]
-    one = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
-    one /= np.linalg.norm(one)
-    around = np.outer(np.cos(_TURNS), one) + np.outer(np.sin(_TURNS), np.cross(axis, one))
-    points = (
-        np.concatenate([geom_points_to_world(model, data, geom, surface_points(model, geom)) for geom in geoms])
-        - data.xanchor[joint]
-    )
-    reaches = (points @ around.T).max(axis=0)
-    return bool(reaches.min() < ROUND * reaches.max())
+    normal = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    normal /= np.linalg.norm(normal)
+    directions = np.outer(np.cos(_ANGLES), normal) + np.outer(np.sin(_ANGLES), np.cross(axis, normal))
+    hulls = [geom_points_to_world(model, data, geom, surface_points(model, geom)) for geom in geoms]
+    points = np.concatenate(hulls) - data.xanchor[joint]
+    reaches = (points @ directions.T).max(axis=0)
+    return bool(reaches.min() < WHEEL_ROUNDNESS * reaches.max())

@@ -11,7 +11,7 @@ from quad_env.files.text import brief, format_exception, one_line
 from quad_env.robots.model_file import read
 from quad_env.robots.parameters import LEVEL_TOLERANCE, REFERENCE_MASS, SIMPLE_QUAD_PARAMETERS, RobotParameters
 from quad_env.robots.shapes import Floats, box_corners, geom_ids, rotation_matrix
-from quad_env.robots.structure import JOINTS_PER_LEG, LEAST_BEND, LEGS, Leg, ModelError, RobotStructure
+from quad_env.robots.structure import JOINTS_PER_LEG, LEGS, MIN_BEND_ANGLE, Leg, ModelError, RobotStructure
 from quad_env.robots.torque_limits import torque_ranges
 
 GIVEN_PARAMETERS = "home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness"
@@ -170,7 +170,7 @@ def _knee_direction(model: Any, found: RobotStructure) -> Floats:
     """Of each leg, (4,), by what its calf's limits leave, else by the first keyframe that looks like a stand."""
     lower, upper = found.limits(model)
     middles = 0.5 * (lower + upper)[2::JOINTS_PER_LEG]
-    bends: Floats = np.where(np.abs(middles) > LEAST_BEND, np.sign(middles), 0.0)
+    bends: Floats = np.where(np.abs(middles) > MIN_BEND_ANGLE, np.sign(middles), 0.0)
     stand = _stand(model, found)
     if stand is not None:
         bends = np.where(bends == 0.0, np.sign(stand[2::JOINTS_PER_LEG]), bends)

@@ -1,4 +1,4 @@
-"""Shapes of a compiled model's geoms: the boxes around them, points of their surfaces, and which meet the ground."""
+"""Shapes of a compiled model's geoms: bounding boxes, surface points, end spheres, and collisions with the ground."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -13,88 +13,129 @@ GROUND_BIT = 1 << 30
 """Bit of `contype` of the geoms that collide with the ground, and of `conaffinity` of the ground. The geoms collide
 with the ground whatever bits the model uses, and no two geoms of a robot collide that do not in its model.
 """
-
 _SIGNS = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)], indexing="ij"), axis=-1).reshape(-1, 3)
-_TURNS = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
-_CIRCLE = np.stack((np.cos(_TURNS), np.sin(_TURNS)), axis=1)
+"""Signs of the corners of a box, (8, 3)."""
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
+_CIRCLE = np.stack((np.cos(_ANGLES), np.sin(_ANGLES)), axis=1)
+"""Points of the unit circle, (96, 2)."""
 _HEIGHTS = np.sin(np.linspace(-0.5, 0.5, 25) * np.pi)
 _SPHERE = np.concatenate([np.insert(np.sqrt(max(0.0, 1.0 - z * z)) * _CIRCLE, 2, z, axis=1) for z in _HEIGHTS])
 """Points of the unit sphere on circles of latitude, poles included, (k, 3)."""
 
 
 def descendant_mask(model: Any, body: int) -> Bools:
-    """Which bodies are this one or below it, (nbody,)."""
-    found = np.zeros(model.nbody, bool)
-    found[body] = True
+    """Return True for the body with id `body` and all bodies below it, (nbody,), in the compiled `model`."""
+    mask = np.zeros(model.nbody, bool)
+    mask[body] = True
     for each in range(body + 1, model.nbody):  # a parent comes before its children
-        found[each] = found[model.body_parentid[each]]
-    return found
+        mask[each] = mask[model.body_parentid[each]]
+    return mask
 
 
 def welded_bodies(model: Any, body: int) -> list[int]:
-    """Ids of the body and of all those that no joint lets move against it, the body first."""
+    """Return the id `body` first, then the ids of all bodies of the compiled `model` that are welded to it."""
     same = np.flatnonzero(model.body_weldid == model.body_weldid[body])
     return [body, *(int(each) for each in same if each != body)]
 
 
 def collision_mask(model: Any) -> Bools:
-    """Which geoms collide by their bits, (ngeom,)."""
+    """Return True for the geoms that collide by their bits, (ngeom,)."""
     return np.asarray((model.geom_contype | model.geom_conaffinity) != 0)
 
 
 def ground_collision_mask(model: Any, root: int) -> Bools:
-    """Which geoms of the robot, the bodies from `root` down, meet a ground, (ngeom,): those that collide by their bits,
-    or in an explicit pair with a geom that is not the robot's."""
-    own = descendant_mask(model, root)[model.geom_bodyid]
-    found = own & collision_mask(model)
+    """Return True for the geoms of the robot that collide with a ground, (ngeom,).
+
+    A geom does if its bits say so, or if an explicit pair has it and a geom that is not the robot's.
+
+    Args:
+        model: Compiled model.
+        root: Id of the robot's root body.
+    """
+    is_robot_geom = descendant_mask(model, root)[model.geom_bodyid]
+    mask = is_robot_geom & collision_mask(model)
     for one, other in zip(model.pair_geom1, model.pair_geom2, strict=True):
-        if own[one] != own[other]:
-            found[one if own[one] else other] = True
-    return np.asarray(found)
+        if is_robot_geom[one] != is_robot_geom[other]:
+            mask[one if is_robot_geom[one] else other] = True
+    return np.asarray(mask)
 
 
 def geom_ids(model: Any, bodies: Iterable[int], among: Bools | None = None) -> list[int]:
-    """Ids of the geoms of these bodies that are among those, (ngeom,); of all by default."""
-    its = np.isin(model.geom_bodyid, list(bodies))
-    return [int(geom) for geom in np.flatnonzero(its if among is None else its & among)]
+    """Return the ids of the geoms of some bodies.
+
+    Args:
+        model: Compiled model.
+        bodies: Ids of the bodies.
+        among: Mask of the geoms to choose from, (ngeom,); None for all.
+    """
+    mask = np.isin(model.geom_bodyid, list(bodies))
+    return [int(geom) for geom in np.flatnonzero(mask if among is None else mask & among)]
 
 
 def bounding_box(model: Any, geom: int) -> tuple[Floats, Floats, Floats]:
-    """Centre, (3,), and half sizes, (3,), m, and rotation, (3, 3), of the box around a geom, in its body's frame."""
+    """Return the box around a geom, in the frame of its body.
+
+    Args:
+        model: Compiled model.
+        geom: Id of the geom.
+
+    Returns:
+        centre: (3,), m.
+        half_sizes: (3,), m.
+        rotation: From the geom frame to the body frame, (3, 3).
+    """
     rotation = rotation_matrix(model.geom_quat[geom])
-    centre, half = model.geom_aabb[geom].reshape(2, 3)
-    return model.geom_pos[geom] + rotation @ centre, half.copy(), rotation
+    centre, half_sizes = model.geom_aabb[geom].reshape(2, 3)
+    return model.geom_pos[geom] + rotation @ centre, half_sizes.copy(), rotation
 
 
 def box_corners(model: Any, geom: int) -> Floats:
-    """Corners of the box around a geom in its body's frame, (8, 3), m."""
-    centre, half, rotation = bounding_box(model, geom)
-    found: Floats = centre + (_SIGNS * half) @ rotation.T
-    return found
+    """Return the corners of the box around the geom with id `geom` of `model`, in its body's frame, (8, 3), m."""
+    centre, half_sizes, rotation = bounding_box(model, geom)
+    corners: Floats = centre + (_SIGNS * half_sizes) @ rotation.T
+    return corners
 
 
 def end_spheres(model: Any, geom: int) -> list[tuple[Floats, float]]:
-    """Centre in the frame of its body, m, and radius of a sphere, or of both ends of a capsule; empty for the rest."""
+    """Return the sphere of a sphere geom, or the two end spheres of a capsule; nothing for other shapes.
+
+    Args:
+        model: Compiled model.
+        geom: Id of the geom.
+
+    Returns:
+        Centre in the frame of the body, (3,), m, and radius, m, of each.
+    """
     import mujoco
 
-    kind, (radius, half), place = model.geom_type[geom], model.geom_size[geom, :2], model.geom_pos[geom].copy()
+    kind = model.geom_type[geom]
+    radius, half_length = model.geom_size[geom, :2]
+    position = model.geom_pos[geom].copy()
     if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        return [(place, float(radius))]
+        return [(position, float(radius))]
     if kind != mujoco.mjtGeom.mjGEOM_CAPSULE:
         return []
     axis = rotation_matrix(model.geom_quat[geom])[:, 2]
-    return [(place + sign * half * axis, float(radius)) for sign in (1.0, -1.0)]
+    return [(position + sign * half_length * axis, float(radius)) for sign in (1.0, -1.0)]
 
 
 def surface_points(model: Any, geom: int) -> Floats:
-    """Points whose convex hull is a geom of any shape, curved ones to half a per cent, body frame, (k, 3), m."""
+    """Return points with the geom as their convex hull, in the frame of its body, (k, 3), m.
+
+    The hull of points on a curved shape is accurate to half a per cent.
+
+    Args:
+        model: Compiled model.
+        geom: Id of the geom.
+    """
     import mujoco
 
-    kinds, size = mujoco.mjtGeom, model.geom_size[geom]
+    kinds = mujoco.mjtGeom
+    size = model.geom_size[geom]
     if (kind := model.geom_type[geom]) == kinds.mjGEOM_MESH:
         mesh = model.geom_dataid[geom]
-        start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-        points = model.mesh_vert[start : start + count].astype(np.float64)
+        start = model.mesh_vertadr[mesh]
+        points = model.mesh_vert[start : start + model.mesh_vertnum[mesh]].astype(np.float64)
     elif kind == kinds.mjGEOM_CYLINDER:
         rims = [np.insert(size[0] * _CIRCLE, 2, sign * size[1], axis=1) for sign in (-1.0, 1.0)]
         points = np.concatenate(rims)
@@ -108,14 +149,23 @@ def surface_points(model: Any, geom: int) -> Floats:
 
 
 def rounded_hull(model: Any, geom: int) -> tuple[Floats, float]:
-    """Return points, (k, 3), body frame, m, and a radius, m: the geom is the hull of the points plus the radius."""
+    """Return a geom as the convex hull of points, grown by a radius.
+
+    Args:
+        model: Compiled model.
+        geom: Id of the geom.
+
+    Returns:
+        points: In the frame of its body, (k, 3), m.
+        radius: m.
+    """
     if ends := end_spheres(model, geom):
         return np.stack([centre for centre, _ in ends]), ends[0][1]
     return surface_points(model, geom), 0.0
 
 
 def rotation_matrix(quaternion: Any) -> Floats:
-    """Rotation matrix of a quaternion (w, x, y, z), (3, 3)."""
+    """Return the rotation matrix of a quaternion (w, x, y, z), (3, 3)."""
     import mujoco
 
     flat = np.zeros(9)

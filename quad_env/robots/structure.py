@@ -1,23 +1,21 @@
-"""The legs of a quadruped, found in its compiled model by the tree and the axes, whatever its names and its order.
+"""Structure of a quadruped, detected in its compiled model by tree and axes, without names or a fixed order.
 
 The robot is the body with the free joint, and all bodies below it. The trunk is that body, or one that is welded to it
 and from which all legs hang. A leg is a chain of three hinges below the trunk: the first about the trunk's x axis, the
-others about the leg's y axis. `Leg` says what its joints are called, which way they turn and what they read in the
-model when they are zero in the terms of `Robot`: legs straight down, hips about +x, thighs and calves about +y.
+others about the leg's y axis. `Leg` has the names, signs and offsets of its joints. In the convention of `Robot` angles
+are zero with the legs straight down, hips turn about +x, thighs and calves about +y.
 """
 
 import re
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from quad_env.robots.feet import (
-    LEAST_BENT,
-    MOST_BENT,
-    SWING,
+    STANCE_TILTS,
     Foot,
     body_points_to_world,
     extreme_points,
@@ -34,40 +32,43 @@ from quad_env.robots.shapes import (
     welded_bodies,
 )
 
-LEGS, JOINTS_PER_LEG = 4, 3
-LINKS = "hip", "thigh", "calf"
+LEGS = 4
+JOINTS_PER_LEG = 3
+LINKS = ("hip", "thigh", "calf")
 LEG_WORDS = {word: words[:2] for words in ("fl lf", "fr rf", "hl rl lh bl", "hr rr rh br") for word in words.split()}
 """Leg by word of a joint's name; only words that mean one leg wherever they are used."""
 LINK_WORDS = {"hip": "01", "haa": "0", "abad": "0", "thigh": "1", "hfe": "1", "calf": "2", "knee": "2", "kfe": "2"}
-"""Places in the leg that a word may mean, counted from the trunk: some call the thigh's joint a hip too."""
-LEAST_BEND = 0.1
+"""Positions in the leg that a word may mean, counted from the trunk: some call the thigh's joint a hip too."""
+MIN_BEND_ANGLE = 0.1
 """rad. Least middle of a calf's range that shows the bend direction of its knee."""
-_PARALLEL = 0.999
-"""Least cosine of two axes that are taken for parallel."""
-_SAME = 0.02
-"""Largest difference between the legs of a robot in a length, as a share of a leg's."""
+_PARALLEL_COSINE = 0.999
+"""Least cosine of two axes that count as parallel."""
+_LENGTH_TOLERANCE = 0.02
+"""Largest difference between the legs of a robot in a length, as a share of a leg's length."""
+_MIN_LINK_LENGTH = 1e-3
+"""m. Least length of a thigh or calf."""
 
 
 class ModelError(ValueError):
-    """A model that is no quadruped of this kind; its text says in a line what is wrong."""
+    """A model that is no quadruped of this kind; the text says in a line what is wrong."""
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A leg; lengths in m, angles in rad."""
+    """A leg in the compiled model; lengths in m, angles in rad."""
 
     name: str
-    """By where its hip is: fl, fr, hl or hr."""
+    """Name by the position of its hip: fl, fr, hl or hr."""
     joints: tuple[int, int, int]
     """Ids of hip, thigh and calf in the model."""
     signs: Floats
-    """Of the model's axes, (3,)."""
+    """Signs of the model's joint axes relative to the robot's convention, (3,)."""
     joint_offsets: Floats
-    """What the joints are, in the robot's terms, where the model has them at `qpos0`, (3,)."""
+    """Joint angles in the robot's convention at the model's `qpos0`, (3,)."""
     hip: Floats
-    """Where on the hip's axis its thigh joint is, base frame, (3,)."""
+    """Position on the hip's axis of the thigh joint, base frame, (3,)."""
     hip_offset: float
-    """Outboard from the hip joint to the plane in which the leg bends."""
+    """Distance outboard from the hip joint to the plane in which the leg bends."""
     thigh_length: float
     calf_length: float
     foot: Foot
@@ -76,32 +77,32 @@ class Leg:
 
 @dataclass(frozen=True)
 class RobotStructure:
-    """What a model's quadruped is made of."""
+    """Trunk, legs and colliding geoms of the quadruped in a compiled model; made by `detect_structure`."""
 
     root: int
     """Id of the body with the free joint."""
     trunk: int
     """Id of the body from which the legs hang: the root, or one that is welded to it."""
     is_robot_body: Bools
-    """Which bodies are the robot's, (nbody,): the root and all below it."""
+    """True for the root and all bodies below it, (nbody,)."""
     collides_with_ground: Bools
-    """Which geoms meet the ground, (ngeom,)."""
+    """True for the robot's geoms that collide with the ground, (ngeom,)."""
     body_positions: Floats
-    """Of the bodies in the base frame at `qpos0`, (nbody, 3), m."""
+    """Positions of the bodies in the base frame at `qpos0`, (nbody, 3), m."""
     body_rotations: Floats
     """Rotations from the bodies' frames to the base frame at `qpos0`, (nbody, 3, 3)."""
     legs: tuple[Leg, ...]
-    """In the order of the model."""
+    """Legs in the order of the model."""
     locked_joints: tuple[str, ...] = ()
-    """Names of the joints that belong to no leg and are gone from the model, see `held`."""
+    """Names of the joints that belong to no leg and are gone from the model, see `locked_joints`."""
     carried_bodies: frozenset[int] = frozenset()
-    """Ids of the bodies that these joints would move."""
+    """Ids of the bodies that the locked joints would move."""
     omission_lines: tuple[tuple[str, str], ...] = ()
     """Parts of the model that the robot lacks, heading and text of each line, see `omissions`."""
 
     @property
     def bodies(self) -> list[int]:
-        """Ids of the robot's bodies, those that are welded to the trunk among them."""
+        """Ids of the robot's bodies, with the bodies that are welded to the trunk."""
         return [int(body) for body in np.flatnonzero(self.is_robot_body)]
 
     @property
@@ -111,41 +112,64 @@ class RobotStructure:
 
     @cached_property
     def signs(self) -> Floats:
-        """Of the axes of the joints, (12,)."""
+        """Signs of the joint axes relative to the robot's convention, (12,)."""
         return np.concatenate([leg.signs for leg in self.legs])
 
     @cached_property
     def joint_offsets(self) -> Floats:
-        """What the joints are, in the robot's terms, where the model has them at `qpos0`, (12,), rad."""
+        """Joint angles in the robot's convention at the model's `qpos0`, (12,), rad."""
         return np.concatenate([leg.joint_offsets for leg in self.legs])
 
     def trunk_collides(self, model: Any) -> bool:
-        """Whether the trunk, or a body that is welded to it, meets the ground by itself."""
-        return bool(geom_ids(model, self._shell(model), self.collides_with_ground))
+        """Return True if the trunk, or a body that is welded to it in the file, collides with the ground."""
+        return bool(geom_ids(model, self._trunk_bodies(model), self.collides_with_ground))
 
-    def _shell(self, model: Any) -> list[int]:
-        """Ids of the trunk and of what is welded to it in the file: no arm, held as it is."""
+    def _trunk_bodies(self, model: Any) -> list[int]:
+        """Return the ids of the trunk and the bodies welded to it in the file; a locked arm is not among them."""
         return [body for body in welded_bodies(model, self.trunk) if body not in self.carried_bodies]
 
     def trunk_box(self, model: Any) -> tuple[Floats, Floats]:
-        """Centre and full lengths of the box around the trunk along its own axes, (3,) each, base frame, m.
+        """Return the box around the trunk along its own axes, in the base frame.
 
-        Around the geoms of its body that meet the ground, else those of bodies that are welded to it, else those that
-        are shown. Raises ModelError where it has none.
+        The box holds the trunk's geoms that collide with the ground, else these geoms of the bodies welded to it, else
+        the trunk's visible geoms, else the visible geoms of the bodies welded to it.
+
+        Args:
+            model: Compiled model.
+
+        Returns:
+            centre: (3,), m.
+            size: Full lengths, (3,), m.
+
+        Raises:
+            ModelError: The trunk has no geom.
         """
-        bodies = [self.trunk], self._shell(model)
-        found = (geom_ids(model, its, among) for among in (self.collides_with_ground, None) for its in bodies)
-        if (shell := next(filter(None, found), None)) is None:
-            raise ModelError("the trunk has no geom: nothing shows how large it is")
-        placed = ((int(model.geom_bodyid[geom]), box_corners(model, geom)) for geom in shell)
-        points = np.concatenate(
-            [self.body_positions[body] + is_robot_body @ self.body_rotations[body].T for body, is_robot_body in placed]
+        candidates = (
+            geom_ids(model, bodies, among)
+            for among in (self.collides_with_ground, None)
+            for bodies in ([self.trunk], self._trunk_bodies(model))
         )
-        low, high = points.min(axis=0), points.max(axis=0)
+        if (geoms := next(filter(None, candidates), None)) is None:
+            raise ModelError("the trunk has no geom: nothing shows how large it is")
+        corners = []
+        for geom in geoms:
+            body = int(model.geom_bodyid[geom])
+            corners.append(self.body_positions[body] + box_corners(model, geom) @ self.body_rotations[body].T)
+        points = np.concatenate(corners)
+        low = points.min(axis=0)
+        high = points.max(axis=0)
         return 0.5 * (low + high), high - low
 
     def limits(self, model: Any) -> tuple[Floats, Floats]:
-        """Lower and upper limits of the joints in the robot's terms, (12,) each, rad; ±π where there are none."""
+        """Return the joint limits in the robot's convention; ±π for joints without limits.
+
+        Args:
+            model: Compiled model.
+
+        Returns:
+            lower: (12,), rad.
+            upper: (12,), rad.
+        """
         apart = model.jnt_range[self.joints] - model.qpos0[model.jnt_qposadr[self.joints]][:, None]
         limits = self.joint_offsets[:, None] + np.sort(self.signs[:, None] * apart, axis=1)
         limits = np.where(model.jnt_limited[self.joints][:, None], limits, (-np.pi, np.pi))
@@ -153,23 +177,32 @@ class RobotStructure:
 
 
 def detect_structure(mujoco: Any, model: Any) -> RobotStructure:
-    """Of a compiled model; `mujoco` is the package. Raises ModelError."""
+    """Detect the trunk and the legs of a compiled model.
+
+    Args:
+        mujoco: The package.
+        model: Compiled `mujoco.MjModel`.
+
+    Raises:
+        ModelError: The legs differ in a length; other causes come from the parts of the detection.
+    """
     root = find_root_body(mujoco, model)
-    chains = _chains(mujoco, model, root)
-    above = {int(model.body_parentid[body]) for body in chains}
-    trunk = above.pop() if len(above) == 1 else root
+    chains = _find_chains(mujoco, model, root)
+    parents = {int(model.body_parentid[body]) for body in chains}
+    trunk = parents.pop() if len(parents) == 1 else root
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    meets = ground_collision_mask(model, root)
-    legs = _named([_leg(model, data, trunk, meets, chain) for chain in chains.values()])
+    collides = ground_collision_mask(model, root)
+    legs = _name_legs([_measure_leg(model, data, trunk, collides, chain) for chain in chains.values()])
     for length in ("hip_offset", "thigh_length", "calf_length", "foot.radius"):
-        found = [attrgetter(length)(leg) for leg in legs]
-        if np.ptp(found) > _SAME * (legs[0].thigh_length + legs[0].calf_length):
-            each = ", ".join(f"{leg.name} {value:.3f}" for leg, value in zip(legs, found, strict=True))
+        values = [attrgetter(length)(leg) for leg in legs]
+        if np.ptp(values) > _LENGTH_TOLERANCE * (legs[0].thigh_length + legs[0].calf_length):
+            each = ", ".join(f"{leg.name} {value:.3f}" for leg, value in zip(legs, values, strict=True))
             raise ModelError(f"the legs differ in {re.sub('[_.]', ' ', length)}, m: {each}")
     base = data.xmat[trunk].reshape(3, 3)
-    places, axes = (data.xpos - data.xpos[trunk]) @ base, base.T @ data.xmat.reshape(-1, 3, 3)
-    return RobotStructure(root, trunk, descendant_mask(model, root), meets, places, axes, legs)
+    positions = (data.xpos - data.xpos[trunk]) @ base
+    rotations = base.T @ data.xmat.reshape(-1, 3, 3)
+    return RobotStructure(root, trunk, descendant_mask(model, root), collides, positions, rotations, legs)
 
 
 def _name(part: Any) -> str:
@@ -177,12 +210,19 @@ def _name(part: Any) -> str:
 
 
 def find_root_body(mujoco: Any, model: Any) -> int:
-    """Id of the body with the free joint that has most hinges below it: crates and balls of the scene have none. Raises
-    ModelError."""
+    """Return the id of the body with the free joint that has most hinges below it: crates and balls have none.
+
+    Args:
+        mujoco: The package.
+        model: Compiled `mujoco.MjModel`.
+
+    Raises:
+        ModelError: There is no free joint, or the choice is unclear.
+    """
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     if not len(free):
         raise ModelError(
-            f"the trunk is the body of a free joint; this model has 0 free joints: {_remedy(mujoco, model)}"
+            f"the trunk is the body of a free joint; this model has 0 free joints: {_free_joint_remedy(model)}"
         )
     roots = [int(body) for body in model.jnt_bodyid[free]]
     hinges = [int(_joints_below(model, body).sum()) for body in roots]
@@ -192,7 +232,7 @@ def find_root_body(mujoco: Any, model: Any) -> int:
     return roots[int(np.argmax(hinges))]
 
 
-def _remedy(mujoco: Any, model: Any) -> str:
+def _free_joint_remedy(model: Any) -> str:
     """Return the remedy for a model without a free joint: its root is fixed, or moves by joints of its own."""
     firsts = [int(body) for body in np.flatnonzero(model.body_parentid == 0)[1:]]
     counts = {body: int(descendant_mask(model, body)[model.jnt_bodyid].sum()) for body in firsts}
@@ -205,45 +245,52 @@ def _remedy(mujoco: Any, model: Any) -> str:
             f"{len(jointed)} legs hang from the world, such as {_name(model.body(root))}: put them into a body of the "
             "trunk, with its mass and a <freejoint/>"
         )
-    is_robot_body: list[int] = []
+    root_joints: list[int] = []
     body = root
     while True:  # a planar root may have its joints on several nested bodies
         start = int(model.body_jntadr[body])
-        count = int(model.body_jntnum[body])
-        is_robot_body += range(start, start + count)
+        root_joints += range(start, start + int(model.body_jntnum[body]))
         below = [each for each in np.flatnonzero(model.body_parentid == body) if each != body]
         if not len(below):
             return "no body has four legs below it"
         if len(below) > 1:
             break
         body = int(below[0])
-    if not is_robot_body:
+    if not root_joints:
         return f"its trunk is fixed: put <freejoint/> into body {_name(model.body(root))}"
-    names = ", ".join(_name(model.joint(joint)) for joint in is_robot_body)
+    names = ", ".join(_name(model.joint(joint)) for joint in root_joints)
     return f"its trunk moves by {names}: put <freejoint/> into body {_name(model.body(body))} in place of these joints"
 
 
 def _joints_below(model: Any, body: int) -> Bools:
-    """Which joints move bodies below that one, (njnt,)."""
+    """Return True for the joints that move bodies below `body`, (njnt,)."""
     below = descendant_mask(model, body)
     below[body] = False
     return np.asarray(below[model.jnt_bodyid])
 
 
 def find_branches(model: Any, trunk: int) -> dict[int, list[int]]:
-    """First body of each branch, below the trunk or what is welded to it -> its joints, the first of them first."""
-    found: dict[int, list[int]] = {}
+    """Return the branches below the trunk or the bodies welded to it.
+
+    Args:
+        model: Compiled model.
+        trunk: Id of the trunk's body.
+
+    Returns:
+        Id of the first body with a joint of each branch -> ids of the joints of the branch, in order.
+    """
+    branches: dict[int, list[int]] = {}
     fixed = welded_bodies(model, trunk)
     for joint in np.flatnonzero(_joints_below(model, trunk)):
         first = int(model.jnt_bodyid[joint])
         while model.body_parentid[first] not in fixed:
             first = int(model.body_parentid[first])
-        found.setdefault(first, []).append(int(joint))
-    return found
+        branches.setdefault(first, []).append(int(joint))
+    return branches
 
 
-def _chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
-    """First body of each leg, below the trunk or what is welded to it -> its joints, hip first."""
+def _find_chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
+    """Return the first body of each leg and its joints, hip first. Raises ModelError unless they are four chains."""
     chains = find_branches(model, trunk)
     joints = [joint for chain in chains.values() for joint in chain]
     if others := [joint for joint in joints if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE]:
@@ -264,97 +311,175 @@ def _chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
 
 
 def is_hip_axis(axis: Floats) -> bool:
-    """Whether a hinge about an axis, (3,), of the base frame is that of a hip: about the trunk's x axis."""
-    return bool(abs(axis[0]) >= _PARALLEL)
+    """Return True if a joint axis, base frame, (3,), is parallel to the trunk's x axis, as a hip's axis is."""
+    return bool(abs(axis[0]) >= _PARALLEL_COSINE)
 
 
 def are_lateral_axes(thigh: Floats, calf: Floats) -> bool:
-    """Whether hinges about these axes, (3,) each, of the base frame are those of a thigh and its calf: parallel, and
-    across the trunk's x axis."""
-    return bool(abs(thigh @ calf) >= _PARALLEL and abs(thigh[0]) <= 1.0 - _PARALLEL)
+    """Return True if the axes of `thigh` and `calf`, base frame, (3,) each, are parallel and normal to the x axis."""
+    return bool(abs(thigh @ calf) >= _PARALLEL_COSINE and abs(thigh[0]) <= 1.0 - _PARALLEL_COSINE)
 
 
-def _leg(model: Any, data: Any, trunk: int, meets: Bools, chain: list[int]) -> Leg:
-    base, origin = data.xmat[trunk].reshape(3, 3), data.xpos[trunk]
-    hip, thigh, knee = ((data.xanchor[joint] - origin) @ base for joint in chain)
-    axes = [data.xaxis[joint] @ base for joint in chain]
-    names = [_name(model.joint(joint)) for joint in chain]
-    if not is_hip_axis(axes[0]):
-        raise ModelError(f"joint {names[0]}, the hip, turns about {_rounded(axes[0])}, not about the trunk's x axis")
-    if not are_lateral_axes(axes[1], axes[2]) or axes[1][1] == 0.0:
+class _Chain(NamedTuple):
+    """Joints of a leg at `qpos0`, positions and axes in the base frame; made by `_read_chain`."""
+
+    joints: list[int]
+    """Ids of hip, thigh and calf."""
+    names: list[str]
+    anchors: list[Floats]
+    """Positions of the joints, (3,) each, m."""
+    axes: list[Floats]
+    """Unit axes of the joints, (3,) each."""
+    signs: Floats
+    """Signs of the axes relative to the robot's convention, (3,)."""
+    leg_rotation: Floats
+    """Rotation from the base frame to the leg frame, x forward and y along the thigh's axis, (3, 3)."""
+
+
+class _LegVectors(NamedTuple):
+    """Vectors of a leg at `qpos0`, leg frame, (3,) each, m."""
+
+    hip_to_thigh: Floats
+    thigh_to_knee: Floats
+    knee_to_foot: Floats
+
+    @property
+    def lengths(self) -> list[float]:
+        """Lengths of thigh and calf in the plane of the leg, m."""
+        return [float(np.hypot(link[0], link[2])) for link in (self.thigh_to_knee, self.knee_to_foot)]
+
+    @property
+    def pitches(self) -> tuple[float, float]:
+        """Angles of thigh and calf from straight down about the leg's y axis, rad."""
+        thigh, calf = (float(np.arctan2(-link[0], -link[2])) for link in (self.thigh_to_knee, self.knee_to_foot))
+        return thigh, calf
+
+
+def _read_chain(model: Any, data: Any, trunk: int, joints: list[int]) -> _Chain:
+    """Return the joints of a leg. Raises ModelError for axes that no leg has."""
+    base = data.xmat[trunk].reshape(3, 3)
+    anchors = [(data.xanchor[joint] - data.xpos[trunk]) @ base for joint in joints]
+    hip, thigh, calf = (data.xaxis[joint] @ base for joint in joints)
+    names = [_name(model.joint(joint)) for joint in joints]
+    if not is_hip_axis(hip):
+        raise ModelError(f"joint {names[0]}, the hip, turns about {_rounded(hip)}, not about the trunk's x axis")
+    if not are_lateral_axes(thigh, calf) or thigh[1] == 0.0:
         raise ModelError(
-            f"joints {names[1]} and {names[2]} turn about {_rounded(axes[1])} and {_rounded(axes[2])}, "
+            f"joints {names[1]} and {names[2]} turn about {_rounded(thigh)} and {_rounded(calf)}, "
             "not both about the leg's y axis"
         )
-    signs = np.array([np.sign(axes[0][0]), np.sign(axes[1][1]), np.sign(axes[2] @ axes[1]) * np.sign(axes[1][1])])
-    lateral = signs[1] * axes[1]
-    leg = np.stack(((1.0, 0.0, 0.0), lateral, np.cross((1.0, 0.0, 0.0), lateral)))
-    shin = int(model.jnt_bodyid[chain[-1]])
-    candidates = geom_ids(model, welded_bodies(model, shin), meets)
+    signs = np.array([np.sign(hip[0]), np.sign(thigh[1]), np.sign(calf @ thigh) * np.sign(thigh[1])])
+    lateral = signs[1] * thigh
+    leg_rotation = np.stack(((1.0, 0.0, 0.0), lateral, np.cross((1.0, 0.0, 0.0), lateral)))
+    return _Chain(joints, names, anchors, [hip, thigh, calf], signs, leg_rotation)
+
+
+def _find_sole(model: Any, data: Any, chain: _Chain, collides: Bools) -> tuple[Foot, list[int]]:
+    """Return the foot of the straight leg and the ids of all geoms of its link that may touch. Raises ModelError."""
+    knee = chain.joints[-1]
+    candidates = geom_ids(model, welded_bodies(model, int(model.jnt_bodyid[knee])), collides)
     if not candidates:
-        raise ModelError(f"below joint {names[2]} nothing collides with the ground: no foot")
-    sole = find_foot(model, data, chain[-1], candidates)
-    if sole is None:
+        raise ModelError(f"below joint {chain.names[2]} nothing collides with the ground: no foot")
+    foot = find_foot(model, data, knee, candidates)
+    if foot is None:
         geom = _name(model.geom(candidates[-1]))
         raise ModelError(
-            f"all that collides below joint {names[2]} lies at the joint: give geom {geom}, the foot, a pos"
+            f"all that collides below joint {chain.names[2]} lies at the joint: give geom {geom}, the foot, a pos"
         )
-    at = (body_points_to_world(data, sole.body, sole.centre) - origin) @ base
-    across, upper, lower = leg @ (thigh - hip), leg @ (knee - thigh), leg @ (at - knee)
-    lengths = [float(np.hypot(link[0], link[2])) for link in (upper, lower)]
-    if min(lengths) < 1e-3:
+    return foot, candidates
+
+
+def _check_lengths(vectors: _LegVectors, names: list[str]) -> None:
+    """Raise ModelError for a link without a length, and for a thigh joint off the height of the hip's axis."""
+    lengths = vectors.lengths
+    if min(lengths) < _MIN_LINK_LENGTH:
         raise ModelError(f"a link below joint {names[1]} has no length")
-    if abs(across[2]) > _SAME * sum(lengths):
-        raise ModelError(f"joint {names[1]} lies {across[2]:+.3f} m off the height of the hip's axis in its leg")
-    turned, bent = (float(np.arctan2(-link[0], -link[2])) for link in (upper, lower))
-    zeros = np.array([np.arctan2(lateral[2], lateral[1]), turned, bent - turned])
-    zeros = np.arctan2(np.sin(zeros), np.cos(zeros))
-    side = float(across[1] + upper[1] + lower[1])
-    sole = standing_foot(model, data, chain[-1], candidates, sole, _tilts(model, chain, signs, zeros))
-    turn = data.xmat[sole.body].reshape(3, 3)
-    sin, cos = np.sin(bent), np.cos(bent)
-    straightened = np.array(((cos, 0.0, sin), (0.0, 1.0, 0.0), (-sin, 0.0, cos))).T
-    points, radii = extreme_points(sole.points @ (straightened @ leg @ base.T @ turn).T, sole.radii)
+    height = vectors.hip_to_thigh[2]
+    if abs(height) > _LENGTH_TOLERANCE * sum(lengths):
+        raise ModelError(f"joint {names[1]} lies {height:+.3f} m off the height of the hip's axis in its leg")
+
+
+def _measure_leg(model: Any, data: Any, trunk: int, collides: Bools, joints: list[int]) -> Leg:
+    """Return a leg without a name; its hip offset is positive to the left. Raises ModelError.
+
+    Args:
+        model: Compiled model.
+        data: Its state, with the kinematics of `qpos0`.
+        trunk: Id of the trunk's body.
+        collides: Mask of the geoms that collide with the ground, (ngeom,).
+        joints: Ids of its hinges, hip first.
+    """
+    chain = _read_chain(model, data, trunk, joints)
+    foot, candidates = _find_sole(model, data, chain, collides)
+    base = data.xmat[trunk].reshape(3, 3)
+    hip, thigh, knee = chain.anchors
+    foot_position = (body_points_to_world(data, foot.body, foot.centre) - data.xpos[trunk]) @ base
+    vectors = _LegVectors(*(chain.leg_rotation @ link for link in (thigh - hip, knee - thigh, foot_position - knee)))
+    _check_lengths(vectors, chain.names)
+    thigh_pitch, calf_pitch = vectors.pitches
+    lateral = chain.leg_rotation[1]
+    offsets = np.array([np.arctan2(lateral[2], lateral[1]), thigh_pitch, calf_pitch - thigh_pitch])
+    offsets = np.arctan2(np.sin(offsets), np.cos(offsets))
+    foot = standing_foot(model, data, joints[-1], candidates, foot, _tilts(model, joints, chain.signs, offsets))
+    points, radii = _straighten_foot(data, base, chain, foot, calf_pitch)
     return Leg(
         name="",
-        joints=(chain[0], chain[1], chain[2]),
-        signs=signs,
-        joint_offsets=zeros,
-        hip=hip + across[0] * np.array((1.0, 0.0, 0.0)),
-        hip_offset=side,
-        thigh_length=lengths[0],
-        calf_length=lengths[1],
-        foot=sole._replace(points=points, radii=radii),
+        joints=(joints[0], joints[1], joints[2]),
+        signs=chain.signs,
+        joint_offsets=offsets,
+        hip=hip + vectors.hip_to_thigh[0] * np.array((1.0, 0.0, 0.0)),
+        hip_offset=float(vectors.hip_to_thigh[1] + vectors.thigh_to_knee[1] + vectors.knee_to_foot[1]),
+        thigh_length=vectors.lengths[0],
+        calf_length=vectors.lengths[1],
+        foot=foot._replace(points=points, radii=radii),
     )
 
 
-def _tilts(model: Any, chain: list[int], signs: Floats, zeros: Floats) -> tuple[float, float]:
+def _straighten_foot(data: Any, base: Floats, chain: _Chain, foot: Foot, calf_pitch: float) -> tuple[Floats, Floats]:
+    """Return the points of a foot and their radii, base frame with the leg straight down.
+
+    Args:
+        data: State with the kinematics of `qpos0`.
+        base: Rotation from the base frame to the world frame, (3, 3).
+        chain: Joints of the leg.
+        foot: The foot, its points in the frame of its body.
+        calf_pitch: Angle of the calf from straight down at `qpos0`, rad.
+    """
+    body_rotation = data.xmat[foot.body].reshape(3, 3)
+    sin, cos = np.sin(calf_pitch), np.cos(calf_pitch)
+    straightened = np.array(((cos, 0.0, sin), (0.0, 1.0, 0.0), (-sin, 0.0, cos))).T
+    points = foot.points @ (straightened @ chain.leg_rotation @ base.T @ body_rotation).T
+    return extreme_points(points, foot.radii)
+
+
+def _tilts(model: Any, joints: list[int], signs: Floats, offsets: Floats) -> tuple[float, float]:
     """Return the least and largest tilt of a shin about its knee axis in a stance, from the leg straight down, rad."""
-    places = model.jnt_qposadr[chain]
-    angles = zeros + signs * (model.key_qpos[:, places] - model.qpos0[places])
+    qpos = model.jnt_qposadr[joints]
+    angles = offsets + signs * (model.key_qpos[:, qpos] - model.qpos0[qpos])
     standing = float(np.abs(angles[:, 1] + angles[:, 2]).max()) if model.nkey else 0.0
-    bent = float(np.clip(standing + SWING, LEAST_BENT, MOST_BENT))
-    bend = signs[2] * bend_direction(model, chain[2], float(signs[2]), float(zeros[2]))
-    return (-bent if bend <= 0.0 else -SWING), (bent if bend >= 0.0 else SWING)
+    margin = STANCE_TILTS.margin
+    bent = float(np.clip(standing + margin, STANCE_TILTS.min_bent, STANCE_TILTS.max_bent))
+    bend = signs[2] * bend_direction(model, joints[2], float(signs[2]), float(offsets[2]))
+    return (-bent if bend <= 0.0 else -margin), (bent if bend >= 0.0 else margin)
 
 
-def bend_direction(model: Any, joint: int, sign: float, zero: float) -> float:
+def bend_direction(model: Any, joint: int, sign: float, offset: float) -> float:
     """Return the bend direction of a knee by its joint limits: -1 backward, 1 forward, 0 if both are possible.
 
     Args:
         model: Compiled model.
         joint: Id of the calf's joint.
-        sign: Of its axis, see `Leg.signs`.
-        zero: Its angle in the robot's terms at `qpos0`, rad.
+        sign: Sign of its axis, see `Leg.signs`.
+        offset: Its angle in the robot's convention at `qpos0`, rad.
     """
     if not model.jnt_limited[joint]:
         return 0.0
-    middle = zero + sign * float(model.jnt_range[joint].mean() - model.qpos0[model.jnt_qposadr[joint]])
-    return float(np.sign(middle)) if abs(middle) > LEAST_BEND else 0.0
+    middle = offset + sign * float(model.jnt_range[joint].mean() - model.qpos0[model.jnt_qposadr[joint]])
+    return float(np.sign(middle)) if abs(middle) > MIN_BEND_ANGLE else 0.0
 
 
-def _named(legs: list[Leg]) -> tuple[Leg, ...]:
-    """The legs with their names and their offsets outboard."""
+def _name_legs(legs: list[Leg]) -> tuple[Leg, ...]:
+    """Return the legs with their names and hip offsets outboard. Raises ModelError unless the hips are at corners."""
     ahead, left = np.array([leg.hip[:2] for leg in legs]).T
     named = tuple(
         replace(
@@ -364,10 +489,10 @@ def _named(legs: list[Leg]) -> tuple[Leg, ...]:
         )
         for leg in legs
     )
-    between = all(
+    around_origin = all(
         (leg.hip[0] > 0) == (leg.name[0] == "f") and (leg.hip[1] > 0) == (leg.name[1] == "l") for leg in named
     )
-    if len({leg.name for leg in named}) < LEGS or not between:
+    if len({leg.name for leg in named}) < LEGS or not around_origin:
         places = ", ".join(str(_rounded(leg.hip)) for leg in named)
         raise ModelError(f"hips are wanted at four corners about the origin of the trunk; they are at {places} m")
     return named
