@@ -1,1 +1,1 @@
-"""Scenarios: terrain, disturbances and commands as values, and what an episode draws from them."""
+"""Scenarios: terrain, disturbances and commands as values, and the random draws of an episode."""

@@ -1,7 +1,8 @@
-"""Axes of disturbance: one kind of trouble each, as scenarios from harmless to where robots fall.
+"""Axes of disturbance: scenarios of one disturbance each, from a harmless severity to one at which robots fall.
 
-A severity is in the axis's own physical unit. Levels are chosen for SimpleQuad: at the last one every shipped policy
-that walks falls in four of five episodes, or it is physically beyond, as said at the axis; on `slow` no robot falls.
+A severity is in the physical unit of its axis. Levels are chosen for SimpleQuad: at the last one every shipped policy
+that walks falls in four of five episodes, or the severity is beyond a physical limit that the axis names. On `slow` no
+robot falls.
 """
 
 import math
@@ -19,86 +20,109 @@ from quad_env.scenarios.scenario import Scenario, scaled
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 
 AtSeverity = Callable[[float], Scenario]
+"""Function from a severity to its scenario."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A scenario for each severity."""
+    """A disturbance with adjustable severity: a scenario for each severity, and named levels."""
 
     name: str
     at: AtSeverity
-    """The scenario of a severity; its name, axis and severity are filled in here."""
+    """Scenario of a severity, without name, axis and severity, which `scenario` fills in."""
     quantity: str
-    """What the severity is, in words."""
+    """Meaning of the severity in words."""
     unit: str
     levels: tuple[float, ...]
-    """Severities from the mildest to the hardest; where less is harder, as with friction, they fall."""
+    """Severities from the mildest to the hardest; decreasing where less is harder, as with friction."""
     nominal: float
     """Severity of the scenario that has the axis's bare name."""
     sentence: str = ""
-    """What happens in its scenarios, in a sentence."""
+    """Description of its scenarios in one sentence."""
     scales: bool = True
-    """Whether its levels are others for another robot; `slow` goes by the rule of success, the same for every robot."""
+    """True if its levels are scaled to another robot; `slow` follows the rule of success, the same for every robot."""
     note: str = ""
-    """What its results depend on besides the policy; shown wherever they are."""
+    """Influences on its results besides the policy; shown with the results."""
 
     @property
     def harder_when_smaller(self) -> bool:
-        """Whether a smaller severity is harder."""
+        """True if a smaller severity is harder."""
         return self.levels[0] > self.levels[-1]
 
     @property
     def nominal_level(self) -> int:
-        """Number of the level of the nominal severity, counted from 1."""
+        """Number of the level with the nominal severity, counted from 1."""
         return self.levels.index(self.nominal) + 1
 
     def level(self, number: int) -> Scenario:
-        """The scenario of the level of that number, counted from 1; ValueError names the valid ones."""
+        """Return the scenario of a level.
+
+        Args:
+            number: Number of the level, counted from 1.
+
+        Returns:
+            The scenario, with the level in its name.
+
+        Raises:
+            ValueError: There is no level of that number; the message names the valid ones.
+        """
         if not 1 <= number <= len(self.levels):
             raise ValueError(f"{self.name} has levels 1 to {len(self.levels)}, not {number}")
         return self.scenario(self.levels[number - 1], f"{self.name}:{number}")
 
     def scenario(self, severity: float, name: str) -> Scenario:
-        """The scenario of that severity under that name."""
+        """Return the scenario of a `severity` with the given `name`."""
         return replace(self.at(severity), name=name, axis=self.name, severity=severity, severity_unit=self.unit)
 
     def for_robot(self, robot: Robot) -> "Axis":
-        """The axis whose levels are as hard for that robot: see `similarity.scale_to_robot`."""
+        """Return the axis with levels that are as hard for `robot`: see `similarity.scale_to_robot`."""
         if robot == SIMPLE_QUAD or not self.scales:
             return self
-        larger = self.scaled(1.0, robot)
+        factor = self.scaled(1.0, robot)
         return replace(
             self,
-            at=lambda severity: scaled(self.at(severity / larger), robot),
+            at=lambda severity: scaled(self.at(severity / factor), robot),
             levels=tuple(self.scaled(level, robot) for level in self.levels),
             nominal=self.scaled(self.nominal, robot),
         )
 
     def scaled(self, severity: float, robot: Robot) -> float:
-        """What is as hard for that robot as a severity is for SimpleQuad."""
+        """Return the severity that is as hard for `robot` as `severity` is for SimpleQuad."""
         return severity * (scale_factor(robot, self.unit) if self.scales and self.unit in ROBOT_SCALED_UNITS else 1.0)
 
+    def of(self, robot: Robot) -> "Axis":
+        """Call `for_robot(robot)`. Deprecated name."""
+        return self.for_robot(robot)
 
-ROBOT_SCALED_UNITS = "m/s", "N·s", "m", "N", "kg", "N·m"
-"""Units in which what is as hard for a larger robot is more; what is of electronics, in s, Hz and rad/s, is not."""
+    @property
+    def falling(self) -> bool:
+        """Deprecated name of `harder_when_smaller`."""
+        return self.harder_when_smaller
+
+
+ROBOT_SCALED_UNITS = ("m/s", "N·s", "m", "N", "kg", "N·m")
+"""Units of severities that grow with the robot; severities of electronics, in s, Hz and rad/s, do not."""
 _PUSH_NOTE = (
     "Pushed hard, the feet slide, and falls depend on friction and on how a simulator models it: of 24 episodes at "
     "65 N·s SimpleQuad's trot falls in 16, at friction 0.6 instead of 0.8 in 3 (docs/limits.md)."
 )
 """Measured by `python -m research sliding`."""
 AXES: dict[str, Axis] = {}
-"""By name."""
+"""Built-in axes by name."""
 
 
 @lru_cache(maxsize=32)
 def axes_of(robot: Robot) -> dict[str, Axis]:
-    """Return the built-in axes for a robot by name, those of the batteries."""
+    """Return the built-in axes, which batteries consist of, for `robot` by name."""
     return {name: axis.for_robot(robot) for name, axis in AXES.items()}
 
 
 @cache
 def extension_axes() -> dict[str, Axis]:
-    """Return the axes of extensions by name.
+    """Return the axes of extensions.
+
+    Returns:
+        Name -> axis for SimpleQuad.
 
     Raises:
         ValueError: An entry is no axis of its name, or has the name of a built-in axis.
@@ -119,18 +143,22 @@ def known_axis(name: str) -> Axis | None:
 
 
 def known_axes(robot: Robot) -> dict[str, Axis]:
-    """Return every axis for a robot by name, built-in ones first, then those of extensions."""
+    """Return every axis for `robot` by name, built-in ones first, then axes of extensions."""
     return axes_of(robot) | {name: axis.for_robot(robot) for name, axis in extension_axes().items()}
 
 
 def _axis(
     quantity: str, unit: str, levels: tuple[float, ...], nominal: float, *, scales: bool = True, note: str = ""
 ) -> Callable[[AtSeverity], AtSeverity]:
-    """Makes the function that follows an axis, which has the name that the function gives its scenarios and the first
-    sentence of its docstring."""
+    """Return a decorator that registers a function from severity to scenario as an axis.
+
+    The axis takes its name from the scenarios of the function and its sentence from the first sentence of the
+    docstring.
+    """
 
     def add(at: AtSeverity) -> AtSeverity:
-        name, text = at(nominal).name, " ".join((at.__doc__ or "").split())
+        name = at(nominal).name
+        text = " ".join((at.__doc__ or "").split())
         sentence = text.partition(". ")[0].rstrip(".") + "."
         AXES[name] = Axis(name, at, quantity, unit, levels, nominal, sentence, scales, note)
         return at
@@ -142,11 +170,11 @@ def _axis(
 def _flat(top_speed: float) -> Scenario:
     """Level ground, and commands from ranges in proportion to the top commanded forward speed.
 
-    The ranges of `CommandRanges`; up to the speed of a leg of 0.6 m at its rated 10 rad/s.
+    The ranges are `CommandRanges()` times a factor; up to the speed of a leg of 0.6 m at its rated 10 rad/s.
     """
     ranges = CommandRanges()
-    share = top_speed / ranges.forward[1]
-    return Scenario("flat", commands=ranges.scaled(share, share))
+    scale = top_speed / ranges.forward[1]
+    return Scenario("flat", commands=ranges.scaled(scale, scale))
 
 
 @_axis(
@@ -165,7 +193,7 @@ def _rough(peak_to_valley: float) -> Scenario:
 
 @_axis("steady horizontal force", "N", (20.0, 40.0, 60.0, 80.0, 110.0, 140.0), nominal=40.0)
 def _force(force: float) -> Scenario:
-    """A steady force on the trunk in a random direction, such as wind.
+    """Steady force on the trunk in a random direction, for example wind.
 
     Up to more than the friction of all feet on level ground, 111 N.
     """
@@ -174,7 +202,7 @@ def _force(force: float) -> Scenario:
 
 @_axis("angle of the plane", "°", (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0), nominal=15.0)
 def _slope(degrees: float) -> Scenario:
-    """A plane that the robot crosses in all directions. Up to nearly the friction angle, 39°."""
+    """Plane that the robot crosses in all directions. Up to nearly the friction angle, 39°."""
     return Scenario("slope", terrain=Slope(math.radians(degrees)))
 
 
@@ -188,8 +216,8 @@ def _stairs(rise: float) -> Scenario:
 def _gravel(peak_to_valley: float) -> Scenario:
     """Random ground of stones, each about two feet long.
 
-    A foot is a ball of 0.04 m; up to spikes four times as high as they are apart. Of ground so short-waved, 2 m × 2 m
-    are a surface of its own.
+    A foot is a ball of 0.04 m; the last level has spikes four times as high as their distance. At this correlation
+    length each 2 m × 2 m of ground is effectively a different surface.
     """
     terrain = SmoothRandom(peak_to_valley, correlation_length=0.08, cell=0.04, half_size=26.0, spawn_radius=8.0)
     return Scenario("gravel", terrain=terrain)
@@ -199,7 +227,7 @@ def _gravel(peak_to_valley: float) -> Scenario:
 def _soft(sink_depth: float) -> Scenario:
     """Ground that gives way like a damped spring under each foot.
 
-    Until a standing robot's knees touch the ground and a trotting one's sink in.
+    At the last level a standing robot's knees touch the ground and a trotting robot's knees sink in.
     """
     return Scenario("soft", ground=Ground(sink_depth=sink_depth))
 
@@ -212,7 +240,7 @@ def _slippery(friction: float) -> Scenario:
 
 @_axis("mass on the trunk", "kg", (2.5, 5.0, 10.0, 20.0, 40.0, 60.0), nominal=5.0)
 def _payload(mass: float) -> Scenario:
-    """A load somewhere on the trunk, at another place in every episode. Up to four times the robot's own mass."""
+    """Load somewhere on the trunk, at another place in every episode. Up to four times the robot's own mass."""
     return Scenario("payload", payload=Payload(mass))
 
 
@@ -252,20 +280,19 @@ def _dropout(duration: float) -> Scenario:
     return Scenario("dropout", dropouts=Dropouts(duration=duration))
 
 
-def _check_positive(what: str, value: float) -> None:
-    """Refuse zero, which is no severity of some axes."""
+def _check_positive(quantity: str, value: float) -> None:
+    """Raise ValueError for zero, which is no severity of some axes."""
     if not value > 0:
-        raise ValueError(f"the {what} must be more than 0, got {value}")
+        raise ValueError(f"the {quantity} must be more than 0, got {value}")
 
 
 @_axis("share of the reference amplitudes", "", (0.5, 1.0, 1.5, 2.0, 3.0, 4.0), nominal=1.0)
 def _surprise(share: float) -> Scenario:
     """Rough ground, pushes, wind, a load, weak and slow motors, latency, noise and dropouts at once.
 
-    At share 1 each disturbance has the amplitude written here, at another share that share of it.
-
-    Where less is harder it goes geometrically: friction 0.8 · 0.75^share, torque limit 100 N·m · 0.5^share. A servo's
-    time constant is in proportion. Latency is in whole control steps.
+    Each amplitude is `share` times the value written here. Quantities that are harder when smaller shrink
+    geometrically: friction 0.8 · 0.75^share, torque limit 100 N·m · 0.5^share. The time constant of the servos grows in
+    proportion. Latency is in whole control steps.
     """
     _check_positive("share", share)
     return Scenario(
@@ -286,8 +313,8 @@ def _surprise(share: float) -> Scenario:
 def _slow(speed: float) -> Scenario:
     """Level ground, and always straight ahead at one slow speed: where a policy no longer moves is its dead zone.
 
-    Down to the 0.05 m/s above which the rule of success asks every robot to move. In single precision, in which
-    policies are shown commands and records keep them, 0.05 is 0.0500000007: the last level is just above.
+    The last level is 0.05 m/s, above which the rule of success asks every robot to move. Observations and records hold
+    commands in single precision, where 0.05 is 0.0500000007: the last level is just above the limit.
     """
     _check_positive("speed", speed)
     return Scenario("slow", commands=CommandRanges.straight(speed))

@@ -1,4 +1,4 @@
-"""What an episode draws from its seed: start, commands and disturbances."""
+"""Random draws of an episode from its seed: start, commands and disturbances."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from quad_env.columns import Array
 from quad_env.config import AnyPose
 from quad_env.robots.robot import Robot
-from quad_env.scenarios.disturbances import Dropouts, Pushes
+from quad_env.scenarios.disturbances import Dropouts, Pushes, SteadyForce
 from quad_env.scenarios.randomisation import RandomizationSample
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField
@@ -19,73 +19,97 @@ from quad_env.seeding import EpisodeStreams
 
 @dataclass(frozen=True)
 class PushPlan:
-    """Pushes of one episode, or of n with a leading axis; each acts for `steps` control steps, never two at once."""
+    """Pushes of one episode, or of n with a leading axis; they never overlap."""
 
     first_step: NDArray[np.int64]
     """Control step at which each push begins, (…, count)."""
     steps: int
+    """Duration of each push, control steps; 0 without pushes."""
     force: Array
-    """World frame, x and y, (…, count, 2), N."""
+    """Force of each push, world frame, x and y, (…, count, 2), N."""
 
     def force_at(self, step: ArrayLike) -> Array | None:
-        """Forces on the trunk during those control steps, (n,); world frame, (n, 2), N. None without pushes."""
+        """Return the force on the trunk in control step `step`, (n,): world frame, (n, 2), N; None without pushes."""
         if not self.steps:
             return None
-        since = np.asarray(step)[..., None] - self.first_step
-        acting = (since >= 0) & (since < self.steps)
-        return cast("Array", np.where(acting[..., None], self.force, 0.0).sum(axis=-2))
+        steps_since_start = np.asarray(step)[..., None] - self.first_step
+        is_acting = (steps_since_start >= 0) & (steps_since_start < self.steps)
+        return cast("Array", np.where(is_acting[..., None], self.force, 0.0).sum(axis=-2))
 
 
 class EpisodeSample:
-    """One episode's draws, each kind from its own stream, so that nothing depends on actions or on other robots."""
+    """All random draws of one episode, each kind from its own stream, so that they depend on the seed alone.
+
+    Args:
+        robot: The robot.
+        scenario: Start, commands and disturbances to draw.
+        seed: Seed of the robot's episodes.
+        number: Number of this episode after the seed, from 0.
+        dt: Control period, s.
+
+    Attributes:
+        streams: Random streams of the episode; noise and sensors draw from theirs later.
+        start: Initial state, see `draw_start`, (35,).
+        pushes: Pushes of the episode.
+        force: Steady force on the trunk, world frame, (2,), N; None without.
+        payload_position: Centre of the payload, ahead and to the left of the trunk's centre, (2,), m; None without.
+        dropouts: First control step and joint index of each dropout, (count,) each; None without.
+        randomised: Randomised properties of robot and ground; None without.
+        friction: Friction coefficient of the ground.
+        action_delay: Delay from the policy to the servos, control steps.
+    """
 
     def __init__(self, robot: Robot, scenario: Scenario, seed: int, number: int, dt: float) -> None:
         self._scenario = scenario
         self.streams = EpisodeStreams(seed, number)
         self.start = draw_start(robot, scenario, self.streams.start)
-        """Start of the robot, see `draw_start`, (35,)."""
         if isinstance(terrain := scenario.terrain, HeightField) and terrain.start is not None:
             self.start[:2] += terrain.start
         self.pushes = _draw_pushes(scenario.pushes, self.streams.pushes, dt)
-        self.force: Array | None = None
-        """Steady force on the trunk in a uniformly random horizontal direction, world frame, (2,), N."""
+        self.force = None if scenario.force is None else _draw_force(scenario.force, self.streams.force)
         self.payload_position: Array | None = None
-        """Centre of the payload, ahead and to the left of the trunk's centre, (2,), m."""
-        self.randomised: RandomizationSample | None = None
-        """Figures of robot and ground that are not as usual."""
-        self.friction = scenario.ground.friction
-        """Coefficient of the ground."""
-        self.action_delay = 0 if scenario.latency is None else round(scenario.latency.action / dt)
-        """Control steps from the policy to the servos."""
-        self.dropouts: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
-        """Control step at which each dropout begins, and the joint whose servo receives no targets, (count,) each."""
-        if (steady := scenario.force) is not None:
-            angle = self.streams.force.uniform(-np.pi, np.pi)
-            self.force = steady.force * np.array((np.cos(angle), np.sin(angle)))
         if (payload := scenario.payload) is not None:
             self.payload_position = self.streams.payload.uniform(-1, 1, 2) * np.array(payload.reach)
+        self.dropouts: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
         if (dropouts := scenario.dropouts) is not None:
             first_step = _stratified_start_steps(dropouts, self.streams.dropouts, dt)
-            self.dropouts = first_step, self.streams.dropouts.integers(robot.num_joints, size=dropouts.count)
+            joint_ids = self.streams.dropouts.integers(robot.num_joints, size=dropouts.count)
+            self.dropouts = (first_step, joint_ids)
+        self.friction = scenario.ground.friction
+        self.action_delay = 0 if scenario.latency is None else round(scenario.latency.action / dt)
+        self.randomised: RandomizationSample | None = None
         if (randomisation := scenario.randomisation) is not None:
             self.randomised = randomisation.draw(robot.num_joints, self.streams.randomisation)
             self.friction *= self.randomised.friction
             self.action_delay += round(self.randomised.delay / dt)
 
     def next_command(self) -> Array:
-        """The next interval's command, (3,): forward and lateral m/s, yaw rate rad/s.
+        """Draw the next interval's command, (3,): forward and lateral m/s, yaw rate rad/s.
 
-        Always four numbers from the stream, so that a zero command shifts nothing.
+        It takes four numbers from the stream in any case, so that a zero command shifts nothing.
         """
-        ranges, (coin, *unit) = self._scenario.commands, self.streams.commands.random(4)
+        ranges = self._scenario.commands
+        zero_draw, *unit_draws = self.streams.commands.random(4)
         low, high = np.transpose((ranges.forward, ranges.lateral, ranges.yaw_rate))
-        return np.zeros(3) if coin < ranges.zero_fraction else low + (high - low) * np.asarray(unit)
+        is_zero = zero_draw < ranges.zero_fraction
+        return np.zeros(3) if is_zero else low + (high - low) * np.asarray(unit_draws)
 
 
 def draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) -> Array:
-    """Start of one robot, (35,): x, y, m; yaw, roll, pitch, 12 joint offsets from home, rad; 3 linear, 3 angular and
-    12 joint velocities, m/s and rad/s."""
-    noise, radius, joints = scenario.start, scenario.terrain.spawn_radius, robot.num_joints
+    """Draw the initial state of one robot.
+
+    Args:
+        robot: The robot.
+        scenario: Its start noise and the spawn radius of its terrain apply.
+        stream: Random stream of the start.
+
+    Returns:
+        (35,): x, y, m; yaw, roll, pitch, 12 joint offsets from home, rad; 3 linear, 3 angular and 12 joint velocities,
+        m/s and rad/s.
+    """
+    noise = scenario.start
+    radius = scenario.terrain.spawn_radius
+    joints = robot.num_joints
     if isinstance(noise, AnyPose):
         return _draw_any_pose(robot, noise, radius, stream)
     widths = (
@@ -97,21 +121,22 @@ def draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) ->
         (noise.angular_velocity, 3),
         (noise.joint_velocity, joints),
     )
-    width = np.repeat([half for half, _ in widths], [count for _, count in widths])
+    width = np.repeat([half_width for half_width, _ in widths], [count for _, count in widths])
     return width * stream.uniform(-1, 1, len(width))
 
 
 def _draw_any_pose(robot: Robot, start: AnyPose, radius: float, stream: np.random.Generator) -> Array:
-    """A start row of `draw_start`, uniform over orientations: yaw, the sine of the pitch and roll are uniform."""
-    place, (yaw, sin_pitch, roll) = radius * stream.uniform(-1, 1, 2), stream.uniform(-1, 1, 3)
+    """Draw a start as `draw_start`, uniform over orientations: yaw, the sine of the pitch and roll are uniform."""
+    position = radius * stream.uniform(-1, 1, 2)
+    yaw, sin_pitch, roll = stream.uniform(-1, 1, 3)
     angles = (np.pi * yaw, np.pi * roll, np.arcsin(sin_pitch))
     joints = stream.uniform(robot.joint_lower, robot.joint_upper) - robot.home_pose
     width = np.repeat([start.linear_velocity, start.angular_velocity, start.joint_velocity], [3, 3, len(joints)])
-    return np.concatenate((place, angles, joints, width * stream.uniform(-1, 1, len(width))))
+    return np.concatenate((position, angles, joints, width * stream.uniform(-1, 1, len(width))))
 
 
 def _draw_pushes(pushes: Pushes | None, stream: np.random.Generator, dt: float) -> PushPlan:
-    """One push in each part of the window, each in a uniformly random horizontal direction; `dt`: control period, s."""
+    """Draw one push in each part of the window, in a uniformly random horizontal direction."""
     if pushes is None or pushes.count == 0:
         return PushPlan(np.empty(0, np.int64), 0, np.empty((0, 2)))
     steps = control_steps(pushes.duration, dt)
@@ -121,25 +146,40 @@ def _draw_pushes(pushes: Pushes | None, stream: np.random.Generator, dt: float) 
     return PushPlan(first_step, steps, force)
 
 
+def _draw_force(steady: SteadyForce, stream: np.random.Generator) -> Array:
+    """Draw the steady force, world frame, (2,), N, in a uniformly random horizontal direction."""
+    angle = stream.uniform(-np.pi, np.pi)
+    return steady.force * np.array((np.cos(angle), np.sin(angle)))
+
+
 def control_steps(duration: float, dt: float) -> int:
-    """Whole control steps of something that lasts so long, s: at least one."""
+    """Return the control steps of period `dt`, s, in a `duration`, s: at least one."""
     return max(1, round(duration / dt))
 
 
 def stack_initial_conditions(
     episodes: Sequence[EpisodeSample],
 ) -> tuple[Array, Array | None, Array | None, list[RandomizationSample]]:
-    """Starts, (k, 35), forces, (k, 2), and loads, (k, 2), of k episodes of one scenario, None where it has none; and
-    what of robot and ground was drawn, k or none."""
+    """Stack the initial conditions of k episodes of one scenario.
+
+    Args:
+        episodes: The episodes, k.
+
+    Returns:
+        starts: Initial states, (k, 35).
+        forces: Steady forces, (k, 2), N; None without.
+        payload_positions: (k, 2), m; None without.
+        randomised: Randomised properties, k or none.
+    """
     starts = np.stack([episode.start for episode in episodes])
     forces = [episode.force for episode in episodes if episode.force is not None]
-    loads = [episode.payload_position for episode in episodes if episode.payload_position is not None]
+    positions = [episode.payload_position for episode in episodes if episode.payload_position is not None]
     randomised = [episode.randomised for episode in episodes if episode.randomised is not None]
-    return starts, np.stack(forces) if forces else None, np.stack(loads) if loads else None, randomised
+    return starts, np.stack(forces) if forces else None, np.stack(positions) if positions else None, randomised
 
 
 def _stratified_start_steps(events: Pushes | Dropouts, stream: np.random.Generator, dt: float) -> NDArray[np.int64]:
-    """First control step of each event, (count,)."""
+    """Draw the first control step of each event, (count,), one in each equal part of the window."""
     edges = np.linspace(*events.window, events.count + 1)
     start = stream.uniform(edges[:-1], edges[1:] - events.duration)
     return np.floor(start / dt).astype(np.int64)

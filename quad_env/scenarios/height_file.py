@@ -1,4 +1,4 @@
-"""Heights of a user's ground: from a grey picture (.png) or an array (.npy), and the TOML file that names it."""
+"""Height files of a user's terrain: a grey picture (.png) or an array (.npy), and the TOML file that names it."""
 
 import hashlib
 import io
@@ -14,52 +14,88 @@ from quad_env.files.reading import parse_toml, read_bytes
 from quad_env.files.text import format_exception, one_line
 
 MAX_SAMPLES = 4_000_000
+"""Maximum number of height samples, which bounds the memory of a terrain."""
 MAX_HEIGHT = 1e6
-"""m, beyond any ground."""
-KEYS = "file", "size", "height", "start"
+"""m. Upper limit of the magnitude of a height, beyond any real ground."""
+KEYS = ("file", "size", "height", "start")
+"""Valid keys of a terrain's TOML file."""
 EXAMPLE_LINES = 'file = "hill.png" or "hill.npy", size = [8.0, 8.0], and perhaps height = 0.4 or start = [0.0, 0.0]'
 
 
 class Heights(NamedTuple):
-    """Heights on a grid."""
+    """Heights on a grid, in normalized form."""
 
     normalized: Array
-    """From 0 at the lowest to 1 at the highest, rows along y and columns along x, (rows, columns)."""
+    """Heights from 0 at the lowest to 1 at the highest, rows along y and columns along x, (rows, columns)."""
     min_height: float
-    """m"""
+    """Lowest height, m."""
     span: float
-    """From the lowest to the highest, m; 1 where all are alike."""
+    """Difference from the lowest to the highest height, m; 1 if all are equal."""
 
 
 def parse_terrain_toml(path: Path) -> list[Any]:
-    """The values of KEYS in a TOML file, arrays as tuples; ValueError, one line, for what has others."""
+    """Read the TOML file of a terrain.
+
+    Args:
+        path: Path of the file.
+
+    Returns:
+        The values of `KEYS` in order, arrays as tuples; None for a missing key.
+
+    Raises:
+        ValueError: The file cannot be read, is no TOML or has other keys, in one line.
+    """
     content = _content(path)
     try:
-        found = parse_toml(content)
+        table = parse_toml(content)
     except ValueError as error:
         raise ValueError(one_line(f"{path} is no TOML: {error}")) from error
-    if unknown := found.keys() - KEYS:
+    if unknown := table.keys() - KEYS:
         raise ValueError(one_line(f"{path}: a terrain has no {', '.join(sorted(unknown))}; valid: {', '.join(KEYS)}"))
-    values = map(found.get, KEYS)
+    values = map(table.get, KEYS)
     return [tuple(value) if isinstance(value, list) else value for value in values]
 
 
 def sha256_of(file: str) -> str:
-    """SHA-256 of the file now; ValueError where it cannot be read."""
+    """Return the SHA-256 of a file's present content.
+
+    Args:
+        file: Path of the file.
+
+    Returns:
+        Hexadecimal digest.
+    """
     return hashlib.sha256(_content(Path(file))).hexdigest()
 
 
 def check_unchanged(file: str, sha256: str) -> None:
-    """Raise ValueError, one line, where the file is gone or is not the one of that SHA-256."""
+    """Check that a file still has its content.
+
+    Args:
+        file: Path of the file.
+        sha256: Expected SHA-256, hexadecimal.
+
+    Raises:
+        ValueError: The file has another content, in one line.
+    """
     if sha256_of(file) != sha256:
         raise ValueError(f"{file} has changed: its SHA-256 is no longer {sha256}")
 
 
 @lru_cache(maxsize=4)
 def read(file: str, sha256: str, peak: float | None) -> Heights:
-    """The heights in a file of that SHA-256, its largest value at `peak` where that is given, else as they are, m.
+    """Read the heights in a file.
 
-    Raises ValueError, one line, for what is no ground.
+    Args:
+        file: Path of the picture or array.
+        sha256: Its expected SHA-256, hexadecimal.
+        peak: Height of the largest value, m; None for an array of heights in m.
+
+    Returns:
+        The heights.
+
+    Raises:
+        ValueError: The file is gone, has changed or holds no heights, in one line.
     """
     check_unchanged(file, sha256)
     path = Path(file)
@@ -68,17 +104,19 @@ def read(file: str, sha256: str, peak: float | None) -> Heights:
         values = _values(content, path.suffix.lower(), peak)
     except Exception as error:  # of most kinds: Pillow raises them for damaged files
         raise ValueError(f"{file}: {format_exception(error).removeprefix('ValueError: ')}") from error
-    lowest, highest = float(values.min()), float(values.max())
+    lowest = float(values.min())
+    highest = float(values.max())
     if not max(-lowest, highest) < MAX_HEIGHT:
         raise ValueError(f"{file}: heights are numbers within ±{MAX_HEIGHT:g} m, not from {lowest:g} to {highest:g}")
     span = highest - lowest or 1.0
     # MuJoCo keeps height fields in single precision; both must see the same surface. Its rows run towards +y.
-    unit = ((values[::-1] - lowest) / span).astype(np.float32).astype(np.float64)
-    unit.flags.writeable = False
-    return Heights(unit, lowest, span)
+    normalized = ((values[::-1] - lowest) / span).astype(np.float32).astype(np.float64)
+    normalized.flags.writeable = False
+    return Heights(normalized, lowest, span)
 
 
 def _content(path: Path) -> bytes:
+    """Return the content of a file, or raise ValueError."""
     try:
         return read_bytes(path)
     except (OSError, ValueError) as error:  # a name with a NUL
@@ -86,7 +124,7 @@ def _content(path: Path) -> bytes:
 
 
 def _values(content: bytes, suffix: str, peak: float | None) -> Array:
-    """Heights, m, the first row at the largest y."""
+    """Return the heights, (rows, columns), m, with the first row at the largest y."""
     if suffix == ".png":
         values = _picture(content)
         if peak is None:
@@ -109,6 +147,7 @@ def _values(content: bytes, suffix: str, peak: float | None) -> Array:
 
 
 def _picture(content: bytes) -> Array:
+    """Return the grey values of a PNG picture."""
     from PIL import Image
 
     image = Image.open(io.BytesIO(content), formats=["PNG"])
@@ -120,6 +159,7 @@ def _picture(content: bytes) -> Array:
 
 
 def _check_shape(shape: tuple[int, ...]) -> None:
+    """Raise ValueError for the shape of an array that is no grid of heights."""
     if len(shape) != 2 or min(shape) < 2 or shape[0] * shape[1] > MAX_SAMPLES:
         size = " x ".join(map(str, shape)) or "one number"
         raise ValueError(f"heights are at least 2 x 2 and at most {MAX_SAMPLES} samples, in rows; these are {size}")

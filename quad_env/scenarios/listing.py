@@ -1,4 +1,4 @@
-"""Every scenario with its severities, as text, and how to write them; `python -m quad_env scenarios`."""
+"""Text list of every scenario with its severities and syntax: `python -m quad_env scenarios`."""
 
 from dataclasses import dataclass
 
@@ -21,36 +21,37 @@ SYNTAX_EXAMPLES = {
     "quick": "a battery of scenarios; so are default, full and all",
     "my_file.py:NAME": "a quad_env.Scenario of yours, in a file",
 }
-"""The ways to write scenarios, and their meanings."""
+"""Example of each way to write a scenario -> its meaning."""
 
 
 @dataclass(frozen=True)
 class RobotOptions:
-    """Options of a command that prints what is known of a robot."""
+    """Options of a command that prints information about a robot."""
 
     robot: str = "simple_quad"
     """Robot: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
 
 
 def main(options: RobotOptions) -> int:
-    """Run the command; the exit code. Raises UsageError."""
+    """Run the command with `options` and return the exit code."""
     print(text(parse_robot(options.robot)))
     return 0
 
 
 def text(robot: Robot = SIMPLE_QUAD) -> str:
-    """Every scenario with its severities and a sentence; how severities are written."""
+    """Return a line or more for every scenario of `robot`, and the syntax of scenario names."""
     lines = [f"for {robot.name}: name, its severity, the levels of its axis from mild to hard, and what happens"]
     for axis in known_axes(robot).values():
         lines += [axis_line(axis), *(f"  {'':13}{line}" for line in (axis.sentence, axis.note) if line)]
     lines += [f"  {STEADY.name:13}level ground, and 0.5 m/s straight ahead: where effort is compared"]
     lines += [f"  {name:13}of an installed extension" for name in extension_scenarios()]
     lines += ["", "where a scenario is asked for, write"]
-    return "\n".join(lines + [f"  {written:21}{meaning}" for written, meaning in SYNTAX_EXAMPLES.items()])
+    lines += [f"  {example:21}{meaning}" for example, meaning in SYNTAX_EXAMPLES.items()]
+    return "\n".join(lines)
 
 
 def axis_line(axis: Axis) -> str:
-    """Name, nominal severity, quantity and levels of an axis."""
+    """Return the line with the name, nominal severity, quantity and levels of `axis`."""
     unit = f" {axis.unit}" if axis.unit not in ("", "°") else axis.unit
     levels = " ".join(f"{level:.4g}" for level in axis.levels)
     return f"  {axis.name:13}{f'{axis.nominal:.4g}{unit}':12}{axis.quantity}: {levels}"

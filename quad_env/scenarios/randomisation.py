@@ -1,4 +1,4 @@
-"""Domain randomisation (domain randomization): figures of robot and ground that differ from episode to episode."""
+"""Domain randomisation (domain randomization): properties of robot and ground that are drawn for each episode."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -13,45 +13,52 @@ LargeFraction = Annotated[float, Bounds("from 0 to 0.9", 0.0, 0.9)]
 
 
 class RandomizationSample(NamedTuple):
-    """Figures of one episode: factors, of joints (12,), displacement of the centre of mass, (3,), m, delay, s, and
-    offsets, (12,), rad."""
+    """Randomised properties of one episode, which `DomainRandomisation.draw` makes."""
 
     friction: float
+    """Factor on the ground's friction coefficient."""
     trunk_mass: float
+    """Factor on the trunk's mass."""
     centre_of_mass: Array
+    """Displacement of the trunk's centre of mass, trunk frame, (3,), m."""
     stiffness: Array
+    """Factors on the servos' stiffness, (12,)."""
     damping: Array
+    """Factors on the servos' damping, (12,)."""
     motor_strength: Array
+    """Factors on the servos' torque limit, (12,)."""
     delay: float
+    """Delay of actions, s."""
     encoder_offset: Array
+    """Offsets of the encoder readings, (12,), rad."""
 
 
 @dataclass(frozen=True)
 class DomainRandomisation(Settings):
-    """What every robot draws uniformly at every reset; 0, for friction (1, 1), leaves a figure as it is.
+    """Ranges of the properties that every robot draws uniformly at every reset; 0, or (1, 1) of friction, is no change.
 
-    The defaults are about those of MuJoCo Playground (Go1: friction 0.4 to 1, trunk ± 1 of 5 kg, centre of mass
+    The defaults are close to MuJoCo Playground (Go1: friction 0.4 to 1, trunk ± 1 of 5 kg, centre of mass
     ± 0.05 m), legged_gym (`domain_rand`: friction_range 0.5 to 1.25, added_mass_range ± 1 kg), Isaac Lab (velocity
     tasks: centre of mass ± 0.05, 0.05 and 0.01 m) and Walk These Ways (Margolis and Agrawal, 2022: motor_strength_range
     0.9 to 1.1, motor_offset_range ± 0.02 rad); gains ± 20 % and 20 ms are usual in projects built on these.
     """
 
     friction: tuple[Positive, Positive] = (0.5, 1.25)
-    """Range of the factor on the ground's friction coefficient, which holds for whatever touches the ground"""
+    """Range of the factor on the ground's friction coefficient, which applies to everything that touches the ground"""
     trunk_mass: LargeFraction = 0.2
-    """Largest share of the trunk's mass that is added or removed; its inertia goes with it"""
+    """Largest fraction of the trunk's mass that is added or removed; its inertia changes in proportion"""
     centre_of_mass: tuple[NonNegative, NonNegative, NonNegative] = (0.05, 0.05, 0.01)
-    """m, half-widths along the trunk's axes, forward, to the left and up, of its centre of mass"""
+    """m, half-widths of the displacement of the trunk's centre of mass: forward, to the left and up"""
     stiffness: LargeFraction = 0.2
-    """Largest share by which the stiffness of each joint's servo is more or less"""
+    """Largest fraction by which the stiffness of each joint's servo changes"""
     damping: LargeFraction = 0.2
-    """The same of its damping"""
+    """Largest fraction by which its damping changes"""
     motor_strength: LargeFraction = 0.1
-    """The same of its torque limit; of motors with a torque-speed curve, of the limit of the current"""
+    """Largest fraction by which its torque limit changes; the current limit of motors with a torque-speed curve"""
     delay: Delay = 0.02
-    """s, longest delay of actions, from 0 on, rounded to whole control steps; added to the scenario's `Latency`"""
+    """s, largest delay of actions (the smallest is 0), rounded to control steps; added to the scenario's `Latency`"""
     encoder_offset: NonNegative = 0.02
-    """rad, half-width of what each encoder reads too much; servos and rewards go by the true angles"""
+    """rad, half-width of the offset of each encoder's readings; servos and rewards use the true angles"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -59,7 +66,17 @@ class DomainRandomisation(Settings):
             raise ValueError(f"the range of friction must rise, got {self.friction}")
 
     def draw(self, joints: int, stream: np.random.Generator) -> RandomizationSample:
-        """Figures of the stream's episode, as many numbers whatever is randomised, so that no figure shifts another."""
+        """Draw the properties of an episode.
+
+        The number of draws does not depend on the settings, so that no property shifts another.
+
+        Args:
+            joints: Number of joints.
+            stream: Random stream of the episode.
+
+        Returns:
+            The drawn properties.
+        """
         friction, mass, delay, *centre = stream.uniform(-1, 1, 6).tolist()
         stiffness, damping, strength, offset = stream.uniform(-1, 1, (4, joints))
         low, high = self.friction

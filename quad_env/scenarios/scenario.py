@@ -1,4 +1,4 @@
-"""A scenario, everything that an episode of a robot is made of apart from its seed; and the same for another robot."""
+"""Scenario: complete definition of an episode except its seed, and its scaling to another robot."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -13,16 +13,19 @@ from quad_env.scenarios.disturbances import Dropouts, Ground, Latency, Motors, P
 from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.terrain import Flat, SmoothRandom, Stairs, Terrain
 
-HARDWARE, RANDOMISED, SCAN_LOST = "+hardware", "+randomised", "+scan_lost"
-"""Ends of the names of scenarios on the hardware profile, with domain randomisation and with a height scan that shows
-nothing."""
+HARDWARE = "+hardware"
+"""Suffix of the names of scenarios on the hardware profile."""
+RANDOMISED = "+randomised"
+"""Suffix of the names of scenarios with domain randomisation."""
+SCAN_LOST = "+scan_lost"
+"""Suffix of the names of scenarios with a height scan that shows nothing."""
 SUFFIX_FIELDS = {SCAN_LOST: "scan_lost", RANDOMISED: "randomisation", HARDWARE: "hardware"}
-"""End of a name -> the field that it is about, in the order in which they stand."""
+"""Suffix of a name -> the field of the scenario that it sets, in the order in which suffixes are written."""
 
 
 @dataclass(frozen=True)
 class Scenario(Settings):
-    """Terrain, disturbances, commands and start of an episode; None is a disturbance that does not happen."""
+    """Terrain, disturbances, commands and start of an episode; None is the absence of a disturbance."""
 
     name: str
     terrain: Terrain = field(default_factory=Flat)
@@ -30,10 +33,10 @@ class Scenario(Settings):
     commands: CommandRanges = field(default_factory=CommandRanges)
     start: StartNoise | AnyPose = field(default_factory=StartNoise)
     severity: float = 0.0
-    """Severity on the scenario's own axis, in the unit of `severity_unit`; 0 where it is of none."""
+    """Severity on the scenario's axis, in `severity_unit`; 0 without an axis."""
     severity_unit: str = ""
     axis: str = ""
-    """Name of an axis of `quad_env.scenarios.axes`, where the scenario is a severity of one."""
+    """Name of the axis of `quad_env.scenarios.axes` that contains the scenario; empty without."""
     force: SteadyForce | None = None
     ground: Ground = field(default_factory=Ground)
     motors: Motors = field(default_factory=Motors)
@@ -42,86 +45,119 @@ class Scenario(Settings):
     noise: SensorNoise | None = None
     dropouts: Dropouts | None = None
     hardware: bool = False
-    """Whether the robot has its hardware profile, see `quad_env.actuation.hardware`, instead of ideal motors, no delay
+    """True if the robot has its hardware profile, see `quad_env.actuation.hardware`, instead of ideal motors, no delay
     and observations of its true state."""
     randomisation: DomainRandomisation | None = None
-    """What of robot and ground differs from episode to episode; None: nothing."""
+    """Properties of robot and ground that are drawn for each episode; None for none."""
     scan_lost: bool = False
-    """Whether a height scan shows nothing: each of its points reads that of unseen ground, -2 m."""
+    """True if a height scan shows nothing: each of its points reads -2 m, as unseen ground does."""
 
     @property
     def suffix(self) -> str:
-        """End of the name of an axis's scenarios like this."""
+        """Suffixes that the name of the scenario has by its fields."""
         return "".join(end for end, field in SUFFIX_FIELDS.items() if getattr(self, field))
 
 
-def with_hardware_profile(scenario: Scenario, _: Robot = SIMPLE_QUAD) -> Scenario:
-    """The same with the robot's hardware profile, under the name with HARDWARE; itself where it has that already."""
+def with_hardware_profile(scenario: Scenario) -> Scenario:
+    """Return the `scenario` on the robot's hardware profile, with the suffix HARDWARE; unchanged if it has that."""
     return _with_settings(scenario, hardware=True)
 
 
-def _randomised(scenario: Scenario, robot: Robot) -> Scenario:
-    usual = scaled(Scenario("usual", randomisation=DomainRandomisation()), robot).randomisation
-    return _with_settings(scenario, randomisation=scenario.randomisation or usual)
+def _with_randomisation(scenario: Scenario, robot: Robot) -> Scenario:
+    """Return the scenario with domain randomisation, by default the usual one scaled to the robot."""
+    default = scaled(Scenario("default", randomisation=DomainRandomisation()), robot).randomisation
+    return _with_settings(scenario, randomisation=scenario.randomisation or default)
 
 
 def _without_scan(scenario: Scenario, _: Robot) -> Scenario:
+    """Return the scenario with a height scan that shows nothing."""
     return _with_settings(scenario, scan_lost=True)
 
 
 def _with_settings(scenario: Scenario, **settings: Any) -> Scenario:
-    found = replace(scenario, **settings)
-    renamed = scenario.name.removesuffix(scenario.suffix) + found.suffix
-    return scenario if found == scenario else replace(found, name=renamed)
+    """Return the scenario with other settings and the suffixes of these in its name; unchanged if it has them."""
+    changed = replace(scenario, **settings)
+    name = scenario.name.removesuffix(scenario.suffix) + changed.suffix
+    return scenario if changed == scenario else replace(changed, name=name)
 
 
 SUFFIXES: dict[str, Callable[[Scenario, Robot], Scenario]] = {
-    HARDWARE: with_hardware_profile,
-    RANDOMISED: _randomised,
+    HARDWARE: lambda scenario, _: with_hardware_profile(scenario),
+    RANDOMISED: _with_randomisation,
     SCAN_LOST: _without_scan,
 }
-"""End of a name -> what it makes of a scenario of a robot."""
+"""Suffix of a name -> function that applies it to a robot's scenario."""
 
 
 def scaled(scenario: Scenario, robot: Robot) -> Scenario:
-    """A scenario of SimpleQuad's for another robot, by dynamic similarity: commands by Froude number, pushes by the
-    speed that they give, forces and loads by weight, ground by leg length, torques by weight times leg length.
+    """Scale a scenario of SimpleQuad to another robot by dynamic similarity.
 
-    Times, noise, friction and angles stay as they are, as does the severity. No motor gets more torque than it has.
+    Commands scale by Froude number, pushes by the speed change that they cause, forces and loads by weight, ground by
+    leg length, torques by weight times leg length. Times, noise, friction, angles and the severity do not change. No
+    motor gets a larger torque limit than its own.
+
+    Args:
+        scenario: A scenario of SimpleQuad.
+        robot: The other robot.
+
+    Returns:
+        The scaled scenario.
     """
     if robot == SIMPLE_QUAD:
         return scenario
-    by = partial(scale_factor, robot)
-    pushes, force, load, motors = scenario.pushes, scenario.force, scenario.payload, scenario.motors
-    randomisation = scenario.randomisation
-    if motors.torque_limit is not None:
-        motors = replace(motors, torque_limit=min(by("N·m") * motors.torque_limit, robot.rated_torque))
-    if load is not None:
-        ahead, beside = load.reach
-        reach = (by("m") * ahead, by("m") * beside)
-        load = replace(load, mass=by("kg") * load.mass, reach=reach, edge=by("m") * load.edge)
-    if randomisation is not None:
-        ahead, beside, above = randomisation.centre_of_mass
-        randomisation = replace(randomisation, centre_of_mass=(by("m") * ahead, by("m") * beside, by("m") * above))
+    factor = partial(scale_factor, robot)
+    pushes = scenario.pushes
+    force = scenario.force
     return replace(
         scenario,
-        terrain=_scaled_terrain(scenario.terrain, by("m")),
-        commands=scenario.commands.scaled(by("m/s"), by("rad/s")),
-        pushes=pushes and replace(pushes, impulse=by("N·s") * pushes.impulse),
-        force=force and replace(force, force=by("N") * force.force),
-        ground=replace(scenario.ground, sink_depth=by("m") * scenario.ground.sink_depth),
-        motors=motors,
-        payload=load,
-        randomisation=randomisation,
+        terrain=_scaled_terrain(scenario.terrain, factor("m")),
+        commands=scenario.commands.scaled(factor("m/s"), factor("rad/s")),
+        pushes=pushes and replace(pushes, impulse=factor("N·s") * pushes.impulse),
+        force=force and replace(force, force=factor("N") * force.force),
+        ground=replace(scenario.ground, sink_depth=factor("m") * scenario.ground.sink_depth),
+        motors=_scaled_motors(scenario.motors, robot),
+        payload=_scaled_payload(scenario.payload, robot),
+        randomisation=_scaled_randomisation(scenario.randomisation, factor("m")),
     )
 
 
-def _scaled_terrain(terrain: Terrain, larger: float) -> Terrain:
+def _scaled_motors(motors: Motors, robot: Robot) -> Motors:
+    """Return the motors with their torque limit scaled, at most the robot's rated torque."""
+    if motors.torque_limit is None:
+        return motors
+    torque_limit = scale_factor(robot, "N·m") * motors.torque_limit
+    return replace(motors, torque_limit=min(torque_limit, robot.rated_torque))
+
+
+def _scaled_payload(payload: Payload | None, robot: Robot) -> Payload | None:
+    """Return the payload with mass and lengths scaled."""
+    if payload is None:
+        return None
+    length_factor = scale_factor(robot, "m")
+    forward, left = payload.reach
+    return replace(
+        payload,
+        mass=scale_factor(robot, "kg") * payload.mass,
+        reach=(length_factor * forward, length_factor * left),
+        edge=length_factor * payload.edge,
+    )
+
+
+def _scaled_randomisation(randomisation: DomainRandomisation | None, factor: float) -> DomainRandomisation | None:
+    """Return the randomisation with lengths scaled."""
+    if randomisation is None:
+        return None
+    forward, left, up = randomisation.centre_of_mass
+    return replace(randomisation, centre_of_mass=(factor * forward, factor * left, factor * up))
+
+
+def _scaled_terrain(terrain: Terrain, factor: float) -> Terrain:
+    """Return the terrain with lengths scaled; a user's height field keeps its size."""
     if isinstance(terrain, Stairs):
-        landing = max(1.0, larger) * terrain.landing  # which small robots need no less
-        lengths = {name: larger * getattr(terrain, name) for name in ("rise", "run", "half_width")}
+        landing = max(1.0, factor) * terrain.landing  # small robots need the same landing
+        lengths = {name: factor * getattr(terrain, name) for name in ("rise", "run", "half_width")}
         return replace(terrain, landing=landing, **lengths)
     if isinstance(terrain, SmoothRandom):
-        names = "peak_to_valley", "correlation_length", "half_size", "spawn_radius", "cell"
-        return replace(terrain, **{name: larger * getattr(terrain, name) for name in names})
+        names = ("peak_to_valley", "correlation_length", "half_size", "spawn_radius", "cell")
+        return replace(terrain, **{name: factor * getattr(terrain, name) for name in names})
     return terrain

@@ -1,4 +1,4 @@
-"""What the present episodes of n robots ask of them, and how far each has come: seeds, commands, pushes."""
+"""Schedule of the present episodes of n robots: seeds, commands, pushes and elapsed steps."""
 
 from collections.abc import Sequence
 
@@ -13,65 +13,108 @@ from quad_env.seeding import fresh_seeds, seeds_of
 
 
 class EpisodeSchedule:
-    """Episode k after a seed is that seed's k-th, whatever the other robots do."""
+    """Episodes of n robots; episode k after a seed is the k-th of that seed, independent of the other robots.
+
+    Args:
+        robot: The robots.
+        scenario: Scenario of all episodes.
+        num_envs: Number of robots.
+        dt: Control period, s.
+
+    Attributes:
+        pushes: Pushes of every robot's present episode.
+        step_count: Control steps since the start of each robot's episode, (n,).
+        command: Command of the coming step: forward and lateral m/s, yaw rate rad/s, (n, 3).
+    """
 
     def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> None:
-        self._robot, self._scenario, self._dt = robot, scenario, dt
+        self._robot = robot
+        self._scenario = scenario
+        self._dt = dt
         self._interval = scenario.commands.steps(dt)
-        self._seeds, self._next = fresh_seeds(num_envs), [0] * num_envs
+        self._seeds = fresh_seeds(num_envs)
+        self._next_number = [0] * num_envs
         self._episodes = [EpisodeSample(robot, scenario, 0, 0, dt)] * num_envs
         plan = self._episodes[0].pushes
         self.pushes = PushPlan(
             np.tile(plan.first_step, (num_envs, 1)), plan.steps, np.tile(plan.force, (num_envs, 1, 1))
         )
-        """Pushes of every robot's present episode."""
         self.step_count = np.zeros(num_envs, np.int64)
-        """Control steps since each robot's start, (n,)."""
         self.command = np.zeros((num_envs, 3))
-        """To follow in the coming step, (n, 3)."""
-        self._held = np.zeros(num_envs, bool)
-        self._shove: Array | None = None
-        self._shove_end = np.zeros(num_envs, np.int64)
+        self._has_fixed_command = np.zeros(num_envs, bool)
+        self._manual_force: Array | None = None
+        """Force of the last `apply_push`, world frame, (n, 2), N."""
+        self._manual_push_end = np.zeros(num_envs, np.int64)
+        """Control step at which it ends, (n,)."""
 
     def reseed(self, seed: int | Sequence[int] | None, mask: Mask) -> None:
-        """The next episodes of the masked robots are the first of these seeds, see `seeding.seeds_of`."""
+        """Set the seeds of the next episodes.
+
+        Args:
+            seed: Seeds, see `seeding.seeds_of`; None changes nothing.
+            mask: Robots that get a seed, (n,).
+        """
         if seed is None:
             return
         seeds = seeds_of(seed, len(self._seeds))
         for i in np.flatnonzero(mask):
             if seeds[i] is not None:
-                self._seeds[i], self._next[i] = seeds[i], 0
+                self._seeds[i] = seeds[i]
+                self._next_number[i] = 0
 
-    def reset(self, env_ids: NDArray[np.intp], held: Array | None) -> list[EpisodeSample]:
-        """The next episodes of those robots; `held` are the commands of all, (n, 3), or None to draw."""
+    def reset(self, env_ids: NDArray[np.intp], fixed_command: Array | None) -> list[EpisodeSample]:
+        """Start the next episodes of some robots.
+
+        Args:
+            env_ids: Indices of the robots, (k,).
+            fixed_command: Commands of all robots for the whole episode, (n, 3); None to draw commands.
+
+        Returns:
+            The new episodes, k.
+        """
         for i in env_ids:
-            episode = EpisodeSample(self._robot, self._scenario, self._seeds[i], self._next[i], self._dt)
+            episode = EpisodeSample(self._robot, self._scenario, self._seeds[i], self._next_number[i], self._dt)
             self._episodes[i] = episode
-            self._next[i] += 1
-            self.pushes.first_step[i], self.pushes.force[i] = episode.pushes.first_step, episode.pushes.force
-            self.command[i] = episode.next_command() if held is None else held[i]
-        self.step_count[env_ids], self._held[env_ids], self._shove_end[env_ids] = 0, held is not None, 0
+            self._next_number[i] += 1
+            self.pushes.first_step[i] = episode.pushes.first_step
+            self.pushes.force[i] = episode.pushes.force
+            self.command[i] = episode.next_command() if fixed_command is None else fixed_command[i]
+        self.step_count[env_ids] = 0
+        self._has_fixed_command[env_ids] = fixed_command is not None
+        self._manual_push_end[env_ids] = 0
         return [self._episodes[i] for i in env_ids]
 
     def resample_commands(self, env_ids: EnvSelection) -> None:
-        """New commands for those robots that have followed one for its time."""
-        due = self.step_count[env_ids] % self._interval == 0
-        if np.count_nonzero(due):
-            for i in np.arange(len(self.step_count))[env_ids][due & ~self._held[env_ids]]:
+        """Draw new commands for the robots among `env_ids` that begin a command interval."""
+        begins_interval = self.step_count[env_ids] % self._interval == 0
+        if np.count_nonzero(begins_interval):
+            is_due = begins_interval & ~self._has_fixed_command[env_ids]
+            for i in np.arange(len(self.step_count))[env_ids][is_due]:
                 self.command[i] = self._episodes[i].next_command()
 
     def fix_commands(self, commands: Array) -> None:
-        """Every robot follows its command, (n, 3), to the end of its episode; no more are drawn."""
-        self.command[:], self._held[:] = commands, True
+        """Fix the commands of all robots, (n, 3), to the end of their episodes; no more are drawn."""
+        self.command[:] = commands
+        self._has_fixed_command[:] = True
 
     def apply_push(self, forces: Array, steps: int) -> None:
-        """Push the trunks with these forces, world frame, (n, 2), N, for some control steps, added to their pushes."""
-        self._shove, self._shove_end = forces, self.step_count + steps
+        """Push the trunks in addition to the planned pushes.
+
+        Args:
+            forces: World frame, (n, 2), N.
+            steps: Duration, control steps.
+        """
+        self._manual_force = forces
+        self._manual_push_end = self.step_count + steps
 
     def push_force(self) -> Array | None:
-        """Pushing force on every trunk in the coming step, world frame, (n, 2), N; None before the first push."""
+        """Return the pushing force on every trunk in the coming step, world frame, (n, 2), N.
+
+        None if the scenario has no pushes and `apply_push` was never called.
+        """
         planned = self.pushes.force_at(self.step_count)
-        if self._shove is None:
+        if self._manual_force is None:
             return planned
-        apply_push = np.where((self.step_count < self._shove_end)[:, None], self._shove, 0.0)
-        return apply_push if planned is None else planned + apply_push
+        is_acting = self.step_count < self._manual_push_end
+        manual = np.where(is_acting[:, None], self._manual_force, 0.0)
+        return manual if planned is None else planned + manual

@@ -1,11 +1,11 @@
-"""Terrains as values: the height of the ground under a point, and of the centre of a ball, such as a foot, on it."""
+"""Terrains as values: height of the ground at a point, and centre height of a ball on it, for example a foot."""
 
 import math
 import sys
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, Any, cast
 
 import numpy as np
 
@@ -16,41 +16,42 @@ from quad_env.scenarios import height_file
 from quad_env.scenarios.height_file import Heights
 
 Length = Annotated[float, Bounds("more than 0 m and at most 1e6 m", sys.float_info.min, 1e6)]
+"""A length, m."""
 MIN_START_CLEARANCE = 0.7
-"""m of level ground about the trunk's centre that hold the legs of a starting robot, whatever way it faces."""
+"""m. Radius of level ground around the trunk's centre that a robot's legs need at the start, at any heading."""
 
 
 @dataclass(frozen=True)
 class Flat(Settings):
-    """The plane z = 0."""
+    """Plane z = 0."""
 
     spawn_radius: NonNegative = 0.0
-    """m, half-side of the square over which robots start"""
+    """m; half-side of the square in which robots start"""
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Ground height in the world frame, m."""
+        """Return the ground height, m, at `x` and `y`, world frame, m."""
         return 0.0 * x
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Centre height of a ball that touches the ground there, world frame, m."""
+        """Return the centre height, m, of a ball of `radius`, m, on the ground at `x` and `y`, world frame, m."""
         return self.height(x, y) + radius
 
 
 @dataclass(frozen=True)
 class Slope(Settings):
-    """An infinite plane through the origin that rises along the world's x axis; robots start aligned with it."""
+    """Infinite plane through the origin that rises along the world's x axis; robots start aligned with it."""
 
     angle: Annotated[float, Bounds("from 0 to 80° (1.396 rad)", 0.0, math.radians(80.0))] = math.radians(15.0)
     """rad above the horizontal"""
     spawn_radius: NonNegative = 0.0
-    """m, half-side of the square over which robots start"""
+    """m; half-side of the square in which robots start"""
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Ground height in the world frame, m."""
+        """Return the ground height, m, at `x` and `y`, world frame, m."""
         return math.tan(self.angle) * x
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Centre height of a ball that touches the ground there, world frame, m."""
+        """Return the centre height, m, of a ball of `radius`, m, on the ground at `x` and `y`, world frame, m."""
         return self.height(x, y) + radius / math.cos(self.angle)
 
 
@@ -63,17 +64,17 @@ class Stairs(Settings):
     """
 
     rise: Length = 0.1
-    """m a step"""
+    """m per step"""
     run: Length = 0.3
-    """m a step"""
+    """m per step"""
     steps: Annotated[int, Bounds("from 1 to 1000", 1, 1000)] = 60
-    """Each way; at the top commanded speed no robot leaves the stairs within 10 s"""
+    """Number of steps in each direction; at the top commanded speed no robot leaves the stairs within 10 s"""
     landing: float = 0.75
-    """m, half-length of the landing"""
+    """m; half-length of the landing"""
     half_width: Length = 22.0
-    """m"""
+    """m; half-width of each step along the world's y axis"""
     spawn_radius: NonNegative = 0.0
-    """m, half-side of the square over which robots start"""
+    """m; half-side of the square in which robots start"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -81,17 +82,26 @@ class Stairs(Settings):
             raise ValueError(f"the landing must be longer than the spawn_radius by {MIN_START_CLEARANCE} m, got {self}")
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Ground height in the world frame, m; that of the tread right on a riser."""
+        """Return the ground height, m, at `x` and `y`, world frame, m; on a riser the height of its tread."""
         steps = (abs(x) - self.landing) / self.run + 1.0
         climbed = self.rise * clipped_index(clip(steps, 0.0, float(self.steps)), self.steps)
         return cast("ScalarOrBatch", where(x > 0.0, climbed, -climbed))
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Centre height of a ball on the tread there, world frame, m; of no use within `radius` of a riser."""
+        """Return the centre height of a ball on the tread at a point; wrong within a radius of a riser.
+
+        Args:
+            x: World frame, (n,), m.
+            y: World frame, (n,), m.
+            radius: Radius of the ball, m.
+
+        Returns:
+            Height, world frame, (n,), m.
+        """
         return self.height(x, y) + radius
 
     def boxes(self) -> list[tuple[tuple[float, float], float]]:
-        """Range of x and top z of the landing and each step that is not on the lowest level, m."""
+        """Return the x range and the top z, m, of the landing and of each step above the lowest level."""
         low = [-self.landing - k * self.run for k in range(self.steps)]
         high = [self.landing + k * self.run for k in range(self.steps)]
         down = [((low[k], low[k - 1]), -k * self.rise) for k in range(1, self.steps)]
@@ -102,27 +112,27 @@ class Stairs(Settings):
 
 @dataclass(frozen=True)
 class SmoothRandom(Settings):
-    """Random height field: white noise smoothed by a Gaussian, its heights made uniform between valley and peak.
+    """Random height field: Gaussian-smoothed white noise with a uniform distribution of heights.
 
-    Uniform heights let a robot meet the whole range within a few correlation lengths, where a scaled Gaussian field is
-    nearly flat about most places. The surface lies between z = 0 and z = `peak_to_valley`; around it the plane z = 0.
+    With uniform heights a robot meets the whole range within a few correlation lengths, while a scaled Gaussian field
+    is nearly flat in most places. The surface lies between z = 0 and z = `peak_to_valley`; around it is z = 0.
 
-    Each episode has a surface of its own: the part of the field about its start, up to `spawn_radius` from the centre,
-    since MuJoCo's heights belong to all simulations of a batch.
+    Each episode uses another part of the field, around a start up to `spawn_radius` from the centre, because MuJoCo's
+    height data are shared by all simulations of a batch.
     """
 
     peak_to_valley: Length = 0.12
-    """m"""
+    """m; height difference from the lowest to the highest point"""
     correlation_length: Length = 0.3
     """m; the autocorrelation of the smoothed noise falls to 1/e at this distance"""
     half_size: Length = 34.0
-    """m; at the top commanded speed no robot leaves the field within 10 s"""
+    """m; half-side of the field, which no robot leaves within 10 s at the top commanded speed"""
     spawn_radius: NonNegative = 16.0
-    """m, half-side of the square over which robots start"""
+    """m; half-side of the square in which robots start"""
     cell: Length = 0.1
     """m between grid points"""
     seed: Annotated[int, Bounds("at least 0", 0)] = 0
-    """The whole field, a set of surfaces, is a function of this seed alone."""
+    """Seed that alone determines the whole field"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -131,51 +141,70 @@ class SmoothRandom(Settings):
 
     @property
     def points(self) -> int:
-        """Grid points a side."""
+        """Number of grid points along each side."""
         return round(2 * self.half_size / self.cell) + 1
 
     @property
     def half(self) -> tuple[float, float]:
-        """Half the size along x and y, m."""
+        """Half-sizes along x and y, m."""
         return self.half_size, self.half_size
 
     @property
     def heights(self) -> Heights:
-        """The heights of the whole field; one grid, (points, points), for surfaces that differ in amplitude alone."""
-        unit = _unit_surface(self.points, self.correlation_length / 2 / self.cell, self.seed)
-        return Heights(unit, 0.0, self.peak_to_valley)
+        """Heights of the whole field, (points, points); fields that differ in amplitude alone share one grid."""
+        normalized = _normalized_surface(self.points, self.correlation_length / 2 / self.cell, self.seed)
+        return Heights(normalized, 0.0, self.peak_to_valley)
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Surface height at world points, m: linear on the two triangles of each cell, as MuJoCo collides with it."""
-        column, row = (x + self.half_size) / self.cell, (y + self.half_size) / self.cell
+        """Return the surface height, linear on the two triangles of each cell as in MuJoCo's collisions.
+
+        Args:
+            x: World frame, m.
+            y: World frame, m.
+
+        Returns:
+            Height, world frame, m.
+        """
+        column = (x + self.half_size) / self.cell
+        row = (y + self.half_size) / self.cell
         surface = _interpolate_height(self.heights.normalized, self.peak_to_valley, column, row)
         inside = (abs(x) <= self.half_size) & (abs(y) <= self.half_size)
         return cast("ScalarOrBatch", where(inside, surface, 0.0))
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Centre height of a ball that touches the ground there, world frame, m; cells wider than it are taken for
-        level, of finer ground points a third of a radius apart are looked at."""
+        """Return the centre height of a ball that touches the ground at a point.
+
+        Cells wider than the ball are assumed to be level. On finer ground, points a third of a radius apart are tested.
+
+        Args:
+            x: World frame, (n,), m.
+            y: World frame, (n,), m.
+            radius: Radius of the ball, m.
+
+        Returns:
+            Height, world frame, (n,), m.
+        """
         return self.height(x, y) + radius if self.cell > 2 * radius else _highest_touching(self, x, y, radius)
 
 
 @dataclass(frozen=True)
 class HeightField(Settings):
-    """Ground of a user's own: heights on a grid, from a picture or an array, about the origin of the world.
+    """Terrain of a user: heights on a grid around the world's origin, from a picture or an array.
 
-    The first row of samples, the top of the picture, lies at the largest y, the first column, its left, at the least x.
-    Around the field the ground is level, as low as the field's lowest point.
+    The first row of samples, the top of the picture, lies at the largest y; the first column, its left, at the smallest
+    x. Around the field the ground is level, at the height of the field's lowest point.
     """
 
     file: str = field(compare=False)
     """Path of a grey picture, .png of 8 or 16 bit, or of an array of rows and columns, .npy"""
     sha256: str
-    """SHA-256 of the file"""
+    """SHA-256 of the file, hexadecimal"""
     size: tuple[Length, Length]
-    """m along x and y, between the outermost samples"""
+    """m; distance between the outermost samples along x and y"""
     peak: Length | None = None
-    """m, height of the largest value, where 0 is height 0; None for an array of heights in m"""
+    """m; height of the largest value, with value 0 at height 0; None for an array of heights in m"""
     start: tuple[float, float] | None = None
-    """m from the middle along x and y, where all robots start; None for a place drawn by the episode's seed"""
+    """m from the middle along x and y; start of all robots. None for a start that the episode's seed draws"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -184,59 +213,103 @@ class HeightField(Settings):
 
     @classmethod
     def from_toml(cls, path: Path) -> "HeightField":
-        """The ground that a TOML file describes by its `file`, `size`, `height` (the `peak`) and `start`; ValueError,
-        one line, for what is none."""
+        """Load the terrain that a TOML file describes.
+
+        Args:
+            path: TOML file with `file`, `size` and perhaps `height` (the `peak`) and `start`.
+
+        Returns:
+            The terrain.
+
+        Raises:
+            ValueError: The file or its heights are invalid, in one line.
+        """
         file, size, height, start = height_file.parse_terrain_toml(path)
-        place = str(path.parent / str(file))
+        heights_path = str(path.parent / str(file))
         try:
-            found = cls(place, height_file.sha256_of(place), size, height, start)
+            terrain = cls(heights_path, height_file.sha256_of(heights_path), size, height, start)
         except ValueError as error:
             raise ValueError(one_line(f"{path}: {error}; it wants lines such as {height_file.EXAMPLE_LINES}")) from None
-        height_file.read(place, found.sha256, height)  # raises for what is no ground
-        return found
+        height_file.read(heights_path, terrain.sha256, height)  # raises ValueError for invalid heights
+        return terrain
 
     @property
     def half(self) -> tuple[float, float]:
-        """Half the size, m."""
+        """Half-sizes along x and y, m."""
         return self.size[0] / 2, self.size[1] / 2
 
     @property
     def spawn_radius(self) -> float:
-        """Half-side of the square about the middle over which robots start, m: half the shorter way to its edge."""
+        """Half-side of the central square in which robots start, m: half the distance to the nearest edge."""
         return min(self.half) / 2 if self.start is None else 0.0
 
     @property
     def heights(self) -> Heights:
-        """The heights; ValueError, one line, where the file is gone or has changed."""
+        """Heights of the file; ValueError, one line, if the file is gone or has changed."""
         return height_file.read(self.file, self.sha256, self.peak)
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Surface height at world points, m: linear on the two triangles of each cell, as MuJoCo collides with it."""
-        (unit, lowest, span), (half_x, half_y) = self.heights, self.half
-        rows, columns = unit.shape
-        column, row = (x + half_x) / self.size[0] * (columns - 1), (y + half_y) / self.size[1] * (rows - 1)
+        """Return the surface height, linear on the two triangles of each cell as in MuJoCo's collisions.
+
+        Args:
+            x: World frame, m.
+            y: World frame, m.
+
+        Returns:
+            Height, world frame, m.
+        """
+        normalized, min_height, span = self.heights
+        half_x, half_y = self.half
+        rows, columns = normalized.shape
+        column = (x + half_x) / self.size[0] * (columns - 1)
+        row = (y + half_y) / self.size[1] * (rows - 1)
         inside = (abs(x) <= half_x) & (abs(y) <= half_y)
-        return cast("ScalarOrBatch", lowest + where(inside, _interpolate_height(unit, span, column, row), 0.0))
+        surface = _interpolate_height(normalized, span, column, row)
+        return cast("ScalarOrBatch", min_height + where(inside, surface, 0.0))
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Centre height of a ball that touches the ground there, world frame, m."""
+        """Return the centre height, m, of a ball of `radius`, m, on the ground at `x` and `y`, world frame, m."""
         return _highest_touching(self, x, y, radius)
 
 
 def _interpolate_height(grid: Array, span: float, column: ScalarOrBatch, row: ScalarOrBatch) -> ScalarOrBatch:
-    """`span` times the height on the triangles of the grid's cells, at places in cells from its first sample."""
+    """Return `span` times the grid's height, linear on the two triangles of each cell.
+
+    Args:
+        grid: Heights, (rows, columns).
+        span: Factor on the heights, m.
+        column: Position along the columns, cells from the first sample.
+        row: Position along the rows, cells from the first sample.
+
+    Returns:
+        Height, m.
+    """
     rows, columns = grid.shape
-    column, row = clip(column, 0.0, float(columns - 1)), clip(row, 0.0, float(rows - 1))
-    j, i = clipped_index(column, columns - 2), clipped_index(row, rows - 2)
-    u, v = column - j, row - i
-    near, far = where(u < v, u, v), where(u < v, v, u)
-    start, end = span * grid[i, j], span * grid[i + 1, j + 1]
+    column = clip(column, 0.0, float(columns - 1))
+    row = clip(row, 0.0, float(rows - 1))
+    j = clipped_index(column, columns - 2)
+    i = clipped_index(row, rows - 2)
+    u = column - j
+    v = row - i
+    start = span * grid[i, j]
+    end = span * grid[i + 1, j + 1]
     side = span * where(u > v, grid[i, j + 1], grid[i + 1, j])
-    return cast("ScalarOrBatch", start + (side - start) * (far - near) + (end - start) * near)
+    return cast("ScalarOrBatch", _interpolate_triangle(start, side, end, where(u < v, u, v), where(u < v, v, u)))
+
+
+def _interpolate_triangle(start: Any, side: Any, end: Any, near: Any, far: Any) -> Any:
+    """Interpolate between the corners of a triangle: first sample of a cell, its neighbour, the opposite one.
+
+    `near` and `far` are the smaller and the larger of both offsets in the cell, 0 … 1.
+    """
+    return start + (side - start) * (far - near) + (end - start) * near
 
 
 def _highest_touching(terrain: SmoothRandom | HeightField, x: Array, y: Array, radius: float) -> Array:
-    """Least centre height, m, of a ball that is not below any of the points a third of a radius apart under it."""
+    """Return the lowest centre height of a ball that no tested point of the ground penetrates, (n,), m.
+
+    The tested points under the ball are a third of a radius apart.
+    """
     thirds = [(i / 3, j / 3) for i in range(-3, 4) for j in range(-3, 4) if i * i + j * j <= 9]
     touching = [
         terrain.height(x + radius * i, y + radius * j) + radius * math.sqrt(max(0.0, 1 - i * i - j * j))
@@ -246,10 +319,18 @@ def _highest_touching(terrain: SmoothRandom | HeightField, x: Array, y: Array, r
 
 
 @lru_cache(maxsize=16)
-def _unit_surface(points: int, width: float, seed: int) -> Array:
-    """Convolving white noise with exp(-2 r²/l²) gives the autocorrelation exp(-r²/l²); `ndtr` makes it uniform.
+def _normalized_surface(points: int, width: float, seed: int) -> Array:
+    """Return a random surface with uniform heights from 0 to 1, (points, points).
 
-    `width` is l/2 in cells.
+    White noise convolved with exp(-2 r²/l²) has the autocorrelation exp(-r²/l²); `ndtr` makes the heights uniform.
+
+    Args:
+        points: Grid points along each side.
+        width: l/2, cells.
+        seed: Seed of the noise.
+
+    Returns:
+        Heights, read-only.
     """
     from scipy.ndimage import gaussian_filter
     from scipy.special import ndtr
