@@ -181,7 +181,7 @@ def a_step_ago(patch: pytest.MonkeyPatch) -> None:
 def scan_kept(patch: pytest.MonkeyPatch) -> None:
     """What makes a scenario milder forgets that its scan is lost."""
     true_eased = training_robots.at_difficulty
-    patch.setattr(training_robots, "eased", lambda *args: replace(true_eased(*args), scan_lost=False))
+    patch.setattr(training_robots, "at_difficulty", lambda *args: replace(true_eased(*args), scan_lost=False))
 
 
 def figures(robots: Any, row: int) -> dict[str, float]:
@@ -247,11 +247,13 @@ FAULTS: Faults = {
         check_validation_and_training_have_the_hardware_profile,
     ),
     "profile lost where a scenario is eased": (
-        lambda patch: patch.setattr(training_robots, "eased", without_profile(training_robots.at_difficulty)),
+        lambda patch: patch.setattr(training_robots, "at_difficulty", without_profile(training_robots.at_difficulty)),
         check_validation_and_training_have_the_hardware_profile,
     ),
     "randomisation lost where a scenario is eased": (
-        lambda patch: patch.setattr(training_robots, "eased", without_randomisation(training_robots.at_difficulty)),
+        lambda patch: patch.setattr(
+            training_robots, "at_difficulty", without_randomisation(training_robots.at_difficulty)
+        ),
         check_training_robots_are_randomised,
     ),
     "randomisation that never reaches the models": (

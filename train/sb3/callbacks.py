@@ -1,4 +1,4 @@
-"""What happens between two rollouts: progress, TensorBoard, validation, checkpoints, and a clean end on Ctrl-C.
+"""Callback between two rollouts: progress, TensorBoard, validation, checkpoints, and a clean end on Ctrl-C.
 
 SB3 calls `_on_rollout_start` after the update of the last rollout: the one place where learner and random generators
 can be saved together. The state of the robots is not saved: all robots start each segment of a run with new episodes,
@@ -40,15 +40,15 @@ from train.training_robots import (
     segment_steps,
     training_seeds,
 )
-from train.validation import mean_score, mean_success_rate, ranking_key, total_cost_of_transport, validate
+from train.validation import Results, mean_score, mean_success_rate, ranking_key, total_cost_of_transport, validate
 
 FIRST_CHECKPOINT_DEADLINE = 30.0
-"""Work within which a session writes its first checkpoint, s; later if its first rollout is longer."""
+"""s. Time within which a session writes its first checkpoint; later if its first rollout is longer."""
 
 
 @dataclasses.dataclass
 class CallbackState:
-    """State of the callbacks from one session of a run to the next, as JSON types."""
+    """State of the callback that a checkpoint keeps from one session of a run to the next, as JSON types."""
 
     segments: int = 0
     """Number of segments that were started."""
@@ -57,13 +57,13 @@ class CallbackState:
     rate: float | None = None
     """Learning rate of the adaptive schedule."""
     difficulties: list[float] = dataclasses.field(default_factory=list)
-    """Share of its severity that each scenario is trained at, of a run with a curriculum."""
+    """Difficulty of each scenario, 0 … 1, see `train.curriculum`."""
     validations: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     """{"steps", "success", "score", "cost_of_transport", "scenarios"} of each validation."""
 
     @classmethod
     def read(cls, remembered: Mapping[str, Any]) -> "CallbackState":
-        """The state in a checkpoint. Raises UsageError where it is not one."""
+        """Convert the JSON types `remembered` by a checkpoint. Raises UsageError if they do not fit."""
         try:
             return cast(CallbackState, decode(cls, remembered))
         except (TypeError, ValueError, OverflowError) as error:
@@ -77,12 +77,20 @@ class CallbackState:
     @property
     def best(self) -> int:
         """Steps at the best validation, the first of equals."""
-        return int(min(self.validations, key=lambda each: ranking_key(each["scenarios"]))["steps"])
+        return int(min(self.validations, key=lambda validation: ranking_key(validation["scenarios"]))["steps"])
 
 
 class TrainingCallback(BaseCallback):
-    """Schedules, curriculum, validation, bundles, checkpoints and segments of a run, in this order; `state` is changed,
-    and `actions` are those of an unfinished segment, which the robots first repeat."""
+    """Schedules, curriculum, validation, bundles, checkpoints and segments of a run, in this order.
+
+    Args:
+        config: Settings of the run.
+        env: Environment of the learner.
+        display: Progress display.
+        interrupt: Ctrl-C of the user.
+        state: State, which is updated.
+        actions: Actions of an unfinished segment, which the robots first repeat.
+    """
 
     def __init__(
         self,
@@ -94,16 +102,26 @@ class TrainingCallback(BaseCallback):
         actions: Sequence[FloatArray] = (),
     ) -> None:
         super().__init__()
-        self._config, self._env, self._display, self._interrupt = config, env, display, interrupt
-        self._state, self._actions = state, actions
+        self._config = config
+        self._env = env
+        self._display = display
+        self._interrupt = interrupt
+        self._state = state
+        self._actions = actions
         self._bases = [make_base(config, hardware_profile) for hardware_profile in (False, True)]
-        """Bases of bundles, without and with the hardware profile, with the parameters in force at the start."""
+        """Base policies of bundles, without and with the hardware profile, with the parameters at the start."""
         self._robots = cast(MultiScenarioVectorEnv, env.env.unwrapped)
         self._batch_settings = [(config.curriculum, effort_weight_scale(config, 0))] * len(self._robots.batches)
+        """Difficulty and factor on the weights of effort of each batch."""
         self._recent = RecentIntervals(segment_steps(config) // (config.ppo.envs * config.ppo.rollout_steps))
         state.difficulties = state.difficulties or [config.curriculum] * len(self._batch_settings)
-        self._earlier_seconds, self._session_start = state.seconds, time.monotonic()
-        self._end = self._last_checkpoint_step = self._start = 0
+        self._earlier_seconds = state.seconds
+        self._session_start = time.monotonic()
+        self._start = 0
+        """Steps at the start of the session."""
+        self._end = 0
+        """Steps at the end of the segment."""
+        self._last_checkpoint_step = 0
 
     @property
     def _learner(self) -> PPO:
@@ -111,12 +129,13 @@ class TrainingCallback(BaseCallback):
 
     @property
     def _segment_finished(self) -> bool:
-        """Whether the last segment is complete."""
+        """True if the last segment is complete."""
         return self.num_timesteps >= self._end
 
     def _policy(self, hardware_profile: bool = False) -> ResidualPolicy:
-        """The policy of a bundle: the actor on a fresh base, see `base_of`, without exploration noise."""
-        config, authority = self._config, cast(ResidualVectorEnv, self._env.env).authority
+        """Make the policy of a bundle: the actor without exploration noise on a fresh base, see `make_base`."""
+        config = self._config
+        authority = cast(ResidualVectorEnv, self._env.env).authority
         actor = actor_network(self._learner)
         return ResidualPolicy(
             copy.deepcopy(self._bases[hardware_profile]),
@@ -190,22 +209,23 @@ class TrainingCallback(BaseCallback):
             self._state.rate = rate.rate
 
     def _adjust_severities(self) -> None:
-        """Make scenarios harder or milder by the command intervals of the segment."""
-        counted, kept = self._robots.pop_interval_counts()
+        """Update the difficulties from the command intervals of the segment."""
+        counted, tracked = self._robots.pop_interval_counts()
         if not counted.any():
             return
-        self._state.difficulties = update_difficulties(self._state.difficulties, counted, kept)
+        self._state.difficulties = update_difficulties(self._state.difficulties, counted, tracked)
         for number, batch in enumerate(self._robots.batches):
             self.logger.record(f"severity/{batch.scenario.name}", self._state.difficulties[number])
-            self.logger.record(f"kept/{batch.scenario.name}", kept[number] / max(counted[number], 1))
+            self.logger.record(f"kept/{batch.scenario.name}", tracked[number] / max(counted[number], 1))
 
     def _make_batches(self, begun: int) -> None:
-        """Replace the batches whose severity or rewards are others in the segment that has begun after those steps."""
-        wanted = [(share, effort_weight_scale(self._config, begun)) for share in self._state.difficulties]
-        for number, (made, asked) in enumerate(zip(self._batch_settings, wanted, strict=True)):
-            if made != asked:
-                self._robots.replace_batch(number, make_batch(self._config, number, *asked))
-        self._batch_settings = wanted
+        """Replace the batches that need another difficulty or reward in the segment that began at step `begun`."""
+        effort = effort_weight_scale(self._config, begun)
+        settings = [(difficulty, effort) for difficulty in self._state.difficulties]
+        for number, (old, new) in enumerate(zip(self._batch_settings, settings, strict=True)):
+            if old != new:
+                self._robots.replace_batch(number, make_batch(self._config, number, *new))
+        self._batch_settings = settings
 
     def _begin_segment(self) -> None:
         """Start new episodes of all robots."""
@@ -216,7 +236,8 @@ class TrainingCallback(BaseCallback):
 
     def _validate(self) -> None:
         """Validate the policy, and save it if it is the best so far."""
-        policy, state, config = self._policy(), self._state, self._config
+        config = self._config
+        policy = self._policy()
         with self._display.estimator.validation(self.num_timesteps):
             results = validate(policy, config.complete_validation, config.threads, config.hardware, self._policy(True))
         means = {
@@ -224,20 +245,32 @@ class TrainingCallback(BaseCallback):
             "score": mean_score(results),
             "cost_of_transport": total_cost_of_transport(results),
         }
-        state.validations.append({"steps": self.num_timesteps, **means, "scenarios": results})
+        self._state.validations.append({"steps": self.num_timesteps, **means, "scenarios": results})
+        is_best = self._state.best == self.num_timesteps
+        if is_best:
+            self._save(policy, BEST)
+        self._report_validation(means, results, is_best)
+
+    def _report_validation(self, means: Mapping[str, float], results: Results, is_best: bool) -> None:
+        """Log, write and print the last validation."""
+        state = self._state
         for scenario, figures in {"": means, **results}.items():
             for name, value in figures.items():
                 self.logger.record("/".join(filter(None, ("validation", scenario, name))), value)
-        if better := state.best == self.num_timesteps:
-            self._save(policy, BEST)
-        write_validations(config.folder, state.best, state.validations)
-        write_curve(state.validations, config.folder / CURVE_FILE)
-        each = ", ".join(f"{name} {whole_percent(figures['success_rate'])}" for name, figures in results.items())
-        line = f"{whole_percent(means['success'])} succeed ({each}), cost of transport {means['cost_of_transport']:.2f}"
-        self._display.note(f"{state.validated:>10,} validation: {line}{'  best so far' if better else ''}")
+        write_validations(self._config.folder, state.best, state.validations)
+        write_curve(state.validations, self._config.folder / CURVE_FILE)
+        rates = ", ".join(f"{name} {whole_percent(figures['success_rate'])}" for name, figures in results.items())
+        line = f"{whole_percent(means['success'])} succeed ({rates})"
+        line += f", cost of transport {means['cost_of_transport']:.2f}"
+        if is_best:
+            line += "  best so far"
+        self._display.note(f"{state.validated:>10,} validation: {line}")
 
     def _log(self) -> None:
-        """Write the figures of the rollout, its update and validation; SB3 would write the latter one rollout later."""
+        """Write the figures of the rollout, its update and its validation.
+
+        SB3 would write the figures of the update and validation one rollout later.
+        """
         if self.logger.name_to_value:
             self.logger.record("time/seconds", self._seconds)
             self.logger.dump(self.num_timesteps)
@@ -248,7 +281,7 @@ class TrainingCallback(BaseCallback):
 
     @property
     def _first_checkpoint_due(self) -> bool:
-        """Whether the session's first checkpoint would come after FIRST_CHECKPOINT if it waited for another rollout."""
+        """True if the first checkpoint would miss FIRST_CHECKPOINT_DEADLINE if it waited for another rollout."""
         rollouts = (self.num_timesteps - self._start) / (self._config.ppo.envs * self._config.ppo.rollout_steps)
         worked = time.monotonic() - self._session_start
         return (
@@ -260,10 +293,11 @@ class TrainingCallback(BaseCallback):
     def _save_checkpoint(self) -> None:
         """Write the last bundle, and a checkpoint with the robots' actions in a segment that is not over.
 
-        The checkpoint last: a resumed run repeats only what follows its checkpoint. But the first one first: a folder
-        without one holds nothing to lose.
+        The checkpoint comes last: a resumed run repeats only the steps after its checkpoint. But the first checkpoint
+        comes first: a folder without one holds nothing to lose.
         """
-        self._state.seconds, self._last_checkpoint_step = self._seconds, self.num_timesteps
+        self._state.seconds = self._seconds
+        self._last_checkpoint_step = self.num_timesteps
         policy = self._policy()
         if self._last_checkpoint_step:
             self._save(policy, LAST)

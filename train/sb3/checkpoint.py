@@ -1,9 +1,9 @@
 """Checkpoints of a run at a rollout boundary: safetensors for arrays, JSON for the rest, no pickle anywhere.
 
-Learner, schedules and random generators are restored exactly. The robots start new episodes at a checkpoint, or it
-holds their actions since they did, which are repeated. A checkpoint is two files, STEPS.safetensors and then STEPS.json
-with the hash of the first: it exists once the second does, so that a run killed at any moment leaves the one before
-complete. The last two are kept.
+Learner, schedules and random generators are restored exactly. The robots start new episodes at a checkpoint, or the
+checkpoint holds their actions since the start, which are repeated. A checkpoint is two files, STEPS.safetensors and
+then STEPS.json with the hash of the first. It exists once the second does, so that a run killed at any moment leaves
+the one before complete. The last two are kept.
 """
 
 import hashlib
@@ -26,29 +26,46 @@ from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
 
-SCHEMA, KEPT_CHECKPOINTS = 2, 2
-_POLICY, _OPTIMISER, _ACTIONS = "policy.", "optimiser.", "robots.actions"
+SCHEMA = 2
+"""Version of the format."""
+KEPT_CHECKPOINTS = 2
+"""Number of checkpoints that a folder keeps."""
+_POLICY = "policy."
+_OPTIMISER = "optimiser."
+_ACTIONS = "robots.actions"
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A run's state between two rollouts."""
+    """State of a run between two rollouts.
+
+    `capture` makes one from a learner, and `load` reads one from a folder.
+    """
 
     tensors: dict[str, torch.Tensor]
     """Weights, optimiser moments and random states, each under its prefix."""
     progress: dict[str, Any]
-    """JSON types: counters, random states, and under "remembered" the state of the callbacks."""
+    """JSON types: counters, random states, and under "remembered" the state of the callback."""
     damaged: tuple[str, ...] = ()
     """Newer checkpoints that could not be read, one line each."""
 
     @property
     def actions(self) -> list[NDArray[np.float32]]:
-        """The robots' actions since their start, each (n, k); empty where they start."""
+        """Actions of the robots since their start, each (n, k); empty at a start."""
         return list(self.tensors[_ACTIONS].numpy()) if _ACTIONS in self.tensors else []
 
 
 def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np.float32]] = ()) -> Checkpoint:
-    """The run's state now, with the robots' actions since their start; call it between an update and a rollout."""
+    """Capture the state of a run; call it between an update and a rollout.
+
+    Args:
+        model: Learner.
+        remembered: State of the callback, JSON types.
+        actions: Actions of the robots since their start, each (n, k).
+
+    Returns:
+        The state.
+    """
     tensors = {_POLICY + name: value for name, value in model.policy.state_dict().items()}
     for index, moments in model.policy.optimizer.state_dict()["state"].items():
         tensors |= {f"{_OPTIMISER}{index}.{name}": torch.as_tensor(value) for name, value in moments.items()}
@@ -63,7 +80,15 @@ def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np
 
 
 def restore(model: PPO, checkpoint: Checkpoint) -> None:
-    """Put the learner and all random generators back to `checkpoint`."""
+    """Set the learner and all random generators to a checkpoint.
+
+    Args:
+        model: Learner.
+        checkpoint: State.
+
+    Raises:
+        UsageError: It is of another learner.
+    """
     tensors, progress = checkpoint.tensors, checkpoint.progress
     try:
         model.policy.load_state_dict(_with_prefix(tensors, _POLICY))
@@ -80,7 +105,15 @@ def restore(model: PPO, checkpoint: Checkpoint) -> None:
 
 
 def load_networks(model: PPO, folder: Path) -> None:
-    """Give a new run the networks and the noise of the newest checkpoint in `folder`. Raises UsageError."""
+    """Load the networks and the noise of the newest checkpoint in a folder into the learner of a new run.
+
+    Args:
+        model: Learner.
+        folder: Folder of checkpoints.
+
+    Raises:
+        UsageError: The networks have another shape, or there is no checkpoint.
+    """
     weights = _with_prefix(load(folder).tensors, _POLICY)
     try:
         model.policy.load_state_dict(weights)
@@ -90,6 +123,7 @@ def load_networks(model: PPO, folder: Path) -> None:
 
 
 def _with_prefix(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
+    """Return the tensors with a prefix in their names, without it."""
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
@@ -102,7 +136,7 @@ def _restore_optimiser(optimiser: torch.optim.Optimizer, moments: dict[str, torc
 
 
 def save(folder: Path, checkpoint: Checkpoint) -> None:
-    """Add a checkpoint to `folder`; remove all but the last two."""
+    """Write a `checkpoint` to `folder`, and remove all but the last two."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = f"{checkpoint.progress['steps']:012d}"
     tensors = save_tensors(checkpoint.tensors)
@@ -115,7 +149,17 @@ def save(folder: Path, checkpoint: Checkpoint) -> None:
 
 
 def load(folder: Path) -> Checkpoint:
-    """The newest complete checkpoint of `folder`. Raises UsageError where there is none."""
+    """Load the newest complete checkpoint of a folder.
+
+    Args:
+        folder: Folder of checkpoints.
+
+    Returns:
+        The checkpoint.
+
+    Raises:
+        UsageError: There is none.
+    """
     problems = list[str]()
     for record_path in sorted(folder.glob("*.json"), reverse=True):
         try:

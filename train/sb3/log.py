@@ -1,4 +1,4 @@
-"""Where SB3's logger writes the figures of each rollout: TensorBoard's events, and one line of JSON in a plain file."""
+"""Outputs of SB3's logger for the figures of each rollout: TensorBoard's events, and a file of JSON lines."""
 
 import contextlib
 import itertools
@@ -18,7 +18,7 @@ from train.run_folder import METRICS_FILE, TENSORBOARD
 
 
 class _TensorBoardEvents(TensorBoardOutputFormat):
-    """TensorBoard's events; those of an earlier session after so many steps are hidden."""
+    """TensorBoard's events; events of an earlier session after `steps` are hidden."""
 
     def __init__(self, folder: Path, steps: int) -> None:
         self.writer = SummaryWriter(str(folder), purge_step=steps + 1)
@@ -26,14 +26,20 @@ class _TensorBoardEvents(TensorBoardOutputFormat):
 
 
 class _MetricsFile(KVWriter):
-    """A line of JSON for each rollout, from so many steps on; null for a mean of nothing."""
+    """File with a line of JSON for each rollout after `steps`; null for a mean of nothing."""
 
     def __init__(self, folder: Path, steps: int) -> None:
         cut_metrics(folder, steps)
         self._file = (folder / METRICS_FILE).open("a", encoding="utf-8")
 
     def write(self, key_values: dict[str, Any], key_excluded: Mapping[str, tuple[str, ...]], step: int = 0) -> None:
-        """Add a line, unless there is nothing to say."""
+        """Add a line if there are figures.
+
+        Args:
+            key_values: Figures by name.
+            key_excluded: Not used; SB3's formats that leave out a figure.
+            step: Steps of the run.
+        """
         if values := {name: float(value) for name, value in sorted(key_values.items())}:
             self._file.write(json.dumps(nan_to_null({"steps": step} | values)) + "\n")
             self._file.flush()
@@ -44,7 +50,7 @@ class _MetricsFile(KVWriter):
 
 
 def cut_metrics(folder: Path, steps: int) -> None:
-    """Remove the metrics after so many steps, which will be written again."""
+    """Remove the metrics of the run in `folder` after `steps`, which will be written again."""
     path = folder / METRICS_FILE
     lines = read_bytes(path, MAX_DATA_SIZE).splitlines(keepends=True) if path.exists() else ()
     kept = itertools.takewhile(lambda line: line.endswith(b"\n") and json.loads(line)["steps"] <= steps, lines)
@@ -53,16 +59,25 @@ def cut_metrics(folder: Path, steps: int) -> None:
 
 @contextlib.contextmanager
 def run_logger(folder: Path, steps: int) -> Iterator[Logger]:
-    """The logger of a run that starts, or continues, after so many steps.
+    """Open the logger of a run.
 
-    A failure of TensorBoard's thread, such as a full disk, is raised by the next write and not printed by the thread.
+    A failure of TensorBoard's thread, for example a full disk, is raised by the next write and not printed by the
+    thread.
+
+    Args:
+        folder: Folder of the run.
+        steps: Steps at the start of the session.
+
+    Yields:
+        The logger.
     """
 
     def report(failure: threading.ExceptHookArgs) -> None:
         if not issubclass(failure.exc_type, OSError):
             hook(failure)
 
-    hook, threading.excepthook = threading.excepthook, report
+    hook = threading.excepthook
+    threading.excepthook = report
     try:
         logger = Logger(str(folder), [_TensorBoardEvents(folder / TENSORBOARD, steps), _MetricsFile(folder, steps)])
         with contextlib.closing(logger):

@@ -1,4 +1,4 @@
-"""The learner: Stable-Baselines3's PPO, started so that the first policy is the base, and its actor as our network."""
+"""Learner: Stable-Baselines3's PPO, started so that the first policy is the base, and its actor as a `Network`."""
 
 import dataclasses
 from functools import partial
@@ -17,9 +17,12 @@ from quad_env.cli.command_line import UsageError
 from train.config import PpoConfig, TrainConfig
 from train.sb3.vec_env import TrainingVecEnv
 
-MIN_LEARNING_RATE, MAX_LEARNING_RATE = 1e-5, 1e-2
+MIN_LEARNING_RATE = 1e-5
+"""Lower bound of the adaptive learning rate."""
+MAX_LEARNING_RATE = 1e-2
+"""Upper bound of the adaptive learning rate."""
 REWARD_SCALE = 10.0
-"""Factor on the reward before the learner sees it: brings returns to about unit size for the value network."""
+"""Factor on the rewards of the learner; it brings returns to about unit size for the value network."""
 
 
 @dataclasses.dataclass
@@ -27,14 +30,16 @@ class AdaptiveRate:
     """Learning rate that keeps the KL divergence of an update near a target, as in rsl_rl; an SB3 schedule."""
 
     rate: float
+    """Learning rate."""
     target_kl: float
+    """KL divergence of an update, nat."""
 
     def __call__(self, progress_remaining: float) -> float:
-        """The rate now, whatever the progress."""
+        """Return the current rate; `progress_remaining` does not matter."""
         return self.rate
 
     def update(self, kl: float) -> None:
-        """Lower the rate after a step of more than twice the target, raise it after one of less than half."""
+        """Lower the rate if `kl` of the last update is over twice the target, raise it if it is below half."""
         if kl > 2.0 * self.target_kl:
             self.rate = max(self.rate / 1.5, MIN_LEARNING_RATE)
         elif kl < 0.5 * self.target_kl:
@@ -42,7 +47,7 @@ class AdaptiveRate:
 
 
 class AsymmetricPolicy(ActorCriticPolicy):
-    """SB3's actor and critic, of which only the critic sees the last `privileged` numbers of an observation."""
+    """SB3's actor and critic; only the critic receives the last `privileged` numbers of an observation."""
 
     def __init__(self, *args: Any, privileged: int = 0, **kwargs: Any) -> None:
         self._privileged = privileged
@@ -57,32 +62,45 @@ class AsymmetricPolicy(ActorCriticPolicy):
 
 
 class TakeFirst(nn.Module):
-    """The first `count` numbers of a row."""
+    """Network module that keeps the first `count` numbers of a row."""
 
     def __init__(self, count: int) -> None:
         super().__init__()
         self._count = count
 
     def forward(self, rows: torch.Tensor) -> torch.Tensor:
-        """The first columns of rows (n, k)."""
+        """Return the first columns of `rows`, (n, k)."""
         return rows[:, : self._count]
 
 
 def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
-    """The schedule that the settings name."""
-    rate, schedule = config.learning_rate, config.learning_rate_schedule
-    falling = partial(_linear_rate, rate) if schedule == "linear" else rate
-    return AdaptiveRate(rate, config.target_kl) if schedule == "adaptive" else falling
+    """Return the learning-rate schedule of the settings."""
+    rate = config.learning_rate
+    if config.learning_rate_schedule == "adaptive":
+        return AdaptiveRate(rate, config.target_kl)
+    return partial(_linear_rate, rate) if config.learning_rate_schedule == "linear" else rate
 
 
 def _linear_rate(rate: float, remaining: float) -> float:
-    # The share of the run that remains, 1 … 0, is below that in the last rollout, which goes beyond the last step.
+    """Return the learning rate of a linear schedule at the remaining share of the run, 1 … 0."""
+    # The remaining share is negative in the last rollout, which goes beyond the last step.
     return rate * max(remaining, 0.0)
 
 
 def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
-    """A fresh learner whose mean correction is zero everywhere."""
-    # More threads make networks of this size slower, much so where the simulation's threads keep the cores busy.
+    """Make a learner with a mean correction of zero.
+
+    Args:
+        config: Settings of the run.
+        env: Environment of the learner.
+
+    Returns:
+        The learner.
+
+    Raises:
+        UsageError: There is no GPU for --device cuda.
+    """
+    # More threads make networks of this size slower, especially while the simulation's threads keep the cores busy.
     torch.set_num_threads(1)
     if config.device == "cuda" and not torch.cuda.is_available():
         raise UsageError("--device cuda: PyTorch finds no NVIDIA GPU here")
@@ -101,13 +119,21 @@ def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
 
 
 def actor_network(model: PPO) -> Network:
-    """The mean of the policy as the NumPy network that a bundle holds, without the privileged inputs."""
+    """Return the mean of the policy as the NumPy network of a bundle, without the privileged inputs."""
     layers = _actor_layers(model)
     return Network(tuple(_array(each.weight.T) for each in layers), tuple(_array(each.bias) for each in layers))
 
 
 def set_actor(model: PPO, network: Network) -> None:
-    """Make the mean of the policy that network. Raises ValueError where its widths are others."""
+    """Set the mean of the policy to a network.
+
+    Args:
+        model: Learner.
+        network: Network of a bundle.
+
+    Raises:
+        ValueError: The network has other widths.
+    """
     layers = _actor_layers(model)
     sizes = [layers[0].in_features, *(layer.out_features for layer in layers)]
     if list(network.sizes) != sizes:

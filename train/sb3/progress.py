@@ -1,4 +1,4 @@
-"""Progress of a run, with the time that is left: a bar on a terminal, a line every few seconds anywhere else."""
+"""Progress of a run and its remaining time: a bar on a terminal, else a line every few seconds."""
 
 import contextlib
 import math
@@ -17,56 +17,67 @@ from train.training_robots import robots_per_scenario
 
 
 class ProgressEstimator:
-    """Speed of one session of a run, from its start after `done` steps, the last validation after `validated`.
+    """Estimates speed and remaining time of one session of a run.
 
-    Until the first validation has been measured, a control step on one of its scenarios is taken to last as long as one
-    on a scenario of the training.
+    Until the first validation has been measured, a control step of a validation scenario is assumed to take as long as
+    one of a training scenario.
+
+    Args:
+        config: Settings of the run.
+        done: Steps at the start of the session.
+        validated: Steps at the last validation.
+        clock: Returns the time, s.
     """
 
     def __init__(
         self, config: TrainConfig, done: int = 0, validated: int = 0, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self._config, self._done, self._validated = config, done, validated
-        self._clock, self._began = clock, clock()
+        self._config = config
+        self._done = done
+        self._validated = validated
+        self._clock = clock
+        self._began = clock()
         self._durations: list[float] = []
 
     def restart(self) -> None:
-        """Count from now on: what came before was no training."""
+        """Start the clock again; the time before was no training."""
         self._began = self._clock()
 
     @contextlib.contextmanager
     def validation(self, steps: int) -> Iterator[None]:
-        """Context of a validation after so many steps."""
+        """Measure a validation at `steps` of the run, in a context."""
         began = self._clock()
         yield
         self._durations.append(self._clock() - began)
         self._validated = steps
 
     def rate(self, steps: int) -> float:
-        """Steps a second of this session without its validations, at least 1e-9."""
+        """Return the speed of this session at `steps`, without its validations, steps per s, at least 1e-9."""
         seconds = self._clock() - self._began - sum(self._durations)
         return max((steps - self._done) / max(seconds, 1e-9), 1e-9)
 
     def remaining_time(self, steps: int) -> float:
-        """Time from now to the end of the run, after its last validation, s."""
-        ppo, interval = self._config.ppo, self._config.validation.interval
-        rollout, rate = ppo.envs * ppo.rollout_steps, self.rate(steps)
-        rest = rollout * math.ceil(max(self._config.steps - steps, 0) / rollout)
-        apart = rollout * math.ceil(interval / rollout) or steps + rest
-        validations = math.ceil((steps + rest - self._validated) / apart)
-        return rest / rate + validations * self._validation_time(rate)
+        """Return the time from `steps` to the end of the run, after its last validation, s."""
+        ppo = self._config.ppo
+        rate = self.rate(steps)
+        rollout = ppo.envs * ppo.rollout_steps
+        remaining = rollout * math.ceil(max(self._config.steps - steps, 0) / rollout)
+        interval = rollout * math.ceil(self._config.validation.interval / rollout) or steps + remaining
+        validations = math.ceil((steps + remaining - self._validated) / interval)
+        return remaining / rate + validations * self._validation_time(rate)
 
     def _validation_time(self, rate: float) -> float:
-        """Duration of a validation: the mean of those measured, or the guess, s."""
+        """Return the duration of a validation, s: the mean of those measured, or the assumption."""
         if self._durations:
             return sum(self._durations) / len(self._durations)
-        ppo, scenarios = self._config.ppo, len(self._config.complete_validation.scenarios)
-        control_steps = rate * ppo.hold / ppo.envs * len(robots_per_scenario(self._config))
-        return scenarios * STEPS / control_steps
+        ppo = self._config.ppo
+        scenario_count = len(self._config.complete_validation.scenarios)
+        control_steps_per_second = rate * ppo.hold / ppo.envs * len(robots_per_scenario(self._config))
+        return scenario_count * STEPS / control_steps_per_second
 
 
 LINE_PERIOD = 5.0
-"""Between two lines where there is no terminal, s."""
+"""s. Time between two lines if there is no terminal."""
 
 
 class RecentIntervals:
@@ -84,12 +95,16 @@ class RecentIntervals:
     def update(self, intervals: float, tracked: float) -> float:
         """Add a rollout and return the share over all stored rollouts.
 
+        Args:
+            intervals: Number of command intervals that ended.
+            tracked: Share of them that was tracked.
+
         Returns:
             The share, 0 … 1; NaN without an interval.
         """
         self._counts.append((intervals, intervals * tracked if intervals else 0.0))
-        ended, kept = map(sum, zip(*self._counts, strict=True))
-        return kept / ended if ended else float("nan")
+        ended, tracked_count = map(sum, zip(*self._counts, strict=True))
+        return tracked_count / ended if ended else float("nan")
 
 
 def summary(figures: Mapping[str, float]) -> str:
@@ -98,8 +113,11 @@ def summary(figures: Mapping[str, float]) -> str:
     Reward and errors are means over all steps of the rollout, which do not depend on how many episodes end in it.
 
     Args:
-        figures: Those of `TrainingRobots.take_statistics`, `recently_tracked` of `RecentIntervals`, and `success` of
-            the last validation, if there is one.
+        figures: Statistics of `MultiScenarioVectorEnv.pop_statistics`, `recently_tracked` of `RecentIntervals`, and
+            `success` of the last validation, if there is one.
+
+    Returns:
+        Text, in one line.
     """
     reward = f"reward {figures['reward_rate']:6.2f}/s"
     errors = f"velocity error {figures['velocity_error']:.3f} m/s  yaw-rate error {figures['yaw_rate_error']:.3f} rad/s"
@@ -114,19 +132,25 @@ def summary(figures: Mapping[str, float]) -> str:
 
 
 class ProgressDisplay:
-    """Progress on standard output towards `total` steps, with the time left by `pace`."""
+    """Shows the progress of a run on standard output.
 
-    def __init__(self, total: int, pace: ProgressEstimator) -> None:
-        self.estimator = pace
+    Args:
+        total: Steps of the run.
+        estimator: Estimates the remaining time.
+    """
+
+    def __init__(self, total: int, estimator: ProgressEstimator) -> None:
+        self.estimator = estimator
         self._console = Console()
-        columns = BarColumn(bar_width=24), TextColumn("{task.description}", markup=False)
+        columns = (BarColumn(bar_width=24), TextColumn("{task.description}", markup=False))
         self._bar = Progress(*columns, console=self._console, disable=not self._console.is_terminal)
         self._task = self._bar.add_task("", total=total)
-        self._total, self._printed = total, float("-inf")
+        self._total = total
+        self._printed = float("-inf")
         self._bar.start()
 
     def update(self, steps: int, figures: Mapping[str, float]) -> None:
-        """Show that `steps` have been taken, and the latest figures by name."""
+        """Show the current `steps` and the latest `figures` by name."""
         minutes, seconds = divmod(round(self.estimator.remaining_time(steps)), 60)
         pace = f"{self.estimator.rate(steps):6,.0f}/s  {minutes:3}:{seconds:02} left"
         line = f"{steps:>10,}/{self._total:,} steps  {pace}  {summary(figures)}"
