@@ -96,7 +96,7 @@ def ground_velocity(state: MotionState, yaw_rate: Floats) -> Floats:
 def point_velocity(state: MotionState, yaw_rate: Floats, places: Floats) -> Floats:
     """Velocity, (n, 4, 2), m/s, of places, (n, 4, 2 or 3), m, that go with bodies and turn at (n,) rad/s."""
     turned = yaw_rate[:, None, None] * (places[..., 1::-1] * _ROTATE_90)
-    velocity: Floats = state.bodies.centre_velocity[:, None, :2] + turned
+    velocity: Floats = state.bodies.com_velocity[:, None, :2] + turned
     return velocity
 
 
@@ -120,7 +120,7 @@ def footholds(
 
     `stance_time`: (n,), s; `height` that the trunk is to have above the ground, m.
     """
-    velocity, centre, command = motion.bodies.centre_velocity, motion.bodies.com_position, motion.command
+    velocity, centre, command = motion.bodies.com_velocity, motion.bodies.com_position, motion.command
     shift = (p.lean_gain * height / GRAVITY * disturbance_acceleration).clip(-LARGEST_SHIFT, LARGEST_SHIFT)
     place = nominal_footholds(robot, p) + (centre[:, :2] + shift)[:, None]
     reach = 0.5 * stance_time[:, None, None] * point_velocity(motion, command[:, 2], place)

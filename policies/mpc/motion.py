@@ -192,7 +192,7 @@ def add_load(motion: MotionState, load: PointLoad) -> MotionState:
         inertia=bodies.inertia + added[..., None] * np.einsum("nxi,nxj->nij", jacobian, jacobian),
         bias_force=bodies.bias_force + added * np.einsum("nxk,nx->nk", jacobian, held),
         com_position=bodies.com_position + share * (arm - bodies.com_position),
-        centre_velocity=bodies.centre_velocity + share * (velocity - bodies.centre_velocity),
+        com_velocity=bodies.com_velocity + share * (velocity - bodies.com_velocity),
         rotational_inertia=bodies.rotational_inertia - reduced * (apart @ apart),
     )
     return motion._replace(bodies=loaded_bodies)

@@ -116,7 +116,7 @@ class Mpc(ModelBased):
             bodies.feet,
             contact_plan.foothold_positions,
             bodies.com_position,
-            bodies.centre_velocity[:, :2],
+            bodies.com_velocity[:, :2],
             stance_schedule,
             time_in_stance,
             self._horizon.step_middles,
@@ -172,7 +172,7 @@ class Mpc(ModelBased):
         pose[:, 0] = state.tilt[:, 0] - np.arctan(ground.lateral)
         pose[:, 1] = state.tilt[:, 1] + np.arctan(ground.forward)
         pose[:, 5] = -(ground.height + self._trunk_height)
-        rate = np.concatenate((state.angular_velocity, bodies.centre_velocity), axis=1)
+        rate = np.concatenate((state.angular_velocity, bodies.com_velocity), axis=1)
         acceleration = np.concatenate((disturbance_acceleration[:, 3:], disturbance_acceleration[:, :3]), axis=1)
         return RigidBodyState(pose, rate, bodies.mass, bodies.rotational_inertia, acceleration)
 

@@ -32,7 +32,7 @@ def virtual_acceleration(p: VirtualParameters, now: MotionState, ground: Terrain
     """
     forward, lateral, yaw_rate = now.command.T
     climb = ground.forward * forward + ground.lateral * lateral
-    velocity = np.column_stack((now.bodies.centre_velocity[:, :2], now.velocity[:, 2]))
+    velocity = np.column_stack((now.bodies.com_velocity[:, :2], now.velocity[:, 2]))
     damping = np.array([p.forward_damping, p.lateral_damping, p.height_damping])
     linear = damping * (np.column_stack((forward, lateral, climb)) - velocity)
     linear[:, 2] += p.height_stiffness * (height + ground.height)

@@ -1,8 +1,8 @@
 """Rigid-body dynamics of a robot in any state, for controllers: inertia, bias forces, feet and their Jacobians.
 
-Coordinates are those of MuJoCo's free joint: the generalised velocity is the trunk's linear velocity in the world
-frame, m/s, its angular velocity in the base frame, rad/s, and the joint speeds, rad/s; (18). The world frame may be
-any level one, such as that at the trunk's centre with x ahead.
+The coordinates are those of MuJoCo's free joint. The generalised velocity, (18), is the trunk's linear velocity in the
+world frame, m/s, its angular velocity in the base frame, rad/s, and the joint speeds, rad/s. The world frame may be any
+level frame, for example the one at the trunk centre with x ahead.
 """
 
 from collections.abc import Sequence
@@ -19,117 +19,162 @@ from quad_env.robots.scene import build_spec
 Floats = NDArray[np.float64]
 
 _SYMMETRIC = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
-"""Places of a matrix's entries in MuJoCo's xx, yy, zz, xy, xz, yz."""
+"""Indices of a symmetric matrix's entries in MuJoCo's order xx, yy, zz, xy, xz, yz."""
 
 
 class DynamicsTerms(NamedTuple):
-    """Dynamics of n robots, each in its state."""
+    """Terms of the equations of motion of n robots, each in its state; made by `Dynamics.compute`."""
 
     mass: Floats
-    """(n,), kg."""
+    """Total mass, (n,), kg."""
     inertia: Floats
-    """Joint-space inertia matrix, (n, 18, 18), armatures included."""
+    """Joint-space inertia matrix with armatures, (n, 18, 18)."""
     bias_force: Floats
-    """Generalised forces that hold the robot's acceleration at zero: Coriolis, centrifugal, gravity, joint damping;
-    (n, 18)."""
+    """Generalised forces that keep the acceleration at zero: Coriolis, centrifugal, gravity, joint damping; (n, 18)."""
     feet: Floats
     """Centres of the foot spheres, world frame, (n, 4, 3), m."""
     jacobians: Floats
-    """Of the feet's velocities in the world frame, (n, 4, 3, 18)."""
+    """Jacobians of the feet's velocities, world frame, (n, 4, 3, 18)."""
     foot_bias_acceleration: Floats
     """Accelerations of the feet at zero generalised acceleration, world frame, (n, 4, 3), m/s²."""
     com_position: Floats
     """Centre of mass, world frame, (n, 3), m."""
-    centre_velocity: Floats
-    """Its velocity, world frame, (n, 3), m/s."""
+    com_velocity: Floats
+    """Velocity of the centre of mass, world frame, (n, 3), m/s."""
     rotational_inertia: Floats
-    """Of the robot as one rigid body, about the centre of mass, world frame, (n, 3, 3), kg·m²."""
+    """Rotational inertia of the robot as one rigid body about the centre of mass, world frame, (n, 3, 3), kg·m²."""
 
     @property
     def leg_jacobians(self) -> Floats:
-        """Of each foot by the joints of its own leg, world frame, (n, 4, 3, 3)."""
+        """Jacobians of each foot with respect to the joints of its own leg, world frame, (n, 4, 3, 3)."""
         by_leg = self.jacobians[..., 6:].reshape(*self.feet.shape, -1, 3)
         return np.ascontiguousarray(by_leg.diagonal(0, 1, 3).transpose(0, 3, 1, 2))
 
 
-class _Model(NamedTuple):
-    """What MuJoCo works with."""
+class _MujocoModel(NamedTuple):
+    """MuJoCo's model and data, with views of the fields that are written and read."""
 
     mujoco: Any
-    """The package, which is imported where it is needed, since that takes long."""
+    """The package; it is imported when it is needed, since the import takes long."""
     model: Any
     data: Any
     mass: float
     feet: list[tuple[int, int]]
-    """Sites of the feet and the bodies that have them."""
-    views: tuple[Any, ...]
-    """Of `data`: positions and rates, which are written; sites, summed inertias, centre of mass and its velocity, bias
-    and passive forces."""
+    """Site of each foot, and the body of the site."""
+    qpos: Any
+    """Written: positions."""
+    qvel: Any
+    """Written: velocities."""
+    site_positions: Any
+    composite_inertia: Any
+    """Inertia of the robot as one rigid body, in MuJoCo's order."""
+    com_position: Any
+    com_velocity: Any
+    bias_force: Any
+    passive_force: Any
 
 
-def _prepared(mujoco: Any, model: Any, legs: Sequence[str]) -> _Model:
-    """That model with its contacts off."""
+def _make_mujoco_model(mujoco: Any, model: Any, legs: Sequence[str]) -> _MujocoModel:
+    """Return the data and views of a model, with contacts and sensors switched off."""
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
-    data, trunk = mujoco.MjData(model), model.body("base_link").id
+    data = mujoco.MjData(model)
+    trunk = model.body("base_link").id
     sites = [model.site(f"{leg}_foot").id for leg in legs]
-    sums, com_position, velocity = data.crb[trunk, :6], data.subtree_com[trunk], data.subtree_linvel[trunk]
-    views = data.qpos, data.qvel, data.site_xpos, sums, com_position, velocity, data.qfrc_bias, data.qfrc_passive
-    feet = list(zip(sites, model.site_bodyid[sites].tolist(), strict=True))
-    return _Model(mujoco, model, data, float(np.round(model.body_subtreemass[trunk], 9)), feet, views)
+    return _MujocoModel(
+        mujoco=mujoco,
+        model=model,
+        data=data,
+        mass=float(np.round(model.body_subtreemass[trunk], 9)),
+        feet=list(zip(sites, model.site_bodyid[sites].tolist(), strict=True)),
+        qpos=data.qpos,
+        qvel=data.qvel,
+        site_positions=data.site_xpos,
+        composite_inertia=data.crb[trunk, :6],
+        com_position=data.subtree_com[trunk],
+        com_velocity=data.subtree_linvel[trunk],
+        bias_force=data.qfrc_bias,
+        passive_force=data.qfrc_passive,
+    )
 
 
 @dataclass(frozen=True)
 class Dynamics:
-    """Works out the dynamics of a robot without a payload, with ideal servos, on no ground."""
+    """Computes the dynamics of a robot with ideal servos, without payload and ground contact."""
 
     robot: Robot
+    """The robot."""
 
     def __reduce__(self) -> tuple[type["Dynamics"], tuple[Robot]]:
         return Dynamics, (self.robot,)
 
     @cached_property
-    def _compiled(self) -> _Model:
+    def _compiled(self) -> _MujocoModel:
+        """The compiled model, made on first use."""
         import mujoco
 
-        return _prepared(mujoco, build_spec(self.robot).compile(), self.robot.leg_names)
+        return _make_mujoco_model(mujoco, build_spec(self.robot).compile(), self.robot.leg_names)
 
     def compute(
         self, orientation: Floats, velocity: Floats, angular_velocity: Floats, angles: Floats, speeds: Floats
     ) -> DynamicsTerms:
-        """Dynamics with the trunk's centre in the origin.
+        """Compute the dynamics of n robots with the trunk centre at the origin.
 
-        `orientation`: quaternions (w, x, y, z) from the base to the world frame, (n, 4); `velocity`: of the trunk's
-        centre, world frame, (n, 3), m/s; `turning`: angular velocity, base frame, (n, 3), rad/s; `angles` and `speeds`
-        of the joints, (n, 12), rad and rad/s.
+        Args:
+            orientation: Quaternions (w, x, y, z) from the base to the world frame, (n, 4).
+            velocity: Velocity of the trunk centre, world frame, (n, 3), m/s.
+            angular_velocity: Angular velocity of the trunk, base frame, (n, 3), rad/s.
+            angles: Joint angles, (n, 12), rad.
+            speeds: Joint speeds, (n, 12), rad/s.
+
+        Returns:
+            Terms of the equations of motion.
         """
-        count, size, legs = len(angles), 6 + angles.shape[1], len(self.robot.leg_names)
-        shapes = (), (size, size), (size,), (legs, 3), (legs, 3, size), (legs, 3), (3,), (3,), (3, 3)
-        found = DynamicsTerms(*(np.empty((count, *shape)) for shape in shapes))
-        places = np.concatenate((np.zeros((count, 3)), orientation, angles), axis=1)
-        rates = np.concatenate((velocity, angular_velocity, speeds), axis=1)
-        changes = self._fill(found, places, rates).reshape(count, -1, size)
-        found.foot_bias_acceleration[:] = np.matmul(changes, rates[..., None]).reshape(
-            found.foot_bias_acceleration.shape
-        )
-        return found
+        terms = self._allocate(len(angles), angles.shape[1])
+        qpos = np.concatenate((np.zeros((len(angles), 3)), orientation, angles), axis=1)
+        qvel = np.concatenate((velocity, angular_velocity, speeds), axis=1)
+        jacobian_rates = np.empty_like(terms.jacobians)
+        for row in range(len(angles)):
+            self._compute_row(terms, jacobian_rates[row], row, qpos[row], qvel[row])
+        rates = jacobian_rates.reshape(len(angles), -1, qvel.shape[1])
+        foot_bias_acceleration = np.matmul(rates, qvel[..., None])
+        terms.foot_bias_acceleration[:] = foot_bias_acceleration.reshape(terms.foot_bias_acceleration.shape)
+        return terms
 
-    def _fill(self, found: DynamicsTerms, places: Floats, rates: Floats) -> Floats:
-        """Work out all but the drift; changes of the feet's Jacobians a second, (n, 4, 3, 18)."""
-        mujoco, model, data, found.mass[:], feet, views = self._compiled
-        qpos, qvel, site_xpos, sums, com_position, centre_velocity, bias_force, passive = views
-        changes = np.empty_like(found.jacobians)
-        for i in range(len(places)):
-            qpos[:], qvel[:] = places[i], rates[i]
-            mujoco.mj_fwdPosition(model, data)
-            mujoco.mj_fwdVelocity(model, data)
-            mujoco.mj_subtreeVel(model, data)
-            mujoco.mj_fullM(model, data, found.inertia[i])
-            np.subtract(bias_force, passive, out=found.bias_force[i])
-            found.rotational_inertia[i] = sums[_SYMMETRIC]
-            found.com_position[i], found.centre_velocity[i] = com_position, centre_velocity
-            of_feet = zip(found.feet[i], found.jacobians[i], changes[i], feet, strict=True)
-            for place, jacobian, change, (site, link) in of_feet:
-                place[:] = site_xpos[site]
-                mujoco.mj_jacSite(model, data, jacobian, None, site)
-                mujoco.mj_jacDot(model, data, change, None, place, link)
-        return changes
+    def _allocate(self, num_envs: int, num_joints: int) -> DynamicsTerms:
+        """Return terms with uninitialised arrays."""
+        size = 6 + num_joints
+        legs = len(self.robot.leg_names)
+        return DynamicsTerms(
+            mass=np.empty(num_envs),
+            inertia=np.empty((num_envs, size, size)),
+            bias_force=np.empty((num_envs, size)),
+            feet=np.empty((num_envs, legs, 3)),
+            jacobians=np.empty((num_envs, legs, 3, size)),
+            foot_bias_acceleration=np.empty((num_envs, legs, 3)),
+            com_position=np.empty((num_envs, 3)),
+            com_velocity=np.empty((num_envs, 3)),
+            rotational_inertia=np.empty((num_envs, 3, 3)),
+        )
+
+    def _compute_row(self, terms: DynamicsTerms, jacobian_rates: Floats, row: int, qpos: Floats, qvel: Floats) -> None:
+        """Compute all terms of one robot but the bias acceleration, and the time derivatives of its foot Jacobians."""
+        compiled = self._compiled
+        mujoco = compiled.mujoco
+        model = compiled.model
+        data = compiled.data
+        compiled.qpos[:] = qpos
+        compiled.qvel[:] = qvel
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        mujoco.mj_fullM(model, data, terms.inertia[row])
+        terms.mass[row] = compiled.mass
+        np.subtract(compiled.bias_force, compiled.passive_force, out=terms.bias_force[row])
+        terms.rotational_inertia[row] = compiled.composite_inertia[_SYMMETRIC]
+        terms.com_position[row] = compiled.com_position
+        terms.com_velocity[row] = compiled.com_velocity
+        foot_rows = zip(terms.feet[row], terms.jacobians[row], jacobian_rates, compiled.feet, strict=True)
+        for position, jacobian, jacobian_rate, (site, body) in foot_rows:
+            position[:] = compiled.site_positions[site]
+            mujoco.mj_jacSite(model, data, jacobian, None, site)
+            mujoco.mj_jacDot(model, data, jacobian_rate, None, position, body)

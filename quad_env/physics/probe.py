@@ -1,4 +1,4 @@
-"""What there is to be measured on n simulated robots."""
+"""Noise-free sensor values of the simulated robots, at the present state."""
 
 from itertools import chain
 from typing import Any
@@ -12,68 +12,103 @@ from quad_env.physics.energy import sum_foot_forces, touch_sensors
 from quad_env.physics.state import rotation_matrix
 from quad_env.robots.robot import Robot
 
-_IMU = "imu_angular_velocity", "imu_acceleration", "imu_linear_velocity", "imu_orientation"
+_IMU_SENSORS = ("imu_angular_velocity", "imu_acceleration", "imu_linear_velocity", "imu_orientation")
 
 
 def ideal_sensor_names(robot: Robot, model: Any) -> list[str]:
-    """MuJoCo's own sensors that are looked at."""
-    return [*_IMU, *chain(*touch_sensors(robot, model))]
+    """Return the names of the MuJoCo sensors that `IdealSensors` reads.
+
+    Args:
+        robot: Robot of the model.
+        model: Compiled `mujoco.MjModel`.
+
+    Returns:
+        Names.
+    """
+    return [*_IMU_SENSORS, *chain(*touch_sensors(robot, model))]
 
 
 class IdealSensors:
-    """Looks at the present state of a MuJoCo batch, whose model evaluates the sensors `probed`.
+    """Reads the present state of a batch; its model evaluates the sensors of `ideal_sensor_names`.
 
-    After a step MuJoCo's outputs are those of the state before the last substep. To see the present ones they have to
-    be computed again; readers of the last substep get copies.
+    After a step MuJoCo's outputs belong to the state before the last physics step. The outputs of the present state are
+    computed here; readers of the last physics step get copies from `copy`.
+
+    Args:
+        robot: Robot of the model.
+        batch: Batch of the robots.
+        model: Compiled `mujoco.MjModel`.
+        dt: Control period, s.
     """
 
     def __init__(self, robot: Robot, batch: Any, model: Any, dt: float) -> None:
-        self._batch, self._dt, self._joints = batch, dt, slice(-robot.num_joints, None)
-        self._sensors = [batch.sensor(name).data for name in _IMU]
+        self._batch = batch
+        self._dt = dt
+        self._joints = slice(-robot.num_joints, None)
+        self._imu = [batch.sensor(name).data for name in _IMU_SENSORS]
         self._touch = [[batch.sensor(name).data for name in names] for names in touch_sensors(robot, model)]
-        self._qpos, self._torque = batch.bind("qpos"), batch.bind("qfrc_actuator")
-        self._velocity = np.zeros_like(self._sensors[2])
-        """Velocity of each IMU at its last sample, world frame, m/s."""
-        self._axes = np.zeros((len(self._velocity), 3, 3))
-        """Rotation of each IMU at its last sample: from its axes to the world frame."""
+        self._qpos = batch.bind("qpos")
+        self._torque = batch.bind("qfrc_actuator")
+        num_envs = len(self._qpos)
+        self._velocity = np.zeros((num_envs, 3))
+        """Velocity of each IMU at its last sample, world frame, (n, 3), m/s."""
+        self._rotation = np.zeros((num_envs, 3, 3))
+        """Rotation from the axes of each IMU to the world frame at its last sample, (n, 3, 3)."""
         self._copies: list[tuple[Array, Array]] = []
+        """Outputs of the batch and their copies."""
 
-    def measured(self, rows: EnvIndices, clock: NDArray[np.int64], period: int) -> dict[str, Array]:
-        """What those robots' sensors would read if they were perfect, of no substep earlier; name -> (k, …).
+    def read(self, rows: EnvIndices, clock: NDArray[np.int64], period: int) -> dict[str, Array]:
+        """Return the values of perfect sensors at the present state; call it once per control step.
 
-        In the IMU's axes: `gyro`, rad/s, `accelerometer`, m/s², and `up`, a unit vector; and `joint_position`, rad,
-        `foot_contact`, force that presses each foot, N, and `joint_torque`, N·m. To be called once a control step,
-        `clock`, (k,), since the start.
+        `accelerometer` is the mean specific force since its last sample: the change of the IMU's velocity divided by
+        the time, minus gravity. So the impact of a foot, which takes one or two physics steps, is neither missed nor
+        taken for the whole period. The first reading is MuJoCo's own accelerometer. In a trot that one differs from the
+        trunk's motion by 2.4 m/s² (rms, vertical) because of implicit integration.
 
-        `accelerometer`, sampled every `period` steps, is the mean specific force since the last sample: change of the
-        IMU's velocity by time, less gravity. So a foot's impact, over within a substep or two, is neither missed nor
-        taken for all the time. MuJoCo's own accelerometer, which implicit integration makes differ from the trunk's
-        motion by 2.4 m/s² (rms, vertical) in a trot, is the reading of the first look alone.
+        Args:
+            rows: Indices of the robots, (k,).
+            clock: Control steps since their start, (k,).
+            period: Control steps between two samples of the accelerometer.
+
+        Returns:
+            gyro: Angular velocity, IMU axes, (k, 3), rad/s.
+            accelerometer: Specific force, IMU axes, (k, 3), m/s².
+            up: Unit vector of the vertical, IMU axes, (k, 3).
+            joint_position: (k, 12), rad.
+            foot_contact: Ground force on each foot, (k, 4), N.
+            joint_torque: (k, 12), N·m.
         """
         self._batch.forward(rows)
-        gyro, acceleration, velocity, orientation = (data[rows] for data in self._sensors)
-        axes = np.moveaxis(np.array(rotation_matrix(to_components(orientation))), -1, 0)
-        force = (velocity - self._velocity[rows]) / (period * self._dt)
-        force[:, 2] += GRAVITY
-        half_turned = 0.5 * (self._axes[rows] + axes)
-        mean = ordered_sum((half_turned * force[:, :, None]).transpose(1, 0, 2))
-        due, first = clock % period == 0, clock == 0
-        self._velocity[rows[due]], self._axes[rows[due]] = velocity[due], axes[due]
+        gyro, acceleration, velocity, orientation = (data[rows] for data in self._imu)
+        rotation = np.moveaxis(np.array(rotation_matrix(to_components(orientation))), -1, 0)
+        mean_force = self._mean_specific_force(rows, velocity, rotation, period)
+        is_due = clock % period == 0
+        self._velocity[rows[is_due]] = velocity[is_due]
+        self._rotation[rows[is_due]] = rotation[is_due]
+        is_first = clock == 0
         return {
             "gyro": gyro,
-            "accelerometer": np.where(first[:, None], acceleration, mean),
-            "up": axes[:, 2],
+            "accelerometer": np.where(is_first[:, None], acceleration, mean_force),
+            "up": rotation[:, 2],
             "joint_position": self._qpos[rows, self._joints],
             "foot_contact": sum_foot_forces(self._touch, rows),
             "joint_torque": self._torque[rows, self._joints],
         }
 
+    def _mean_specific_force(self, rows: EnvIndices, velocity: Array, rotation: Array, period: int) -> Array:
+        """Return the mean specific force since the last sample, IMU axes, (k, 3), m/s²."""
+        force_world = (velocity - self._velocity[rows]) / (period * self._dt)
+        force_world[:, 2] += GRAVITY
+        mean_rotation = 0.5 * (self._rotation[rows] + rotation)
+        return ordered_sum((mean_rotation * force_world[:, :, None]).transpose(1, 0, 2))
+
     def copy(self, output: Array) -> Array:
-        """A copy of one of the batch's outputs, which follows it at every `keep` alone."""
-        self._copies.append((output, output.copy()))
-        return self._copies[-1][1]
+        """Return a copy of an `output` of the batch; every `refresh` updates it."""
+        copy = output.copy()
+        self._copies.append((output, copy))
+        return copy
 
     def refresh(self, rows: slice | EnvIndices) -> None:
-        """Take the outputs of those robots as they are now into the copies."""
+        """Update the copies of the robots `rows` to the outputs of their last physics step."""
         for output, copy in self._copies:
             copy[rows] = output[rows]

@@ -238,7 +238,7 @@ class SensorObservation:
     def _update(self, clock: Clock, env_ids: EnvIndices) -> None:
         """Read the sensors, update the estimates and compute the sensed terms of some robots."""
         accelerometer_period = self._sensors.channels["accelerometer"].period
-        true_values = self._ideal_sensors.measured(env_ids, clock, accelerometer_period)
+        true_values = self._ideal_sensors.read(env_ids, clock, accelerometer_period)
         self._sensors.read(true_values, clock, env_ids)
         self._update_estimates(true_values["up"], clock, env_ids)
         self._last_update_step[env_ids] = clock

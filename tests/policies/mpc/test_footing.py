@@ -33,8 +33,8 @@ def moving(
 ) -> MotionState:
     """A robot that stands at rest in the home pose but for these, its centre of mass at CENTRE."""
     now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1))
-    centre, centre_velocity = np.array([[*CENTRE, 0.0]]), np.array([[*velocity, 0.0]])
-    bodies = now.bodies._replace(com_position=centre, centre_velocity=centre_velocity)
+    centre, com_velocity = np.array([[*CENTRE, 0.0]]), np.array([[*velocity, 0.0]])
+    bodies = now.bodies._replace(com_position=centre, com_velocity=com_velocity)
     return now._replace(bodies=bodies, command=np.array([command]))
 
 

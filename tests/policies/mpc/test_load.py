@@ -11,7 +11,7 @@ from policies.mpc.motion import LARGEST_LOAD, LEAST_LOAD, MotionState, PointLoad
 from policies.mpc.policy import MpcWbc
 from quad_env import Scenario
 from quad_env.config import GRAVITY
-from quad_env.physics.dynamics import Dynamics, DynamicsTerms, _prepared
+from quad_env.physics.dynamics import Dynamics, DynamicsTerms, _make_mujoco_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.disturbances import Payload
 from quad_env.seeding import episode_seeds
@@ -40,7 +40,7 @@ def with_point_mass(state: dict[str, np.ndarray]) -> DynamicsTerms:
     load = {"name": "load", "pos": PLACE, "mass": MASS, "inertia": [tiny] * 3, "explicitinertial": True}
     spec.body("base_link").add_body(ipos=[0.0, 0.0, 0.0], **load)
     carrying = Dynamics(SIMPLE_QUAD)
-    carrying.__dict__["_compiled"] = _prepared(mujoco, spec.compile(), SIMPLE_QUAD.leg_names)
+    carrying.__dict__["_compiled"] = _make_mujoco_model(mujoco, spec.compile(), SIMPLE_QUAD.leg_names)
     return carrying.compute(**state)
 
 

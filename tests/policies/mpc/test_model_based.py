@@ -168,7 +168,7 @@ def test_swinging_feet_follow_their_path_from_where_they_were_lifted() -> None:
         rise = 0.1 * 2.0 * 4.0 * t * (1.0 - t) * 4.0 * (1.0 - 2.0 * t)
         ahead = (np.array([*then, rise]) / time - rate) / 0.01
         x, y, _ = place
-        velocity = later.bodies.centre_velocity[0]
+        velocity = later.bodies.com_velocity[0]
         along = np.array([velocity[0] - 0.5 * y, velocity[1] + 0.5 * x, 0.1])
         by_hand = ahead + 300.0 * (place - feet[foot]) + 30.0 * (along + rate - later.foot_velocity[0, foot])
         np.testing.assert_allclose(found[foot], by_hand, rtol=1e-4, atol=0.02)

@@ -69,7 +69,7 @@ def test_a_plan_leads_from_where_the_body_is_over_the_slope_to_the_command(due: 
     tilt = now.tilt[1]
     pose = [tilt[0] + np.arctan(0.1), tilt[1] + np.arctan(0.2), 0.0, 0.0, 0.0, 0.45 - policy._trunk_height]
     np.testing.assert_allclose(body.pose[-1], pose)
-    np.testing.assert_allclose(body.rate[-1], [*now.angular_velocity[1], *now.bodies.centre_velocity[1]])
+    np.testing.assert_allclose(body.rate[-1], [*now.angular_velocity[1], *now.bodies.com_velocity[1]])
     np.testing.assert_allclose(body.acceleration[-1], [1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
     rate = [0.0, 0.0, 0.3, 0.5, -0.2, 0.2 * 0.5 + 0.1 * 0.2]
     np.testing.assert_allclose(wanted.rate[-1, 0], rate)

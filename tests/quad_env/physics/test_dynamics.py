@@ -64,7 +64,7 @@ def test_drift_is_the_change_of_the_feet_s_velocities_at_a_constant_generalised_
 
 
 def test_the_centre_of_mass_moves_as_it_says(state: State) -> None:
-    np.testing.assert_allclose(state.bodies().centre_velocity, state.difference("com_position"), atol=1e-7)
+    np.testing.assert_allclose(state.bodies().com_velocity, state.difference("com_position"), atol=1e-7)
 
 
 def test_the_bias_at_rest_is_the_weight(state: State) -> None:
@@ -87,13 +87,13 @@ def test_the_inertia_is_that_of_the_bodies(state: State) -> None:
     """Momentum of the whole robot by the centre of mass, and of the locked robot by its rotational inertia."""
     bodies = state.bodies()
     momentum = bodies.inertia @ state.generalised
-    np.testing.assert_allclose(momentum[:3], SIMPLE_QUAD.mass * bodies.centre_velocity, atol=1e-9)
+    np.testing.assert_allclose(momentum[:3], SIMPLE_QUAD.mass * bodies.com_velocity, atol=1e-9)
     state.speeds = np.zeros(12)
     locked, rotation = state.bodies(), np.empty(9)
     mujoco.mju_quat2Mat(rotation, state.orientation)
     turn = rotation.reshape(3, 3)
     about_centre = locked.rotational_inertia @ (turn @ state.turning)
-    carried = np.cross(locked.com_position, SIMPLE_QUAD.mass * locked.centre_velocity)
+    carried = np.cross(locked.com_position, SIMPLE_QUAD.mass * locked.com_velocity)
     angular = turn.T @ (about_centre + carried)
     np.testing.assert_allclose((locked.inertia @ state.generalised)[3:6], angular, atol=1e-9)
 
