@@ -1,4 +1,4 @@
-"""Settings of the environment as frozen dataclasses; units in each docstring."""
+"""Settings of the environment as frozen dataclasses, which are checked when they are made."""
 
 import sys
 from collections.abc import Iterator
@@ -10,19 +10,22 @@ import numpy as np
 from typeguard import CollectionCheckStrategy, TypeCheckError, check_type
 
 GRAVITY = 9.81
-"""Gravity of every world, m/s²."""
+"""m/s². Gravitational acceleration of every world."""
 MIN_TRUNK_HEIGHT_RATIO = 0.2
-"""Height of the trunk's centre, in leg lengths, below which a robot has fallen."""
+"""Height of the trunk's centre, as a fraction of the leg length, below which a robot has fallen."""
 COMMAND_BOUND = 100.0
-"""Largest command that the observation can show, m/s and rad/s."""
+"""m/s and rad/s. Largest magnitude of a command that the observation can show."""
 
 
 class Bounds(NamedTuple):
-    """What the numbers of a setting may be, for its annotation: in words, and from where to where."""
+    """Range of valid numbers of a setting, for its annotation."""
 
     description: str
+    """The range in words, after `must be`."""
     minimum: float
+    """Smallest valid number."""
     maximum: float = sys.float_info.max
+    """Largest valid number."""
 
 
 Finite = Annotated[float, Bounds("finite", -sys.float_info.max)]
@@ -32,36 +35,50 @@ Fraction = Annotated[float, Bounds("from 0 to 1", 0.0, 1.0)]
 
 
 def check_settings(settings: Any) -> None:
-    """Raise ValueError, one line, for the first field of a dataclass that is not as its annotation says."""
-    of: Any = type(settings)
-    for name, (kind, limits) in _fields(of).items():
-        value, what = getattr(settings, name), f"{of.__name__}.{name}"
+    """Check the fields of a dataclass against their annotations.
+
+    Args:
+        settings: The dataclass instance.
+
+    Raises:
+        ValueError: A field has another type, or a number out of its bounds; one line, for the first of them.
+    """
+    settings_class: Any = type(settings)
+    for name, (kind, bounds) in _annotations(settings_class).items():
+        value = getattr(settings, name)
+        label = f"{settings_class.__name__}.{name}"
         try:
             check_type(value, kind, collection_check_strategy=CollectionCheckStrategy.ALL_ITEMS)
         except TypeCheckError:
-            raise ValueError(f"{what} is of the type {getattr(kind, '__name__', kind)}, got {value!r:.80}") from None
-        for bounds in () if value is None else limits:
-            numbers = np.ravel(value).tolist()
-            if any(isinstance(each, bool) or not bounds.minimum <= each <= bounds.maximum for each in numbers):
-                raise ValueError(f"{what} must be {bounds.description}, got {value!s:.80}")
+            raise ValueError(f"{label} is of the type {getattr(kind, '__name__', kind)}, got {value!r:.80}") from None
+        if value is not None:
+            _check_bounds(label, value, bounds)
+
+
+def _check_bounds(label: str, value: Any, bounds: tuple[Bounds, ...]) -> None:
+    """Raise ValueError for a number, also in a tuple or array, out of one of the bounds."""
+    numbers = np.ravel(value).tolist()
+    for bound in bounds:
+        if any(isinstance(number, bool) or not bound.minimum <= number <= bound.maximum for number in numbers):
+            raise ValueError(f"{label} must be {bound.description}, got {value!s:.80}")
 
 
 @cache
-def _fields(of: type) -> dict[str, tuple[Any, tuple[Bounds, ...]]]:
-    """Type and bounds of each field."""
-    annotated = get_type_hints(of, include_extras=True)
-    return {name: (kind, tuple(_bounds(annotated[name]))) for name, kind in get_type_hints(of).items()}
+def _annotations(settings_class: type) -> dict[str, tuple[Any, tuple[Bounds, ...]]]:
+    """Return the type and the bounds of each field."""
+    annotated = get_type_hints(settings_class, include_extras=True)
+    return {name: (kind, tuple(_bounds(annotated[name]))) for name, kind in get_type_hints(settings_class).items()}
 
 
 def _bounds(hint: Any) -> Iterator[Bounds]:
-    """The bounds in an annotation and in its parts."""
-    yield from (each for each in getattr(hint, "__metadata__", ()) if isinstance(each, Bounds))
+    """Yield the bounds in an annotation and in its parts."""
+    yield from (item for item in getattr(hint, "__metadata__", ()) if isinstance(item, Bounds))
     for part in get_args(hint):
         yield from _bounds(part)
 
 
 class Settings:
-    """Dataclasses that are checked by their annotations when they are made; ValueError for what does not fit."""
+    """Base of dataclasses that are checked against their annotations when they are made; ValueError otherwise."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -69,7 +86,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class CommandRanges(Settings):
-    """Velocity commands in the heading frame, drawn uniformly at reset and again at every interval."""
+    """Ranges of velocity commands in the heading frame, drawn uniformly at reset and at every interval."""
 
     forward: tuple[float, float] = (-1.0, 1.5)
     """m/s"""
@@ -78,25 +95,31 @@ class CommandRanges(Settings):
     yaw_rate: tuple[float, float] = (-1.2, 1.2)
     """rad/s, positive to the left"""
     zero_fraction: Fraction = 0.1
-    """Share of draws that are the zero command."""
+    """Fraction of draws that are the zero command."""
     interval: Annotated[float, Bounds("from 0.01 s to 1e6 s", 0.01, 1e6)] = 5.0
     """s between draws"""
 
     def steps(self, dt: float) -> int:
-        """Control steps that a command lasts; `dt` is the control step, s."""
+        """Return the duration of a command in control steps of period `dt`, s."""
         return round(self.interval / dt)
 
     @classmethod
     def straight(cls, speed: float) -> "CommandRanges":
-        """Always straight ahead at that speed, m/s."""
+        """Return ranges that always give a command straight ahead at `speed`, m/s."""
         return cls((speed, speed), (0.0, 0.0), (0.0, 0.0), zero_fraction=0.0)
 
-    def scaled(self, faster: float, turning: float) -> "CommandRanges":
-        """These ranges with so many times the velocities and so many times the yaw rates."""
-        forward, lateral = ((faster * low, faster * high) for low, high in (self.forward, self.lateral))
-        clockwise, anticlockwise = self.yaw_rate
-        yaw_rate = (turning * clockwise, turning * anticlockwise)
-        return replace(self, forward=forward, lateral=lateral, yaw_rate=yaw_rate)
+    def scaled(self, velocity_factor: float, yaw_rate_factor: float) -> "CommandRanges":
+        """Return the ranges with velocities times `velocity_factor` and yaw rates times `yaw_rate_factor`."""
+        return replace(
+            self,
+            forward=_scaled_range(self.forward, velocity_factor),
+            lateral=_scaled_range(self.lateral, velocity_factor),
+            yaw_rate=_scaled_range(self.yaw_rate, yaw_rate_factor),
+        )
+
+    def times(self, velocity_factor: float, yaw_rate_factor: float) -> "CommandRanges":
+        """Call `scaled(velocity_factor, yaw_rate_factor)`. Deprecated name."""
+        return self.scaled(velocity_factor, yaw_rate_factor)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -105,60 +128,74 @@ class CommandRanges(Settings):
                 raise ValueError(f"a command range must rise within ±{COMMAND_BOUND:g}, got ({low}, {high})")
 
 
+def _scaled_range(values: tuple[float, float], factor: float) -> tuple[float, float]:
+    """Return both ends of a range times a factor."""
+    low, high = values
+    return factor * low, factor * high
+
+
 @dataclass(frozen=True)
 class StartNoise(Settings):
-    """Uniform noise about the home pose at the start of an episode; each figure is the half-width."""
+    """Uniform noise around the home pose at the start of an episode; each value is a half-width."""
 
     yaw: float = 3.141592653589793
-    """rad; the full circle, so that no result can rest on heading and world frames being the same"""
+    """rad; the full circle, so that no result depends on equal heading and world frames"""
     tilt: float = 0.03
-    """rad, roll and pitch each"""
+    """rad; of roll and of pitch"""
     joint_position: float = 0.05
     """rad"""
     joint_velocity: float = 0.1
     """rad/s"""
     linear_velocity: float = 0.1
-    """m/s, each world axis"""
+    """m/s along each world axis"""
     angular_velocity: float = 0.1
-    """rad/s, each body axis"""
+    """rad/s about each body axis"""
 
 
 @dataclass(frozen=True)
 class AnyPose(Settings):
-    """Starts of a robot that has fallen: every orientation alike, joints anywhere within their limits, lowest point on
-    the ground; each figure is the half-width of a uniform velocity."""
+    """Starts of a fallen robot, with its lowest point on the ground; each value is the half-width of a velocity.
+
+    Orientations are uniform, and joint angles are uniform within their limits.
+    """
 
     joint_velocity: float = 3.0
     """rad/s"""
     linear_velocity: float = 1.0
-    """m/s, each world axis"""
+    """m/s along each world axis"""
     angular_velocity: float = 3.0
-    """rad/s, each body axis"""
+    """rad/s about each body axis"""
 
 
 @dataclass(frozen=True)
 class FallRule(Settings):
-    """When a robot counts as fallen; the rule's name is stored with every result."""
+    """Conditions for a fall, besides contact of the trunk with the ground."""
 
     name: str = "simple-quad/1"
+    """Name of the rule, which is stored with every result"""
     tilt: float = 1.2217304763960306
-    """rad, 70 degrees, between the trunk's z axis and the vertical"""
+    """rad; maximum angle between the trunk's z axis and the vertical, 70 degrees"""
     height: float | None = None
-    """m, trunk centre above the terrain below it; None for a fifth of the robot's leg, SimpleQuad's 0.12 m"""
+    """m; minimum height of the trunk's centre above the terrain below it; None for a fifth of the leg length,
+    SimpleQuad's 0.12 m"""
 
     def min_trunk_height(self, leg_length: float) -> float:
-        """Height below which a robot on legs of that length, m, has fallen, m."""
+        """Return the trunk height, m, below which a robot with this `leg_length`, m, has fallen."""
         return MIN_TRUNK_HEIGHT_RATIO * leg_length if self.height is None else self.height
+
+    def lowest(self, leg_length: float) -> float:
+        """Call `min_trunk_height(leg_length)`. Deprecated name."""
+        return self.min_trunk_height(leg_length)
 
 
 FALL_RULE = FallRule().name
 FALL_REASONS = ("none", "trunk_contact", "tilt", "height")
-"""Name of each code that `info["fall"]` can hold; of several reasons, the first counts."""
+"""Name of each code in `info["fall"]`; the first of several reasons counts."""
 
 
 @dataclass(frozen=True)
 class RewardWeights(Settings):
-    """Weight of each reward term; the terms are functions of the same names in `quad_env.task.rewards`."""
+    """Weight of each reward term, a function of the same name in `quad_env.task.rewards`."""
 
     linear_velocity_tracking: float = 1.2
     yaw_rate_tracking: float = 0.8
@@ -178,13 +215,13 @@ class RewardWeights(Settings):
 
 @dataclass(frozen=True)
 class TaskConfig(Settings):
-    """What the environment adds to the physics."""
+    """Settings of the task: rates, fall rule and rewards."""
 
     control_rate: float = 100.0
-    """Hz"""
+    """Hz; rate of observations and actions"""
     timestep: Positive | None = None
-    """s a step of the physics and the joint servo; None for that of the robot's MJCF"""
+    """s; step of the physics and the joint servos; None for the value of the robot's MJCF"""
     solver_iterations: Annotated[int, Bounds("at least 1", 1)] | None = None
-    """most iterations of the contact solver a step of the physics; None for those of the robot's MJCF"""
+    """Maximum iterations of the contact solver per physics step; None for the value of the robot's MJCF"""
     fall_rule: FallRule = field(default_factory=FallRule)
     reward_weights: RewardWeights = field(default_factory=RewardWeights)
