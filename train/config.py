@@ -1,4 +1,4 @@
-"""Settings of one training run: frozen dataclasses that are the command line, the help text and config.json at once."""
+"""Settings of a training run: frozen dataclasses that define command line, help text and config.json."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -28,32 +28,43 @@ BaseName = Literal[
 """A name of `policies.residual_bases.BASES`; written out, so that --help lists them at once."""
 
 POSES: tuple[BaseName, ...] = ("crouch", "stand")
-"""Bases of an end-to-end policy."""
-MAX_REWARD_WEIGHT, MAX_SHARE = 1e4, 1e6
-MAX_HIDDEN_LAYERS, MAX_ROLLOUT_SAMPLES = 8, 2**24
-"""Of a bundle; samples."""
-
+"""Names of the bases of an end-to-end policy."""
+MAX_REWARD_WEIGHT = 1e4
+"""Largest absolute weight of a reward term."""
+MAX_SHARE = 1e6
+"""Largest share of a scenario in the mixture; shares are relative to their sum."""
+MAX_HIDDEN_LAYERS = 8
+"""Largest number of hidden layers of a network that a bundle holds."""
+MAX_ROLLOUT_SAMPLES = 2**24
+"""Largest number of samples of a rollout, envs x rollout-steps."""
 MAX_SEED = 2**32 - 1
-_LOG_STD = (-20.0, 2.0)
-_WIDTHS = {"limits": (1, 4096)}
-TIMESTEP, SOLVER_ITERATIONS = 0.005, 4
-"""Physics step in training, s, and most iterations of the contact solver; validation and evaluation go by the robot's
-own, 2 ms and 30, which take three to four times as long."""
+"""Largest seed: SB3 seeds NumPy's global generator, which takes no larger one."""
+_LOG_STD_LIMITS = (-20.0, 2.0)
+_WIDTH_LIMITS = {"limits": (1, 4096)}
+TIMESTEP = 0.005
+"""s. Physics step in training. Validation and evaluation use the robot's own, 2 ms, and are slower for it."""
+SOLVER_ITERATIONS = 4
+"""Largest number of iterations of the contact solver in training. Validation and evaluation use the robot's own, 30.
+
+With both of the robot's own values a step takes three to four times as long."""
 MIXTURE = (
     ("flat:2", 0.05), ("flat:4", 0.06), ("push:3", 0.20), ("rough:3", 0.12), ("stairs:3", 0.08), ("gravel:3", 0.07),
     ("soft:4", 0.03), ("slope:4", 0.05), ("slippery:4", 0.03), ("latency:2", 0.02), ("latency:4", 0.03),
     ("noise:4", 0.02), ("dropout:4", 0.02), ("payload:4", 0.07), ("force:3", 0.07), ("slow_motors:4", 0.05),
     ("weak_motors:4", 0.04), ("surprise:3", 0.06),
 )  # fmt: skip
-"""Every axis one or two levels above its nominal one, each with its share of the robots; and a small delay, without
-which robots trained on a delay of 0.08 s do worse at 0.03 s than their base."""
+"""Scenarios of the training, each with its share of the robots: every axis one or two levels above its nominal one.
+
+It also has a small delay: robots trained on a delay of 0.08 s alone do worse at 0.03 s than their base."""
 REWARDS = RewardWeights(
     linear_velocity_error=-0.6, yaw_rate_error=-0.3, crouch=-3.0, action_rate=-0.05, mechanical_power=-0.0025, fall=-5.0
 )
-"""The environment's, a slope where the robot is so far off its command that the tracking rewards are flat, and effort.
-A second there costs about 1: less than a fall, or falling would earn more."""
-EFFORT_TERMS = "action_rate", "torque", "mechanical_power", "touchdown_speed"
-"""Reward terms that a ramp begins without."""
+"""Reward weights of the training: the environment's, linear error terms, and effort.
+
+The tracking rewards of the environment are flat for a robot that is far off its command; the error terms are not. A
+second far off the command costs about 1. A fall costs more, or else falling would pay."""
+EFFORT_TERMS = ("action_rate", "torque", "mechanical_power", "touchdown_speed")
+"""Reward terms with weights that grow from zero at the start of a run, see `TrainConfig.effort_ramp`."""
 HISTORY_INPUTS = Inputs(lags=(0.04, 0.08, 0.16), averages=(0.5, 2.0))
 """Past observations in which delays, loads, forces and slow motors can be recognised."""
 
@@ -84,13 +95,13 @@ class PpoConfig:
     """Lambda of the generalised advantage estimate."""
     entropy: float = parameter(0.0, limits=(0.0, 10.0))
     """Weight of the entropy bonus."""
-    log_std_init: float = parameter(-2.0, limits=_LOG_STD)
+    log_std_init: float = parameter(-2.0, limits=_LOG_STD_LIMITS)
     """Logarithm of the exploration noise at the start, in units of the authority."""
-    log_std_final: float | None = parameter(None, limits=_LOG_STD)
+    log_std_final: float | None = parameter(None, limits=_LOG_STD_LIMITS)
     """Its value at the last step, reached linearly; the noise is learned when not given."""
-    actor: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTHS)
+    actor: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTH_LIMITS)
     """Hidden layer widths of the policy's network."""
-    critic: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTHS)
+    critic: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTH_LIMITS)
     """Hidden layer widths of the value network."""
 
 
@@ -171,8 +182,8 @@ class TrainConfig:
     @property
     def folder(self) -> Path:
         """Run folder."""
-        of_robot = "" if self.robot == HardwareConfig.robot else f"{Path(self.robot).stem}-"
-        return self.out if self.out is not None else Path("runs") / f"{of_robot}{self.policy}-{self.seed}"
+        prefix = "" if self.robot == HardwareConfig.robot else f"{Path(self.robot).stem}-"
+        return self.out if self.out is not None else Path("runs") / f"{prefix}{self.policy}-{self.seed}"
 
     @property
     def hardware(self) -> HardwareConfig:
@@ -181,12 +192,12 @@ class TrainConfig:
 
     @property
     def height_scan(self) -> HeightScan | None:
-        """What the network sees of the ground; None: nothing, or what its base looks at."""
+        """Height scan of the network; None for no scan, or for the scan of its base."""
         return self.scan if self.sighted else None
 
     @property
     def complete_validation(self) -> ValidationConfig:
-        """The validation with its scenarios: those given, or those trained on."""
+        """Validation with its scenarios: the given ones, or else the scenarios of the training."""
         trained = tuple(name for name, share in self.mixture if share)
         return dataclasses.replace(self.validation, scenarios=self.validation.scenarios or trained)
 
@@ -201,21 +212,28 @@ _END_TO_END = TrainConfig(
     ),
 )  # fmt: skip
 DEFAULTS: dict[PolicyKind, TrainConfig] = {"residual": TrainConfig(), "end-to-end": _END_TO_END}
-"""Defaults of each kind of policy."""
+"""Default settings of each kind of policy."""
 
 
 def check(config: TrainConfig) -> None:
-    """Raise UsageError, one line, on settings that cannot be trained with."""
+    """Check that a run can be trained with these settings.
+
+    Args:
+        config: Settings.
+
+    Raises:
+        UsageError: It cannot; the text is one line.
+    """
     for group, part in (("", config), ("ppo.", config.ppo), ("validation.", config.validation)):
         check_numbers(part, limits_of(part), group)
-    terms = [each.name for each in dataclasses.fields(config.rewards)]
+    terms = [term.name for term in dataclasses.fields(config.rewards)]
     check_numbers(config.rewards, dict.fromkeys(terms, (-MAX_REWARD_WEIGHT, MAX_REWARD_WEIGHT)), "rewards.")
     if max(len(config.ppo.actor), len(config.ppo.critic)) > MAX_HIDDEN_LAYERS:
         raise UsageError(f"--ppo.actor and --ppo.critic must be at most {MAX_HIDDEN_LAYERS} widths")
     total = config.ppo.envs * config.ppo.rollout_steps
     if total % config.ppo.minibatch or total > MAX_ROLLOUT_SAMPLES:
-        what = f"--ppo.minibatch, {config.ppo.minibatch}, must divide ppo.envs x ppo.rollout-steps, {total}"
-        raise UsageError(f"{what}, which must be at most {MAX_ROLLOUT_SAMPLES}")
+        fact = f"--ppo.minibatch, {config.ppo.minibatch}, must divide ppo.envs x ppo.rollout-steps, {total}"
+        raise UsageError(f"{fact}, which must be at most {MAX_ROLLOUT_SAMPLES}")
     try:
         hardware.check_hardware(config.hardware)
     except ValueError as error:
@@ -224,25 +242,34 @@ def check(config: TrainConfig) -> None:
     if config.device == "cuda":
         _check_warp(config)
     check_scenarios("--validation.scenarios", config.complete_validation.scenarios, config.hardware.robot_model)
-    names = dict.fromkeys((*dict(config.mixture), *config.complete_validation.scenarios))
-    real = ", ".join(name for name in names if scenario(name, config.hardware.robot_model).hardware)
-    if real and config.hardware.is_customized:
-        raise UsageError(f"{real}: the profile has its own --actuator, --sensors and --estimator: leave these out")
+    _check_hardware_profile(config)
     if config.policy == "end-to-end" and config.base not in POSES:
         raise UsageError(f"--policy end-to-end learns on --base {' or '.join(POSES)}, not on {config.base}")
 
 
+def _check_hardware_profile(config: TrainConfig) -> None:
+    """Raise UsageError if scenarios on the hardware profile meet hardware options."""
+    names = dict.fromkeys((*dict(config.mixture), *config.complete_validation.scenarios))
+    on_profile = ", ".join(name for name in names if scenario(name, config.hardware.robot_model).hardware)
+    if on_profile and config.hardware.is_customized:
+        raise UsageError(
+            f"{on_profile}: the profile has its own --actuator, --sensors and --estimator: leave these out"
+        )
+
+
 def _check_mixture(config: TrainConfig) -> None:
+    """Raise UsageError if scenarios or shares of the mixture cannot be used."""
     shares = [share for _, share in config.mixture]
     check_scenarios("--mixture", [name for name, _ in config.mixture], config.hardware.robot_model)
     if not all(0 <= share <= MAX_SHARE for share in shares):
         raise UsageError(f"--mixture needs shares that are not negative and at most {MAX_SHARE:g}, as in: flat 0.5")
-    # Smaller than any share that means something, and the quotients below stay finite.
+    # Any meaningful share is larger, and the quotients of shares stay finite.
     if sum(shares) < 1e-6:
         raise UsageError("--mixture: at least one share must be above zero")
 
 
 def _check_warp(config: TrainConfig) -> None:
+    """Raise UsageError if MuJoCo Warp cannot simulate a scenario of the mixture."""
     try:
         for name, share in config.mixture:
             if share:
@@ -253,7 +280,16 @@ def _check_warp(config: TrainConfig) -> None:
 
 
 def check_scenarios(option: str, names: Sequence[str], robot: Robot = SIMPLE_QUAD) -> None:
-    """Raise UsageError, one line, where an option names no scenario, an unknown one or one twice."""
+    """Check the scenarios of an option.
+
+    Args:
+        option: Name of the option, with dashes.
+        names: Names of the scenarios.
+        robot: Robot that they are scaled to.
+
+    Raises:
+        UsageError: There is none, or one is unknown or named twice.
+    """
     if not names:
         raise UsageError(f"{option} needs at least one scenario")
     for name in names:

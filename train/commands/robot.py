@@ -31,8 +31,13 @@ from train.config import BaseName
 from train.run_folder import BEST, has_checkpoint, steps_done
 from train.search import trot
 
-RESIDUAL, OPTIONS_FILE, DESCRIPTION_FILE = "residual", "begun.json", "described.txt"
-MUTABLE_OPTIONS = "out", "threads"
+RESIDUAL = "residual"
+"""Name of the trained policy."""
+OPTIONS_FILE = "begun.json"
+"""File of the options that the folder was started with."""
+DESCRIPTION_FILE = "described.txt"
+"""File of the printed description of the robot."""
+MUTABLE_OPTIONS = ("out", "threads")
 """Options that may change from one call to the next."""
 SEARCH = trot.TrotSearchOptions(generations=12, steps=400, check_episodes=48)
 """A short search: SimpleQuad's parameters walk on most robots already."""
@@ -69,6 +74,11 @@ class RobotPipelineOptions:
         return self.out if self.out is not None else Path("results") / Path(self.robot).stem
 
     @property
+    def evaluation_folder(self) -> Path:
+        """Folder of the evaluation, in the folder for everything."""
+        return self.folder / "evaluation"
+
+    @property
     def toml(self) -> Path:
         """File of the robot, which may be edited before the search."""
         given = Path(self.robot)
@@ -76,17 +86,30 @@ class RobotPipelineOptions:
 
 
 class Stage(NamedTuple):
-    """A stage of the pipeline, with its usual time on two cores, min."""
+    """Stage of the pipeline."""
 
     name: str
+    """Name, an imperative."""
     minutes: float
-    done: Callable[[], bool]
+    """Usual time on two cores, min."""
+    is_done: Callable[[], bool]
+    """Returns True if the stage needs no more work."""
     action: Callable[[], object]
+    """Does the work."""
 
 
 def main(options: RobotPipelineOptions) -> int:
-    """Run the stages that are left; the exit code. Raises UsageError, and KeyboardInterrupt with the command that
-    continues."""
+    """Run the stages that are not done, and return the exit code.
+
+    Args:
+        options: Options; UsageError if they cannot be used.
+
+    Returns:
+        0.
+
+    Raises:
+        KeyboardInterrupt: After Ctrl-C, with the command that continues.
+    """
     check_numbers(options, limits_of(options))
     if not Path(options.robot).suffix:
         parse_robot_option(options.robot)
@@ -94,100 +117,125 @@ def main(options: RobotPipelineOptions) -> int:
     _check_same_options(options)
     stages = _stages(options)
     try:
-        for place, stage in enumerate(stages):
-            head, done = f"[{place + 1} of {len(stages)}] {stage.name}", stage.done()
-            left = sum(each.minutes for each in stages[place:] if not each.done())
-            print(f"{head}: done already" if done else f"{head}; about {left:.0f} min left", flush=True)
-            if not done:
-                began = time.monotonic()
-                stage.action()
-                print(f"{head}: {(time.monotonic() - began) / 60.0:.1f} min", flush=True)
+        for index, stage in enumerate(stages):
+            head = f"[{index + 1} of {len(stages)}] {stage.name}"
+            if stage.is_done():
+                print(f"{head}: done already", flush=True)
+                continue
+            remaining = sum(later.minutes for later in stages[index:] if not later.is_done())
+            print(f"{head}; about {remaining:.0f} min left", flush=True)
+            began = time.monotonic()
+            stage.action()
+            print(f"{head}: {(time.monotonic() - began) / 60.0:.1f} min", flush=True)
     except KeyboardInterrupt as interrupt:
         again = f"continue with: python -m train robot {shlex.join(sys.argv[2:])}"
         raise KeyboardInterrupt("; ".join([*map(str, interrupt.args), again])) from None
-    print(f"report: {options.folder / 'evaluation' / 'report.html'}")
+    print(f"report: {options.evaluation_folder / 'report.html'}")
     return 0
 
 
 def _stages(options: RobotPipelineOptions) -> list[Stage]:
-    folder, toml = options.folder, str(options.toml)
-    training, evaluation = folder / "training", folder / "evaluation"
-
-    from evaluate.records.store import is_unfinished
-
-    def own(name: str) -> Path:
-        """A file among the robot's own."""
-        return folder_of(parse_robot_option(toml).robot_model) / name
-
-    def search() -> None:
-        trot.main(replace(SEARCH, robot=toml, seed=options.seed, threads=options.threads))
-
-    def train() -> None:
-        from train.commands.run import run  # here, since it knows this command
-
-        words = f"--base {options.base} --steps {options.steps} --validation.interval {options.steps}"
-        words += f" --seed {options.seed} --threads {options.threads}" + " --resume" * has_checkpoint(training)
-        more = [word for each in options.training for word in shlex.split(each)]
-        if steps_done(training) < options.steps:
-            run(["--robot", toml, "--out", str(training), *words.split(), *more])
-        bundle.copy(training / BEST, own(RESIDUAL))
-
-    def evaluate() -> None:
-        from evaluate.commands.execution import execute
-        from evaluate.commands.options import EvaluateOptions as Comparison
-        from evaluate.commands.plan import check, load_run_options
-
-        given = {name: getattr(options, name) for name in ("policies", "scenarios", "episodes", "seed", "threads")}
-        plan = Comparison(robot=toml, out=evaluation, **given)
-        execute(check(replace(load_run_options(evaluation), resume=True) if is_unfinished(evaluation) else plan))
-
-    def compared() -> bool:
-        return (evaluation / "results.json").is_file() and not is_unfinished(evaluation)
-
-    def found(name: str) -> bool:
-        return options.toml.is_file() and own(name).is_file()
-
+    """Return the stages of the pipeline."""
+    is_described = (options.folder / DESCRIPTION_FILE).is_file
+    is_searched = partial(_has_model, options, trot.ACCOUNT)
+    is_trained = partial(_has_model, options, f"{RESIDUAL}/{bundle.DESCRIPTION}")
     return [
-        Stage("describe the robot", 0.1, (folder / DESCRIPTION_FILE).is_file, partial(_describe, options)),
-        Stage("search its trot", 4.0, partial(found, trot.ACCOUNT), search),
-        Stage("train a residual", 9.0, partial(found, f"{RESIDUAL}/{bundle.DESCRIPTION}"), train),
-        Stage("compare them", 5.0, compared, evaluate),
+        Stage("describe the robot", 0.1, is_described, partial(_describe, options)),
+        Stage("search its trot", 4.0, is_searched, partial(_search, options)),
+        Stage("train a residual", 9.0, is_trained, partial(_train, options)),
+        Stage("compare them", 5.0, partial(_is_compared, options), partial(_compare, options)),
     ]
 
 
+def _model_path(options: RobotPipelineOptions, name: str) -> Path:
+    """Return the path of a file of the robot's models."""
+    return folder_of(parse_robot_option(str(options.toml)).robot_model) / name
+
+
+def _has_model(options: RobotPipelineOptions, name: str) -> bool:
+    """Return True if the robot has a model file of that name."""
+    return options.toml.is_file() and _model_path(options, name).is_file()
+
+
+def _search(options: RobotPipelineOptions) -> None:
+    """Search the parameters of the robot's trot."""
+    trot.main(replace(SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads))
+
+
+def _train(options: RobotPipelineOptions) -> None:
+    """Train a residual, or continue its training, and copy it to the robot's models."""
+    from train.commands.run import run  # here, since it knows this command
+
+    folder = options.folder / "training"
+    words = f"--base {options.base} --steps {options.steps} --validation.interval {options.steps}"
+    words += f" --seed {options.seed} --threads {options.threads}"
+    if has_checkpoint(folder):
+        words += " --resume"
+    further = [word for entry in options.training for word in shlex.split(entry)]
+    if steps_done(folder) < options.steps:
+        run(["--robot", str(options.toml), "--out", str(folder), *words.split(), *further])
+    bundle.copy(folder / BEST, _model_path(options, RESIDUAL))
+
+
+def _compare(options: RobotPipelineOptions) -> None:
+    """Evaluate the policies, or continue their evaluation."""
+    from evaluate.commands.execution import execute
+    from evaluate.commands.options import EvaluateOptions
+    from evaluate.commands.plan import check, load_run_options
+    from evaluate.records.store import is_unfinished
+
+    folder = options.evaluation_folder
+    if is_unfinished(folder):
+        execute(check(replace(load_run_options(folder), resume=True)))
+        return
+    shared = {name: getattr(options, name) for name in ("policies", "scenarios", "episodes", "seed", "threads")}
+    execute(check(EvaluateOptions(robot=str(options.toml), out=folder, **shared)))
+
+
+def _is_compared(options: RobotPipelineOptions) -> bool:
+    """Return True if the evaluation is finished."""
+    from evaluate.records.store import is_unfinished
+
+    folder = options.evaluation_folder
+    return (folder / "results.json").is_file() and not is_unfinished(folder)
+
+
 def _check_same_options(options: RobotPipelineOptions) -> None:
-    """Keep the options in the folder. Raises UsageError where they are others than those that it was started with."""
+    """Keep the options in the folder. Raises UsageError if it was started with other options."""
     robot = str(Path(options.robot).resolve()) if Path(options.robot).suffix else options.robot
-    given = {
-        name: value for name, value in asdict(replace(options, robot=robot)).items() if name not in MUTABLE_OPTIONS
-    }
-    now, begun = json.loads(json.dumps(given)), options.folder / OPTIONS_FILE
-    if not begun.is_file():
-        write_atomically(begun, (json.dumps(now, indent=2) + "\n").encode())
+    absolute = asdict(replace(options, robot=robot))
+    fixed = {name: value for name, value in absolute.items() if name not in MUTABLE_OPTIONS}
+    current = json.loads(json.dumps(fixed))
+    file = options.folder / OPTIONS_FILE
+    if not file.is_file():
+        write_atomically(file, (json.dumps(current, indent=2) + "\n").encode())
         return
     try:
-        then = json.loads(read_bytes(begun))
-        other = [name for name in now if then.get(name) != now[name]]
+        started_with = json.loads(read_bytes(file))
+        changed = [name for name in current if started_with.get(name) != current[name]]
     except (ValueError, AttributeError):
-        other = ["unreadable"]
-    if other:
-        raise UsageError(f"{options.folder} was started with other options ({', '.join(other)}): choose another --out")
+        changed = ["unreadable"]
+    if changed:
+        names = ", ".join(changed)
+        raise UsageError(f"{options.folder} was started with other options ({names}): choose another --out")
 
 
 def _describe(options: RobotPipelineOptions) -> None:
-    """Print the description, and keep it with a TOML and a picture. Raises UsageError where the robot has errors."""
+    """Print the description of the robot, and keep it with a TOML and a picture. Raises UsageError on errors in it."""
     command = [sys.executable, "-m", "quad_env", "describe", options.robot]
-    written, given = options.folder / "inferred.toml", options.toml.is_file()
-    if written.is_file():
-        raise UsageError(f"{written} has gaps to fill: give it instead of {options.robot}, or remove it")
-    words, utf8 = [] if given else ["--toml", str(written)], os.environ | {"PYTHONIOENCODING": "utf-8"}
-    done = subprocess.run([*command, *words], stdout=subprocess.PIPE, encoding="utf-8", env=utf8)
+    inferred = options.folder / "inferred.toml"
+    has_toml = options.toml.is_file()
+    if inferred.is_file():
+        raise UsageError(f"{inferred} has gaps to fill: give it instead of {options.robot}, or remove it")
+    toml_words = [] if has_toml else ["--toml", str(inferred)]
+    utf8 = os.environ | {"PYTHONIOENCODING": "utf-8"}
+    done = subprocess.run([*command, *toml_words], stdout=subprocess.PIPE, encoding="utf-8", env=utf8)
     print(done.stdout, end="")
     if done.returncode:
-        kept = f"; fill the gaps in {written}, and give that instead" if written.is_file() else ""
-        raise UsageError(f"{options.robot} cannot be used as it is{kept}")
-    if not given:
-        written.rename(options.toml)
+        remedy = f"; fill the gaps in {inferred}, and give that instead" if inferred.is_file() else ""
+        raise UsageError(f"{options.robot} cannot be used as it is{remedy}")
+    if not has_toml:
+        inferred.rename(options.toml)
     if subprocess.run([*command, "--picture", str(options.folder / "standing.png")], capture_output=True).returncode:
         print("no picture of the robot: rendering is impossible here", file=sys.stderr)
     write_atomically(options.folder / DESCRIPTION_FILE, done.stdout.encode())

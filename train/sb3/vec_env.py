@@ -140,6 +140,9 @@ class TrainingVecEnv(VecEnv):
             indices: Not used.
             **kwargs: Not used.
 
+        Returns:
+            Nothing.
+
         Raises:
             NotImplementedError: Always.
         """

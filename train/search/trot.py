@@ -89,9 +89,11 @@ def make_search_problem(options: TrotSearchOptions) -> SearchProblem[TrotParamet
     ranges = scaled_ranges(SEARCH_RANGES, TrotParameters, robot)
 
     def costs(candidates: list[TrotParameters], seeds: Seeds) -> Floats:
+        """Return the costs of the `candidates` on the episodes of the `seeds`."""
         return candidate_costs(candidates, seeds, options.steps, threads, hardware, scenario_names)
 
     def finalize(parameters: TrotParameters) -> tuple[str, str]:
+        """Fit the command map, compare with the start, and return the texts of parameter file and report."""
         fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
         for seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
             parameters = fit_command_map(parameters, seeds, threads, hardware, scenario_names)
