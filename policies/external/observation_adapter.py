@@ -1,199 +1,258 @@
-"""The observation of a policy from another project, term by term, from the environment's.
+"""Observation of an external policy, term by term, from the environment's observation.
 
-What the environment does not show is worked out from what it does: the world frame's yaw by integrating the gyro from 0
-at the reset, contacts and torques from the servos.
+Three quantities are derived: the yaw in the world frame by integration of the gyro from 0 at the reset, foot contact
+from the joint torques, and the torques from the servo gains.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats, Mask, PolicyError
+from policies.external.foot_contact import FootContactEstimator
 from policies.external.joint_mapping import map_action_joints, map_observed_joints
 from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
 from policies.legs.level_frame import level_frame
 from policies.memory import PerRobotState, per_robot
-from policies.mpc.contact import ContactEstimator
-from policies.mpc.motion import motion
-from policies.mpc.parameters import TROT, parameters_of
 from quad_env.columns import EnvIndices
-from quad_env.config import GRAVITY
-from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
 from quad_env.sensing.height_scan import HeightScan, table_with
 
-CONTACT_WEIGHT_FRACTION = 0.05
-"""Share of the robot's weight from which the estimated force of a foot is a contact: right in 86 to 96 % of the control
-steps of SimpleQuad and Go1 with `trot` and `mpc_wbc`, on flat and rough ground and when pushed."""
 GRID_RESOLUTION = 1e-3
-"""Unit in which the points of a height scan are told apart, m."""
+"""m. Points of a height scan lie on multiples of it."""
+DEFAULT_SPACING = 100
+"""Spacing of a height scan with a single point at the trunk, in units of GRID_RESOLUTION."""
 
 
-Signals = dict[str, Floats]
-"""Of m robots: our observation by term; `angles` of the robot's joints; `yaw`; control `steps` of the policy since the
-reset, 0 at the first; `action`, the previous one; `contact` of the robot's feet."""
+@dataclass(frozen=True)
+class RobotSignals:
+    """Signals of m robots in one control step, from which the terms are computed."""
+
+    readings: dict[str, Floats]
+    """Observation of the environment by term, (m, ...)."""
+    joint_angles: Floats
+    """Angles of the robot's joints, (m, 12), rad."""
+    yaw: Floats
+    """World frame, (m,), rad."""
+    steps: NDArray[np.int64]
+    """Control steps of the policy since the reset, 0 at the first, (m,)."""
+    previous_action: Floats
+    """Previous action as the policy observes it, (m, 12)."""
+    foot_contact: NDArray[Any]
+    """True for feet in contact, legs in the robot's order, (m, 4)."""
 
 
 class ObservationAdapter(PerRobotState):
-    """Observations of n robots.
+    """Observations of n robots in the form that a policy was trained on; it belongs to a `NetworkPolicy`.
 
     Args:
-        description: of the policy.
-        robot: whose observations they are, with the servo gains in force.
-        control_period: of the environment, s.
+        spec: Specification of the policy.
+        robot: Observed robot, with the servo gains in force.
+        control_period: Control period of the environment, s.
     """
 
     action: Floats = per_robot()
-    """The previous action of each robot as the policy is shown it, (n, 12); to be renewed after each action."""
+    """Previous action of each robot as the policy observes it, (n, 12); set by the policy after each action."""
     _yaw: Floats = per_robot(0.0)
-    _turning: Mask = per_robot(False)
+    _has_started: Mask = per_robot(False)
     _steps: NDArray[np.int64] = per_robot(0)
     _history: Floats = per_robot()
-    _contact: Mask = per_robot(np.zeros(4, np.bool_))
+    _foot_contact: Mask = per_robot(np.zeros(4, np.bool_))
 
-    def __init__(self, description: PolicySpec, robot: Robot, control_period: float) -> None:
-        self._description, self._robot, self._period = description, robot, control_period
-        self._joints = map_action_joints(description, robot)
-        self._observed = map_observed_joints(description, robot)
-        default = self._joints.to_robot_order(np.array(description.default_position, dtype=np.float64))
-        self._default = default[self._observed.joint_ids]
-        self.height_scan = required_height_scan(description)
+    def __init__(self, spec: PolicySpec, robot: Robot, control_period: float) -> None:
+        self._spec = spec
+        self._robot = robot
+        self._period = control_period
+        self._action_joints = map_action_joints(spec, robot)
+        self._observed_joints = map_observed_joints(spec, robot)
+        default = self._action_joints.to_robot_order(np.array(spec.default_position, dtype=np.float64))
+        self._default_position = default[self._observed_joints.joint_ids]
+        self.height_scan = required_height_scan(spec)
         self._slices = table_with(robot, self.height_scan).slices
-        self._order = _layout(description)
-        self._contacts: ContactEstimator | None = None
-        self._tracks = any(term.frame == "world" or term.name == "foot_contact" for term in description.terms)
-        if any(term.name == "foot_contact" for term in description.terms):
-            self._contacts = ContactEstimator(robot, parameters_of(TROT, robot), control_period)
-            self._dynamics = Dynamics(robot)
-        super().__init__(action=np.zeros(len(description.joints)), _history=np.zeros(_shape(description)))
+        self._history_indices = _history_indices(spec)
+        has_contact = any(term.name == "foot_contact" for term in spec.terms)
+        self._has_state = has_contact or any(term.frame == "world" for term in spec.terms)
+        self._contact_estimator = FootContactEstimator(robot, control_period) if has_contact else None
+        super().__init__(action=np.zeros(len(spec.joints)), _history=np.zeros(_history_shape(spec)))
 
     def update_state(self, observation: Floats) -> None:
-        """Take in the control step that led to the environment's observations, (n, k): turns and contacts."""
-        if not self._tracks:
+        """Update yaw and foot contact with the environment's observations after a control step, (n, k)."""
+        if not self._has_state:
             return
-        gravity, (_, pitching, turning) = (
-            observation[:, self._slices[name]].T for name in ("projected_gravity", "angular_velocity")
-        )
+        gravity = observation[:, self._slices["projected_gravity"]].T
+        _, pitch_rate, yaw_rate = observation[:, self._slices["angular_velocity"]].T
         frame = level_frame(gravity)
-        rate = (frame.up_y * pitching + frame.up_z * turning) / frame.level_x**2  # of the x axis' heading
-        self._yaw += np.where(self._turning, self._period * rate, 0.0)
-        self._turning[:] = True
-        if self._contacts is not None:
-            now = motion(self._robot, self._dynamics, observation)
-            force = self._contacts.estimate(now, np.zeros((len(observation), 6)))[..., 2]
-            self._contact = force > CONTACT_WEIGHT_FRACTION * GRAVITY * self._robot.mass
+        # Rate of the heading of the base frame's x axis.
+        heading_rate = (frame.up_y * pitch_rate + frame.up_z * yaw_rate) / frame.level_x**2
+        self._yaw += np.where(self._has_started, self._period * heading_rate, 0.0)
+        self._has_started[:] = True
+        if self._contact_estimator is not None:
+            self._foot_contact = self._contact_estimator.estimate(observation)
 
-    def observe(self, observation: Floats, who: EnvIndices) -> NDArray[np.float32]:
-        """The policy's observations, (m, width), of those robots, whose of the environment are given, (m, k)."""
-        seen = {name: observation[:, part] for name, part in self._slices.items()}
-        kept: dict[str, Any] = {"yaw": self._yaw, "steps": self._steps, "action": self.action, "contact": self._contact}
-        seen |= {name: values[who] for name, values in kept.items()}
-        seen["angles"] = seen["joint_position"] + self._robot.home_pose
-        now = np.concatenate([_limited(self._numbers(term, seen), term) for term in self._description.terms], axis=1)
-        if (bound := self._description.observation_clip) is not None:
-            now = np.clip(now, -bound, bound)
-        before = self._history[who, 1:]
-        if self._description.history_start == "first":
-            before = np.where((seen["steps"] == 0)[:, None, None], now[:, None], before)
-        history = self._history[who] = np.concatenate((before, now[:, None]), axis=1)
-        self._steps[who] += 1
-        return history.reshape(len(who), -1)[:, self._order].astype(np.float32)
+    def observe(self, observation: Floats, env_ids: EnvIndices) -> NDArray[np.float32]:
+        """Return the policy's observations of some robots and advance their history by one control step.
 
-    def _numbers(self, term: ObservationTerm, seen: Signals) -> Floats:
-        """A term's numbers of this control step, (m, width), neither clipped nor scaled."""
+        Args:
+            observation: Their observations of the environment, (m, k).
+            env_ids: Their indices, (m,).
+
+        Returns:
+            Observations of the policy, (m, width).
+        """
+        signals = self._collect_signals(observation, env_ids)
+        terms = [_clip_and_scale(self._compute_term(term, signals), term) for term in self._spec.terms]
+        current = np.concatenate(terms, axis=1)
+        limit = self._spec.observation_clip
+        if limit is not None:
+            current = np.clip(current, -limit, limit)
+        previous = self._history[env_ids, 1:]
+        if self._spec.history_start == "first":
+            previous = np.where((signals.steps == 0)[:, None, None], current[:, None], previous)
+        history = np.concatenate((previous, current[:, None]), axis=1)
+        self._history[env_ids] = history
+        self._steps[env_ids] += 1
+        return history.reshape(len(env_ids), -1)[:, self._history_indices].astype(np.float32)
+
+    def _collect_signals(self, observation: Floats, env_ids: EnvIndices) -> RobotSignals:
+        readings = {name: observation[:, part] for name, part in self._slices.items()}
+        return RobotSignals(
+            readings=readings,
+            joint_angles=readings["joint_position"] + self._robot.home_pose,
+            yaw=self._yaw[env_ids],
+            steps=self._steps[env_ids],
+            previous_action=self.action[env_ids],
+            foot_contact=self._foot_contact[env_ids],
+        )
+
+    def _compute_term(self, term: ObservationTerm, signals: RobotSignals) -> Floats:
+        """Return a term in this control step, neither clipped nor scaled, (m, width)."""
+        readings = signals.readings
         match term.name:
             case "joint_position":
-                return self._observed.policy_angles(seen["angles"]) - self._default
+                return self._observed_joints.policy_angles(signals.joint_angles) - self._default_position
             case "absolute_joint_position":
-                return self._observed.policy_angles(seen["angles"])
+                return self._observed_joints.policy_angles(signals.joint_angles)
             case "joint_velocity":
-                return self._observed.policy_rates(seen["joint_velocity"])
+                return self._observed_joints.policy_rates(readings["joint_velocity"])
             case "joint_torque":
-                return self._observed.policy_rates(_torque(self._robot, seen))
+                return self._observed_joints.policy_rates(_servo_torque(self._robot, readings))
             case "previous_action":
-                return seen["action"]
+                return signals.previous_action
             case "command":
-                return seen["command"]
+                return readings["command"]
             case "foot_contact":
-                return seen["contact"][:, list(dict.fromkeys(self._joints.joint_ids // JOINTS_PER_LEG))]
+                legs = list(dict.fromkeys(self._action_joints.joint_ids // JOINTS_PER_LEG))
+                return signals.foot_contact[:, legs]
             case "gait_clock":
-                angles = 2.0 * np.pi * term.clock / self._description.control_rate * seen["steps"]
-                clock = np.stack((np.sin(angles), np.cos(angles)), axis=1)
-                is_moving = np.linalg.norm(seen["command"], axis=1, keepdims=True) >= term.zero_below
-                return np.where(is_moving, clock, 0.0)
+                return self._compute_clock(term, signals)
             case "constant":
-                return np.tile(term.values, (len(seen["steps"]), 1))
+                return np.tile(term.values, (len(signals.steps), 1))
             case "height_scan":
-                assert self.height_scan is not None and term.grid is not None  # noqa: PT018
-                apart = self.height_scan.points[None] - _points(term.grid)[:, None]
-                places = np.abs(apart).max(axis=-1).argmin(axis=1)
-                return -seen["height_scan"][:, places] - term.grid.offset
-        return _turned(seen[term.name], term.frame, seen)
+                return self._compute_height_scan(term, readings["height_scan"])
+        return _rotate_to_frame(readings[term.name], term.frame, signals)
+
+    def _compute_clock(self, term: ObservationTerm, signals: RobotSignals) -> Floats:
+        """Return sine and cosine of a clock, (m, 2); zeros for commands below the term's threshold."""
+        angle = 2.0 * np.pi * term.clock / self._spec.control_rate * signals.steps
+        clock = np.stack((np.sin(angle), np.cos(angle)), axis=1)
+        is_moving = np.linalg.norm(signals.readings["command"], axis=1, keepdims=True) >= term.zero_below
+        return np.where(is_moving, clock, 0.0)
+
+    def _compute_height_scan(self, term: ObservationTerm, scan: Floats) -> Floats:
+        """Return the heights at the term's points from the environment's scan, (m, p), m."""
+        assert self.height_scan is not None and term.grid is not None  # noqa: PT018
+        differences = self.height_scan.points[None] - _grid_points(term.grid)[:, None]
+        nearest = np.abs(differences).max(axis=-1).argmin(axis=1)
+        return -scan[:, nearest] - term.grid.offset
 
 
-def _turned(body: Floats, frame: str, seen: Signals) -> Floats:
-    """Vectors of the body in a frame, (m, 3)."""
+def _rotate_to_frame(vectors: Floats, frame: str, signals: RobotSignals) -> Floats:
+    """Return vectors of the base frame in a frame, (m, 3)."""
     if frame == "body":
-        return body
-    x, y, z = level_frame(seen["projected_gravity"].T).to_level(body.T)
+        return vectors
+    x, y, z = level_frame(signals.readings["projected_gravity"].T).to_level(vectors.T)
     if frame == "world":
-        cosine, sine = np.cos(seen["yaw"]), np.sin(seen["yaw"])
+        cosine = np.cos(signals.yaw)
+        sine = np.sin(signals.yaw)
         x, y = cosine * x - sine * y, sine * x + cosine * y
     return np.stack((x, y, z), axis=1)
 
 
-def _torque(robot: Robot, seen: Signals) -> Floats:
-    """What the servos give by the gains in force on the target in force, the joints where they are now, limited to the
-    robot's rated torque, (m, 12), N·m."""
-    apart = seen["previous_action"] - seen["joint_position"]
-    torque = robot.servo_stiffness * apart - robot.servo_damping * seen["joint_velocity"]
+def _servo_torque(robot: Robot, readings: dict[str, Floats]) -> Floats:
+    """Return the servo torques for the targets and gains in force, within the rated torque, (m, 12), N·m."""
+    position_error = readings["previous_action"] - readings["joint_position"]
+    torque = robot.servo_stiffness * position_error - robot.servo_damping * readings["joint_velocity"]
     return np.clip(torque, -robot.rated_torque, robot.rated_torque)
 
 
-def _limited(values: Floats, term: ObservationTerm) -> Floats:
-    """Values of a term, clipped, then scaled."""
+def _clip_and_scale(values: Floats, term: ObservationTerm) -> Floats:
+    """Return the values of a term, clipped, then scaled."""
     clipped: Floats = values if term.clip is None else np.clip(values, *term.clip)
     return np.multiply(clipped, term.scale)
 
 
-def _shape(description: PolicySpec) -> tuple[int, int]:
-    """Control steps of the longest history, and numbers of all terms in one of them."""
-    return max(term.history for term in description.terms), sum(term.width for term in description.terms)
+def _history_shape(spec: PolicySpec) -> tuple[int, int]:
+    """Return the control steps of the longest history, and the numbers of all terms in one of them."""
+    return max(term.history for term in spec.terms), sum(term.width for term in spec.terms)
 
 
-def _layout(description: PolicySpec) -> NDArray[np.intp]:
-    """Places of the policy's observation in the flattened history of steps, the oldest first, each of all terms."""
-    shape, first = _shape(description), description.history_newest == "first"
-    steps = np.arange(np.prod(shape)).reshape(shape)[:: -1 if first else 1]
-    if description.history_layout == "time":
+def _history_indices(spec: PolicySpec) -> NDArray[np.intp]:
+    """Return the indices of the policy's observation in the flattened history, (width,).
+
+    The history has the oldest control step first, each with all terms.
+    """
+    shape = _history_shape(spec)
+    is_newest_first = spec.history_newest == "first"
+    steps = np.arange(np.prod(shape)).reshape(shape)[:: -1 if is_newest_first else 1]
+    if spec.history_layout == "time":
         return steps.ravel()
-    ends = np.cumsum([term.width for term in description.terms])
-    each = [steps[:, end - term.width : end] for term, end in zip(description.terms, ends, strict=True)]
-    kept = [slice(term.history) if first else slice(-term.history, None) for term in description.terms]
-    return np.concatenate([numbers[shown].ravel() for numbers, shown in zip(each, kept, strict=True)])
+    indices = []
+    end = 0
+    for term in spec.terms:
+        end += term.width
+        observed_steps = slice(term.history) if is_newest_first else slice(-term.history, None)
+        indices.append(steps[observed_steps, end - term.width : end].ravel())
+    return np.concatenate(indices)
 
 
-def _points(grid: HeightGrid) -> Floats:
-    """x and y of a grid's points in the order of the observation, (p, 2), m."""
+def _grid_points(grid: HeightGrid) -> Floats:
+    """Return x and y of a grid's points in the order of the observation, (p, 2), m."""
     x, y = np.meshgrid(grid.x, grid.y, indexing="xy" if grid.x_first else "ij")
     return np.stack((x.ravel(), y.ravel()), axis=1)
 
 
-def required_height_scan(description: PolicySpec) -> HeightScan | None:
-    """The environment's height scan in which the points of the policy's are; None without one. Raises PolicyError."""
-    grids = [_points(term.grid) for term in description.terms if term.grid is not None]
+def required_height_scan(spec: PolicySpec) -> HeightScan | None:
+    """Return the smallest height scan of the environment with all points of a policy's scan.
+
+    Args:
+        spec: Specification of the policy.
+
+    Returns:
+        The height scan; None for a policy without one.
+
+    Raises:
+        PolicyError: The environment cannot have this scan.
+    """
+    grids = [_grid_points(term.grid) for term in spec.terms if term.grid is not None]
     if not grids:
         return None
     points = np.concatenate(grids)
     units = np.round(points / GRID_RESOLUTION).astype(int)
-    spacing = int(np.gcd.reduce(np.abs(units), axis=None)) or 100
-    (ahead, left), (behind, right) = np.maximum(units.max(axis=0), 0), np.maximum(-units.min(axis=0), 0)
-    ahead, behind, aside = (int(far) // spacing for far in (ahead, behind, max(left, right)))
+    spacing = int(np.gcd.reduce(np.abs(units), axis=None)) or DEFAULT_SPACING
+    ahead, left = np.maximum(units.max(axis=0), 0)
+    behind, right = np.maximum(-units.min(axis=0), 0)
+    if np.abs(points / GRID_RESOLUTION - units).max() > 1e-3:
+        reason = f"its points do not lie on a grid of {GRID_RESOLUTION:g} m through the trunk's centre"
+        raise PolicyError(f"the height_scan of {spec.network} cannot be shown: {reason}")
     try:
-        if np.abs(points / GRID_RESOLUTION - units).max() > 1e-3:
-            raise ValueError(f"its points do not lie on a grid of {GRID_RESOLUTION:g} m through the trunk's centre")
-        return HeightScan(ahead=ahead, behind=behind, aside=aside, spacing=GRID_RESOLUTION * spacing)
+        return HeightScan(
+            ahead=int(ahead) // spacing,
+            behind=int(behind) // spacing,
+            aside=int(max(left, right)) // spacing,
+            spacing=GRID_RESOLUTION * spacing,
+        )
     except ValueError as error:
-        raise PolicyError(f"the height_scan of {description.network} cannot be shown: {error}") from None
+        raise PolicyError(f"the height_scan of {spec.network} cannot be shown: {error}") from None

@@ -1,7 +1,7 @@
-"""What a policy from another project reads and commands, as one value: joints, gains, scales, observation terms.
+"""Specification of an external policy: joints, servo gains, scales and observation terms.
 
-Joint angles, order and names are those of the policy's own files, in its maker's convention; `terms` and `joints` of
-this package bring them to the robot's. A target is `offset + scale * clip(action)`, rad.
+Joint angles, order and names are those of the policy's own files, in its maker's convention. `observation_adapter` and
+`joint_mapping` convert them to the robot's. A joint target is `offset + scale * clip(action)`, rad.
 """
 
 from dataclasses import dataclass, field
@@ -32,7 +32,7 @@ TERM_WIDTHS: dict[str, int | None] = {
     "gait_clock": 2,  # sine and cosine of a clock that is at 0 when the episode starts
     "constant": None,  # numbers that are always the same
 }
-"""Names of observation terms, and how many numbers each has; None where the term's own settings say it."""
+"""Names of observation terms with their widths; None if the term's own settings define the width."""
 
 JOINT_FIELDS = (
     "default_position",
@@ -44,10 +44,10 @@ JOINT_FIELDS = (
     "signs",
     "zeros",
 )
-"""Fields of a description with a value for each of its `joints`, in their order."""
+"""Fields of a specification with a value for each of its `joints`, in their order."""
 
 MAX_SCAN_POINTS = 10_000
-"""Points of a height scan."""
+"""Largest number of points of a height scan."""
 MAX_NAME = 100
 """Largest number of characters of a joint's name."""
 MAX_OBSERVATION = 100_000
@@ -70,12 +70,13 @@ PLAUSIBLE_RANGES = {
     "action_clip": (-1e12, 1e12, ""),
     "target_clip": (-1e12, 1e12, "rad"),
 }
-"""Field -> least and largest value, unit. Values outside are far beyond any robot and count as a fault of the file."""
+"""Field -> minimum, maximum, unit. Values outside are far beyond any robot and count as a fault of the file."""
 _TERM_OF_SETTING = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
+"""Settings that belong to one term."""
 
 
 class _CheckedSpec:
-    """Dataclasses that are checked by their annotations when they are made; PolicyError for what does not fit."""
+    """Base class of dataclasses that check their fields by their annotations; a wrong value raises PolicyError."""
 
     def __post_init__(self) -> None:
         try:
@@ -86,16 +87,16 @@ class _CheckedSpec:
 
 @dataclass(frozen=True)
 class HeightGrid(_CheckedSpec):
-    """Points of a height scan about the trunk, heading frame, and what a point's number is."""
+    """Points of a height scan about the trunk, heading frame; the observed height is relative to the trunk."""
 
     x: Numbers
-    """Forward, m, in the order of the observation."""
+    """Forward coordinates, m, in the order of the observation."""
     y: Numbers
-    """To the left, m, in the order of the observation."""
+    """Lateral coordinates, positive to the left, m, in the order of the observation."""
     x_first: bool = True
-    """Whether x is what changes fastest from point to point; false: y does."""
+    """True if x changes fastest from point to point, False if y does."""
     offset: Finite = 0.0
-    """A point's number is the trunk's height minus that of the ground minus this, m."""
+    """m. The observed height of a point is the trunk's height minus the ground's height minus this offset."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -106,26 +107,26 @@ class HeightGrid(_CheckedSpec):
 
 @dataclass(frozen=True)
 class ObservationTerm(_CheckedSpec):
-    """An observation term: clipped, then scaled."""
+    """Observation term of a policy: clipped, then scaled."""
 
     name: str
-    """One of TERMS."""
+    """One of TERM_WIDTHS."""
     scale: Numbers = (1.0,)
-    """A factor for all of its numbers, or one for each."""
+    """Factor for all of its numbers, or one for each."""
     clip: Range | None = None
-    """Least and largest value before scaling."""
+    """Minimum and maximum before scaling."""
     history: Annotated[int, Bounds("from 1 to 1000", 1, 1000)] = 1
-    """How many control steps of it are shown, the present one included."""
+    """Number of observed control steps, with the present one."""
     frame: Literal["body", "heading", "world"] = "body"
-    """Of velocities and gravity; the world frame's x axis is the heading at the start of the episode."""
+    """Frame of velocities and gravity; the world frame's x axis is the heading at the start of the episode."""
     values: Numbers = ()
-    """Of a `constant`."""
+    """Values of a `constant`."""
     clock: NonNegative = 0.0
-    """Cycles a second of a `gait_clock`, Hz."""
+    """Frequency of a `gait_clock`, Hz."""
     grid: HeightGrid | None = None
-    """Of a `height_scan`."""
+    """Points of a `height_scan`."""
     zero_below: NonNegative = field(default=0.0, repr=False)
-    """Norm of the command below which a `gait_clock` is shown as (0, 0); 0: it always runs."""
+    """Norm of the command below which a `gait_clock` is observed as (0, 0); 0: it always runs."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -143,53 +144,60 @@ class ObservationTerm(_CheckedSpec):
 
     @property
     def width(self) -> int:
-        """Numbers of one control step."""
-        if (width := TERM_WIDTHS[self.name]) is not None:
+        """Number of values in one control step."""
+        width = TERM_WIDTHS[self.name]
+        if width is not None:
             return width
         return len(self.grid.x) * len(self.grid.y) if self.grid is not None else len(self.values)
 
 
 @dataclass(frozen=True)
 class PolicySpec(_CheckedSpec):
-    """All that a policy's files say of what it reads and commands."""
+    """Specification of an external policy: its network, observation, actions and servo gains.
+
+    The readers of deployment files make it; `NetworkPolicy` runs it.
+    """
 
     network: Path
-    """The .onnx or TorchScript .pt file."""
+    """File of the network, .onnx or TorchScript .pt."""
     control_rate: Positive
-    """Hz."""
+    """Control rate of the policy, Hz."""
     joints: tuple[str, ...]
     """Names of the twelve joints, in the order of the actions."""
     default_position: Numbers
-    """Joint angles that `joint_position` is measured from, rad, in the order of `joints`."""
+    """Zero of the term `joint_position`, rad, in the order of `joints`."""
     action_scale: Numbers
-    """rad for an action of one, in the order of `joints`."""
+    """Joint angle for an action of one, rad, in the order of `joints`."""
     stiffness: tuple[Positive, ...]
-    """Of the servos, N·m/rad, in the order of `joints`."""
+    """Servo stiffness, N·m/rad, in the order of `joints`."""
     damping: tuple[NonNegative, ...]
-    """Of the servos, N·m·s/rad, in the order of `joints`."""
+    """Servo damping, N·m·s/rad, in the order of `joints`."""
     terms: tuple[ObservationTerm, ...]
-    """In the order of the observation."""
+    """Terms in the order of the observation."""
     action_offset: Numbers | None = None
     """Targets of zero actions, rad, in the order of `joints`; None: the default position."""
     action_clip: Range | None = None
-    """Least and largest raw action."""
+    """Minimum and maximum of a raw action."""
     target_clip: tuple[Range, ...] | None = None
-    """Least and largest joint target, rad, in the order of `joints`, within the robot's own limits."""
+    """Minimum and maximum of the joint targets, rad, in the order of `joints`, within the robot's own limits."""
     observed_joints: tuple[str, ...] | None = None
-    """Names of the joints in the order of the observed angles, velocities, torques; None: that of `joints`. Previous
-    actions keep the order of `joints`."""
+    """Names of the joints in the order of the observed angles, velocities and torques; None: the order of `joints`.
+
+    Previous actions keep the order of `joints`.
+    """
     observation_clip: Positive | None = None
     """Largest magnitude of an observed number, after scaling."""
     history_layout: Literal["term", "time"] = "term"
-    """Whether the history of a term lies together, or all terms of a control step do."""
+    """Order of histories: `term` keeps all control steps of a term together, `time` all terms of a control step."""
     history_newest: Literal["first", "last"] = "last"
-    """Where the newest control step is."""
+    """Place of the newest control step."""
     history_start: Literal["first", "zero"] = "first"
-    """What fills the history at the start of an episode: the first observation, or zeros."""
+    """Content of the history at the start of an episode: the first observation, or zeros."""
     previous_action: Literal["raw", "scaled"] = "raw"
-    """Whether the previous action is what the network gave, clipped, or the target minus its offset, rad."""
+    """Observed previous action: `raw` is the network's output, clipped, `scaled` the target minus its offset, rad."""
     signs: Numbers | None = None
     """1 or -1 in the order of `joints`; -1 where the directions of the policy's and the robot file's joint differ.
+
     None: 1. The robot file's angle is `zeros + signs * the policy's`.
     """
     zeros: Numbers | None = None
@@ -199,64 +207,73 @@ class PolicySpec(_CheckedSpec):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if any(
-            not name.isprintable() or len(name) > MAX_NAME for name in (*self.joints, *(self.observed_joints or ()))
-        ):
+        self._check_joints()
+        _check_plausible(self)
+        if not any(self.action_scale):
+            raise PolicyError("`action_scale` is 0 for every joint: the network would have no effect")
+        _check_ranges("action_clip", self.action_clip)
+        _check_ranges("target_clip", *self.target_clip or ())
+        self._check_terms()
+
+    def _check_joints(self) -> None:
+        """Raise PolicyError for wrong names of joints, and for fields of another number of joints."""
+        names = (*self.joints, *(self.observed_joints or ()))
+        if any(not name.isprintable() or len(name) > MAX_NAME for name in names):
             raise PolicyError(f"`joints` must be names of at most {MAX_NAME} printable characters")
         if not len(self.joints) == len({*self.joints}) == 12:
             raise PolicyError(f"`joints` must be the names of 12 different joints, not {brief(self.joints)}")
         if self.observed_joints is not None and sorted(self.observed_joints) != sorted(self.joints):
             raise PolicyError("`observed_joints` must be the names of `joints`, in another order")
         for name in JOINT_FIELDS:
-            if (values := getattr(self, name)) is not None and len(values) != 12:
+            values = getattr(self, name)
+            if values is not None and len(values) != 12:
                 raise PolicyError(f"`{name}` must be of 12 joints, not of {len(values)}")
         if self.signs is not None and not {*self.signs} <= {-1.0, 1.0}:
             raise PolicyError(f"`signs` must be 1 or -1, not {brief(self.signs)}")
-        _check_plausible(self)
-        if not any(self.action_scale):
-            raise PolicyError("`action_scale` is 0 for every joint: the network would have no effect")
-        _check_ranges("action_clip", self.action_clip)
-        _check_ranges("target_clip", *self.target_clip or ())
+
+    def _check_terms(self) -> None:
+        """Raise PolicyError for no terms, different histories by time, and too many numbers."""
         if not self.terms:
             raise PolicyError("`terms` must be one term or more", f"the terms are {', '.join(TERM_WIDTHS)}")
         if self.history_layout == "time" and len({term.history for term in self.terms}) > 1:
             raise PolicyError("with the history_layout `time`, all terms must have the same history")
-        kept = max(term.history for term in self.terms) * sum(term.width for term in self.terms)
-        if kept > MAX_OBSERVATION:
+        size = max(term.history for term in self.terms) * sum(term.width for term in self.terms)
+        if size > MAX_OBSERVATION:
             raise PolicyError(
-                f"`terms` show {kept} numbers with their history: an observation has at most {MAX_OBSERVATION}"
+                f"`terms` show {size} numbers with their history: an observation has at most {MAX_OBSERVATION}"
             )
 
     @property
     def width(self) -> int:
-        """Numbers of the whole observation."""
+        """Number of values of the whole observation."""
         return sum(term.width * term.history for term in self.terms)
 
     @property
     def digest_text(self) -> str:
-        """Return all settings that affect the policy except its network, for a digest.
+        """All settings that affect the policy except its network, for a digest.
 
-        Newer fields enter only where they are set, so that older descriptions keep their digests.
+        Newer fields enter only if they are set, so that older specifications keep their digests.
         """
-        later = {name: value for name in ("signs", "zeros") if (value := getattr(self, name)) is not None}
-        if any(thresholds := [term.zero_below for term in self.terms]):
-            later["zero_below"] = thresholds
-        known = {name: value for name, value in vars(self).items() if name not in ("signs", "zeros", "remarks")}
-        text = repr(known | {"network": ""}) + (repr(later) if later else "")
+        newer = {name: value for name in ("signs", "zeros") if (value := getattr(self, name)) is not None}
+        thresholds = [term.zero_below for term in self.terms]
+        if any(thresholds):
+            newer["zero_below"] = thresholds
+        older = {name: value for name, value in vars(self).items() if name not in ("signs", "zeros", "remarks")}
+        text = repr(older | {"network": ""}) + (repr(newer) if newer else "")
         return text.replace("ObservationTerm(", "Term(")  # the name of the class in earlier digests
 
 
 def _check_plausible(settings: object) -> None:
-    """Raise PolicyError, one line, for the first number beyond PLAUSIBLE; 0 means no clock."""
-    for name, (least, largest, unit) in PLAUSIBLE_RANGES.items():
-        value = getattr(settings, name, None)
-        for each in () if value is None else np.ravel(value).tolist():
-            if not least <= each <= largest and (name, each) != ("clock", 0.0):
-                limits = f"{least:g} to {largest:g} {unit}".rstrip()
-                raise PolicyError(f"`{name}` is beyond any robot's: got {each:g}; valid: {limits}")
+    """Raise PolicyError, one line, for the first number outside PLAUSIBLE_RANGES; 0 means no clock."""
+    for name, (minimum, maximum, unit) in PLAUSIBLE_RANGES.items():
+        field_value = getattr(settings, name, None)
+        for value in () if field_value is None else np.ravel(field_value).tolist():
+            if not minimum <= value <= maximum and (name, value) != ("clock", 0.0):
+                limits = f"{minimum:g} to {maximum:g} {unit}".rstrip()
+                raise PolicyError(f"`{name}` is beyond any robot's: got {value:g}; valid: {limits}")
 
 
 def _check_ranges(name: str, *ranges: Range | None) -> None:
-    for each in ranges:
-        if each is not None and not each[0] < each[1]:
-            raise PolicyError(f"`{name}` must be a least and a largest value, not {each}")
+    for limits in ranges:
+        if limits is not None and not limits[0] < limits[1]:
+            raise PolicyError(f"`{name}` must be a least and a largest value, not {limits}")

@@ -199,7 +199,7 @@ def test_targets_are_about_the_offset_of_the_actions_where_that_is_not_the_defau
     for number, joint in enumerate(JOINTS):
         by_hand[place(joint)] = 0.01 * (number + 1)
     np.testing.assert_allclose(other - first, by_hand, atol=1e-6)
-    np.testing.assert_allclose(shifted._terms.action, plain._terms.action, atol=1e-6)
+    np.testing.assert_allclose(shifted._adapter.action, plain._adapter.action, atol=1e-6)
 
 
 def test_targets_are_limited_in_the_policys_terms(tmp_path: Path) -> None:
