@@ -15,7 +15,7 @@ from policies.gait_cycle import Floats, LegCycle
 from policies.memory import PerRobotState, lowpass_gain, per_robot, warm_start_gain
 from policies.mpc.motion import MotionState
 from policies.mpc.parameters import ModelParameters
-from policies.mpc.servo_step import ServoModel
+from policies.mpc.servo_model import ServoModel
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask

@@ -18,7 +18,8 @@ from policies.mpc.delay_estimator import MAX_DELAY_STEPS, DelayEstimator
 from policies.mpc.motion import MotionState, motion, with_rows
 from policies.mpc.reading_noise import NoiseEstimator
 from policies.mpc.readings import JOINT_VELOCITY, SENSED, normalise_gravity, predict_readings
-from policies.mpc.servo_step import ServoModel, response
+from policies.mpc.servo_model import ServoModel
+from policies.mpc.servo_step import compute_response
 from policies.mpc.state_filter import StateFilter
 from policies.mpc.state_predictor import StatePredictor
 from quad_env import OBSERVATION
@@ -64,7 +65,7 @@ class DelayCompensator(PerRobotState):
         self.state_filter = StateFilter(period, has_encoders=self._has_encoders)
         self.state_predictor = StatePredictor(robot, dynamics, period, joint_delay_steps)
         self._state: MotionState | None = None
-        target_history = np.tile(robot.home_pose, (MAX_DELAY_STEPS + len(self.servos.shares), 1))
+        target_history = np.tile(robot.home_pose, (MAX_DELAY_STEPS + len(self.servos.target_weights), 1))
         super().__init__(_targets=target_history)
 
     def reset(self, num_envs: int) -> None:
@@ -167,7 +168,9 @@ class DelayCompensator(PerRobotState):
         if before is None:
             return
         readings = self._observation[:, SENSED]
-        velocities = response(self._robot, before, stance, wrench, self._period).velocities(self._filtered_targets)
+        velocities = compute_response(self._robot, before, stance, wrench, self._period).velocities(
+            self._filtered_targets
+        )
         errors = self._prediction_errors(before, velocities, readings)
         is_excited = ~self.calibration.measures_noise
         self.delay_estimator.update(errors, self._noise[:, -1], self.sample_count, is_excited)

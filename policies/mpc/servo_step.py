@@ -1,8 +1,13 @@
 """Motion of a robot within a control period under its joint servos and the ground, predicted in implicit steps.
 
-M (v⁺ - v) = T (w - h + τ) + Jᵀ p, with τ = k (u - q - T v⁺) - d v⁺ the servos' law at a step's end and p the
-impulses of the feet that touch the ground; these neither slip nor leave it: J v⁺ + T J̇ v = 0. It is the time stepping
-of Stewart and Trinkle, "An implicit time-stepping scheme for rigid body dynamics", 1996, with feet that stick.
+One step of length T, from generalised velocity v to v⁺, with the impulses p of the feet in contact:
+
+    M (v⁺ - v) = T (w - h + τ) + Jᵀ p        equations of motion, w: external wrench, h: bias force
+    τ = k (u - q - T v⁺) - d v⁺              servo law at the end of the step, u: joint targets
+    J v⁺ + T J̇ v = s                         feet in contact neither slip nor leave the ground; s: sink velocity
+
+It is the time stepping of Stewart and Trinkle, "An implicit time-stepping scheme for rigid body dynamics", 1996, with
+feet that stick.
 """
 
 from typing import NamedTuple
@@ -10,199 +15,331 @@ from typing import NamedTuple
 import numpy as np
 
 from policies.gait_cycle import Floats
+from policies.mpc.block_matrices import add_to_diagonal, invert_3x3, multiply, transpose
 from policies.mpc.motion import MotionState, select_robots
-from quad_env.actuation.models import Actuator, ResolvedTorqueSpeed
 from quad_env.columns import Mask, ordered_sum
 from quad_env.physics.dynamics import DynamicsTerms
 from quad_env.robots.robot import Robot
 
 CONTACT_ITERATIONS = 3
-"""Looks for the feet that touch the ground: first none, then those that would be below it, then without those that it
-would have to pull."""
-FASTEST_LANDING = 0.5
-"""At which a foot comes down to the ground within a step, m/s."""
+"""Iterations of the contact mode: first no foot, then the feet that would be below the ground, then without the feet
+that the ground would have to pull."""
+MAX_SINK_VELOCITY = 0.5
+"""Largest velocity of a foot towards the ground within a step, m/s."""
 SUBSTEPS = 5
-"""Implicit steps within a control period: a single one of 10 ms damps the joints, by 5 to 10 % of their speed."""
+"""Implicit steps within a control period: a single one of 10 ms damps the joint speeds by 5 to 10 %."""
 _UNIT_TARGETS = np.eye(12, 13, 1)[None]
-"""Targets of zero, and each target alone at 1 rad."""
+"""Targets of zero, and each target alone at 1 rad, (1, 12, 13)."""
 _CONTACT_REGULARIZATION = 1e-6
-"""Velocity of a foot on the ground per impulse, 1/kg: how four feet share a weight is undetermined."""
+"""Velocity of a foot in contact per impulse, 1/kg: the distribution of a weight over four feet is undetermined."""
+_LEGS = 4
 
 
-class ServoModel:
-    """The joint servos as their controller knows them: PD law, motors' limits and how late targets act.
+class BlockLayout:
+    """Slices of the vectors and matrices of one implicit step."""
 
-    Args:
-        period: control period, s.
-    """
+    VELOCITY = slice(0, 18)
+    """Generalised velocity, m/s and rad/s."""
+    TRUNK = slice(0, 6)
+    """Trunk part of the velocity."""
+    JOINTS = slice(6, 18)
+    """Joint part of the velocity, rad/s."""
+    IMPULSE = slice(18, 30)
+    """Unknowns only: impulses of the feet, N·s."""
+    NORMAL_IMPULSE = slice(20, 30, 3)
+    """Unknowns only: their vertical components, N·s."""
+    LEGS = slice(6, 30)
+    """Unknowns only: joints and impulses of all legs."""
+    NUM_UNKNOWNS = 30
 
-    def __init__(self, robot: Robot, actuator: Actuator, period: float) -> None:
-        self.stiffness, self._damping = robot.servo_stiffness, robot.servo_damping
-        rated = np.full(len(robot.home_pose), robot.rated_torque)
-        line = (
-            ResolvedTorqueSpeed(rated, np.full_like(rated, np.inf), rated)
-            if actuator.curve is None
-            else actuator.curve.resolve(robot)
-        )
-        self.limits = line.limits
-        """Least and largest torque at some joint speeds, rad/s, (…, 12), N·m."""
-        self.shares = actuator.target_weights(float(robot.model.opt.timestep), period)
-        """As of `Actuator`, (k,)."""
-
-    def filtered_targets(self, targets: Floats) -> Floats:
-        """Mean targets that the motors went by in each of m control periods, newest first, (m, n, 12), rad, of those
-        that were sent to them, (m + k - 1, n, 12)."""
-        if len(self.shares) == 1:
-            return targets
-        count = len(targets) - len(self.shares) + 1
-        return ordered_sum(share * targets[since : since + count] for since, share in enumerate(self.shares))
-
-    def torque(self, targets: Floats, angle: Floats, speed: Floats) -> Floats:
-        """Torque of the joints by these effective targets, (n, 12), N·m."""
-        torque: Floats = self.stiffness * (targets - angle) - self._damping * speed
-        return torque.clip(*self.limits(speed))
+    SERVO_ERROR = slice(18, 30)
+    """State only: joint target less joint angle, rad."""
+    ONE = slice(30, 31)
+    """State only: the constant 1."""
+    STEP = slice(31, 32)
+    """State only: number of the step, from 1."""
+    NUM_STATES = 32
 
 
 class AffineResponse(NamedTuple):
-    """Generalised velocity at the end of a control period as it depends on the joint targets."""
+    """Generalised velocity at the end of a control period as an affine function of the joint targets."""
 
     offset: Floats
-    """With all targets at zero, (n, 18)."""
+    """With all targets at zero, (n, 18), m/s and rad/s."""
     per_target: Floats
-    """(n, 18, 12), per rad."""
+    """Derivative with respect to the targets, (n, 18, 12), per rad."""
 
     def velocities(self, targets: Floats) -> Floats:
-        """By each of these targets, (m, n, 12), rad: (m, n, 18)."""
+        """Return the generalised velocities, (m, n, 18), by each of m targets, (m, n, 12), rad."""
         velocities: Floats = self.offset[..., None] + self.per_target @ targets.transpose(1, 2, 0)
         return velocities.transpose(2, 0, 1)
 
 
-def response(robot: Robot, now: MotionState, stance: Mask, wrench: Floats, period: float) -> AffineResponse:
-    """Of a control period of `period` s in which these feet stand, (n, 4), and wrenches push the trunks, (n, 6)."""
-    found, _ = _integrate(robot, now, stance, wrench, period, _UNIT_TARGETS, np.zeros(stance.shape))
-    return AffineResponse(found[..., 0], found[..., 1:])
+class StepMap(NamedTuple):
+    """One implicit step of n robots as a linear map of its state, see `BlockLayout`."""
+
+    solution: Floats
+    """Unknowns v⁺ and p by the state before, (n, 30, 32)."""
+    transition: Floats
+    """State after by the state before, (n, 32, 32)."""
 
 
-def landing(robot: Robot, now: MotionState, gaps: Floats, targets: Floats, wrench: Floats, period: float) -> Floats:
-    """Generalised velocity after `period` s by these targets, (n, 18), of robots whose feet are these gaps above the
-    ground, (n, 4), m: feet that come down to it stay there."""
-    touching, velocity = np.zeros(gaps.shape, np.bool_), now.generalised_velocity.copy()
-    sinking = (-gaps / period).clip(-FASTEST_LANDING, 0.0)
-    rows, some = np.arange(len(gaps)), now
+def compute_response(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, period: float) -> AffineResponse:
+    """Compute the response of the generalised velocity to the joint targets over a control period.
+
+    Args:
+        robot: Robot with the servo gains.
+        state: State at the beginning, of n robots.
+        stance: Feet in contact, (n, 4).
+        wrench: External wrench on the trunks, (n, 6), N and N·m.
+        period: Control period, s.
+
+    Returns:
+        Affine response.
+    """
+    velocity, _ = _integrate(robot, state, stance, wrench, period, _UNIT_TARGETS, np.zeros(stance.shape))
+    return AffineResponse(velocity[..., 0], velocity[..., 1:])
+
+
+def predict_landing(
+    robot: Robot, state: MotionState, gaps: Floats, targets: Floats, wrench: Floats, period: float
+) -> Floats:
+    """Predict the generalised velocity after a control period in which feet may come down to the ground and stay.
+
+    Args:
+        robot: Robot with the servo gains.
+        state: State at the beginning, of n robots.
+        gaps: Height of the feet above the ground, (n, 4), m.
+        targets: Joint targets, (n, 12), rad.
+        wrench: External wrench on the trunks, (n, 6), N and N·m.
+        period: Control period, s.
+
+    Returns:
+        (n, 18), m/s and rad/s.
+    """
+    in_contact = np.zeros(gaps.shape, np.bool_)
+    velocity = state.generalised_velocity.copy()
+    sink_velocity = (-gaps / period).clip(-MAX_SINK_VELOCITY, 0.0)
+    robots = np.arange(len(gaps))
     for _ in range(CONTACT_ITERATIONS):
-        before, falling = touching[rows], sinking[rows]
-        found, impulses = _integrate(robot, some, before, wrench[rows], period, targets[rows, :, None], falling)
-        velocity[rows] = found[..., 0]
-        down = np.matmul(some.bodies.jacobians[:, :, 2], found[..., :1])[..., 0]
-        wanted = np.where(before, impulses[:, 2::3] > 0.0, gaps[rows] + period * down < 0.0)
-        touching[rows], changed = wanted, (wanted != before).any(axis=1)
+        contact_before = in_contact[robots]
+        solution, impulses = _integrate(
+            robot, state, contact_before, wrench[robots], period, targets[robots, :, None], sink_velocity[robots]
+        )
+        velocity[robots] = solution[..., 0]
+        vertical_velocity = np.matmul(state.bodies.jacobians[:, :, 2], solution[..., :1])[..., 0]
+        penetrates = gaps[robots] + period * vertical_velocity < 0.0
+        in_contact[robots] = np.where(contact_before, impulses[:, 2::3] > 0.0, penetrates)
+        changed = (in_contact[robots] != contact_before).any(axis=1)
         if not changed.any():
             break
-        rows, some = rows[changed], select_robots(some, changed)
+        robots = robots[changed]
+        state = select_robots(state, changed)
     return velocity
 
 
 def _integrate(
-    robot: Robot, now: MotionState, stance: Mask, wrench: Floats, period: float, targets: Floats, sinking: Floats
+    robot: Robot, state: MotionState, stance: Mask, wrench: Floats, period: float, targets: Floats, sink: Floats
 ) -> tuple[Floats, Floats]:
-    """Generalised velocities after `period` s by each of c columns of targets, (n or 1, 12, c), to (n, 18, c), the
-    first by all else as well, and its impulses of the feet, (n, 12); stance feet sink at (n, 4), m/s.
+    """Integrate the motion over a control period: x ← A x, `SUBSTEPS` times.
 
-    Every implicit step is the same linear one of a state: velocity, errors of the servos, 1, and the step's number.
+    Args:
+        robot: Robot with the servo gains.
+        state: State at the beginning, of n robots.
+        stance: Feet in contact, (n, 4).
+        wrench: External wrench on the trunks, (n, 6), N and N·m.
+        period: Control period, s.
+        targets: Columns of joint targets, (n or 1, 12, c), rad. All other terms count in the first column only.
+        sink: Vertical velocity of the feet in contact, (n, 4), m/s.
+
+    Returns:
+        velocity: Generalised velocity at the end, (n, 18, c).
+        impulses: Of the feet over the period, by the first column, (n, 12), N·s.
     """
-    bodies, step = now.bodies, period / SUBSTEPS
-    count, size = now.generalised_velocity.shape
-    stands, offset, stiffness = stance.repeat(3, axis=1), size + 12, step * robot.servo_stiffness
-    known, drift = np.zeros((count, offset, 1)), np.zeros((count, 12, 1))
-    known[:, :size, 0] = -step * bodies.bias_force
-    known[:, :6, 0] += step * wrench
-    known[:, size + 2 :: 3, 0] = np.where(stance, sinking, 0.0)
-    drift[:, :, 0] = np.where(stands, -step * bodies.foot_bias_acceleration.reshape(count, 12), 0.0)
-    inverse = _inverse(bodies, step * (robot.servo_damping + stiffness), stance)
-    found = np.empty((count, offset, offset + 2))
-    found[..., :size] = inverse[..., :size] @ bodies.inertia
-    found[..., size:offset] = inverse[..., 6:size] * stiffness
-    found[..., offset:-1] = inverse @ known
-    found[..., -1:] = inverse[..., size:] @ drift
-    change = np.zeros((count, offset + 2, offset + 2))
-    change[:, :size], change[:, size:offset] = found[:, :size], -step * found[:, 6:size]
-    change.reshape(count, -1)[:, size * (offset + 3) :: offset + 3] += 1.0  # on the diagonals
-    change[:, -1, offset] = 1.0
-    state, passed = np.zeros((count, offset + 2, targets.shape[2])), np.zeros((count, offset + 2))
-    state[:, :size, 0], state[:, size:offset], state[:, offset:, 0] = now.generalised_velocity, targets, 1.0
-    state[:, size:offset, 0] -= now.joint_position
+    step_map = _assemble(robot, state, stance, wrench, period / SUBSTEPS, sink)
+    x = _initial_state(state, targets)
+    sum_of_states = np.zeros(x.shape[:2])
     for _ in range(SUBSTEPS):
-        passed += state[..., 0]
-        state = change @ state
-    return state[:, :size], (found[:, size:] @ passed[..., None])[..., 0]
+        sum_of_states += x[..., 0]
+        x = step_map.transition @ x
+    impulses = (step_map.solution[:, BlockLayout.IMPULSE] @ sum_of_states[..., None])[..., 0]
+    return x[:, BlockLayout.VELOCITY], impulses
 
 
-def _inverse(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> Floats:
-    """Inverse, (n, 30, 30), of the matrix of one step: of velocities and of impulses of the feet that stand, (n, 4).
+def _initial_state(state: MotionState, targets: Floats) -> Floats:
+    """Return the states of the first step, (n, 32, c), by columns of joint targets, (n or 1, 12, c), rad."""
+    b = BlockLayout
+    x = np.zeros((len(state.generalised_velocity), b.NUM_STATES, targets.shape[2]))
+    x[:, b.VELOCITY, 0] = state.generalised_velocity
+    x[:, b.SERVO_ERROR] = targets
+    x[:, b.SERVO_ERROR, 0] -= state.joint_position
+    x[:, b.ONE, 0] = 1.0
+    x[:, b.STEP, 0] = 1.0
+    return x
 
-    `damping`: of the servos over a step, (12), N·m·s. Legs touch only the trunk: each is eliminated by itself.
+
+def _assemble(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, step: float, sink: Floats) -> StepMap:
+    """Assemble the linear map of an implicit step of length `step`, T.
+
+    With the joint targets as servo error e = u - q, the unknowns solve
+
+        [M + T (d + T k)   -Jᵀ] [v⁺]   [M v + T k e + T (w - h)]
+        [J                  ε ] [p ] = [s - number of step T J̇ v]
+
+    Args:
+        robot: Robot with the servo gains.
+        state: State at the beginning, of n robots.
+        stance: Feet in contact, (n, 4).
+        wrench: External wrench on the trunks, (n, 6), N and N·m.
+        step: T, s.
+        sink: Vertical velocity of the feet in contact, (n, 4), m/s.
+
+    Returns:
+        Map of the state of n robots.
     """
-    count, legs = stance.shape
-    leg_inverse, up, down = _eliminate_legs(bodies, damping, stance)
-    by_trunk, to_trunk = _product(leg_inverse, down), _product(up, leg_inverse)
-    trunk = bodies.inertia[:, :6, :6].transpose(1, 2, 0) - ordered_sum(np.moveaxis(_product(up, by_trunk), 2, 0))
-    free = np.linalg.inv(trunk.transpose(2, 0, 1))
-    back, forth = (each.transpose(3, 2, 0, 1) for each in (by_trunk, to_trunk.swapaxes(0, 1)))
-    held = np.ascontiguousarray(back).reshape(count, 6 * legs, 6)
-    pulled = np.ascontiguousarray(forth).reshape(count, 6 * legs, 6).transpose(0, 2, 1)
-    away = free @ pulled
-    out = np.empty((count, 6 + 6 * legs, 6 + 6 * legs))
-    out[:, :6, :6] = free
-    # From a leg's joints and its foot's impulses, leg by leg, to those of all legs one after the other.
-    out[:, :6, 6:].reshape(count, 6, 2, legs, 3)[:] = -away.reshape(count, 6, legs, 2, 3).swapaxes(2, 3)
-    out[:, 6:, :6].reshape(count, 2, legs, 3, 6)[:] = -(held @ free).reshape(count, legs, 2, 3, 6).swapaxes(1, 2)
-    inner = (held @ away).reshape(count, legs, 2, 3, legs, 2, 3)
-    inner[:, range(legs), :, :, range(legs)] += leg_inverse.transpose(2, 3, 0, 1).reshape(legs, count, 2, 3, 2, 3)
-    out[:, 6:, 6:].reshape(count, 2, legs, 3, 2, legs, 3)[:] = inner.transpose(0, 2, 1, 3, 5, 4, 6)
-    return out
+    b = BlockLayout
+    bodies = state.bodies
+    count = len(stance)
+    stiffness = step * robot.servo_stiffness
+    constant = np.zeros((count, b.NUM_UNKNOWNS, 1))
+    constant[:, b.VELOCITY, 0] = -step * bodies.bias_force
+    constant[:, b.TRUNK, 0] += step * wrench
+    constant[:, b.NORMAL_IMPULSE, 0] = np.where(stance, sink, 0.0)
+    foot_bias = -step * bodies.foot_bias_acceleration.reshape(count, 12)
+    per_step = np.zeros((count, 12, 1))
+    per_step[:, :, 0] = np.where(stance.repeat(3, axis=1), foot_bias, 0.0)
+
+    inverse = _invert(bodies, step * (robot.servo_damping + stiffness), stance)
+    solution = np.empty((count, b.NUM_UNKNOWNS, b.NUM_STATES))
+    solution[..., b.VELOCITY] = inverse[..., b.VELOCITY] @ bodies.inertia
+    solution[..., b.SERVO_ERROR] = inverse[..., b.JOINTS] * stiffness
+    solution[..., b.ONE] = inverse @ constant
+    solution[..., b.STEP] = inverse[..., b.IMPULSE] @ per_step
+
+    # v ← v⁺, e ← e - T v⁺, 1 ← 1, number of step ← number of step + 1
+    transition = np.zeros((count, b.NUM_STATES, b.NUM_STATES))
+    transition[:, b.VELOCITY] = solution[:, b.VELOCITY]
+    transition[:, b.SERVO_ERROR] = -step * solution[:, b.JOINTS]
+    unchanged = np.arange(b.SERVO_ERROR.start, b.NUM_STATES)
+    transition[:, unchanged, unchanged] += 1.0
+    transition[:, b.STEP, b.ONE] = 1.0
+    return StepMap(solution, transition)
 
 
-def _eliminate_legs(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tuple[Floats, Floats, Floats]:
-    """Of the joints of each leg and the impulses of its foot: the inverse of their matrix on a trunk that is held,
-    (6, 6, 4, n), what they do to the trunk and what the trunk does to them, the same. Robots are on the last axis,
-    along which NumPy is fast."""
-    count, legs = stance.shape
-    inertia = bodies.inertia.transpose(1, 2, 0)
-    of_feet = np.where(stance[..., None, None], bodies.jacobians, 0.0).transpose(2, 3, 1, 0)
-    of_leg = np.empty((3, 3, legs, count))
-    foot_by_leg, coupling = np.empty_like(of_leg), np.empty((6, 3, legs, count))
-    for leg in range(legs):
-        own = slice(6 + 3 * leg, 9 + 3 * leg)
-        of_leg[:, :, leg], coupling[:, :, leg] = inertia[own, own], inertia[:6, own]
-        of_leg[range(3), range(3), leg] += damping[3 * leg : 3 * leg + 3, None]
-        foot_by_leg[:, :, leg] = of_feet[:, own, leg]
-    foot_by_trunk = np.ascontiguousarray(of_feet[:, :6])
-    inverse = _inverse_3(of_leg)
-    moved = _product(inverse, foot_by_leg.swapaxes(0, 1))
-    pressed = _product(foot_by_leg, moved)
-    pressed[range(3), range(3)] += np.where(stance.T, _CONTACT_REGULARIZATION, 1.0)
-    yields = _inverse_3(pressed)
-    by_foot = _product(moved, yields)
-    leg_inverse = np.empty((6, 6, legs, count))
-    leg_inverse[:3, :3] = inverse - _product(by_foot, moved.swapaxes(0, 1))
-    leg_inverse[:3, 3:], leg_inverse[3:, :3], leg_inverse[3:, 3:] = by_foot, -by_foot.swapaxes(0, 1), yields
-    up = np.concatenate((coupling, -foot_by_trunk.swapaxes(0, 1)), axis=1)
-    return leg_inverse, up, np.concatenate((coupling.swapaxes(0, 1), foot_by_trunk))
+def _invert(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> Floats:
+    """Invert the matrix of one step by its Schur complement: legs touch only the trunk.
 
+    With trunk block A, leg blocks Lᵢ, and their coupling Uᵢ (leg to trunk) and Dᵢ (trunk to leg):
 
-def _inverse_3(matrices: Floats) -> Floats:
-    """Inverses of matrices (3, 3, …)."""
-    rows = matrices
-    cofactors = np.stack([_cross(rows[1], rows[2]), _cross(rows[2], rows[0]), _cross(rows[0], rows[1])], axis=1)
-    inverse: Floats = cofactors / ordered_sum(rows[0] * cofactors[:, 0])
+        S = A - Σ Uᵢ Lᵢ⁻¹ Dᵢ
+        trunk, trunk:  S⁻¹                    trunk, leg i:  -S⁻¹ Uᵢ Lᵢ⁻¹
+        leg i, trunk:  -Lᵢ⁻¹ Dᵢ S⁻¹           leg i, leg j:  Lᵢ⁻¹ Dᵢ S⁻¹ Uⱼ Lⱼ⁻¹ (+ Lᵢ⁻¹ if i = j)
+
+    Args:
+        bodies: Dynamics of n robots.
+        damping: Of the servos over a step, T (d + T k), (12,), N·m·s.
+        stance: Feet in contact, (n, 4).
+
+    Returns:
+        (n, 30, 30), ordered as the unknowns of `BlockLayout`.
+    """
+    b = BlockLayout
+    count = len(stance)
+    leg_inverse, leg_to_trunk, trunk_to_leg = _eliminate_legs(bodies, damping, stance)
+    leg_by_trunk = multiply(leg_inverse, trunk_to_leg)
+    trunk_by_leg = multiply(leg_to_trunk, leg_inverse)
+    reduction = ordered_sum(np.moveaxis(multiply(leg_to_trunk, leg_by_trunk), 2, 0))
+    trunk = bodies.inertia[:, b.TRUNK, b.TRUNK].transpose(1, 2, 0) - reduction
+    trunk_inverse = np.linalg.inv(trunk.transpose(2, 0, 1))
+    # (n, leg · row, 6) and (n, 6, leg · row)
+    leg_by_trunk = _stack_legs(leg_by_trunk)
+    trunk_by_leg = _stack_legs(transpose(trunk_by_leg)).transpose(0, 2, 1)
+    trunk_response = trunk_inverse @ trunk_by_leg
+    leg_response = (leg_by_trunk @ trunk_response).reshape(count, _LEGS, 6, _LEGS, 6)
+    for leg in range(_LEGS):
+        leg_response[:, leg, :, leg] += leg_inverse[:, :, leg].transpose(2, 0, 1)
+
+    inverse = np.empty((count, b.NUM_UNKNOWNS, b.NUM_UNKNOWNS))
+    inverse[:, b.TRUNK, b.TRUNK] = trunk_inverse
+    inverse[:, b.TRUNK, b.LEGS] = _joints_before_impulses(-trunk_response, axis=2)
+    inverse[:, b.LEGS, b.TRUNK] = _joints_before_impulses(-(leg_by_trunk @ trunk_inverse), axis=1)
+    leg_rows = _joints_before_impulses(leg_response.reshape(count, 6 * _LEGS, 6 * _LEGS), axis=1)
+    inverse[:, b.LEGS, b.LEGS] = _joints_before_impulses(leg_rows, axis=2)
     return inverse
 
 
-def _product(a: Floats, b: Floats) -> Floats:
-    """Products of matrices (i, j, …) and (j, k, …), summed in the same order for any number of them."""
-    return ordered_sum(left[:, None] * right for left, right in zip(a.swapaxes(0, 1), b, strict=True))
+def _stack_legs(blocks: Floats) -> Floats:
+    """Stack the blocks of the legs, (6, 6, 4, n), below each other, (n, 24, 6), contiguous."""
+    stacked = np.ascontiguousarray(blocks.transpose(3, 2, 0, 1))
+    return stacked.reshape(len(stacked), 6 * _LEGS, 6)
 
 
-def _cross(a: Floats, b: Floats) -> Floats:
-    """Cross products of vectors (3, …)."""
-    return np.stack((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))
+def _joints_before_impulses(legs: Floats, axis: int) -> Floats:
+    """Reorder an axis of 24 from leg by leg (3 joints, 3 impulses) to all joints, then all impulses."""
+    shape = legs.shape
+    by_leg = legs.reshape(*shape[:axis], _LEGS, 2, 3, *shape[axis + 1 :])
+    return by_leg.swapaxes(axis, axis + 1).reshape(shape)
+
+
+def _eliminate_legs(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tuple[Floats, Floats, Floats]:
+    """Invert the block of each leg by the Schur complement of its joints.
+
+    With the joint inertia H (damping included), the foot Jacobian J and the contact regularisation ε:
+
+        L = [H  -Jᵀ]        C = J H⁻¹ Jᵀ + ε        L⁻¹ = [H⁻¹ - G J H⁻¹    G ]        G = H⁻¹ Jᵀ C⁻¹
+            [J   ε ]                                      [-Gᵀ              C⁻¹]
+
+    Args:
+        bodies: Dynamics of n robots.
+        damping: Of the servos over a step, (12,), N·m·s.
+        stance: Feet in contact, (n, 4); the impulse of another foot is zero.
+
+    Returns:
+        leg_inverse: L⁻¹ by leg, (6, 6, 4, n).
+        leg_to_trunk: Coupling of joints and impulses to the trunk, (6, 6, 4, n).
+        trunk_to_leg: Coupling of the trunk to joints and impulses, (6, 6, 4, n).
+    """
+    joint_inertia, foot_jacobian, coupling, foot_by_trunk = _leg_blocks(bodies, damping, stance)
+    joint_inverse = invert_3x3(joint_inertia)
+    joint_by_impulse = multiply(joint_inverse, transpose(foot_jacobian))
+    schur = multiply(foot_jacobian, joint_by_impulse)
+    add_to_diagonal(schur, np.where(stance.T, _CONTACT_REGULARIZATION, 1.0))
+    schur_inverse = invert_3x3(schur)
+    joint_by_foot = multiply(joint_by_impulse, schur_inverse)
+
+    leg_inverse = np.empty((6, 6, *joint_inertia.shape[2:]))
+    leg_inverse[:3, :3] = joint_inverse - multiply(joint_by_foot, transpose(joint_by_impulse))
+    leg_inverse[:3, 3:] = joint_by_foot
+    leg_inverse[3:, :3] = -transpose(joint_by_foot)
+    leg_inverse[3:, 3:] = schur_inverse
+    leg_to_trunk = np.concatenate((coupling, -transpose(foot_by_trunk)), axis=1)
+    return leg_inverse, leg_to_trunk, np.concatenate((transpose(coupling), foot_by_trunk))
+
+
+def _leg_blocks(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the blocks of each leg, robots on the last axis.
+
+    Args:
+        bodies: Dynamics of n robots.
+        damping: Of the servos over a step, (12,), N·m·s.
+        stance: Feet in contact, (n, 4).
+
+    Returns:
+        joint_inertia: Inertia of the joints of a leg, with the damping, (3, 3, 4, n).
+        foot_jacobian: Of its foot with respect to its joints, zero for a foot in the air, (3, 3, 4, n).
+        coupling: Inertia between trunk and joints, (6, 3, 4, n).
+        foot_by_trunk: Jacobian of the foot with respect to the trunk, zero for a foot in the air, (3, 6, 4, n).
+    """
+    count, legs = stance.shape
+    inertia = bodies.inertia.transpose(1, 2, 0)
+    jacobians = np.where(stance[..., None, None], bodies.jacobians, 0.0).transpose(2, 3, 1, 0)
+    joint_inertia = np.empty((3, 3, legs, count))
+    foot_jacobian = np.empty_like(joint_inertia)
+    coupling = np.empty((6, 3, legs, count))
+    for leg in range(legs):
+        joints = slice(6 + 3 * leg, 9 + 3 * leg)
+        joint_inertia[:, :, leg] = inertia[joints, joints]
+        add_to_diagonal(joint_inertia[:, :, leg], damping[3 * leg : 3 * leg + 3, None])
+        coupling[:, :, leg] = inertia[BlockLayout.TRUNK, joints]
+        foot_jacobian[:, :, leg] = jacobians[:, joints, leg]
+    return joint_inertia, foot_jacobian, coupling, np.ascontiguousarray(jacobians[:, BlockLayout.TRUNK])

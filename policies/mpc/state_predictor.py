@@ -10,7 +10,7 @@ from policies.legs.ground_plane import above
 from policies.memory import PerRobotState, per_robot
 from policies.mpc.motion import MotionState, motion, with_rows
 from policies.mpc.readings import JOINT_POSITION, JOINT_VELOCITY, SENSED, predict_readings
-from policies.mpc.servo_step import landing
+from policies.mpc.servo_step import predict_landing
 from quad_env.columns import EnvIndices, Mask
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
@@ -87,7 +87,9 @@ class StatePredictor(PerRobotState):
             starts = steps == longest and len(robots) == len(delays)
             before = state if starts else motion(self._robot, self._dynamics, predicted[robots])
             gaps = _height_above(before, ground.slope[:, robots]) - height[robots, None] - ground.unevenness[robots]
-            velocity = landing(self._robot, before, gaps, targets[steps - 1, robots], wrench[robots], self._period)
+            velocity = predict_landing(
+                self._robot, before, gaps, targets[steps - 1, robots], wrench[robots], self._period
+            )
             height[robots] -= 0.5 * self._period * (before.velocity + velocity[:, :3])[:, 2]
             predicted[robots, SENSED] = predict_readings(self._robot, before, velocity, self._period)
         if planned is not None and self._joint_delay_steps:

@@ -46,4 +46,4 @@ def test_the_evaluator_tells_the_controller_what_its_encoders_take() -> None:
     assert found == [0, 0, 1]
     made = policies.make("safe:mpc_wbc", actuator="motor", sensors="typical").policy
     assert made.joint_predictor.delay_steps == made.observer.delays[0] == 1
-    assert len(made.observer.servos.shares) == 3
+    assert len(made.observer.servos.target_weights) == 3

@@ -8,7 +8,8 @@ from policies.mpc.motion import motion
 from policies.mpc.observer import DelayCompensator
 from policies.mpc.reading_noise import NoiseEstimator
 from policies.mpc.readings import predict_readings
-from policies.mpc.servo_step import ServoModel, _integrate, landing
+from policies.mpc.servo_model import ServoModel
+from policies.mpc.servo_step import _integrate, predict_landing
 from policies.mpc.state_filter import StateFilter
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator, TorqueSpeed
@@ -46,23 +47,25 @@ def test_feet_that_come_down_to_the_ground_stay_there_and_each_robot_s_own() -> 
     targets[1] += 0.02
     wrench = np.array([[0.0] * 6, [20.0, -10.0, 5.0, 0.0, 1.0, 0.0]])
     gaps = np.array([[0.05] * 4, [0.005, 0.05, 0.05, 0.005]])
-    velocity = landing(SIMPLE_QUAD, now, gaps, targets, wrench, PERIOD)
+    velocity = predict_landing(SIMPLE_QUAD, now, gaps, targets, wrench, PERIOD)
     feet = np.matmul(now.bodies.jacobians, velocity[:, None, :, None])[..., 2, 0]
     np.testing.assert_allclose(feet[0], -1.0 - 9.81 * PERIOD, atol=0.05)
     np.testing.assert_allclose(feet[1, [0, 3]], -0.5, atol=0.02)  # 5 mm in 10 ms
     assert (feet[1, [1, 2]] < -0.7).all()
-    alone = landing(SIMPLE_QUAD, motion(SIMPLE_QUAD, DYNAMICS, rows[1:]), gaps[1:], targets[1:], wrench[1:], PERIOD)
+    alone = predict_landing(
+        SIMPLE_QUAD, motion(SIMPLE_QUAD, DYNAMICS, rows[1:]), gaps[1:], targets[1:], wrench[1:], PERIOD
+    )
     np.testing.assert_array_equal(velocity[1], alone[0])
 
 
 def test_a_foot_does_not_come_down_to_the_ground_faster_than_half_a_metre_a_second_and_never_pulls() -> None:
     rows = reading(1, linear_velocity=(0.0, 0.0, -3.0))
     now, targets = motion(SIMPLE_QUAD, DYNAMICS, rows), SIMPLE_QUAD.home_pose[None]
-    down = landing(SIMPLE_QUAD, now, np.full((1, 4), 0.02), targets, np.zeros((1, 6)), PERIOD)
+    down = predict_landing(SIMPLE_QUAD, now, np.full((1, 4), 0.02), targets, np.zeros((1, 6)), PERIOD)
     feet = np.matmul(now.bodies.jacobians, down[:, None, :, None])[0, :, 2, 0]
     np.testing.assert_allclose(feet, -0.5, atol=0.02)
     rising = motion(SIMPLE_QUAD, DYNAMICS, reading(1, linear_velocity=(0.0, 0.0, 2.0)))
-    up = landing(SIMPLE_QUAD, rising, np.zeros((1, 4)), targets, np.zeros((1, 6)), PERIOD)
+    up = predict_landing(SIMPLE_QUAD, rising, np.zeros((1, 4)), targets, np.zeros((1, 6)), PERIOD)
     assert (np.matmul(rising.bodies.jacobians, up[:, None, :, None])[0, :, 2, 0] > 1.0).all()
 
 
@@ -73,12 +76,12 @@ def test_a_foot_that_the_ground_would_have_to_pull_is_let_go() -> None:
         readings = {"linear_velocity": random.normal(0.0, 1.0, 3), "angular_velocity": random.normal(0.0, 3.0, 3)}
         now = motion(SIMPLE_QUAD, DYNAMICS, reading(1, joint_velocity=random.normal(0.0, 5.0, 12), **readings))
         targets, still = SIMPLE_QUAD.home_pose[None], np.zeros((1, 6))
-        free = landing(SIMPLE_QUAD, now, np.full((1, 4), 9.0), targets, still, PERIOD)
+        free = predict_landing(SIMPLE_QUAD, now, np.full((1, 4), 9.0), targets, still, PERIOD)
         down = np.matmul(now.bodies.jacobians, free[:, None, :, None])[..., 2, 0] < 0.0
         stopped, impulses = _integrate(SIMPLE_QUAD, now, down, still, PERIOD, targets[..., None], np.zeros((1, 4)))
         sinks = np.matmul(now.bodies.jacobians[:, :, 2], stopped)[..., 0] < 0.0
         pulled = down & (impulses[:, 2::3] <= 0.0)
-        found = landing(SIMPLE_QUAD, now, np.zeros((1, 4)), targets, still, PERIOD)
+        found = predict_landing(SIMPLE_QUAD, now, np.zeros((1, 4)), targets, still, PERIOD)
         held = np.where(down, ~pulled, sinks)
         by_hand = _integrate(SIMPLE_QUAD, now, held, still, PERIOD, targets[..., None], np.zeros((1, 4)))[0][..., 0]
         np.testing.assert_array_equal(found, by_hand)
@@ -91,7 +94,8 @@ def test_a_push_on_the_trunk_is_in_the_motion_ahead() -> None:
     now, targets = motion(SIMPLE_QUAD, DYNAMICS, reading(1)), SIMPLE_QUAD.home_pose[None]
     wrench = np.array([[142.0, 0.0, 142.0, 0.0, 0.0, 0.0]])
     free, pushed = (
-        landing(SIMPLE_QUAD, now, np.full((1, 4), 1.0), targets, each, PERIOD) for each in (0.0 * wrench, wrench)
+        predict_landing(SIMPLE_QUAD, now, np.full((1, 4), 1.0), targets, each, PERIOD)
+        for each in (0.0 * wrench, wrench)
     )
     whole = now.bodies.inertia[0, :3, :3] / SIMPLE_QUAD.mass
     np.testing.assert_allclose(whole, np.eye(3), atol=1e-9)

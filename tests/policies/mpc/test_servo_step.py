@@ -5,7 +5,7 @@ import pytest
 
 from policies.mpc.motion import MotionState, motion
 from policies.mpc.observer import DelayCompensator
-from policies.mpc.servo_step import response
+from policies.mpc.servo_step import compute_response
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.policies.readings import reading
@@ -25,7 +25,7 @@ def test_feet_on_the_ground_rest_at_the_end_of_the_period() -> None:
     """Jacobians are those of its beginning: by then they have changed by the drift times the period."""
     now, targets = moving(), np.tile(SIMPLE_QUAD.home_pose, (1, 1, 1))
     standing = np.array([[True, False, False, True]])
-    velocity = response(SIMPLE_QUAD, now, standing, np.zeros((1, 6)), PERIOD).velocities(targets)[0]
+    velocity = compute_response(SIMPLE_QUAD, now, standing, np.zeros((1, 6)), PERIOD).velocities(targets)[0]
     changed = PERIOD * now.bodies.foot_bias_acceleration[0]
     left = np.abs((now.bodies.jacobians[0] @ velocity[0]) + changed)
     assert np.abs(changed[[0, 3]]).max() > 0.01
