@@ -1,7 +1,8 @@
-"""How a robot comes to rest: in a controlled stop.
+"""Controlled stops: episodes in which the robot comes to rest under control.
 
 An episode ends in a controlled stop if in its last second the trunk leant less than 30° and never sank faster than
-0.3 m/s, and at its end it was low and either at rest or on the ground. A fall that ends like that is no fall.
+0.3 m/s, and at its end it was low and either at rest or on the ground. A fall that ends in a controlled stop does not
+count as a fall.
 """
 
 import numpy as np
@@ -9,28 +10,34 @@ from numpy.typing import NDArray
 
 from evaluate.measures.episodes import Episodes
 
-LOOK_BACK = 1.0
-"""Time that counts as the end of an episode, s."""
-LARGEST_TILT = np.deg2rad(30.0)
-FASTEST_SINKING = 0.3
-"""m/s."""
+END_TIME = 1.0
+"""s. Time before the end of an episode in which posture and sink speed count."""
+MAX_TILT = np.deg2rad(30.0)
+"""rad. Largest tilt of the trunk in a controlled stop."""
+MAX_SINK_SPEED = 0.3
+"""m/s. Largest downward speed of the trunk in a controlled stop."""
 MAX_REST_HEIGHT = 0.3
-"""Trunk centre above the ground, m; robots walk and stand higher, or move."""
-AT_REST = 0.5
-"""Joint speed below which a robot is at rest, rad/s."""
-REST = 0.2
-"""Time at rest with which an episode ends, s."""
+"""m. Largest height of the trunk's centre above the ground at rest; robots walk and stand higher, or move."""
+MAX_REST_JOINT_SPEED = 0.5
+"""rad/s. Joint speed below which a robot is at rest."""
+MIN_REST_TIME = 0.2
+"""s. Time at rest at the end of an episode."""
 
 
 def controlled_stops(episodes: Episodes) -> NDArray[np.bool_]:
-    """Which episodes ended in a controlled stop, (n,)."""
-    position, steps, dt = episodes.position[..., 2].astype(np.float64), episodes.steps, episodes.dt
-    sinking = -np.diff(position, axis=0, prepend=position[:1]) / dt
-    end, time = np.minimum(episodes.fall_step, steps - 1), np.arange(steps)[:, None]
-    ending = (time <= end) & (time > end - round(LOOK_BACK / dt))
-    quiet = (np.cos(episodes.tilt.astype(np.float64)) > np.cos(LARGEST_TILT)) & (sinking < FASTEST_SINKING)
-    still = np.abs(episodes.joint_velocity).max(axis=-1) < AT_REST
-    gentle = (~ending | quiet).all(axis=0)
-    resting = (~(ending & (time > end - round(REST / dt))) | still).all(axis=0)
-    low = episodes.height[end, np.arange(episodes.count)].astype(np.float64) < MAX_REST_HEIGHT
-    return np.asarray(gentle & low & ((episodes.fall_step < steps) | resting))
+    """Return True for episodes that ended in a controlled stop, (n,)."""
+    steps = episodes.steps
+    dt = episodes.dt
+    height = episodes.position[..., 2].astype(np.float64)
+    sink_speed = -np.diff(height, axis=0, prepend=height[:1]) / dt
+    end = np.minimum(episodes.fall_step, steps - 1)
+    step = np.arange(steps)[:, None]
+    in_end = (step <= end) & (step > end - round(END_TIME / dt))
+    in_rest = in_end & (step > end - round(MIN_REST_TIME / dt))
+    is_upright = np.cos(episodes.tilt.astype(np.float64)) > np.cos(MAX_TILT)
+    is_gentle = is_upright & (sink_speed < MAX_SINK_SPEED)
+    is_still = np.abs(episodes.joint_velocity).max(axis=-1) < MAX_REST_JOINT_SPEED
+    ended_gently = (~in_end | is_gentle).all(axis=0)
+    ended_still = (~in_rest | is_still).all(axis=0)
+    ended_low = episodes.height[end, np.arange(episodes.count)].astype(np.float64) < MAX_REST_HEIGHT
+    return np.asarray(ended_gently & ended_low & ((episodes.fall_step < steps) | ended_still))

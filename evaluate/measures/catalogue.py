@@ -37,7 +37,7 @@ KEY = (
 WHOLE: Scope = "whole episode"
 ENERGY = f"rule {effort.ENERGY_RULE}"
 CAP, YAW_CAP = f"{tracking.VELOCITY_CAP:g} m/s", f"{tracking.YAW_RATE_CAP:g} rad/s"
-FOOTFALL = f"contact sensors; a swing lasts at least {footfalls.SHORTEST_SWING:g} s"
+FOOTFALL = f"contact sensors; a swing lasts at least {footfalls.MIN_SWING_TIME:g} s"
 
 
 MEASURES = (
@@ -61,7 +61,7 @@ MEASURES = (
     Measure("velocity_error_upright", "velocity error while upright", "m/s", "heading",
             f"<min(|e - v|, {CAP})>", "as error_vel of legged_gym and mjlab"),
     Measure("fall_after_push", "falls after a push", "", "",
-            f"share of pushes that a fall follows within {pushes.FALL_WITHIN:g} s and before the next"),
+            f"share of pushes that a fall follows within {pushes.MAX_TIME_TO_FALL:g} s and before the next"),
     Measure("energy", "energy", "J", "joints", "sum |P| h", ENERGY),
     Measure("positive_work", "positive work", "J", "joints", "sum max(P, 0) h", ENERGY),
     Measure("regeneration", "regeneration", "J", "joints", "sum max(-P, 0) h: work that the motors took up", ENERGY),
@@ -71,7 +71,7 @@ MEASURES = (
     Measure("distance", "distance", "m", "heading", "sum |mean v| T of the command intervals"),
     Measure("cost_of_transport", "cost of transport", "", "",
             f"energy / (weight distance), of several episodes that of all together; none below a mean distance of "
-            f"{effort.SHORTEST_DISTANCE:g} m", f"Tucker 1975, with mechanical energy; {ENERGY}"),
+            f"{effort.MIN_DISTANCE:g} m", f"Tucker 1975, with mechanical energy; {ENERGY}"),
     Measure("mechanical_power", "mechanical power", "W", "joints", "energy / time", ENERGY),
     Measure("peak_torque", "peak torque", "N·m", "joints", "max |tau| of all physics steps", ENERGY),
     Measure("mean_torque", "mean torque", "N·m", "joints", "<|tau|> of all physics steps", ENERGY),
@@ -89,8 +89,8 @@ MEASURES = (
             "path of the feet's centres while in contact / contact time; rolling of the foot included"),
     Measure("step_rate", "step rate", "1/s", "", f"touch-downs / (feet time); {FOOTFALL}", "Alexander & Jayes 1983"),
     Measure("touchdown_impulse", "touch-down impulse", "s", "ground normal",
-            f"sum N h over {gait_quality.LANDING:g} s / weight, from the start of the control step of a touch-down on, "
-            f"N: force that presses the foot; mean of the touch-downs; {FOOTFALL}", ENERGY),
+            f"sum N h over {gait_quality.TOUCHDOWN_TIME:g} s / weight, from the start of the control step of a touch-down "
+            f"on, N: force that presses the foot; mean of the touch-downs; {FOOTFALL}", ENERGY),
     Measure("flight", "flight", "", "", f"[no foot on the ground]; {FOOTFALL}", "Alexander & Jayes 1983"),
     Measure("trunk_height", "trunk height", "", "world, vertical",
             "<height of the trunk's centre above the terrain> / that of the home pose"),

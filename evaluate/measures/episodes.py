@@ -1,4 +1,4 @@
-"""Episodes: what happened, step by step, as it was recorded; every measure is computed from this alone."""
+"""Recorded episodes: the signals of each control step, from which every measure is computed."""
 
 from dataclasses import dataclass
 
@@ -13,19 +13,20 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
 POLICY_SIGNALS = ("stopped",)
-"""Signals that only some policies have; all others are in the environment's infos."""
+"""Signals of some policies; all other signals come from the environment's infos."""
 OBSERVED_SIGNAL = "observed"
-"""Signal of policies that are not shown the truth: the terms OBSERVED of the observation after a step."""
-OBSERVED = "projected_gravity", "angular_velocity", "linear_velocity"
+"""Signal of policies that do not observe the true state: the terms OBSERVED of the observation after a step."""
+OBSERVED = ("projected_gravity", "angular_velocity", "linear_velocity")
 Limits = float | tuple[float, ...]
-"""One of all joints, or one each."""
+"""One limit for all joints, or one for each joint."""
 BOOLEAN_SIGNALS = ("foot_contact", "leg_contact", "stopped")
-"""Signals of truth values; all others are single-precision numbers."""
+"""Boolean signals; all other signals are in single precision."""
 
 
 def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
-    """Signal -> shape of one robot's value; `quad_env.task.readings` describes most of them."""
-    joints, feet = robot.num_joints, len(robot.leg_names)
+    """Return signal -> shape of one robot's value; `quad_env.task.readings` describes most signals."""
+    joints = robot.num_joints
+    feet = len(robot.leg_names)
     return {
         "command": (3,),
         "heading_velocity": (3,),
@@ -51,15 +52,15 @@ def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
 
 @dataclass(frozen=True)
 class Episodes:
-    """n episodes; signals are float32 or bool, shape (steps, n, …), and mean nothing from the fall on."""
+    """n recorded episodes; signals are float32 or bool, (steps, n, …), and have no meaning after the fall."""
 
     robot: Robot
     seeds: NDArray[np.int64]
-    """`env.reset(seed=seeds[i])` starts episode i again, (n,)."""
+    """Seeds, (n,); `env.reset(seed=seeds[i])` reproduces the start of episode i."""
     command: Recorded
     """Forward m/s, lateral m/s, yaw rate rad/s, (steps, n, 3)."""
     heading_velocity: Recorded
-    """The same of the trunk, in the heading frame, (steps, n, 3)."""
+    """Velocity of the trunk, heading frame, (steps, n, 3), m/s, m/s, rad/s."""
     position: Recorded
     quaternion: Recorded
     angular_velocity: Recorded
@@ -82,76 +83,86 @@ class Episodes:
     torque_change: Recorded
     foot_impulse: Recorded
     stopped: Bools | None
-    """Whether a safety layer was stopping the robot, (steps, n); None without such a layer."""
+    """True while a safety layer stops the robot, (steps, n); None without a safety layer."""
     observed: Recorded | None
-    """Gravity, angular and linear velocity, body frame, as the policy was shown them after each step, (steps, n, 9);
-    None where it was shown the truth."""
+    """Gravity, angular and linear velocity as the policy observed them after each step, base frame, (steps, n, 9); None
+    if it observes the true state."""
     push_step: NDArray[np.int64]
-    """Control step with which each push begins, in order, (n, k)."""
+    """First control step of each push, in order, (n, k)."""
     push_impulse: NDArray[np.float64]
     """Impulse of each push, world frame, x and y, (n, k, 2), N·s."""
     push_steps: int
-    """Control steps that a push lasts."""
+    """Control steps of a push."""
     fall_step: NDArray[np.int64]
-    """First step whose reading is that of a fallen or diverged robot, (n,); `steps` if there is none."""
+    """First step after which the robot had fallen or diverged, (n,); `steps` without a fall."""
     fall_reason: NDArray[np.object_]
-    """Which rule called the fall, (n,); None without one."""
+    """Name of the fall rule that held, (n,); None without a fall."""
     divergence_step: NDArray[np.int64]
-    """First step at which the simulation diverged, (n,), where its record ends; `steps` if it never did."""
+    """First step after which the simulation had diverged, at which the record ends, (n,); `steps` without one."""
     dt: float
     """Control step, s."""
     command_steps: int
-    """Steps that a command lasts."""
+    """Control steps of a command."""
     weight: float
-    """Weight of the robot and what it carries, N."""
+    """Weight of the robot and its payload, N."""
     torque_limit: Limits
     """Largest torque of each joint, N·m."""
     speed_limit: Limits
-    """Speed of each joint's motor without load, or its rated one, rad/s."""
+    """Speed of each joint's motor without load, or its rated speed, rad/s."""
     failure: NDArray[np.object_]
-    """Why the policy failed each robot before any fall, (n,); None where it did not."""
+    """Reason of the policy's failure before any fall, (n,); None without a failure."""
     failure_step: NDArray[np.int64]
-    """First control step by which it had, (n,); `steps` where it never did."""
+    """Control step in which the failure was reported, (n,); `steps` without a failure."""
     scenario: Scenario | None = None
-    """What the robots had to cope with; None where it is not known."""
+    """Scenario of the episodes; None if it is not known."""
 
     @property
     def steps(self) -> int:
-        """Control steps up to the time limit."""
+        """Number of control steps up to the time limit."""
         return len(self.command)
 
     @property
     def settling(self) -> int:
-        """Control steps of the settling time, in which nothing is measured."""
+        """Number of control steps of the settling time, which do not count."""
         return round(tracking.SETTLING_TIME / self.dt)
 
     @property
     def intervals(self) -> tracking.CommandIntervals:
-        """Intervals of one command each."""
+        """Intervals with one command each."""
         return tracking.command_intervals(self.steps, self.command_steps, self.settling)
 
     @property
     def count(self) -> int:
-        """How many episodes."""
+        """Number of episodes."""
         return len(self.seeds)
 
     @property
     def failed(self) -> Bools:
-        """Which robots the policy failed before any fall, (n,)."""
+        """True if the policy failed before any fall, (n,)."""
         return np.array([reason is not None for reason in self.failure], np.bool_)
 
     @property
     def diverged(self) -> Bools:
-        """Whether a divergence, rather than the fall rule, ended the episode, (n,)."""
+        """True if a divergence, rather than the fall rule, ended the episode, (n,)."""
         return np.asarray((self.divergence_step <= self.fall_step) & (self.divergence_step < self.steps))
 
 
 def weight(robot: Robot, scenario: Scenario) -> float:
-    """Weight of the robot and what it carries in that scenario, N."""
-    own = robot.mass * GRAVITY
-    return own if scenario.payload is None else own + scenario.payload.mass * GRAVITY
+    """Return the weight of the `robot` with its payload in the `scenario`, N."""
+    robot_weight = robot.mass * GRAVITY
+    return robot_weight if scenario.payload is None else robot_weight + scenario.payload.mass * GRAVITY
 
 
 def empty_signal(robot: Robot, name: str, steps: int, count: int) -> NDArray[np.generic]:
-    """An empty record of that signal: zeros, or False."""
+    """Allocate a signal with zeros or False.
+
+    Args:
+        robot: Robot of the episodes.
+        name: Name of the signal, a key of `shapes`.
+        steps: Number of control steps.
+        count: Number of episodes.
+
+    Returns:
+        Array, (steps, count, …).
+    """
     return np.zeros((steps, count, *shapes(robot)[name]), np.bool_ if name in BOOLEAN_SIGNALS else np.float32)

@@ -1,4 +1,4 @@
-"""Footfalls: stance, swing and touch-downs of every foot, found in the recorded contacts."""
+"""Footfalls: stance, swing and touch-down of each foot, detected in the recorded contacts."""
 
 from dataclasses import dataclass
 
@@ -9,47 +9,58 @@ from evaluate.measures.averages import Bools
 
 Ints = NDArray[np.intp]
 
-SHORTEST_SWING = 0.04
-"""s; a foot off the ground for less has not stepped: it rattles."""
+MIN_SWING_TIME = 0.04
+"""s. A foot that is off the ground for less has not stepped, but bounced."""
 
 
 @dataclass(frozen=True)
 class Footfalls:
-    """Contacts of n episodes' four feet, without those from the fall on."""
+    """Contacts of the four feet in n episodes, before the fall."""
 
     stance: Bools
-    """On the ground, rattling counted as stance, (steps, n, 4)."""
+    """True on the ground, also during bounces, (steps, n, 4)."""
     touch_down: Ints
-    """First step of the stance after each swing, (swings,); of swings begun and ended upright alone."""
+    """First stance step after each swing that began and ended upright, (swings,)."""
     episode: Ints
-    """Which episode it belongs to, (swings,)."""
+    """Index of the episode of each swing, (swings,)."""
     foot: Ints
-    """Which foot, 0 … 3, (swings,); swings are ordered by episode, then foot, then time."""
+    """Index of the foot, 0 … 3, (swings,); swings are ordered by episode, then foot, then time."""
 
 
 def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
-    """Footfalls of (steps, n, 4) contacts; `upright`, (steps, n), says which of them count."""
-    steps, feet = len(contact), contact.shape[-1]
-    stance = debounce(contact & upright[..., None], round(SHORTEST_SWING / dt))
+    """Detect the footfalls.
+
+    Args:
+        contact: Recorded contacts, (steps, n, 4).
+        upright: True for upright steps, which alone count, (steps, n).
+        dt: Control step, s.
+
+    Returns:
+        Footfalls of all episodes.
+    """
+    steps = len(contact)
+    feet = contact.shape[-1]
+    stance = debounce(contact & upright[..., None], round(MIN_SWING_TIME / dt))
     rows = np.ascontiguousarray(np.moveaxis(stance, 0, -1)).reshape(-1, steps)
     change = np.diff(rows.astype(np.int8), axis=1)
-    lifted_row, lifted = np.nonzero(change == -1)
-    landed_row, landed = np.nonzero(change == 1)
-    # They alternate: the latest lift-off before a landing, on the axis of all rows, is the foot's own if it has one.
-    latest = np.searchsorted(lifted_row * steps + lifted, landed_row * steps + landed) - 1
-    owner = np.append(lifted_row, -1)[latest]  # -1 without a lift-off
-    whole = owner == landed_row
-    row = landed_row[whole]
-    return Footfalls(stance, landed[whole] + 1, row // feet, row % feet)
+    lift_off_row, lift_off = np.nonzero(change == -1)
+    landing_row, landing = np.nonzero(change == 1)
+    # Lift-offs and landings alternate: the last lift-off before a landing, on the axis of all rows, is of the same
+    # foot unless the foot has none.
+    latest = np.searchsorted(lift_off_row * steps + lift_off, landing_row * steps + landing) - 1
+    owner = np.append(lift_off_row, -1)[latest]  # -1 without a lift-off
+    is_swing = owner == landing_row
+    row = landing_row[is_swing]
+    return Footfalls(stance, landing[is_swing] + 1, row // feet, row % feet)
 
 
 def debounce(contact: Bools, shortest: int) -> Bools:
-    """The contacts with every gap of fewer than `shortest` steps filled, along the first axis."""
-    given = np.concatenate((contact, np.zeros((shortest, *contact.shape[1:]), np.bool_)))
-    lately = given.copy()
+    """Fill every gap of fewer than `shortest` steps in the contacts, along the first axis of `contact`."""
+    padded = np.concatenate((contact, np.zeros((shortest, *contact.shape[1:]), np.bool_)))
+    recent = padded.copy()
     for back in range(1, shortest):
-        lately[back:] |= given[:-back]
-    filled = lately.copy()
+        recent[back:] |= padded[:-back]
+    filled = recent.copy()
     for ahead in range(1, shortest):
-        filled[:-ahead] &= lately[ahead:]
+        filled[:-ahead] &= recent[ahead:]
     return filled[: len(contact)]

@@ -1,6 +1,6 @@
-"""How well commands are followed: pure functions over (steps, n, …) arrays in the heading frame.
+"""Measures of command tracking: pure functions of (steps, n, …) arrays in the heading frame.
 
-Every step that is not upright, up to the time limit, is assigned the maximum error of the measure, so that a fall never
+Every step that is not upright, up to the time limit, counts with the maximum error of the measure, so that a fall never
 makes an error smaller.
 """
 
@@ -11,11 +11,11 @@ import numpy as np
 from evaluate.measures.averages import Bools, Floats, over_steps, planar, quotient, total, upright_mean
 
 SETTLING_TIME = 1.0
-"""Start of an episode, and of each command interval, that is not evaluated, s."""
+"""s. Time at the start of an episode, and of each command interval, that does not count."""
 VELOCITY_CAP = 2.0
-"""Maximum planar velocity error of a step, m/s, and the error of every step after a fall."""
+"""m/s. Maximum planar velocity error of a step, and the error of every step after a fall."""
 YAW_RATE_CAP = 3.0
-"""Maximum yaw-rate error of a step, rad/s, and the error of every step after a fall."""
+"""rad/s. Maximum yaw-rate error of a step, and the error of every step after a fall."""
 
 
 @dataclass(frozen=True)
@@ -23,58 +23,125 @@ class CommandIntervals:
     """Command intervals of an episode, as slices of its control steps."""
 
     settled: tuple[slice, ...]
-    """After the first second of each; an interval that is not longer is left out."""
+    """Steps after the first second of each interval; an interval without any is left out."""
     travelled: tuple[slice, ...]
-    """After the first second of the episode."""
+    """Steps after the first second of the episode."""
 
 
 def command_intervals(steps: int, command_steps: int, settling: int) -> CommandIntervals:
-    """Intervals of an episode of so many control steps; a command lasts `command_steps`, settling takes `settling`."""
-    whole = [slice(start, min(start + command_steps, steps)) for start in range(0, steps, command_steps)]
+    """Return the command intervals of an episode.
+
+    Args:
+        steps: Control steps of the episode.
+        command_steps: Control steps of a command.
+        settling: Control steps of SETTLING_TIME.
+
+    Returns:
+        The intervals.
+    """
+    intervals = [slice(start, min(start + command_steps, steps)) for start in range(0, steps, command_steps)]
     return CommandIntervals(
-        settled=tuple(slice(i.start + settling, i.stop) for i in whole if i.stop - i.start > settling),
-        travelled=tuple(slice(max(i.start, settling), i.stop) for i in whole if i.stop > settling),
+        settled=tuple(
+            slice(each.start + settling, each.stop) for each in intervals if each.stop - each.start > settling
+        ),
+        travelled=tuple(slice(max(each.start, settling), each.stop) for each in intervals if each.stop > settling),
     )
 
 
 def velocity_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
-    """Mean planar velocity error of all given steps, the maximum after a fall, (n,) m/s."""
+    """Return the mean planar velocity error of all steps, VELOCITY_CAP after a fall.
+
+    Args:
+        command: (steps, n, 3), m/s, m/s, rad/s.
+        velocity: Heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        upright: True for upright steps, (steps, n).
+
+    Returns:
+        Error, (n,), m/s.
+    """
     return total(_capped(planar(command - velocity), upright, VELOCITY_CAP)) / len(upright)
 
 
 def yaw_rate_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
-    """Mean yaw-rate error of all given steps, the maximum after a fall, (n,) rad/s."""
+    """Return the mean yaw-rate error of all steps, YAW_RATE_CAP after a fall.
+
+    Args:
+        command: (steps, n, 3), m/s, m/s, rad/s.
+        velocity: Heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        upright: True for upright steps, (steps, n).
+
+    Returns:
+        Error, (n,), rad/s.
+    """
     return total(_capped(np.abs(command[..., 2] - velocity[..., 2]), upright, YAW_RATE_CAP)) / len(upright)
 
 
 def velocity_error_upright(command: Floats, velocity: Floats, upright: Bools) -> Floats:
-    """Mean capped planar velocity error of the upright steps alone, (n,) m/s; NaN where there is none."""
+    """Return the mean planar velocity error of the upright steps, at most VELOCITY_CAP each.
+
+    Args:
+        command: (steps, n, 3), m/s, m/s, rad/s.
+        velocity: Heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        upright: True for upright steps, (steps, n).
+
+    Returns:
+        Error, (n,), m/s; NaN without an upright step.
+    """
     return upright_mean(np.minimum(planar(command - velocity), VELOCITY_CAP), upright)
 
 
 def mean_velocity_error(command: Floats, velocity: Floats, upright: Bools, windows: tuple[slice, ...]) -> Floats:
-    """‖command − mean velocity‖ of each window, averaged over the windows' steps, (n,) m/s.
+    """Return ‖command - mean velocity‖ of each window, averaged over the steps of the windows.
 
-    The mean is taken over a window's upright steps and its error counts for each of them; others have the maximum.
+    The mean velocity is that of a window's upright steps, and its error counts for each of them; the error of the other
+    steps is VELOCITY_CAP.
+
+    Args:
+        command: (steps, n, 3), m/s, m/s, rad/s.
+        velocity: Heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        upright: True for upright steps, (steps, n).
+        windows: Slices of the steps, with one command each.
+
+    Returns:
+        Error, (n,), m/s.
     """
-    errors, steps = np.zeros(upright.shape[1]), 0
+    errors = np.zeros(upright.shape[1])
+    steps = 0
     for window in windows:
         error = planar(command[window.start] - window_mean(velocity, upright, window))
-        standing = upright[window].sum(axis=0)
+        upright_count = upright[window].sum(axis=0)
         length = window.stop - window.start
-        errors += np.where(standing > 0, np.minimum(error, VELOCITY_CAP) * standing, 0.0)
-        errors += VELOCITY_CAP * (length - standing)
+        errors += np.where(upright_count > 0, np.minimum(error, VELOCITY_CAP) * upright_count, 0.0)
+        errors += VELOCITY_CAP * (length - upright_count)
         steps += length
     return errors / steps
 
 
 def commands_given(command: Floats, upright: Bools, starts: tuple[int, ...]) -> Floats:
-    """Commands at the starts of the intervals, (n, k, 3); NaN where the robot was not upright any more."""
+    """Return the commands at the starts of the intervals.
+
+    Args:
+        command: (steps, n, 3), m/s, m/s, rad/s.
+        upright: True for upright steps, (steps, n).
+        starts: First steps of the k intervals.
+
+    Returns:
+        Commands, (n, k, 3); NaN if the robot was not upright.
+    """
     return np.stack([np.where(upright[start, :, None], command[start], np.nan) for start in starts], axis=1)
 
 
 def mean_velocities(velocity: Floats, upright: Bools, windows: tuple[slice, ...]) -> Floats:
-    """Mean heading velocity over each window, (n, k, 3); NaN where the robot was not upright to the window's end."""
+    """Return the mean velocity over each window.
+
+    Args:
+        velocity: Heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        upright: True for upright steps, (steps, n).
+        windows: Slices of the steps, k.
+
+    Returns:
+        Mean velocities, (n, k, 3); NaN if the robot was not upright at the end of the window.
+    """
     means = [
         np.where(upright[window.stop - 1, :, None], window_mean(velocity, upright, window), np.nan)
         for window in windows
@@ -83,16 +150,36 @@ def mean_velocities(velocity: Floats, upright: Bools, windows: tuple[slice, ...]
 
 
 def distance_covered(velocity: Floats, upright: Bools, stretches: tuple[slice, ...], dt: float) -> Floats:
-    """Distance along the mean heading velocity of each stretch, upright steps, (n,) m."""
+    """Return the distance along the mean velocity of each stretch, over the upright steps.
+
+    Args:
+        velocity: Heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        upright: True for upright steps, (steps, n).
+        stretches: Slices of the steps.
+        dt: Control step, s.
+
+    Returns:
+        Distance, (n,), m.
+    """
     covered = [planar(total(np.where(upright[stretch, :, None], velocity[stretch], 0.0))) * dt for stretch in stretches]
     return np.asarray(np.add.reduce(covered))
 
 
 def window_mean(velocity: Floats, upright: Bools, window: slice) -> Floats:
-    """Mean over a window's upright steps, (n, 3); NaN where there is none."""
-    standing = upright[window]
-    return quotient(total(np.where(over_steps(standing, velocity), velocity[window], 0.0)), standing.sum(0)[:, None])
+    """Return the mean velocity over a window's upright steps.
+
+    Args:
+        velocity: Heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        upright: True for upright steps, (steps, n).
+        window: Slice of the steps.
+
+    Returns:
+        Mean, (n, 3); NaN without an upright step.
+    """
+    mask = upright[window]
+    return quotient(total(np.where(over_steps(mask, velocity), velocity[window], 0.0)), mask.sum(0)[:, None])
 
 
 def _capped(error: Floats, upright: Bools, cap: float) -> Floats:
+    """Return the error of each step, at most `cap`, and `cap` in steps that are not upright."""
     return np.where(upright, np.minimum(error, cap), cap)

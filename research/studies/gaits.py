@@ -31,7 +31,7 @@ from evaluate.film.captions import Text
 from evaluate.film.files import encode_animation, tile_images
 from evaluate.film.shooting import EpisodeView, FilmSpec, RenderOptions
 from evaluate.hardware import parse_robot_option
-from evaluate.measures.footfalls import SHORTEST_SWING, debounce
+from evaluate.measures.footfalls import MIN_SWING_TIME, debounce
 from evaluate.measures.metrics import measure
 from evaluate.report.headings import EFFORT_TITLES, ROW_LABEL, format_effort
 from evaluate.report.plots import drawing
@@ -145,7 +145,7 @@ def _film(images: Sequence[Image.Image]) -> bytes:
 
 def stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
     """Steps of two touch-downs of the first foot that has as many, of contacts (steps, feet); all where none has."""
-    stance = debounce(contact, round(SHORTEST_SWING / CONTROL_PERIOD))
+    stance = debounce(contact, round(MIN_SWING_TIME / CONTROL_PERIOD))
     landed = (np.flatnonzero(np.diff(of_foot.astype(int)) == 1) + 1 for of_foot in stance.T)
     return next(((int(steps[0]), int(steps[1])) for steps in landed if len(steps) > 1), (0, len(contact)))
 
