@@ -1,4 +1,4 @@
-"""The table of measures: what each means, in which unit and frame, by which formula; headings are taken from here."""
+"""Table of the measures: title, unit, frame, formula and source of each, for headings and definitions."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,19 +11,22 @@ Scope = Literal["whole episode", "while upright"]
 
 @dataclass(frozen=True)
 class Measure:
-    """One measure of an episode."""
+    """Definition of a measure of an episode."""
 
     name: str
     """Name of the field of `evaluate.measures.metrics.Measures` and of the column of episodes.parquet."""
     title: str
+    """Name in tables."""
     unit: str
-    """Empty for a share or a pure number."""
+    """Unit; empty for a fraction or a pure number."""
     frame: str
-    """In which the quantity is taken; empty where it has none."""
+    """Frame of the quantity; empty without one."""
     formula: str
+    """Definition, with the symbols of KEY."""
     source: str = ""
-    """Where the definition comes from; empty for this project's own."""
+    """Source of the definition; empty for this project's own."""
     scope: Scope = "while upright"
+    """Steps that count."""
 
 
 KEY = (
@@ -33,10 +36,11 @@ KEY = (
     "<x>: mean over the steps after the first second; [x]: share in which x holds. While upright: of the "
     "steps and pushes before a fall alone, which can flatter a robot that falls."
 )
-"""How to read the formulas and scopes; only what is measured while upright can improve by falling."""
+"""Symbols of the formulas, and meaning of the scopes; only measures while upright can improve by a fall."""
 WHOLE: Scope = "whole episode"
 ENERGY = f"rule {effort.ENERGY_RULE}"
-CAP, YAW_CAP = f"{tracking.VELOCITY_CAP:g} m/s", f"{tracking.YAW_RATE_CAP:g} rad/s"
+CAP = f"{tracking.VELOCITY_CAP:g} m/s"
+YAW_CAP = f"{tracking.YAW_RATE_CAP:g} rad/s"
 FOOTFALL = f"contact sensors; a swing lasts at least {footfalls.MIN_SWING_TIME:g} s"
 
 
@@ -89,8 +93,8 @@ MEASURES = (
             "path of the feet's centres while in contact / contact time; rolling of the foot included"),
     Measure("step_rate", "step rate", "1/s", "", f"touch-downs / (feet time); {FOOTFALL}", "Alexander & Jayes 1983"),
     Measure("touchdown_impulse", "touch-down impulse", "s", "ground normal",
-            f"sum N h over {gait_quality.TOUCHDOWN_TIME:g} s / weight, from the start of the control step of a touch-down "
-            f"on, N: force that presses the foot; mean of the touch-downs; {FOOTFALL}", ENERGY),
+            f"sum N h over {gait_quality.TOUCHDOWN_TIME:g} s / weight, from the start of the control step of a "
+            f"touch-down on, N: force that presses the foot; mean of the touch-downs; {FOOTFALL}", ENERGY),
     Measure("flight", "flight", "", "", f"[no foot on the ground]; {FOOTFALL}", "Alexander & Jayes 1983"),
     Measure("trunk_height", "trunk height", "", "world, vertical",
             "<height of the trunk's centre above the terrain> / that of the home pose"),
@@ -109,20 +113,20 @@ MEASURES = (
     Measure("cause_detail", "detail of the cause", "", "", "what decided, and whether it is certain or likely",
             scope=WHOLE),
 )  # fmt: skip
-"""In the order of the fields of `evaluate.measures.metrics.Measures`."""
+"""Measures in the order of the fields of `evaluate.measures.metrics.Measures`."""
 
 BY_NAME = {measure.name: measure for measure in MEASURES}
 _LISTS = ("duty_factor", "commands", "mean_velocities")
 OF_CAUSES = ("cause", "cause_time", "cause_detail")
-"""Measures that only failed episodes have."""
+"""Measures of failed episodes only."""
 FIGURES = tuple(
     name
     for name in BY_NAME
     if name not in ("outcome", "fell", "diverged", *_LISTS, *OF_CAUSES) and not name.startswith("push_")
 )
-"""Measures with one number an episode: no verdicts, no causes, nor those with several values."""
+"""Measures with one number an episode, without outcomes and causes."""
 EFFORT = (
     *("cost_of_transport", "step_rate", "duty_factor", "trunk_height", "torque_share"),
     *("speed_share", "torque_rate", "touchdown_impulse", "flight"),
 )
-"""Measures of effort that are shown next to success everywhere."""
+"""Measures of effort that every table shows next to success."""

@@ -52,7 +52,10 @@ def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
 
 @dataclass(frozen=True)
 class Episodes:
-    """n recorded episodes; signals are float32 or bool, (steps, n, …), and have no meaning after the fall."""
+    """n recorded episodes; signals are float32 or bool, (steps, n, …), and have no meaning after the fall.
+
+    `quad_env.task.readings.compute_readings` has frame and unit of the signals without a docstring here.
+    """
 
     robot: Robot
     seeds: NDArray[np.int64]

@@ -1,7 +1,4 @@
-"""Outcome of an episode: whether the robot did what it was asked to do, and if not, what became of it.
-
-RULES say what success is.
-"""
+"""Outcome of an episode: success by one of RULES, or the kind of failure."""
 
 from dataclasses import dataclass
 
@@ -10,35 +7,39 @@ from numpy.typing import NDArray
 
 from evaluate.measures.averages import Bools, Floats, planar, quotient
 
-SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR = "succeeded", "off_command", "stalled", "policy_error"
-FELL, DIVERGED = "fell", "diverged"
+SUCCEEDED = "succeeded"
+OFF_COMMAND = "off_command"
+STALLED = "stalled"
+POLICY_ERROR = "policy_error"
+FELL = "fell"
+DIVERGED = "diverged"
 OUTCOMES = (SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR, FELL, DIVERGED)
 """Every outcome; an episode has exactly one."""
 MIN_PROGRESS = 0.25
-"""Share of the commanded distance below which an upright robot has stalled."""
+"""Fraction of the commanded distance below which an upright robot has stalled."""
 MOVING = 0.05
-"""Commanded planar speed, m/s, above which a stalled interval is no success, whatever the tolerance."""
+"""m/s. Commanded planar speed above which a stalled interval is no success, whatever the tolerance."""
 
 
 @dataclass(frozen=True)
 class SuccessRule:
-    """How far an upright robot may be off its command and still succeed."""
+    """Tolerances of the velocity errors with which an upright robot succeeds."""
 
     name: str
     linear: float
-    """Planar velocity, m/s."""
+    """m/s. Tolerance of the planar velocity."""
     angular: float
-    """Yaw rate, rad/s."""
+    """rad/s. Tolerance of the yaw rate."""
     share: float
-    """Of the commanded planar velocity, or of the commanded yaw rate, on top of that."""
+    """Additional tolerance as a fraction of the commanded planar velocity, or of the commanded yaw rate."""
     stalls: bool = True
-    """Whether a stalled interval is no success, though it is within tolerance."""
+    """True if a stalled interval is no success, even within tolerance."""
     of_steps: bool = False
-    """Whether the tolerances are of the mean error of the episode's steps, and not of each interval's mean velocity."""
+    """True if the tolerances apply to the mean error of the episode's steps, not to each interval's mean velocity."""
 
     @property
     def description(self) -> str:
-        """The rule in words."""
+        """Text of the rule."""
         if np.isinf(self.linear):
             return "upright to the end, whatever it was asked to do"
         if self.of_steps:
@@ -47,35 +48,58 @@ class SuccessRule:
                 f"error below {self.angular:g} rad/s, after the first second"
             )
         share = f"{100.0 * self.share:g} % of the command"
-        moved = (
-            f"; and at least {100.0 * MIN_PROGRESS:g} % of the commanded distance, along the command, in every "
-            f"interval that commands more than {MOVING:g} m/s"
-        )
+        progress = ""
+        if self.stalls:
+            progress = (
+                f"; and at least {100.0 * MIN_PROGRESS:g} % of the commanded distance, along the command, in every "
+                f"interval that commands more than {MOVING:g} m/s"
+            )
         return (
             f"upright, and mean velocity within {self.linear:g} m/s + {share}, mean yaw rate within "
-            f"{self.angular:g} rad/s + {share}, in every command interval after its first second{moved * self.stalls}"
+            f"{self.angular:g} rad/s + {share}, in every command interval after its first second{progress}"
         )
 
     def deviations(self, commands: Floats, velocities: Floats) -> Floats:
-        """How far off its command each interval was, per what is allowed, by velocity or yaw rate, whichever is more.
+        """Return the larger of velocity error and yaw-rate error of each interval, over the tolerance.
 
-        (n, k) for (n, k, 3) each, see `Measures`; NaN where the robot was not upright to the interval's end.
+        Args:
+            commands: (n, k, 3), m/s, m/s, rad/s.
+            velocities: Mean velocities, heading frame, (n, k, 3), m/s, m/s, rad/s.
+
+        Returns:
+            Relative error, (n, k), at most 1 within tolerance; NaN if the robot was not upright at the end.
         """
-        off = planar(velocities - commands), np.abs(velocities[..., 2] - commands[..., 2])
-        allowed = (self.linear + self.share * planar(commands), self.angular + self.share * np.abs(commands[..., 2]))
-        return np.maximum(off[0] / allowed[0], off[1] / allowed[1])
+        velocity_error = planar(velocities - commands)
+        yaw_rate_error = np.abs(velocities[..., 2] - commands[..., 2])
+        velocity_tolerance = self.linear + self.share * planar(commands)
+        yaw_rate_tolerance = self.angular + self.share * np.abs(commands[..., 2])
+        return np.maximum(velocity_error / velocity_tolerance, yaw_rate_error / yaw_rate_tolerance)
 
     def stalled(self, commands: Floats, velocities: Floats) -> Bools:
-        """Which intervals are no success because the robot hardly moved in them, (n, k); both (n, k, 3)."""
+        """Return True for intervals that are no success because the robot hardly moved.
+
+        Args:
+            commands: (n, k, 3), m/s, m/s, rad/s.
+            velocities: Mean velocities, heading frame, (n, k, 3), m/s, m/s, rad/s.
+
+        Returns:
+            (n, k).
+        """
         speed = planar(commands)
         along = quotient((commands[..., :2] * velocities[..., :2]).sum(axis=-1), speed)
         return np.asarray(self.stalls & (speed > MOVING) & (along < MIN_PROGRESS * speed))
 
     def on_command(self, commands: Floats, velocities: Floats, errors: Floats | None = None) -> Bools:
-        """Which episodes followed their command, (n,); commands and velocities (n, k, 3), see `Measures`.
+        """Return True for episodes that followed their commands.
 
-        `errors` are mean velocity error, m/s, and mean yaw-rate error, rad/s, of each episode's steps, (n, 2); None
-        where they are not known, which a rule of steps lets nothing pass with.
+        Args:
+            commands: (n, k, 3), m/s, m/s, rad/s.
+            velocities: Mean velocities, heading frame, (n, k, 3), m/s, m/s, rad/s.
+            errors: Mean velocity error, m/s, and mean yaw-rate error, rad/s, of each episode's steps, (n, 2). Without
+                them no episode passes a rule `of_steps`.
+
+        Returns:
+            (n,).
         """
         if self.of_steps:
             return np.asarray((np.asarray(errors, np.float64) < (self.linear, self.angular)).all(axis=-1))
@@ -84,13 +108,14 @@ class SuccessRule:
 
 
 SUCCESS_RULE = "success/2"
-"""The rule that an evaluation runs under."""
+"""Rule of an evaluation."""
 ISAAC_LAB = "isaac-lab"
 """Thresholds of Isaac Lab's `Metrics/success_rate` for quadrupeds: `vel_xy_success_threshold` and
 `vel_yaw_success_threshold` of `UniformVelocityCommandCfg`, isaac-sim/IsaacLab#5415.
 
 There the errors are of the steps up to the end of the episode, in the body frame, so that a robot that falls can
-succeed; here a fall is a failure, velocities are in the heading frame, and the first second does not count."""
+succeed; here a fall is a failure, velocities are in the heading frame, and the first second does not count.
+"""
 RULES = {
     rule.name: rule
     for rule in (
@@ -115,40 +140,50 @@ def outcomes(
     durations: Floats,
     rule: SuccessRule = RULES[SUCCESS_RULE],
 ) -> NDArray[np.object_]:
-    """Outcome of each episode, one of OUTCOMES, (n,).
+    """Determine the outcome of each episode.
 
     Args:
-        fell: which ended by the fall rule or a divergence, (n,).
-        diverged: which of them diverged, (n,).
-        stopped: which a safety layer brought to a controlled stop, (n,); touching the ground then is no fall.
-        failed: which the policy failed before any fall, (n,), such as by an exception.
-        commands: of each command interval, (n, k, 3), forward m/s, lateral m/s, yaw rate rad/s.
-        velocities: mean velocities of each interval after its first second, (n, k, 3), heading frame.
-        errors: see `SuccessRule.on_command`.
-        durations: of the intervals, (k,).
-        rule: what counts as success.
+        fell: True if the episode ended by the fall rule or a divergence, (n,).
+        diverged: True if it ended by a divergence, (n,).
+        stopped: True if a safety layer brought the robot to a controlled stop, (n,); ground contact then is no fall.
+        failed: True if the policy failed before any fall, for example by an exception, (n,).
+        commands: Command of each interval, (n, k, 3), forward m/s, lateral m/s, yaw rate rad/s.
+        velocities: Mean velocities of each interval after its first second, heading frame, (n, k, 3).
+        errors: See `SuccessRule.on_command`.
+        durations: Durations of the intervals, (k,), control steps.
+        rule: Success rule.
+
+    Returns:
+        One of OUTCOMES for each episode, (n,).
     """
     stalled = rule.stalled(commands, velocities).any(axis=1)
     stalled |= commanded_progress(commands, velocities, durations) < MIN_PROGRESS
-    out = np.full(len(fell), OFF_COMMAND, dtype=object)
-    out[stalled | stopped] = STALLED
-    out[rule.on_command(commands, velocities, errors)] = SUCCEEDED
-    out[fell & ~stopped] = FELL
-    out[fell & stopped] = STALLED
-    out[failed] = POLICY_ERROR
-    out[diverged] = DIVERGED
-    return out
+    outcome = np.full(len(fell), OFF_COMMAND, dtype=object)
+    outcome[stalled | stopped] = STALLED
+    outcome[rule.on_command(commands, velocities, errors)] = SUCCEEDED
+    outcome[fell & ~stopped] = FELL
+    outcome[fell & stopped] = STALLED
+    outcome[failed] = POLICY_ERROR
+    outcome[diverged] = DIVERGED
+    return outcome
 
 
 def commanded_progress(commands: Floats, velocities: Floats, durations: Floats) -> Floats:
-    """Share of the commanded way that was gone along the commands, (n,); see `outcomes` for the arguments.
+    """Return the fraction of the commanded distance that was covered along the commands.
 
-    Of an episode without a commanded way, that of the commanded turn; 1 where neither was commanded.
+    Args:
+        commands: Command of each interval, (n, k, 3), forward m/s, lateral m/s, yaw rate rad/s.
+        velocities: Mean velocities of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
+        durations: Durations of the intervals, (k,).
+
+    Returns:
+        Progress, (n,); that of the commanded turn without a commanded distance, and 1 without either.
     """
     speed = planar(commands)
     along = quotient((commands[..., :2] * velocities[..., :2]).sum(axis=-1), speed)
     turned = np.sign(commands[..., 2]) * velocities[..., 2]
-    way, turn = (speed * durations).sum(axis=1), (np.abs(commands[..., 2]) * durations).sum(axis=1)
-    gone = quotient((np.nan_to_num(along) * durations).sum(axis=1), way)
-    gone = np.where(np.isnan(gone), quotient((turned * durations).sum(axis=1), turn), gone)
-    return np.where((way > 0.0) | (turn > 0.0), gone, 1.0)
+    distance = (speed * durations).sum(axis=1)
+    turn = (np.abs(commands[..., 2]) * durations).sum(axis=1)
+    progress = quotient((np.nan_to_num(along) * durations).sum(axis=1), distance)
+    progress = np.where(np.isnan(progress), quotient((turned * durations).sum(axis=1), turn), progress)
+    return np.where((distance > 0.0) | (turn > 0.0), progress, 1.0)
