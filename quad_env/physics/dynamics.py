@@ -1,6 +1,6 @@
 """Rigid-body dynamics of a robot in any state, for controllers: inertia, bias forces, feet and their Jacobians.
 
-The coordinates are those of MuJoCo's free joint. The generalised velocity, (18), is the trunk's linear velocity in the
+The coordinates are MuJoCo's for a free joint. The generalised velocity, (18), is the trunk's linear velocity in the
 world frame, m/s, its angular velocity in the base frame, rad/s, and the joint speeds, rad/s. The world frame may be any
 level frame, for example the one at the trunk centre with x ahead.
 """

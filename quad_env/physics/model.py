@@ -1,4 +1,4 @@
-"""The compiled MuJoCo model: the robot, with its motors and payload, on a terrain of some ground."""
+"""Compiled MuJoCo model of a robot in a scenario: terrain, ground, payload, actuators."""
 
 import copy
 import math
@@ -16,15 +16,18 @@ from quad_env.robots.part_names import foot_geoms, names_of_part
 from quad_env.robots.robot import Robot
 from quad_env.robots.scene import build_spec
 from quad_env.robots.shapes import GROUND_BIT, box_corners, collision_mask, geom_ids, welded_bodies
-from quad_env.scenarios.disturbances import Ground, Payload
+from quad_env.scenarios.disturbances import Ground, Motors, Payload
 from quad_env.scenarios.scenario import Scenario
-from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom, Stairs
+from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom, Stairs, Terrain
 
 PAYLOAD = "payload"
 """Name of the payload's body."""
-_GROUND, _TERRAIN = "ground", "terrain"
+_GROUND = "ground"
+"""Name of the ground plane's geom, and of its material."""
+_TERRAIN = "terrain"
+"""Name of the terrain's geoms."""
 _FLOOR_DEPTH = 1.0
-"""m of solid ground below a height field or a tread."""
+"""m. Thickness of the solid ground below a height field or a tread."""
 
 
 def compile_model(
@@ -34,94 +37,150 @@ def compile_model(
     timestep: float | None = None,
     solver_iterations: int | None = None,
 ) -> mujoco.MjModel:
-    """The robot with these motors in that scenario, with that time, s, and contact-solver iterations a physics step, or
-    the MJCF's."""
+    """Compile the model of a robot in a scenario.
+
+    Args:
+        robot: The robot.
+        scenario: Terrain, ground, payload and motors.
+        actuator: Actuator of the joints.
+        timestep: Physics step, s; None: the MJCF's.
+        solver_iterations: Contact-solver iterations per physics step; None: the MJCF's.
+
+    Returns:
+        The model.
+    """
     log_to_console()
-    terrain, motors = scenario.terrain, scenario.motors
     spec = build_spec(robot)
     spec.option.timestep = timestep or spec.option.timestep
     spec.option.iterations = solver_iterations or spec.option.iterations
-    if isinstance(terrain, SmoothRandom | HeightField):
-        _add_height_field(spec, terrain)
-    elif isinstance(terrain, Stairs):
-        _add_stairs(spec, terrain)
-    elif isinstance(terrain, Slope):
-        spec.geom(_GROUND).quat = slope_quaternion(terrain)
+    _add_terrain(spec, scenario.terrain)
     if scenario.payload is not None:
         _add_payload(spec, scenario.payload, robot)
-    bandwidth = min_limit(motors.bandwidth, actuator.bandwidth)
-    limit = np.full(robot.num_joints, motors.max_torque(robot))
-    if actuator.curve is not None:
-        line = actuator.curve.resolve(robot)
-        _convert_to_dc_motors(spec, line, robot)
-        limit = line.peak_torque if motors.torque_limit is None else np.minimum(limit, line.peak_torque)
-    elif bandwidth is not None:
-        _add_actuator_filter(spec, 1 / (2 * math.pi * bandwidth), robot)
-    _delay(spec, actuator.delay)
-    model = _compiled(spec)
-    model.actuator_forcerange[:] = np.stack((-limit, limit), axis=-1)
+    torque_limit = _set_actuators(spec, scenario.motors, actuator, robot)
+    model = _compile_at_home_height(spec)
+    model.actuator_forcerange[:] = np.stack((-torque_limit, torque_limit), axis=-1)
     model.jnt_actfrclimited[:] = False  # the motors' limit is the only one, for every peak torque and strength
     if scenario.ground != Ground() or scenario.randomisation is not None:
         _set_ground(model, scenario.ground, robot)
     return model
 
 
-def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """MuJoCo derives constants such as inverse weights where the robot is at `qpos0`, and their last bits depend on its
-    height: they are worked out at the home pose's, as ever, whatever height the MJCF starts from."""
+def _add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
+    """Add the terrain; flat ground is the plane of the specification."""
+    if isinstance(terrain, SmoothRandom | HeightField):
+        _add_height_field(spec, terrain)
+    elif isinstance(terrain, Stairs):
+        _add_stairs(spec, terrain)
+    elif isinstance(terrain, Slope):
+        spec.geom(_GROUND).quat = slope_quaternion(terrain)
+
+
+def _set_actuators(spec: mujoco.MjSpec, motors: Motors, actuator: Actuator, robot: Robot) -> NDArray[np.float64]:
+    """Set up the actuators of the joints, and return their torque limits, (12,), N·m."""
+    torque_limit = np.full(robot.num_joints, motors.max_torque(robot))
+    bandwidth = min_limit(motors.bandwidth, actuator.bandwidth)
+    if actuator.curve is not None:
+        curve = actuator.curve.resolve(robot)
+        _convert_to_dc_motors(spec, curve, robot)
+        is_weakened = motors.torque_limit is not None
+        torque_limit = np.minimum(torque_limit, curve.peak_torque) if is_weakened else curve.peak_torque
+    elif bandwidth is not None:
+        _add_actuator_filter(spec, 1 / (2 * math.pi * bandwidth), robot)
+    _set_actuator_delay(spec, actuator.delay)
+    return torque_limit
+
+
+def _compile_at_home_height(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """Compile with the trunk at the height of the home pose, and return the model with its own `qpos0`.
+
+    MuJoCo derives constants, for example inverse weights, at `qpos0`, and their last bits depend on its height. So they
+    are the same at any start height in the MJCF.
+    """
     trunk = spec.body("base_link")
-    start, trunk.pos[2] = float(trunk.pos[2]), spec.key("home").qpos[2]
+    start_height = float(trunk.pos[2])
+    trunk.pos[2] = spec.key("home").qpos[2]
     model = spec.compile()
-    model.qpos0[2] = start
+    model.qpos0[2] = start_height
     return model
 
 
 def contact_sensors(model: mujoco.MjModel, part: str) -> list[str]:
-    """Names of the sensors of the contacts of a part, such as `trunk` or `fl_foot`, with the ground."""
+    """Return the names of the sensors of ground contacts of a part.
+
+    Args:
+        model: Compiled model.
+        part: Name of the part, for example `trunk` or `fl_foot`.
+
+    Returns:
+        Names.
+    """
     return names_of_part(f"{part}_ground", (model.sensor(number).name for number in range(model.nsensor)))
 
 
 def trunk_corners(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """Corners of the boxes around what collides of the trunk, bodies welded to it included, base frame, (k, 3), m."""
-    data, root = mujoco.MjData(model), model.body("base_link").id
+    """Return the corners of the boxes around the collision geoms of the trunk, base frame, (k, 3), m.
+
+    Bodies that are welded to the trunk belong to it.
+    """
+    data = mujoco.MjData(model)
+    root = model.body("base_link").id
     mujoco.mj_kinematics(model, data)
-    axes, found = data.xmat[root].reshape(3, 3), []
+    rotation = data.xmat[root].reshape(3, 3)
+    corners = []
     for body in welded_bodies(model, root):
         for geom in geom_ids(model, [body], collision_mask(model)):
-            at = box_corners(model, geom) @ data.xmat[body].reshape(3, 3).T + (data.xpos[body] - data.xpos[root])
-            found.append(at @ axes)
-    return np.concatenate(found)
+            offset = data.xpos[body] - data.xpos[root]
+            corners_world = box_corners(model, geom) @ data.xmat[body].reshape(3, 3).T + offset
+            corners.append(corners_world @ rotation)
+    return np.concatenate(corners)
 
 
 def make_stepping_model(model: mujoco.MjModel, sensors: Sequence[str] | None = None) -> mujoco.MjModel:
-    """A copy that steps to the same bits faster: of all sensors it evaluates those that are read, by default those of
-    the trunk's contacts, and it does not search for islands of constraints, of which one robot has only one."""
-    lean, sensors = copy.copy(model), contact_sensors(model, "trunk") if sensors is None else sensors
+    """Return a copy of a model that steps faster, to the same bits.
+
+    It evaluates only the sensors that are read. It does not search for islands of constraints; one robot has only one.
+
+    Args:
+        model: Compiled model.
+        sensors: Names of the sensors that are read; None: the trunk's contact sensors.
+
+    Returns:
+        The copy.
+    """
+    stepping = copy.copy(model)
+    sensors = contact_sensors(model, "trunk") if sensors is None else sensors
     unread = np.setdiff1d(np.arange(model.nsensor), [model.sensor(name).id for name in sensors])
-    lean.sensor_needstage[unread] = mujoco.mjtStage.mjSTAGE_NONE
-    lean.qpos0[2] = lean.key("home").qpos[2]  # where `mj_setConst` of payloads is to work, see `_compiled`
-    lean.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
-    return lean
+    stepping.sensor_needstage[unread] = mujoco.mjtStage.mjSTAGE_NONE
+    stepping.qpos0[2] = stepping.key("home").qpos[2]  # for `mj_setConst`, see `_compile_at_home_height`
+    stepping.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
+    return stepping
 
 
 Mounting = tuple[tuple[float, float, float], tuple[float, float, float]]
-"""Place of something on the trunk, m, base frame, and roll, pitch and yaw from the base frame, rad."""
+"""Position on the trunk, base frame, (3), m, and roll, pitch and yaw from the base frame, (3), rad."""
 
 
 def mount_imu(model: mujoco.MjModel, mounting: Mounting) -> None:
-    """Put the IMU there."""
-    (position, rotation), site = mounting, model.site("imu")
-    site.pos, site.sameframe = position, mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    """Move the IMU of a model.
+
+    Args:
+        model: Compiled model; it is changed.
+        mounting: New place of the IMU.
+    """
+    position, rotation = mounting
+    site = model.site("imu")
+    site.pos = position
+    site.sameframe = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     mujoco.mju_euler2Quat(model.site_quat[site.id], np.array(rotation[::-1]), "zyx")
 
 
 def slope_quaternion(slope: Slope) -> tuple[float, float, float, float]:
-    """Turns the vertical onto the normal of the slope: by −angle about the world's y axis."""
+    """Return the quaternion that rotates the vertical onto the normal of a `slope`: −angle about the world's y axis."""
     return math.cos(slope.angle / 2), 0.0, -math.sin(slope.angle / 2), 0.0
 
 
 def _add_height_field(spec: mujoco.MjSpec, terrain: SmoothRandom | HeightField) -> None:
-    """About the origin; the plane around it is as low as its lowest point."""
+    """Add a height field around the origin, and lower the plane around it to its lowest point."""
     heights = terrain.heights
     rows, columns = heights.normalized.shape
     spec.add_hfield(
@@ -131,13 +190,13 @@ def _add_height_field(spec: mujoco.MjSpec, terrain: SmoothRandom | HeightField) 
         size=[*terrain.half, heights.span, _FLOOR_DEPTH],
         userdata=heights.normalized.ravel(),
     )
-    place = (0.0, 0.0, heights.min_height)
-    _add_ground(spec, name=_TERRAIN, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=_TERRAIN, pos=place)
-    spec.geom(_GROUND).pos = place
+    position = (0.0, 0.0, heights.min_height)
+    _add_ground(spec, name=_TERRAIN, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=_TERRAIN, pos=position)
+    spec.geom(_GROUND).pos = position
 
 
 def _add_stairs(spec: mujoco.MjSpec, stairs: Stairs) -> None:
-    """A box a step; the plane is the level below the last one."""
+    """Add a box per step, and lower the plane to the level below the last step."""
     spec.geom(_GROUND).pos = (0.0, 0.0, -stairs.steps * stairs.rise)
     half_height = (stairs.rise + _FLOOR_DEPTH) / 2
     for number, ((start, end), top) in enumerate(stairs.boxes()):
@@ -151,14 +210,14 @@ def _add_stairs(spec: mujoco.MjSpec, stairs: Stairs) -> None:
 
 
 def _add_ground(spec: mujoco.MjSpec, **geometry: object) -> None:
-    """A geom of the same ground as the plane."""
+    """Add a geom with the material, friction and softness of the ground plane."""
     plane = spec.geom(_GROUND)
     bits = {"contype": plane.contype, "conaffinity": plane.conaffinity}
     spec.worldbody.add_geom(material=_GROUND, friction=plane.friction, solref=plane.solref, **bits, **geometry)
 
 
 def _add_payload(spec: mujoco.MjSpec, payload: Payload, robot: Robot) -> None:
-    """A cube that stands on top of the trunk."""
+    """Add a cube on top of the trunk."""
     moment = payload.mass * payload.edge**2 / 6
     height = robot.trunk_centre[2] + (robot.trunk_size[2] + payload.edge) / 2
     cube = spec.body("base_link").add_body(
@@ -181,56 +240,86 @@ def _add_payload(spec: mujoco.MjSpec, payload: Payload, robot: Robot) -> None:
 
 
 def _add_actuator_filter(spec: mujoco.MjSpec, time_constant: float, robot: Robot) -> None:
-    """A first-order filter before each servo, integrated exactly; the home pose begins with the filters at home."""
+    """Add a first-order target filter to each servo, integrated exactly, with the home pose as its initial value."""
     for actuator in spec.actuators:
         actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
         actuator.dynprm[0] = time_constant
     spec.key("home").act = robot.home_pose
 
 
-def _convert_to_dc_motors(spec: mujoco.MjSpec, line: ResolvedTorqueSpeed, robot: Robot) -> None:
-    """DC motors on a supply of ±1 V instead of servos, with the servos' gains: in these units K = 1 / no_load_speed and
-    R = K / stall_torque. The limit of the current is the actuator's force range."""
-    figures = line.stall_torque.tolist(), line.no_load_speed.tolist()
-    for servo, lower, upper, stall, speed in zip(
-        spec.actuators, robot.joint_lower, robot.joint_upper, *figures, strict=True
-    ):
-        kp, kv, constant = servo.gainprm[0], -servo.biasprm[2], 1 / speed
-        servo.inheritrange, servo.ctrlrange = 0.0, (lower, upper)
+def _convert_to_dc_motors(spec: mujoco.MjSpec, curve: ResolvedTorqueSpeed, robot: Robot) -> None:
+    """Replace the servos by DC motors with the same gains.
+
+    Their supply voltage is ±1 V. In these units the motor constant is 1 / no_load_speed, and the resistance is the
+    motor constant / stall_torque. The current limit is the actuator's force range.
+    """
+    stall_torques = curve.stall_torque.tolist()
+    no_load_speeds = curve.no_load_speed.tolist()
+    joints = zip(spec.actuators, robot.joint_lower, robot.joint_upper, stall_torques, no_load_speeds, strict=True)
+    for servo, lower, upper, stall_torque, no_load_speed in joints:
+        stiffness = servo.gainprm[0]
+        damping = -servo.biasprm[2]
+        motor_constant = 1 / no_load_speed
+        servo.inheritrange = 0.0
+        servo.ctrlrange = (lower, upper)
         servo.set_to_dcmotor(
-            motorconst=(constant, constant),
-            resistance=constant / stall,
-            saturation=(stall, 0.0, 0.0),
-            controller=(kp, 0.0, kv, 0.0, 0.0, 1.0),
+            motorconst=(motor_constant, motor_constant),
+            resistance=motor_constant / stall_torque,
+            saturation=(stall_torque, 0.0, 0.0),
+            controller=(stiffness, 0.0, damping, 0.0, 0.0, 1.0),
             ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS),
         )
 
 
 def servo_fields(model: mujoco.MjModel, expand: Callable[[str], Array]) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
-    """Where n robots of that model have stiffness and damping of their servos, with either sign, (n, 12) each; `expand`
-    gives a field's values of each robot."""
-    gain, bias = expand("actuator_gainprm"), expand("actuator_biasprm")
+    """Return the model fields of n robots that hold the servo gains, with either sign, (n, 12) each.
+
+    Args:
+        model: Compiled model.
+        expand: Gives every robot its own values of a model field, and returns them.
+
+    Returns:
+        stiffness: Fields with the stiffness.
+        damping: Fields with the damping.
+    """
+    gain = expand("actuator_gainprm")
+    bias = expand("actuator_biasprm")
     if model.actuator_gaintype[0] == mujoco.mjtGain.mjGAIN_DCMOTOR:
-        return (gain[:, :, 4],), (gain[:, :, 6],)  # of its controller
+        return (gain[:, :, 4],), (gain[:, :, 6],)  # gains of the motor's controller
     return (gain[:, :, 0], bias[:, :, 1]), (bias[:, :, 2],)
 
 
 def give_servo_gains(model: mujoco.MjModel, expand: Callable[[str], Array], servo: Array) -> None:
-    """Give n robots of that model servo gains of their own, (2, n, 12)."""
+    """Set servo gains that differ between robots.
+
+    Args:
+        model: Compiled model.
+        expand: Gives every robot its own values of a model field, and returns them.
+        servo: Stiffness, N·m/rad, and damping, N·m·s/rad, (2, n, 12).
+    """
     for gains, fields in zip(servo, servo_fields(model, expand), strict=True):
         for field in fields:
             np.copysign(gains, field, out=field)
 
 
-def _delay(spec: mujoco.MjSpec, delay: float) -> None:
-    """Every servo goes by the target of `delay` ago, a whole number of physics steps."""
+def _set_actuator_delay(spec: mujoco.MjSpec, delay: float) -> None:
+    """Delay the targets of every servo by `delay` seconds, rounded to whole physics steps."""
     steps = round(delay / spec.option.timestep)
     for servo in spec.actuators:
-        servo.nsample, servo.delay = steps, steps * spec.option.timestep
+        servo.nsample = steps
+        servo.delay = steps * spec.option.timestep
 
 
 def initial_actuator_history(model: mujoco.MjModel, targets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """MuJoCo's record of past targets at the start of an episode, all of them these, (12,), rad."""
+    """Return MuJoCo's actuator history for constant past targets.
+
+    Args:
+        model: Compiled model with delayed actuators.
+        targets: Past joint targets, (12,), rad.
+
+    Returns:
+        Field `history` of the data.
+    """
     data = mujoco.MjData(model)
     for servo, target in enumerate(targets):
         samples = np.full((model.actuator_history[servo, 0], 1), target)
@@ -239,24 +328,29 @@ def initial_actuator_history(model: mujoco.MjModel, targets: NDArray[np.float64]
 
 
 def _set_ground(model: mujoco.MjModel, ground: Ground, robot: Robot) -> None:
+    """Set friction and softness of the ground.
+
+    On soft ground the time constant of the contacts follows from the sink depth under the load of one foot.
+    """
     geoms = np.flatnonzero(model.geom_bodyid == 0)
     model.geom_priority[geoms] = 1
     model.geom_friction[geoms, 0] = ground.friction
     if ground.sink_depth > 0:
         _disable_shin_contacts(model, geoms, robot)
-        legs_end = [model.body(f"{leg}_calf_link").id for leg in robot.leg_names]
-        inverse_inertia = model.body_invweight0[legs_end, 0].mean()
+        calves = [model.body(f"{leg}_calf_link").id for leg in robot.leg_names]
+        inverse_mass = model.body_invweight0[calves, 0].mean()
         impedance = model.geom_solimp[geoms[0], 1]
-        load = robot.mass * GRAVITY / len(robot.leg_names)
-        time_constant = math.sqrt(ground.sink_depth / ((1 - impedance) * inverse_inertia * load))
+        foot_load = robot.mass * GRAVITY / len(robot.leg_names)
+        time_constant = math.sqrt(ground.sink_depth / ((1 - impedance) * inverse_mass * foot_load))
         model.geom_solref[geoms] = (time_constant, 1.0)
 
 
 def _disable_shin_contacts(model: mujoco.MjModel, ground: NDArray[np.intp], robot: Robot) -> None:
-    """Ground and shins do not collide, all else as before: the ground has a bit of its own, see `collisions`."""
+    """Disable contacts between ground and shins: the ground gets a collision bit of its own, see `GROUND_BIT`."""
     model.geom_contype[(model.geom_bodyid != 0) & collision_mask(model)] |= GROUND_BIT
     shins = model.body_weldid[[model.body(f"{leg}_calf_link").id for leg in robot.leg_names]]
-    below = np.isin(model.body_weldid[model.geom_bodyid], shins)
-    below[[geom for leg in robot.leg_names for geom in foot_geoms(model, leg)]] = False
-    model.geom_contype[below] &= ~GROUND_BIT
-    model.geom_contype[ground], model.geom_conaffinity[ground] = 0, GROUND_BIT
+    is_shin = np.isin(model.body_weldid[model.geom_bodyid], shins)
+    is_shin[[geom for leg in robot.leg_names for geom in foot_geoms(model, leg)]] = False
+    model.geom_contype[is_shin] &= ~GROUND_BIT
+    model.geom_contype[ground] = 0
+    model.geom_conaffinity[ground] = GROUND_BIT

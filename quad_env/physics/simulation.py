@@ -111,8 +111,8 @@ class Simulation:
         scenario: Terrain, ground, payload, motors and randomisation.
         config: Further options.
 
-    Raises:
-        ValueError: The simulator does not support the request, or a control step is no whole number of physics steps.
+    A request that the simulator does not support, and a control step of no whole number of physics steps, raise
+    ValueError.
     """
 
     def __init__(self, robot: Robot, scenario: Scenario, config: SimulationConfig | None = None) -> None:
@@ -225,7 +225,8 @@ class Simulation:
 
     def _bind_actuators(self, scenario: Scenario, config: SimulationConfig) -> None:
         """Create target filter and thermal model, and bind the history of MuJoCo's delayed actuators."""
-        robot, model, actuator = self.robot, self.model, config.actuator
+        robot, model = self.robot, self.model
+        actuator = config.actuator
         self._history = self.batch.bind("history") if model.nhistory else None
         self._initial_history = initial_actuator_history(model, robot.home_pose) if model.nhistory else None
         timestep = model.opt.timestep
@@ -247,7 +248,7 @@ class Simulation:
         env_ids: EnvIndices,
         rows: Array,
         force: Array | None = None,
-        load: Array | None = None,
+        payload_position: Array | None = None,
         randomization: Sequence[RandomizationSample] = (),
     ) -> None:
         """Start episodes: put robots into their start states, just on the ground.
@@ -257,7 +258,7 @@ class Simulation:
             rows: Start rows, (k, 35), see `episode.draw_start`: x, y, yaw, roll, pitch, 12 joint offsets from home, 6
                 trunk and 12 joint velocities.
             force: Force on the trunk at every step, world frame, (k, 2), N.
-            load: Position of the payload, base frame, (k, 2), m.
+            payload_position: Position of the payload, base frame, (k, 2), m.
             randomization: Randomised parameters of the episodes, k or none.
         """
         self._check_process()
@@ -267,7 +268,7 @@ class Simulation:
         self.qpos[env_ids] = qpos
         self.qvel[env_ids] = rows[:, 5 + self.robot.num_joints :]
         self._reset_actuators(env_ids, randomization)
-        self._reset_loads(env_ids, force, load)
+        self._reset_loads(env_ids, force, payload_position)
         self._place_on_ground(env_ids, qpos)
         self._reset_readings(env_ids)
 
@@ -310,7 +311,7 @@ class Simulation:
             if part is not None:
                 part.reset(env_ids)
 
-    def _reset_loads(self, env_ids: EnvIndices, force: Array | None, load: Array | None) -> None:
+    def _reset_loads(self, env_ids: EnvIndices, force: Array | None, payload_position: Array | None) -> None:
         """Set steady forces and payloads, and recompute the model constants that depend on the episode."""
         if force is not None:
             if self._steady_force is None:
@@ -318,7 +319,7 @@ class Simulation:
             self._steady_force[env_ids] = force
             self._push[env_ids] = force
         if self._payload_position is not None:
-            self._payload_position[env_ids] = 0.0 if load is None else load
+            self._payload_position[env_ids] = 0.0 if payload_position is None else payload_position
         if self._payload_position is not None or self._randomised is not None:
             self.batch.set_const(env_ids)
 
@@ -330,7 +331,7 @@ class Simulation:
         self.qpos[env_ids, 2] += self._penetration_correction(env_ids, qpos)
 
     def _penetration_correction(self, env_ids: EnvIndices, qpos: Array) -> Array:
-        """Return the height by which to raise robots at `qpos`, (k, 19), out of the ground, (k,), m."""
+        """Return the lift that puts robots at `qpos`, (k, 19), on the ground, (k,), m."""
         rotation = np.stack([np.stack(row, -1) for row in rotation_matrix(to_components(qpos[:, 3:7]))], 1)  # (k, 3, 3)
         corners = qpos[:, None, :3] + self._corners @ rotation.transpose(0, 2, 1)
         feet = self._site_positions[env_ids][:, self._feet]
@@ -365,7 +366,7 @@ class Simulation:
             action: Joint targets of the policies, clipped, (n, 12), rad.
             push: Forces on the trunks, world frame, (n, 2), N; None keeps the present ones: no push since the reset.
             env_ids: Robots to advance.
-            delayed_targets: Joint targets that the servos receive, (n, 12), rad; None: those of the action.
+            delayed_targets: Joint targets that the servos receive, (n, 12), rad; None: the action.
         """
         self._check_process()
         self._previous_action[env_ids] = self._action[env_ids]
@@ -403,7 +404,7 @@ class Simulation:
             self._warnings[error.ids] += 1
 
     def diverged(self, env_ids: EnvSelection | None = ALL) -> Any:
-        """Return True for robots whose simulation diverged.
+        """Return True for robots with a diverged simulation.
 
         That is a warning of MuJoCo since the reset, or a state that is not finite.
 

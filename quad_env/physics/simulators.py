@@ -19,7 +19,7 @@ RELATIVE_STEP_TIME = {MUJOCO: 1.0, DRAKE: 12.0}
 
 @dataclass(frozen=True)
 class SimulatorFeatures:
-    """Features of the environment that a simulator supports; the defaults are those of MuJoCo."""
+    """Features of the environment that a simulator supports; the defaults are MuJoCo's."""
 
     package: str | None = None
     """Python package that the simulator needs beyond this project's own; None: none."""

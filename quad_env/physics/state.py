@@ -80,11 +80,14 @@ def rotation_matrix(quaternion: Components[ScalarOrBatch]) -> Rotation[ScalarOrB
 
 
 def to_body(rotation: Rotation[ScalarOrBatch], vector_world: Components[ScalarOrBatch]) -> Components[ScalarOrBatch]:
-    """Return the base-frame vector Rᵀ v, (3).
+    """Rotate a vector into the base frame.
 
     Args:
         rotation: Rotation R from the base frame to the world frame.
         vector_world: World-frame vector v, (3).
+
+    Returns:
+        Base-frame vector Rᵀ v, (3).
     """
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
     x, y, z = vector_world
@@ -120,12 +123,15 @@ def to_heading(
 def heading_velocity(
     rotation: Rotation[ScalarOrBatch], linear_world: Components[ScalarOrBatch], angular_body: Components[ScalarOrBatch]
 ) -> Components[ScalarOrBatch]:
-    """Return planar velocity, heading frame, m/s, and yaw rate about the world's vertical, rad/s, (3).
+    """Compute the velocity that commands refer to.
 
     Args:
         rotation: Rotation from the base frame to the world frame.
         linear_world: Linear velocity, world frame, (3), m/s.
         angular_body: Angular velocity, base frame, (3), rad/s.
+
+    Returns:
+        Forward and lateral velocity, heading frame, m/s, and yaw rate about the world's vertical, rad/s, (3).
     """
     forward, lateral = to_heading(rotation, linear_world)
     up = rotation[2]

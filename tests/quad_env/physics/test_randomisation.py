@@ -84,7 +84,7 @@ def test_nothing_else_is_drawn_otherwise() -> None:
     plain, randomised = (
         EpisodeSample(SIMPLE_QUAD, scenario(name), 3, 0, 0.01) for name in ("surprise", "surprise+randomised")
     )
-    for drawn in ("start", "force", "load", "dropouts"):
+    for drawn in ("start", "force", "payload_position", "dropouts"):
         np.testing.assert_array_equal(getattr(plain, drawn), getattr(randomised, drawn))
     np.testing.assert_array_equal(plain.pushes.force, randomised.pushes.force)
     np.testing.assert_array_equal(plain.next_command(), randomised.next_command())
