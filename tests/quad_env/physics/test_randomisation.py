@@ -1,5 +1,5 @@
 """Domain randomisation: whose figures change, when, and what follows from them. What each field does is tested in
-`tests/quad_env/envs/test_every_argument.py`, that robots move by the models shown in `test_state.py`."""
+`tests/quad_env/envs/test_every_field.py`, that robots move by the models shown in `test_state.py`."""
 
 import copy
 from collections.abc import Iterator
