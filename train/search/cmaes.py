@@ -110,7 +110,7 @@ def decode(point: Floats, start: P, ranges: Ranges, digits: int | None = None) -
 
     Args:
         point: Point of the unit cube, one coordinate for each entry of `ranges`.
-        start: Parameters whose other fields are kept.
+        start: Source of the fields that are not searched.
         ranges: Bounds of the parameters that are searched.
         digits: Decimals to round to; None for no rounding.
 
