@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.base import Actions, GaitedPolicy, PolicyKwargs, flat_joints, to_actions
 from policies.gait_cycle import TROT_OFFSETS, Floats, leg_phases
-from policies.legs.kinematics import joint_angles, shortest_leg
+from policies.legs.kinematics import joint_angles, min_leg_length
 from policies.parameters import Parameters, parameter
 from quad_env.robots.robot import Robot
 
@@ -51,7 +51,7 @@ def printed_joint_angles(robot: Robot, feet: Floats) -> Floats:
     farther in the leg's plane than it is long, or too near."""
     x, y, z = np.moveaxis(feet, -1, 0)
     distance = np.sqrt(x**2 + z**2)
-    missed = (distance > robot.leg_length) | (distance < shortest_leg(robot))
+    missed = (distance > robot.leg_length) | (distance < min_leg_length(robot))
     upper, lower = robot.thigh_length, robot.calf_length
     knee = np.arccos(np.clip((upper**2 + lower**2 - distance**2) / (2.0 * upper * lower), -1.0, 1.0)) - np.pi
     # A foot on the hip joint itself (distance 0) has no direction: the printed quotient is 0/0 there.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.gait_cycle import Floats as Floats
-from policies.gait_cycle import advance, smoothstep
+from policies.gait_cycle import advance_phase, smoothstep
 from policies.memory import allocate, copy_rows, initialize_state, is_allocated, per_robot, reset_rows
 from quad_env.cli.command_line import UserError
 from quad_env.config import TaskConfig
@@ -173,7 +173,7 @@ class GaitedPolicy(Policy):
     def _tick(self, faster: Floats | float = 0.0) -> None:
         """Advance the clocks by a tick, faster by (n,) Hz."""
         # A fresh array each time, so that a phase handed out earlier stays what it was.
-        self._phase = advance(self._phase, self.frequency + faster, self.control_period)
+        self._phase = advance_phase(self._phase, self.frequency + faster, self.control_period)
         self._ticks = self._ticks + 1.0
 
     def _blended(self, targets: Floats, duration: float) -> Floats:

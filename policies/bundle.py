@@ -18,7 +18,14 @@ from safetensors.numpy import save as format_safetensors
 from policies.base import PolicyError
 from policies.description import DESCRIPTION as DESCRIPTION
 from policies.description import WEIGHTS as WEIGHTS
-from policies.description import assembled, check_unaltered, description_of, fail, network_of, parsed
+from policies.description import (
+    assemble_policy,
+    build_network,
+    check_unaltered,
+    describe_policy,
+    fail,
+    parse_description,
+)
 from policies.network import Network
 from policies.residual import ResidualPolicy
 from quad_env.actuation.models import IDEAL, Actuator
@@ -40,9 +47,9 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
     """
     folder = Path(path)
     folder.mkdir(parents=True, exist_ok=True)
-    weights = format_safetensors(tensors(policy.network))
+    weights = format_safetensors(network_tensors(policy.network))
     sha256 = hashlib.sha256(weights).hexdigest()
-    text = json.dumps(description_of(policy, training, git_revision, sha256), indent=2, allow_nan=False) + "\n"
+    text = json.dumps(describe_policy(policy, training, git_revision, sha256), indent=2, allow_nan=False) + "\n"
     write_atomically(folder / WEIGHTS, weights)
     write_atomically(folder / DESCRIPTION, text.encode())
 
@@ -63,21 +70,21 @@ def load(
 
     Raises PolicyError, one line, if anything is missing, damaged or does not fit.
     """
-    folder = folder_of(Path(path))
+    folder = find_bundle_folder(Path(path))
     content = _read(folder / DESCRIPTION, LARGEST_DESCRIPTION)
-    description = parsed(folder, content)
+    description = parse_description(folder, content)
     weights = _read(folder / WEIGHTS, max_network_size())
     if hashlib.sha256(weights).hexdigest() != description.weights_sha256:
         fail(folder, f"{WEIGHTS} is not the file that {DESCRIPTION} was written with (SHA-256 differs)")
-    network = network_of(folder, description.network, _parse_weights(folder, weights))
-    policy = assembled(
+    network = build_network(folder, description.network, _parse_weights(folder, weights))
+    policy = assemble_policy(
         folder, description, network, None if robot is None else get_robot(robot), joint_delay_steps, actuator
     )
     check_unaltered(folder, content)
     return policy
 
 
-def folder_of(folder: Path) -> Path:
+def find_bundle_folder(folder: Path) -> Path:
     """Where the bundle lies that a folder's name stands for. Raises PolicyError."""
     if (folder / DESCRIPTION).exists():
         return folder
@@ -105,7 +112,7 @@ def _parse_weights(folder: Path, weights: bytes) -> dict[str, NDArray[Any]]:
         fail(folder, f"{WEIGHTS} is not a safetensors file of plain numbers")
 
 
-def tensors(network: Network) -> dict[str, NDArray[Any]]:
+def network_tensors(network: Network) -> dict[str, NDArray[Any]]:
     """Weights and biases of the layers by name, such as `0.weight`."""
     weights = {f"{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
     return weights | {f"{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}

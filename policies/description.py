@@ -20,7 +20,7 @@ from policies.base import CONTROL_PERIOD, PolicyError
 from policies.history import Inputs
 from policies.network import ACTIVATION, Network
 from policies.residual import ResidualPolicy
-from policies.residual_bases import base_from_json, describe
+from policies.residual_bases import base_from_json, base_to_json
 from quad_env import ENV_ID
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.config import Bounds, Settings
@@ -46,7 +46,7 @@ _LARGEST_WEIGHT = 1e6
 
 
 @dataclass(frozen=True)
-class Fields(Settings):
+class BundleFields(Settings):
     """Fields of a description, as JSON values; older bundles lack those with a default, and were made for that."""
 
     schema_version: Literal[1]
@@ -75,7 +75,7 @@ class Fields(Settings):
             raise ValueError("authority must be 12 numbers, and the name printable characters")
 
 
-def description_of(
+def describe_policy(
     policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str, weights_sha256: str
 ) -> dict[str, Any]:
     """The description of a policy, as JSON values; `training` is the resolved training configuration."""
@@ -87,7 +87,7 @@ def description_of(
         "model_sha256": policy.robot.sha256,
         "control_period": policy.control_period,
         "network": {"sizes": list(policy.network.sizes), "activation": ACTIVATION},
-        "base": describe(policy.base),
+        "base": base_to_json(policy.base),
         "authority": policy.authority.tolist(),
         "inputs": asdict(policy.features.inputs),
         "hold": policy.hold,
@@ -96,10 +96,10 @@ def description_of(
         "git_revision": git_revision,
         "weights_sha256": weights_sha256,
     }
-    return found | {DIGEST: digest_of(found)}
+    return found | {DIGEST: description_digest(found)}
 
 
-def digest_of(description: Mapping[str, Any]) -> str:
+def description_digest(description: Mapping[str, Any]) -> str:
     """Return the SHA-256 of a description, as JSON values, without its own digest."""
     values = {name: value for name, value in description.items() if name != DIGEST}
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
@@ -108,11 +108,11 @@ def digest_of(description: Mapping[str, Any]) -> str:
 def check_unaltered(place: Path, content: bytes) -> None:
     """Raise PolicyError for a description altered since it was written; older descriptions have no digest."""
     found = parse_json(content)
-    if found.get(DIGEST) not in (None, digest_of(found)):
+    if found.get(DIGEST) not in (None, description_digest(found)):
         fail(place, f"{DESCRIPTION} is not as it was written ({DIGEST} differs)")
 
 
-def parsed(place: Path, content: bytes) -> Fields:
+def parse_description(place: Path, content: bytes) -> BundleFields:
     """The description with exactly the fields of its schema, checked as far as every robot's can be; PolicyError."""
     try:
         found = parse_json(content)
@@ -123,19 +123,19 @@ def parsed(place: Path, content: bytes) -> Fields:
     for name, only in _REMOVED_FIELDS.items():
         if (value := found.pop(name, only)) != only:
             fail(place, f"its {name} is {value!r:.80}, which this version cannot do; an older one can")
-    needed = [each.name for each in fields(Fields) if each.default is MISSING and each.default_factory is MISSING]
+    needed = [each.name for each in fields(BundleFields) if each.default is MISSING and each.default_factory is MISSING]
     if lacking := [name for name in needed if name not in found]:
         fail(place, f"{DESCRIPTION} lacks {', '.join(lacking)}")
     inputs = {name: tuple(value) if isinstance(value, list) else value for name, value in inputs.items()}
     try:
-        return Fields(**found | {"inputs": Inputs(**inputs)})
+        return BundleFields(**found | {"inputs": Inputs(**inputs)})
     except (TypeError, ValueError) as error:
         fail(place, f"{DESCRIPTION} is none of this version: {error}")
 
 
-def assembled(
+def assemble_policy(
     place: Path,
-    description: Fields,
+    description: BundleFields,
     network: Network,
     robot: Robot | None = None,
     joint_delay_steps: int = 0,
@@ -158,7 +158,7 @@ def assembled(
         fail(place, str(error))
 
 
-def _made_for(folder: Path, description: Fields, robot: Robot | None) -> Robot:
+def _made_for(folder: Path, description: BundleFields, robot: Robot | None) -> Robot:
     """The robot that is given if the policy was trained on its model, whatever its file is called now, else the one of
     that name; with the servo gains that the policy was trained with: bundles of before 0.3 have stiff ones."""
     name, trained_on = description.robot, description.model_sha256
@@ -182,7 +182,7 @@ def _named(folder: Path, name: str) -> Robot:
         fail(folder, str(error))
 
 
-def network_of(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]]) -> Network:
+def build_network(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]]) -> Network:
     """The network of a description and of tensors by name. Raises PolicyError."""
     count = len(tensors) // 2
     try:

@@ -40,17 +40,17 @@ class Gait:
             raise ValueError(f"duty must lie between 0 and 1, not {self.duty}")
 
     @cached_property
-    def flies(self) -> bool:
+    def has_flight(self) -> bool:
         """Whether there is a time in the cycle at which no foot is on the ground."""
         starts = np.sort(leg_phases(0.0, self.offsets)) / TURN
         return bool(np.diff(starts, append=starts[0] + 1.0).max() > self.duty + 1e-9)
 
     def legs(self, phase: ArrayLike) -> LegCycle:
         """Each leg's place in its cycle at a global phase in rad; (...) gives (..., 4)."""
-        return places(leg_phases(phase, self.offsets), self.duty)
+        return leg_cycles(leg_phases(phase, self.offsets), self.duty)
 
 
-def places(phases: Floats, duty: Floats | float) -> LegCycle:
+def leg_cycles(phases: Floats, duty: Floats | float) -> LegCycle:
     """Place in its cycle of a leg at a phase of its own, in [0, 2π) rad; shape of the phases."""
     fraction, swing_share = phases / TURN, 1.0 - duty
     swing = fraction < swing_share
@@ -67,12 +67,12 @@ def leg_phases(phase: ArrayLike, offsets: ArrayLike) -> Floats:
     return (np.asarray(phase, dtype=np.float64)[..., None] + np.asarray(offsets, dtype=np.float64)) % TURN
 
 
-def advance(phase: Floats, frequency: Floats | float, period: float) -> Floats:
+def advance_phase(phase: Floats, frequency: Floats | float, period: float) -> Floats:
     """The clock one tick of `period` s later at `frequency` Hz, in [0, 2π) rad; the document's φ <- φ + 2πf·dt."""
     return (phase + TURN * frequency * period) % TURN
 
 
-def mapped(gains: Any, forward: Floats, lateral: Floats, yaw_rate: Floats) -> tuple[Floats, Floats, Floats]:
+def map_command(gains: Any, forward: Floats, lateral: Floats, yaw_rate: Floats) -> tuple[Floats, Floats, Floats]:
     """Forward and lateral velocity, m/s, and yaw rate, rad/s, to ask of a gait so that the robot achieves those given.
 
     `gains` are a gait's parameters, among them those of its command map, `forward_gain` … `yaw_per_lateral`.

@@ -45,7 +45,7 @@ def _elu(x: Doubles) -> Doubles:
 
 
 @cache
-def lines() -> tuple[Doubles, Doubles]:
+def activation_chords() -> tuple[Doubles, Doubles]:
     """Slopes and intercepts of the pieces, by what `piece` gives."""
     last = int(np.float32(LIMIT).view(np.int32) >> _SHIFT)
     ends = (np.arange(last + 1, dtype=np.int32) << _SHIFT).view(np.float32).astype(np.float64)
@@ -58,7 +58,7 @@ def lines() -> tuple[Doubles, Doubles]:
     return slopes.ravel(), intercepts.ravel()
 
 
-def piece(x: Doubles) -> NDArray[np.intp]:
+def piece_index(x: Doubles) -> NDArray[np.intp]:
     """Index of the piece that each x lies on, below zero for a negative x."""
     return (x.astype(np.float32).view(np.int32) >> _SHIFT).astype(np.intp)
 
@@ -109,7 +109,7 @@ class Network:
         values = np.maximum(np.minimum(inputs, _MOST), _LEAST).astype(np.float64)
         for index, (weight, bias) in enumerate(layers):
             if index:
-                pieces = piece(values)
+                pieces = piece_index(values)
                 values *= slopes[pieces]
                 values += intercepts[pieces]
             else:
@@ -127,7 +127,7 @@ class Network:
 
     @cached_property
     def _lines(self) -> tuple[Doubles, Doubles]:
-        slopes, intercepts = lines()
+        slopes, intercepts = activation_chords()
         return slopes, intercepts + _TO_GRID
 
 

@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from policies.base import PolicyError
-from policies.shipped import folder_of
+from policies.shipped import models_folder
 from quad_env.files.reading import parse_json, read_bytes
 from quad_env.robots import similarity
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Range = tuple[float, float]
-STRIDES = -0.14
+STRIDE_FREQUENCY_EXPONENT = -0.14
 """Power of the mass with which animals' stride frequency goes where a trot becomes a gallop, 4.48 Hz for 1 kg (N. C.
 Heglund, C. R. Taylor and T. A. McMahon, Scaling stride frequency and gait to animal size, 1974): 3.1 Hz for 14 kg. Legs
 that are short for the mass, as go1's, step no faster."""
@@ -84,7 +84,8 @@ def scaled_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Ro
     }
     if "frequency" in ranges:
         ends["frequency"] = [
-            end * similarity.scale_to_robot(robot, 1.0, "kg") ** STRIDES for end in ranges["frequency"]
+            end * similarity.scale_to_robot(robot, 1.0, "kg") ** STRIDE_FREQUENCY_EXPONENT
+            for end in ranges["frequency"]
         ]
     return {name: (min(both), max(both)) for name, both in ends.items()}
 
@@ -111,7 +112,7 @@ def is_number(value: Any) -> bool:
     return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
-def read(path: Path, decode: Callable[[Any], T], search: str = "") -> T:
+def read_parameters(path: Path, decode: Callable[[Any], T], search: str = "") -> T:
     """Parameters in a JSON file, decoded; `search` is the one that writes such a file. Raises PolicyError where it is
     missing or damaged."""
     try:
@@ -133,12 +134,12 @@ class ParameterFile(Generic[P]):
 
     def read(self, path: Path) -> P:
         """Parameters from a file like it; PolicyError where it is missing or damaged, or does not name them all."""
-        return read(path, lambda values: from_json(self.kind, values), self.search)
+        return read_parameters(path, lambda values: from_json(self.kind, values), self.search)
 
     def load_for_robot(self, robot: Robot = SIMPLE_QUAD) -> P:
         """The robot's parameters: those of a file of that name in its own folder, with gains of other servos first in
         `soft_servos` there, or without one SimpleQuad's by dynamic similarity. PolicyError for a damaged file."""
-        own = folder_of(robot) / self.path.name
+        own = models_folder(robot) / self.path.name
         soft = own.parent / "soft_servos" / own.name
         own = soft if robot.servo_fixed and soft.is_file() else own
         return self.read(own) if own.is_file() else scaled_parameters(self.read(self.path), robot)

@@ -36,7 +36,7 @@ def _load_shipped(
     name: str, *, robot: Robot, control_period: float, joint_delay_steps: int, actuator: Actuator
 ) -> Policy:
     """Load the trained policy of that name for a robot. Raises PolicyError if there is none."""
-    folder = shipped.folder_of(robot) / name
+    folder = shipped.models_folder(robot) / name
     if not folder.is_dir():
         raise PolicyError(f"no trained policy in {folder}", f"make one with `python -m train` for {robot.name}")
     policy = _load_bundle(folder, robot, control_period, joint_delay_steps, actuator)
@@ -73,7 +73,7 @@ def names() -> tuple[str, ...]:
 
 def is_missing(name: str, robot: Robot) -> bool:
     """Return whether `name` is a trained policy without a bundle for `robot`."""
-    return name in TRAINED and not (shipped.folder_of(robot) / name).is_dir()
+    return name in TRAINED and not (shipped.models_folder(robot) / name).is_dir()
 
 
 def summary(name: str) -> str:

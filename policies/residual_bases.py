@@ -27,7 +27,7 @@ from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import HeightScan
 
 
-class Base(NamedTuple):
+class BaseSpec(NamedTuple):
     """How a base is made, and what its parameters are."""
 
     make: Callable[..., Policy]
@@ -48,28 +48,28 @@ class Base(NamedTuple):
         return issubclass(self.kind, ModelBased)
 
 
-BASES: dict[str, Base] = {
-    "bound": Base(partial(Gaits, "bound"), GaitParameters),
-    "crouch": Base(Crouch),
-    "document": Base(Document, PrintedGait),
-    "document_repaired": Base(DocumentRepaired, PrintedGait),
-    "gaits": Base(Gaits, GaitParameters),
-    "mpc": Base(Mpc, MpcParameters),
-    "mpc_wbc": Base(MpcWbc, MpcParameters),
-    "mpc_wbc_sighted": Base(SightedMpcWbc, MpcParameters),
-    "pace": Base(partial(Gaits, "pace"), GaitParameters),
-    "pronk": Base(partial(Gaits, "pronk"), GaitParameters),
-    "stand": Base(Stand),
-    "trot": Base(Trot, TrotParameters),
-    "trot_feedback": Base(TrotFeedback, VirtualParameters),
-    "trot_integral": Base(TrotIntegral, IntegralParameters),
-    "trot_reference": Base(TrotReference, ReferenceParameters),
-    "walk": Base(partial(Gaits, "walk"), GaitParameters),
+BASES: dict[str, BaseSpec] = {
+    "bound": BaseSpec(partial(Gaits, "bound"), GaitParameters),
+    "crouch": BaseSpec(Crouch),
+    "document": BaseSpec(Document, PrintedGait),
+    "document_repaired": BaseSpec(DocumentRepaired, PrintedGait),
+    "gaits": BaseSpec(Gaits, GaitParameters),
+    "mpc": BaseSpec(Mpc, MpcParameters),
+    "mpc_wbc": BaseSpec(MpcWbc, MpcParameters),
+    "mpc_wbc_sighted": BaseSpec(SightedMpcWbc, MpcParameters),
+    "pace": BaseSpec(partial(Gaits, "pace"), GaitParameters),
+    "pronk": BaseSpec(partial(Gaits, "pronk"), GaitParameters),
+    "stand": BaseSpec(Stand),
+    "trot": BaseSpec(Trot, TrotParameters),
+    "trot_feedback": BaseSpec(TrotFeedback, VirtualParameters),
+    "trot_integral": BaseSpec(TrotIntegral, IntegralParameters),
+    "trot_reference": BaseSpec(TrotReference, ReferenceParameters),
+    "walk": BaseSpec(partial(Gaits, "walk"), GaitParameters),
 }
 """Bases by name."""
 
 
-def describe(policy: Policy) -> dict[str, Any]:
+def base_to_json(policy: Policy) -> dict[str, Any]:
     """Name, parameters and the SHA-256 of these, and its height scan where it has one, as JSON values. Raises
     ValueError for a policy that is no base."""
     base = BASES.get(policy.name)
@@ -110,7 +110,7 @@ def base_from_json(
     return make_base(BASES[name], scan, robot=robot, control_period=control_period, **arguments)
 
 
-def make_base(base: Base, height_scan: HeightScan | None = None, **arguments: Any) -> Policy:
+def make_base(base: BaseSpec, height_scan: HeightScan | None = None, **arguments: Any) -> Policy:
     """A base made with these arguments, for an environment with that height scan if one is given; mpc_wbc_sighted alone
     looks at it."""
     if base.kind is SightedMpcWbc and height_scan is not None:
@@ -120,7 +120,7 @@ def make_base(base: Base, height_scan: HeightScan | None = None, **arguments: An
     return policy
 
 
-def _arguments(base: Base, parameters: dict[str, Any]) -> dict[str, Any]:
+def _arguments(base: BaseSpec, parameters: dict[str, Any]) -> dict[str, Any]:
     """What the base is made with, checked."""
     if base.parameters is None:
         if parameters:

@@ -10,7 +10,7 @@ MODELS = Path(__file__).resolve().parents[1] / "models"
 name, in a folder a robot."""
 
 
-def folder_of(robot: Robot) -> Path:
+def models_folder(robot: Robot) -> Path:
     """Folder of what was found for a robot: one of its name, next to the file of a user's robot."""
     if robot == SIMPLE_QUAD:
         return MODELS

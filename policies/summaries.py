@@ -34,6 +34,6 @@ SUMMARIES = {
 """Of every policy that ships, in the order in which they are listed."""
 
 
-def explained(names: Iterable[str]) -> dict[str, str]:
+def shipped_summaries(names: Iterable[str]) -> dict[str, str]:
     """Those of the names, in their order, that need explaining before their figures: policies that ship."""
     return {name: SUMMARIES[name] for name in names if name in SUMMARIES}

@@ -12,7 +12,7 @@ import policies
 from evaluate.hardware import HardwareConfig
 from evaluate.measures.metrics import measure
 from evaluate.rollouts import rollout
-from policies.residual_bases import describe
+from policies.residual_bases import base_to_json
 from quad_env.robots.registry import INSTALL_COMMAND, MODEL_PACKAGE
 from quad_env.seeding import episode_seeds
 from train.curriculum import with_terrain_seed
@@ -73,10 +73,10 @@ def test_a_shipped_policy_is_over_the_base_in_force_and_succeeds_as_often_as_its
     if robot != HardwareConfig.robot and find_spec(MODEL_PACKAGE) is None:
         pytest.skip(INSTALL_COMMAND)
     hardware = HardwareConfig(robot=robot)
-    said = card(policies.shipped.folder_of(hardware.robot_model) / name)
+    said = card(policies.shipped.models_folder(hardware.robot_model) / name)
     policy = hardware.policy(name)
     assert isinstance(policy, policies.ResidualPolicy)
-    assert describe(policy.base) == describe(hardware.policy(policy.base.name))
+    assert base_to_json(policy.base) == base_to_json(hardware.policy(policy.base.name))
     seen = succeeded(policy, ASKED, hardware)
     assert chance(said.success[ASKED][1], said.episodes, seen) > UNLIKELY, (seen, said)
 

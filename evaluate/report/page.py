@@ -16,7 +16,7 @@ from evaluate.report.sections.figures import measure_definitions, policy_label
 from evaluate.report.sections.overview import render_overview
 from evaluate.report.sections.ranking import render_best_and_worst, render_ranking
 from evaluate.report.verdict import ranking_verdict
-from policies.summaries import explained
+from policies.summaries import shipped_summaries
 from quad_env.cli.format import join_names, with_count
 from quad_env.files.writing import write_atomically
 
@@ -99,7 +99,7 @@ def _head(results: Results, made_by: Origin) -> str:
 def _about(results: Results) -> str:
     """Render the description of each policy."""
     roles = {results.baseline: " <small>(baseline)</small>"} if len(results.policies) > 1 else {}
-    descriptions = {name: f": {escape(text)}" for name, text in explained(results.policies).items()}
+    descriptions = {name: f": {escape(text)}" for name, text in shipped_summaries(results.policies).items()}
     entries = [
         f"<li>{policy_label(results, policy)}{roles.get(policy, '')}{descriptions.get(policy, '')}</li>"
         for policy in results.policies

@@ -7,7 +7,7 @@ from pathlib import Path
 import policies
 from evaluate.hardware import parse_robot_option
 from policies import bundle, shipped
-from policies.description import parsed
+from policies.description import parse_description
 from policies.registry import MAKERS
 from policies.summaries import SUMMARIES
 from quad_env.cli.format import with_count
@@ -37,8 +37,8 @@ def _lines(robot: Robot) -> Iterator[str]:
     of_extensions = [name for name in policies.names() if name not in MAKERS]
     for name in (*(name for name in SUMMARIES if name not in policies.TRAINED), *of_extensions):
         yield f"  {name:{width}}{policies.summary(name)}"
-    yield f"\ntrained for {robot.name}, in {shipped.folder_of(robot)}"
-    folders = [found.parent for found in sorted(shipped.folder_of(robot).glob(f"*/{bundle.DESCRIPTION}"))]
+    yield f"\ntrained for {robot.name}, in {shipped.models_folder(robot)}"
+    folders = [found.parent for found in sorted(shipped.models_folder(robot).glob(f"*/{bundle.DESCRIPTION}"))]
     for folder in folders:
         own = policies.summary(folder.name) if robot == SIMPLE_QUAD else ""
         first, *more = filter(None, map(one_line, (own, *_trained(folder))))
@@ -53,7 +53,7 @@ def _lines(robot: Robot) -> Iterator[str]:
 def _trained(folder: Path) -> Iterator[str]:
     """What a bundle corrects and how it was trained; what is wrong with it, if anything is."""
     try:
-        description = parsed(folder, read_bytes(folder / bundle.DESCRIPTION))
+        description = parse_description(folder, read_bytes(folder / bundle.DESCRIPTION))
         base, training = description.base["name"], description.training
         authority, scenarios = max(description.authority), with_count(len(training["mixture"]), "scenario")
         yield (

@@ -88,7 +88,7 @@ class Stop(Motion):
         return self._target[rows]
 
 
-def keyframes_of(robot: Robot) -> tuple[tuple[float, float, float, float], ...]:
+def jump_keyframes(robot: Robot) -> tuple[tuple[float, float, float, float], ...]:
     """Crouch, thrust, flight and landing, stand: every foot ahead of its hip, m, hip above the foot's centre, m, way
     there, s, time there, s.
 
@@ -103,7 +103,7 @@ def keyframes_of(robot: Robot) -> tuple[tuple[float, float, float, float], ...]:
     )
 
 
-class Poses(Motion):
+class PoseSequence(Motion):
     """Poses (p, 12), rad, by the clock: from the joints at the start to each in its `durations`, s, and there for its
     `holds`, s."""
 
@@ -129,14 +129,14 @@ HOLD_TIME = 0.4
 """From the joints' pose to the home pose, s."""
 
 
-def hold(robot: Robot, control_period: float) -> Poses:
+def make_hold(robot: Robot, control_period: float) -> PoseSequence:
     """The home pose, approached within `HOLD_TIME`."""
-    return Poses(robot, control_period, robot.home_pose[None], [HOLD_TIME], [0.0])
+    return PoseSequence(robot, control_period, robot.home_pose[None], [HOLD_TIME], [0.0])
 
 
-def jump(robot: Robot, control_period: float) -> Poses:
+def make_jump(robot: Robot, control_period: float) -> PoseSequence:
     """Keyframes by the clock; the joint servos take the landing."""
-    forwards, heights, durations, holds = np.transpose(keyframes_of(robot))
+    forwards, heights, durations, holds = np.transpose(jump_keyframes(robot))
     pairs = zip(forwards, heights, strict=True)
     feet = [[(forward, side * robot.hip_offset, -height) for side in robot.side] for forward, height in pairs]
-    return Poses(robot, control_period, joint_angles(robot, feet).reshape(len(feet), -1), durations, holds)
+    return PoseSequence(robot, control_period, joint_angles(robot, feet).reshape(len(feet), -1), durations, holds)

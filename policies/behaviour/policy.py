@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from policies.base import Actions, Floats, Mask, Policy, PolicyKwargs, to_actions
 from policies.behaviour.machine import BehaviourMachine
-from policies.behaviour.motion import Damp, Motion, hold, jump
+from policies.behaviour.motion import Damp, Motion, make_hold, make_jump
 from policies.behaviour.recovery import Recovery
 from policies.behaviour.transitions import State
 from policies.memory import initialize_state, per_robot
@@ -47,9 +47,9 @@ class Behaviour(Policy):
         self.machine = BehaviourMachine(start, robot, control_period)
         self._motions: dict[State, Motion] = {
             State.FALL: Damp(robot, control_period),
-            State.STAND: hold(robot, control_period),
+            State.STAND: make_hold(robot, control_period),
             State.RECOVER: Recovery(robot, control_period),
-            State.JUMP: jump(robot, control_period),
+            State.JUMP: make_jump(robot, control_period),
         }
         initialize_state(self, _targets=robot.home_pose)
 
@@ -100,7 +100,7 @@ class Behaviour(Policy):
             self._gait.reset_where(starting)
         asked = observation.copy()
         asked[:, _COMMAND] = np.where(
-            (state == State.WALK)[:, None], at_walking_speed(asked[:, _COMMAND]), asked[:, _COMMAND]
+            (state == State.WALK)[:, None], limit_to_walking_speed(asked[:, _COMMAND]), asked[:, _COMMAND]
         )
         gait = self._gait.act(asked).astype(np.float64)
         share = np.minimum((self.machine.ticks + 1) / round(BLEND_TIME / self.control_period), 1.0)
@@ -121,7 +121,7 @@ class Behaviour(Policy):
                 self.machine.request(name, mask)
 
 
-def at_walking_speed(command: NDArray[np.float32]) -> NDArray[np.float32]:
+def limit_to_walking_speed(command: NDArray[np.float32]) -> NDArray[np.float32]:
     """Commands (n, 3) with the planar velocity shortened to the walking speed."""
     speed = np.sqrt(command[:, 0] ** 2 + command[:, 1] ** 2)
     share = np.minimum(1.0, np.float32(WALKING_SPEED) / np.maximum(speed, np.float32(1e-6)))

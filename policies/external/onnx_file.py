@@ -13,7 +13,7 @@ import numpy as np
 
 from policies import bundle
 from policies.base import Policy, PolicyError
-from policies.description import assembled, check_unaltered, network_of, parsed
+from policies.description import assemble_policy, build_network, check_unaltered, parse_description
 from policies.external.act_function import ActFactory, ActFunction
 from policies.external.onnx_network import RESIDUAL_METADATA, make_network_factory, open_session
 from policies.external.packages import import_package
@@ -57,15 +57,15 @@ def _load_residual(file: Path, description: str, act: ActFunction, robot: Robot)
     """Return the residual of a file with the description of its bundle, after a comparison with the runtime."""
     onnx = import_package("onnx")
     tensors = {each.name: onnx.numpy_helper.to_array(each) for each in onnx.load(file).graph.initializer}
-    parsed_description = parsed(file, description.encode())
-    network = network_of(file, parsed_description.network, tensors)
+    parsed_description = parse_description(file, description.encode())
+    network = build_network(file, parsed_description.network, tensors)
     try:
         difference = _max_difference(act, network, PROBE_COUNT)
     except Exception as error:
         raise PolicyError(f"the network in {file} fails: {format_exception(error)}") from error
     if not difference <= TOLERANCE:
         raise PolicyError(f"the network in {file} is not the one that its metadata describes; export it again")
-    policy = assembled(file, parsed_description, network, robot)
+    policy = assemble_policy(file, parsed_description, network, robot)
     check_unaltered(file, description.encode())
     return policy
 
@@ -106,7 +106,7 @@ def export_residual(folder: Path, file: Path, probe_count: int, robot: Robot | N
         ir_version=_IR_VERSION,
         producer_name="simple-quad",
     )
-    description = bundle.folder_of(folder).joinpath(bundle.DESCRIPTION).read_text(encoding="utf-8")
+    description = bundle.find_bundle_folder(folder).joinpath(bundle.DESCRIPTION).read_text(encoding="utf-8")
     onnx.helper.set_model_props(model, {RESIDUAL_METADATA: description})
     onnx.checker.check_model(model)
     file.write_bytes(model.SerializeToString())
@@ -125,7 +125,7 @@ def _graph(onnx: Any, network: Network) -> Any:
     nodes = []
     values = FEATURES
     last = len(network.weights) - 1
-    tensors = [onnx.numpy_helper.from_array(each, name) for name, each in bundle.tensors(network).items()]
+    tensors = [onnx.numpy_helper.from_array(each, name) for name, each in bundle.network_tensors(network).items()]
     for index in range(last + 1):
         sums = CORRECTION if index == last else f"{index}.sums"
         nodes.append(onnx.helper.make_node("Gemm", [values, f"{index}.weight", f"{index}.bias"], [sums]))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from policies.gait_cycle import BOUND_OFFSETS, PACE_OFFSETS, PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Floats
-from policies.parameters import CommandMap, from_json, parameter, read, scaled_parameters
+from policies.parameters import CommandMap, from_json, parameter, read_parameters, scaled_parameters
 from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 from quad_env.robots.similarity import LATERAL_LENGTH
@@ -72,9 +72,9 @@ class GaitParameters(CommandMap):
 
 NO_LIMITS = dict.fromkeys(("forward_limit", "backward_limit", "lateral_limit", "yaw_limit"), UNLIMITED)
 """Limits of the commands, by field name: ahead, back, sideways and turning, in that order."""
-SLOWEST, FASTEST = 0.3, 15.0
+MIN_FREQUENCY, MAX_FREQUENCY = 0.3, 15.0
 """Bounds of the frequency at any speed, Hz."""
-SHORTEST_DUTY, LONGEST_DUTY = 0.1, 0.95
+MIN_DUTY, MAX_DUTY = 0.1, 0.95
 """Bounds of the duty factor at any speed."""
 
 NAMES = tuple(field.name for field in fields(GaitParameters))
@@ -95,7 +95,7 @@ def stand_parameters(robot: Robot) -> GaitParameters:
     )
 
 
-def froude(robot: Robot, command: Floats, body_height: Floats) -> Floats:
+def froude_number(robot: Robot, command: Floats, body_height: Floats) -> Floats:
     """Froude number v²/(g·h) of the fastest hip at a velocity command (n, 3) on legs of `body_height` (n,), m; (n,)."""
     hip_radius = float(np.hypot(robot.hip_positions[0, 0], robot.hip_positions[0, 1]))
     speed = np.sqrt(command[:, 0] * command[:, 0] + command[:, 1] * command[:, 1]) + hip_radius * np.abs(command[:, 2])
@@ -113,16 +113,16 @@ def limit_command(values: Floats, command: Floats) -> Floats:
     return command / np.maximum(size, 1.0)[:, None]
 
 
-def stepping(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, Floats]:
+def gait_timing(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, Floats]:
     """Frequency, Hz, and duty factor, each (n,), by parameters (n, len(NAMES)) at a velocity command (n, 3)."""
     column = INDEX
-    pace = np.sqrt(np.minimum(froude(robot, command, values[:, column["body_height"]]), 1.0))
+    pace = np.sqrt(np.minimum(froude_number(robot, command, values[:, column["body_height"]]), 1.0))
     frequency = values[:, column["frequency"]] + values[:, column["frequency_rise"]] * pace
     duty = values[:, column["duty"]] - values[:, column["duty_fall"]] * pace
-    return np.clip(frequency, SLOWEST, FASTEST), np.clip(duty, SHORTEST_DUTY, LONGEST_DUTY)
+    return np.clip(frequency, MIN_FREQUENCY, MAX_FREQUENCY), np.clip(duty, MIN_DUTY, MAX_DUTY)
 
 
-def row(parameters: GaitParameters) -> Floats:
+def parameter_row(parameters: GaitParameters) -> Floats:
     """The parameters as one row, (len(NAMES),)."""
     return np.array([getattr(parameters, name) for name in NAMES], dtype=np.float64)
 
@@ -136,4 +136,4 @@ def searched_parameters(robot: Robot = SIMPLE_QUAD) -> dict[str, GaitParameters]
             raise ValueError(f"it has {', '.join(gaits)} instead of {', '.join(OFFSETS)}")
         return {name: from_json(GaitParameters, values) for name, values in gaits.items()}
 
-    return {name: scaled_parameters(each, robot) for name, each in read(PARAMETERS_FILE, decoded).items()}
+    return {name: scaled_parameters(each, robot) for name, each in read_parameters(PARAMETERS_FILE, decoded).items()}

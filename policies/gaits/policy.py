@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, Mask, flat_joints, to_actions, validate_mask
-from policies.gait_cycle import TURN, Floats, LegCycle, mapped, places
+from policies.gait_cycle import TURN, Floats, LegCycle, leg_cycles, map_command
 from policies.gaits.change import GaitTransition
 from policies.gaits.parameters import (
     GAITS,
@@ -22,13 +22,13 @@ from policies.gaits.parameters import (
     OFFSETS,
     STAND,
     GaitParameters,
+    gait_timing,
     limit_command,
-    row,
+    parameter_row,
     searched_parameters,
     stand_parameters,
-    stepping,
 )
-from policies.legs.foot_path import cycloid, hip_height, load
+from policies.legs.foot_path import cycloid, hip_bounce, load_fraction
 from policies.legs.kinematics import compensate_servo_load, leg_angles
 from policies.memory import initialize_state, per_robot
 from quad_env import OBSERVATION
@@ -40,9 +40,9 @@ LINEAR_ACCELERATION = 3.0
 """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
 YAW_ACCELERATION = 8.0
 """Fastest change of the yaw rate command that the gait follows, rad/s²."""
-LONGEST_REACH = 0.2
+MAX_REACH = 0.2
 """Farthest that a foot goes from under its place, forward and sideways each, m."""
-CLOSE = 0.005
+PLACEMENT_TOLERANCE = 0.005
 """How far from its place a foot may come to rest, forward and sideways each, m."""
 _ACCELERATION = np.array([LINEAR_ACCELERATION, LINEAR_ACCELERATION, YAW_ACCELERATION])
 
@@ -110,7 +110,7 @@ class Gaits(GaitedPolicy):
         self.frequency = self.parameters[gait].frequency
         self.leg_offsets = _offsets(robot, gait)
         self._first = gait
-        stand = row(self.parameters[STAND])
+        stand = parameter_row(self.parameters[STAND])
         self._foot_y = robot.side * stand[INDEX["stance_width"]] / 2.0 - robot.hip_positions[:, 1]
         self._change = GaitTransition(stand, _offsets(robot, "walk"), control_period)
         initialize_state(self, _y=self._foot_y, _left_y=self._foot_y, _joints=robot.home_pose)
@@ -151,7 +151,7 @@ class Gaits(GaitedPolicy):
 
     def _set_out(self, mask: Mask) -> None:
         """Send robots that stand to the first gait."""
-        self.clock_rate, self.duty = stepping(self.robot, self._change.values, self._command)
+        self.clock_rate, self.duty = gait_timing(self.robot, self._change.values, self._command)
         self._send(self._first, mask)
 
     def _send(self, gait: str, mask: Mask) -> None:
@@ -159,7 +159,7 @@ class Gaits(GaitedPolicy):
         # A robot at rest has no footfalls to shift: it sets out with the new ones, from no lift.
         unlifted = np.where(np.array(NAMES) == "step_height", 0.0, self._change.values)
         self._change.place(mask & self._standing & self.settled, unlifted, offsets)
-        self._change.start(mask, row(self.parameters[gait]), offsets)
+        self._change.start(mask, parameter_row(self.parameters[gait]), offsets)
         self._gait = np.where(mask, GAITS.index(gait), self._gait)
 
     @property
@@ -178,13 +178,13 @@ class Gaits(GaitedPolicy):
         self._command = self._command + np.clip(command - self._command, -reach, reach)
         p, robot = ParameterView(values), self.robot
         beat = self._beat(values)
-        self._move_feet(beat, p, mapped(p, *(self._command[:, i, None] for i in range(3))))
+        self._move_feet(beat, p, map_command(p, *(self._command[:, i, None] for i in range(3))))
         _, lift = cycloid(beat.cycle.progress)
         z = np.where(self.swing, p.step_height * lift, 0.0) - p.body_height
-        z = z - hip_height(beat.cycle, beat.swing_time, beat.stance_time, p.bounce)
+        z = z - hip_bounce(beat.cycle, beat.swing_time, beat.stance_time, p.bounce)
         y = self._y + p.sway * beat.sway
         hip, thigh, calf = leg_angles(robot, self._x, y, z)
-        share = load(LegCycle(self.swing, beat.cycle.progress))
+        share = load_fraction(LegCycle(self.swing, beat.cycle.progress))
         force = share * p.stance_load * (robot.mass * GRAVITY / len(robot.leg_names) / self.duty[:, None])
         joints = flat_joints(np.stack(compensate_servo_load(robot, hip, thigh, calf, self._x, y, force), axis=-1))
         ahead = p.servo_lead / self.control_period * (joints - self._joints)
@@ -193,11 +193,11 @@ class Gaits(GaitedPolicy):
 
     def _beat(self, values: Floats) -> GaitState:
         """Advance the clock by a tick, and lift and put down the feet that are due."""
-        self.clock_rate, self.duty = stepping(self.robot, values, self._command)
+        self.clock_rate, self.duty = gait_timing(self.robot, values, self._command)
         self._phase = (self._phase + TURN * self.control_period * self.clock_rate) % TURN
         phases = (self._phase[:, None] + self.offsets) % TURN
         rate, duty = self.clock_rate[:, None], self.duty[:, None]
-        cycle = places(phases, duty)
+        cycle = leg_cycles(phases, duty)
         window = cycle.swing
         # To stand, a foot that is down and in its place stays down; to set out, it lifts at the start of its own swing.
         staying = (self._standing & self._change.settled & (self._command == 0.0).all(axis=1))[:, None]
@@ -214,7 +214,7 @@ class Gaits(GaitedPolicy):
         """Which feet are where they belong at rest, (n, 4)."""
         p = ParameterView(values)
         x, y = _middle(self.robot, p)
-        return (np.abs(self._x - x) < CLOSE) & (np.abs(self._y - y) < CLOSE)
+        return (np.abs(self._x - x) < PLACEMENT_TOLERANCE) & (np.abs(self._y - y) < PLACEMENT_TOLERANCE)
 
     def _move_feet(self, beat: GaitState, p: ParameterView, velocity: tuple[Floats, Floats, Floats]) -> None:
         """Carry the feet on by a tick: on the ground at -(v + ω × r), through the air to the next foothold."""
@@ -224,8 +224,8 @@ class Gaits(GaitedPolicy):
         ahead_x = forward - yaw_rate * (hip_y + middle_y)
         ahead_y = lateral + yaw_rate * (hip_x + middle_x)
         half = 0.5 * beat.stance_time
-        landing_x = middle_x + np.clip(half * ahead_x, -LONGEST_REACH, LONGEST_REACH)
-        landing_y = middle_y + np.clip(half * ahead_y, -LONGEST_REACH, LONGEST_REACH)
+        landing_x = middle_x + np.clip(half * ahead_x, -MAX_REACH, MAX_REACH)
+        landing_y = middle_y + np.clip(half * ahead_y, -MAX_REACH, MAX_REACH)
         share, _ = cycloid(beat.cycle.progress)
         # Over the ground the foot is carried by `share` of the way, while the ground goes by evenly.
         gone = beat.swing_time * (share - beat.cycle.progress)
@@ -234,8 +234,8 @@ class Gaits(GaitedPolicy):
         ground_x = self._x - self.control_period * (forward - yaw_rate * (hip_y + self._y))
         ground_y = self._y - self.control_period * (lateral + yaw_rate * (hip_x + self._x))
         x, y = np.where(self.swing, air_x, ground_x), np.where(self.swing, air_y, ground_y)
-        self._x = np.clip(x, middle_x - LONGEST_REACH, middle_x + LONGEST_REACH)
-        self._y = np.clip(y, middle_y - LONGEST_REACH, middle_y + LONGEST_REACH)
+        self._x = np.clip(x, middle_x - MAX_REACH, middle_x + MAX_REACH)
+        self._y = np.clip(y, middle_y - MAX_REACH, middle_y + MAX_REACH)
 
 
 def _middle(robot: Robot, p: ParameterView) -> tuple[Floats, Floats]:

@@ -11,7 +11,7 @@ from policies.gait_cycle import Floats, LegCycle, smoothstep
 from quad_env.config import GRAVITY
 
 
-def stride(cycle: LegCycle, duty: float) -> Floats:
+def stride_displacement(cycle: LegCycle, duty: float) -> Floats:
     """Displacement along the stride, in stride lengths; +0.5 at touch-down, -0.5 at lift-off; shape of the cycle.
 
     In swing the cubic with u(0) = -1/2, u(1) = 1/2 and the stance's own slope at both ends: per unit of swing progress
@@ -23,14 +23,14 @@ def stride(cycle: LegCycle, duty: float) -> Floats:
     return np.where(cycle.swing, swing, 0.5 - t)
 
 
-def lift(cycle: LegCycle) -> Floats:
+def swing_lift(cycle: LegCycle) -> Floats:
     """Height above the ground, in step heights: 0 in stance, 1 at mid-swing, level at both ends; shape of the cycle."""
     t = cycle.progress
     arc = 4.0 * t * (1.0 - t)
     return np.where(cycle.swing, arc * arc, 0.0)
 
 
-def load(cycle: LegCycle) -> Floats:
+def load_fraction(cycle: LegCycle) -> Floats:
     """Share of its load that a foot carries: 0 in swing, 1 for most of the stance; shape of the cycle."""
     t = cycle.progress
     edge = (2.0 * t - 1.0) ** 2
@@ -46,7 +46,7 @@ def cycloid(progress: Floats) -> tuple[Floats, Floats]:
     return progress - np.sin(turn) / (2.0 * np.pi), 0.5 - 0.5 * np.cos(turn)
 
 
-def hip_height(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce: Floats) -> Floats:
+def hip_bounce(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce: Floats) -> Floats:
     """Height of a hip about its mean course over a cycle, m: thrown up by the stance and caught by the next one.
 
     With `bounce` 1 the hip flies freely in swing, g·t·(T - t)/2, and its stance dips along a half-sine that takes up

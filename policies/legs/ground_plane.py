@@ -39,14 +39,14 @@ def fit_plane(prints: Floats) -> Plane:
     return mean_z - forward * mean_x - lateral * mean_y, forward, lateral
 
 
-def at(plane: Plane, x: Floats, y: Floats) -> Floats:
+def plane_height(plane: Plane, x: Floats, y: Floats) -> Floats:
     """Height of the plane there, relative to the trunk's centre, m; shapes that broadcast with (n,)."""
     height, forward, lateral = plane
     there: Floats = height + forward * x + lateral * y
     return there
 
 
-def above(plane: Plane, prints: Floats) -> Floats:
+def height_above_plane(plane: Plane, prints: Floats) -> Floats:
     """Height of each footprint above the plane, m, (4, n)."""
-    height: Floats = prints[2] - at(plane, prints[0], prints[1])
+    height: Floats = prints[2] - plane_height(plane, prints[0], prints[1])
     return height

@@ -18,7 +18,7 @@ from quad_env.robots.kinematics import foot_positions as foot_positions
 from quad_env.robots.robot import Robot
 
 
-def shortest_leg(robot: Robot) -> float:
+def min_leg_length(robot: Robot) -> float:
     """Thigh joint to foot with the knee folded (joint limits aside), m."""
     return abs(robot.thigh_length - robot.calf_length)
 
@@ -43,7 +43,7 @@ def leg_angles(
     # The hip angle takes the vector (outboard, -drop) to (y, z): its sine and cosine are their cross and dot product.
     hip = np.arctan2(z * outboard + y * drop, y * outboard - z * drop)
 
-    squared_length = np.clip(x * x + drop * drop, shortest_leg(robot) ** 2, robot.leg_length**2)
+    squared_length = np.clip(x * x + drop * drop, min_leg_length(robot) ** 2, robot.leg_length**2)
     bend = (squared_length - upper**2 - lower**2) / (2.0 * upper * lower)
     bend = np.clip(bend, -1.0, 1.0)  # rounding alone takes it out
     calf = knee * np.arccos(bend)

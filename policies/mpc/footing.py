@@ -9,7 +9,7 @@ import numpy as np
 
 from policies.gait_cycle import Floats, smoothstep
 from policies.legs.foot_path import cubic_swing
-from policies.legs.ground_plane import above, advect_footprints, at, fit_plane
+from policies.legs.ground_plane import advect_footprints, fit_plane, height_above_plane, plane_height
 from policies.memory import PerRobotState, lowpass_gain, per_robot
 from policies.mpc.motion import MotionState
 from policies.mpc.parameters import ModelParameters
@@ -48,7 +48,7 @@ class TerrainPlane(NamedTuple):
 
     def at(self, x: Floats, y: Floats) -> Floats:
         """Height there, m, (n, 4)."""
-        return at((self.height[:, None], self.forward[:, None], self.lateral[:, None]), x, y)
+        return plane_height((self.height[:, None], self.forward[:, None], self.lateral[:, None]), x, y)
 
 
 class TerrainEstimator(PerRobotState):
@@ -78,13 +78,13 @@ class TerrainEstimator(PerRobotState):
         former = advect_footprints(self.footprints, state.velocity.T, state.angular_velocity[:, 2], self._period)
         self.footprints = footprints = np.where(landed.T, state.bodies.feet.T, former)
         _, *slope = plane = fit_plane(footprints)
-        apart = np.abs(above(plane, footprints)).max(axis=0)
+        apart = np.abs(height_above_plane(plane, footprints)).max(axis=0)
         self.roughness += lowpass_gain(self._period, ROUGHNESS_TIME) * (apart - self.roughness)
         turned = self._period * state.angular_velocity[:, 2] * np.array((self.slope[1], -self.slope[0]))
         self.slope = self.slope + turned  # with the level frame, which turns with the robot
         self.slope = self.slope + self._share * (np.clip(slope, -MAX_SLOPE, MAX_SLOPE) - self.slope)
         forward, lateral = self.slope
-        under_the_trunk = 0.25 * ordered_sum(above((np.zeros(len(landed)), forward, lateral), footprints))
+        under_the_trunk = 0.25 * ordered_sum(height_above_plane((np.zeros(len(landed)), forward, lateral), footprints))
         return TerrainPlane(under_the_trunk, forward, lateral)
 
 

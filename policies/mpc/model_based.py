@@ -271,7 +271,7 @@ class ModelBased(GaitedPolicy):
             cycle_at_measurement,
             contact_forces[..., 2],
             self._is_first_step,
-            flies=self._gait.flies,
+            flies=self._gait.has_flight,
         )
 
     @property

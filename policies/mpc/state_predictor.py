@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
-from policies.legs.ground_plane import above
+from policies.legs.ground_plane import height_above_plane
 from policies.memory import PerRobotState, per_robot
 from policies.mpc.motion import MotionState, motion, with_rows
 from policies.mpc.readings import JOINT_POSITION, JOINT_VELOCITY, SENSED, predict_readings
@@ -133,4 +133,4 @@ class StatePredictor(PerRobotState):
 def _height_above(state: MotionState, slope: Floats) -> Floats:
     """Return the height of the feet above the plane of that slope through the trunk centre, (n, 4), m."""
     forward, lateral = slope
-    return above((np.zeros(len(forward)), forward, lateral), state.bodies.feet.T).T
+    return height_above_plane((np.zeros(len(forward)), forward, lateral), state.bodies.feet.T).T

@@ -48,7 +48,7 @@ class Brace(PerRobotState):
         self.share = np.where(self._released, self.share - self._period / RELEASE_TIME, 1.0)
         return self._released & (self.share <= 0.0)
 
-    def blended(self, rows: NDArray[np.intp], targets: Floats, observation: Floats) -> Floats:
+    def blend(self, rows: NDArray[np.intp], targets: Floats, observation: Floats) -> Floats:
         """Targets (k, 12) of the robots `rows`, (k,): their policy's, turned into the brace as far as is due."""
         weight = smoothstep(self.share[rows])[:, None]
         return targets + weight * (brace_targets(self._robot, observation) - targets)

@@ -29,9 +29,9 @@ class Mode(IntEnum):
 
 TOO_FAR_OVER = "too far over"
 
-TOO_FAR = np.deg2rad(65.0)
+MAX_TILT = np.deg2rad(65.0)
 """Tilt past which no fall is caught and no stop is under control any more: 5° before the fall rule, `FallRule.tilt`."""
-ALARM_ABOVE = 0.8866
+FALL_ALARM_DEVIATION = 0.8866
 """Velocity deviation, m/s, above which a fall is predicted: 0.2 m/s above the largest in an hour of the undisturbed
 trot."""
 RESPONSE_TIME = 0.25
@@ -107,7 +107,7 @@ class Safe(Policy):
         targets = self._policy_targets(observation)
         caught = np.flatnonzero(self._mode == Mode.CATCH)
         if len(caught):
-            targets[caught] = self._brace.blended(caught, targets[caught], rows[caught])
+            targets[caught] = self._brace.blend(caught, targets[caught], rows[caught])
         for mode, motion in self._motions.items():
             members = np.flatnonzero(self._mode == mode)
             if len(members):
@@ -159,9 +159,9 @@ class Safe(Policy):
         """Catch where a fall is predicted, follow again where it is at rest or past catching."""
         velocity, command = (rows[:, OBSERVATION[name]][:, :2] for name in ("linear_velocity", "command"))
         self._reference = self._reference + (command - self._reference) * (self.control_period / RESPONSE_TIME)
-        alarm = velocity_deviation(velocity, self._reference, self._recent) > ALARM_ABOVE
+        alarm = velocity_deviation(velocity, self._reference, self._recent) > FALL_ALARM_DEVIATION
         self._recent = self._recent + (velocity - self._recent) * (self.control_period / RECENT_TIME)
-        tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(TOO_FAR)
+        tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(MAX_TILT)
         predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted
         if predicted.any():
             self._brace.reset_where(predicted)

@@ -15,7 +15,7 @@ from policies.base import Actions, Floats
 from policies.legs.level_frame import level_frame
 from policies.memory import lowpass_gain, per_robot
 from policies.parameters import ParameterFile, parameter, search_ranges_of
-from policies.shipped import folder_of
+from policies.shipped import models_folder
 from policies.trot.open_loop import FILE as TROT_FILE
 from policies.trot.open_loop import Trot, TrotParameters, searched_parameters
 from quad_env import OBSERVATION
@@ -55,7 +55,7 @@ FILE = ParameterFile(Path(__file__).with_name("trot_integral.json"), IntegralPar
 def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:
     """The parameters in force, see `ParameterFile`; of a robot whose trot alone was searched, with that trot's. Raises
     PolicyError where they are missing or damaged."""
-    found, folder = FILE.load_for_robot(robot), folder_of(robot)
+    found, folder = FILE.load_for_robot(robot), models_folder(robot)
     if (folder / FILE.path.name).is_file() or not (folder / TROT_FILE.path.name).is_file():
         return found
     return replace(found, **asdict(searched_parameters(robot)))

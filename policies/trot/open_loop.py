@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
-from policies.gait_cycle import TROT_OFFSETS, Floats, Gait, mapped
-from policies.legs.foot_path import lift, load, stride
+from policies.gait_cycle import TROT_OFFSETS, Floats, Gait, map_command
+from policies.legs.foot_path import load_fraction, stride_displacement, swing_lift
 from policies.legs.kinematics import compensate_servo_load, leg_angles
 from policies.memory import initialize_state, per_robot
 from policies.parameters import CommandMap, ParameterFile, parameter, search_ranges_of
@@ -107,7 +107,7 @@ class Trot(GaitedPolicy):
         yaw_rate = command[:, 2]
         forward = command[:, 0] - p.turn_lead * yaw_rate * command[:, 1]
         lateral = command[:, 1] + p.turn_lead * yaw_rate * command[:, 0]
-        return np.stack(mapped(p, forward, lateral, yaw_rate), axis=-1)
+        return np.stack(map_command(p, forward, lateral, yaw_rate), axis=-1)
 
     def _targets(self, phase: Floats, velocity: Floats) -> Floats:
         """Joint targets (n, 12) in rad for a phase (n,) and a gait velocity (n, 3)."""
@@ -118,10 +118,10 @@ class Trot(GaitedPolicy):
         forward, lateral, yaw_rate = velocity[:, 0:1], velocity[:, 1:2], velocity[:, 2:3]
         # While a foot stands it passes under the body at -(v + ω × r), r from the trunk's centre to the foot.
         stance_time = p.duty / p.frequency
-        along = stride(cycle, p.duty) * stance_time
+        along = stride_displacement(cycle, p.duty) * stance_time
         x = p.stance_shift + along * (forward - yaw_rate * foot_y)
         y = (foot_y - robot.hip_positions[:, 1]) + along * (lateral + yaw_rate * foot_x)
-        z = p.step_height * lift(cycle) - p.body_height
+        z = p.step_height * swing_lift(cycle) - p.body_height
         hip, thigh, calf = leg_angles(robot, x, y, z)
-        force = load(cycle) * p.stance_load
+        force = load_fraction(cycle) * p.stance_load
         return flat_joints(np.stack(compensate_servo_load(robot, hip, thigh, calf, x, y, force), axis=-1))

@@ -22,8 +22,8 @@ from evaluate.records.store import read_run
 from policies import bundle
 from policies.network import ACTIVATION
 from policies.parameters import limits_of, parameter
-from policies.residual_bases import describe
-from policies.shipped import folder_of
+from policies.residual_bases import base_to_json
+from policies.shipped import models_folder
 from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.reading import read_bytes
@@ -80,9 +80,9 @@ def main(options: PublishOptions) -> int:
     runs = [trained_run(folder) for folder in options.runs]
     shipped = choose(runs, options.policy)
     base, robot = shipped.config.base, shipped.config.hardware.robot_model
-    if describe(policies.load(shipped.bundle, robot).base) != describe(policies.make(base, robot=robot)):
+    if base_to_json(policies.load(shipped.bundle, robot).base) != base_to_json(policies.make(base, robot=robot)):
         raise UsageError(f"{shipped.label} corrects a {base} of other parameters than today's: train it again")
-    to = options.to or folder_of(robot) / options.policy.replace("-", "_")
+    to = options.to or models_folder(robot) / options.policy.replace("-", "_")
     make_writable_folder(to)
     card = model_card(to.resolve().name, runs, shipped, evaluated(options, runs, shipped))
     if to.resolve() != shipped.bundle.resolve():

@@ -11,7 +11,7 @@ from typing import Annotated
 import tyro
 
 from policies import bundle
-from policies.description import DIGEST, digest_of
+from policies.description import DIGEST, description_digest
 from quad_env.cli.command_line import UsageError
 from quad_env.files.reading import parse_json, read_bytes
 from quad_env.files.writing import write_atomically
@@ -38,7 +38,7 @@ def seal(folder: Path) -> str:
     if not file.is_file():
         raise UsageError(f"FOLDER: {folder} has no {bundle.DESCRIPTION}")
     description = parse_json(read_bytes(file))
-    digest = digest_of(description)
+    digest = description_digest(description)
     if description.setdefault(DIGEST, digest) != digest:
         raise UsageError(f"FOLDER: {file} is not as it was written ({DIGEST} differs)")
     write_atomically(file, (json.dumps(description, indent=2, allow_nan=False) + "\n").encode())

@@ -16,7 +16,7 @@ from evaluate.statistics.significance import sign_flip_test
 from policies.base import Floats
 from policies.mpc import parameters as mpc_parameters
 from policies.parameters import ParameterFile, Parameters, parameter, scaled_ranges, search_ranges_of
-from policies.shipped import folder_of
+from policies.shipped import models_folder
 from policies.trot import integral
 from policies.virtual_model import parameters as virtual_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -117,7 +117,7 @@ def subject(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
         lines += [words, "", *parameter_table(in_force, after, ranges), "", *results_table(walks)]
         return parameters_to_json(after if better else in_force), "\n".join(lines) + "\n"
 
-    path = file.path if robot == SIMPLE_QUAD else folder_of(robot) / file.path.name
+    path = file.path if robot == SIMPLE_QUAD else models_folder(robot) / file.path.name
     return SearchProblem(start, ranges, costs, conclude, path, searched.account, digits=4, diagonal=True)
 
 

@@ -18,8 +18,8 @@ from policies.mpc.sighted import SightedMpcWbc
 from policies.network import Network
 from policies.parameters import ParameterFile
 from policies.residual import Features, ResidualPolicy
-from policies.residual_bases import BASES, base_from_json, describe
-from policies.shipped import MODELS, folder_of
+from policies.residual_bases import BASES, base_from_json, base_to_json
+from policies.shipped import MODELS, models_folder
 from policies.trot.integral import integral_parameters
 from policies.trot.open_loop import Trot, TrotParameters
 from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD, Robot
@@ -116,7 +116,7 @@ def test_a_height_scan_is_that_of_the_training(tmp_path):
         changed = json.loads((tmp_path / DESCRIPTION).read_text(encoding="utf-8"))["base"]
         changed["height_scan"] |= change
         assert reason in damaged(tmp_path, lambda f, base=changed: rewrite(f, base=base))
-    blind = {key: value for key, value in describe(base).items() if key != "height_scan"}
+    blind = {key: value for key, value in base_to_json(base).items() if key != "height_scan"}
     with pytest.raises(ValueError, match="mpc_wbc_sighted needs a height_scan"):
         base_from_json(blind, SIMPLE_QUAD, 0.01)
 
@@ -350,10 +350,10 @@ def test_joints_in_another_order_are_another_robots(tmp_path):
 
 def test_what_was_found_for_a_users_robot_lies_beside_its_file(tmp_path):
     robot = alike(tmp_path)
-    assert folder_of(robot) == tmp_path / robot.name
+    assert models_folder(robot) == tmp_path / robot.name
     with pytest.raises(policies.PolicyError, match=f"no trained policy in {tmp_path / robot.name}"):
         policies.make("residual", robot=robot)
-    own = folder_of(robot)
+    own = models_folder(robot)
     save(own / "residual", ResidualPolicy(Trot(robot=robot), network(62, 12)), training={}, git_revision="")
     assert policies.make("residual", robot=robot).robot == robot
     searched = replace(Trot(robot=robot).parameters, body_height=0.1)
@@ -362,7 +362,7 @@ def test_what_was_found_for_a_users_robot_lies_beside_its_file(tmp_path):
     integral = policies.make("trot_integral", robot=robot).parameters
     assert integral.body_height == 0.1
     assert integral.integral_gain == pytest.approx(scale_factor(robot, "1/s") * integral_parameters().integral_gain)
-    assert folder_of(SIMPLE_QUAD) == MODELS
+    assert models_folder(SIMPLE_QUAD) == MODELS
 
 
 @pytest.mark.parametrize("changes", [{"authority": [0.3] * 12}, {"hold": 2}, {"inputs": {}}, {"git_revision": "x"}])

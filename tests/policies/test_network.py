@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from policies.network import LIMIT, Network, lines, piece
+from policies.network import LIMIT, Network, activation_chords, piece_index
 
 
 def random_network(sizes=(62, 128, 128, 12)):
@@ -36,15 +36,17 @@ def test_a_row_has_the_same_bits_in_any_batch():
 
 
 def test_the_activation_is_within_3e_7_of_its_function():
-    slopes, intercepts = lines()
+    slopes, intercepts = activation_chords()
     x = np.concatenate([sign * np.logspace(-8.0, np.log10(LIMIT), 20_000, endpoint=False) for sign in (1.0, -1.0)])
     np.testing.assert_allclose(
-        slopes[piece(x)] * x + intercepts[piece(x)], np.maximum(x, 0.0) + np.expm1(np.minimum(x, 0.0)), atol=3e-7
+        slopes[piece_index(x)] * x + intercepts[piece_index(x)],
+        np.maximum(x, 0.0) + np.expm1(np.minimum(x, 0.0)),
+        atol=3e-7,
     )
 
 
 def test_the_pieces_of_the_activation_have_the_same_bits_everywhere():
-    found = hashlib.sha256(b"".join(each.tobytes() for each in lines())).hexdigest()
+    found = hashlib.sha256(b"".join(each.tobytes() for each in activation_chords())).hexdigest()
     assert found == "43a7d95ce985d29cdc000bc542a064c3c3165135fc96363acc84d64346fac24c"
 
 

@@ -22,7 +22,7 @@ import tyro
 from evaluate.hardware import parse_robot_option
 from policies import bundle
 from policies.parameters import limits_of, parameter
-from policies.shipped import folder_of
+from policies.shipped import models_folder
 from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.reading import read_bytes
@@ -149,7 +149,7 @@ def _stages(options: RobotPipelineOptions) -> list[Stage]:
 
 def _model_path(options: RobotPipelineOptions, name: str) -> Path:
     """Return the path of a file of the robot's models."""
-    return folder_of(parse_robot_option(str(options.toml)).robot_model) / name
+    return models_folder(parse_robot_option(str(options.toml)).robot_model) / name
 
 
 def _has_model(options: RobotPipelineOptions, name: str) -> bool:

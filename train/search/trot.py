@@ -18,7 +18,7 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import measure
 from policies.base import Floats
 from policies.parameters import parameter, scaled_parameters, scaled_ranges
-from policies.shipped import folder_of
+from policies.shipped import models_folder
 from policies.trot.open_loop import FILE, SEARCH_RANGES, TrotParameters, searched_parameters
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
@@ -107,7 +107,7 @@ def make_search_problem(options: TrotSearchOptions) -> SearchProblem[TrotParamet
         lines += [f"On {options.check_episodes} validation episodes of 10 s a scenario:", "", *results_table(walks)]
         return parameters_to_json(after), "\n".join(lines) + "\n"
 
-    file = FILE.path if is_simple_quad else folder_of(robot) / FILE.path.name
+    file = FILE.path if is_simple_quad else models_folder(robot) / FILE.path.name
     return SearchProblem(start, ranges, costs, finalize, file, ACCOUNT)
 
 

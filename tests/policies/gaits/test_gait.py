@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from policies.gait_cycle import PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Gait, advance
+from policies.gait_cycle import PRONK_OFFSETS, TROT_OFFSETS, WALK_OFFSETS, Gait, advance_phase
 
 
 def test_swing_fills_what_the_duty_leaves():
@@ -15,7 +15,9 @@ def test_swing_fills_what_the_duty_leaves():
 
 
 def test_clock_advances_by_the_printed_step_and_wraps():
-    np.testing.assert_allclose(advance(np.array([0.0, 6.2]), 2.0, 0.01), [0.12566370614, 0.04247839896], atol=1e-10)
+    np.testing.assert_allclose(
+        advance_phase(np.array([0.0, 6.2]), 2.0, 0.01), [0.12566370614, 0.04247839896], atol=1e-10
+    )
 
 
 @pytest.mark.parametrize("duty", [0.0, 1.0, math.nan])
@@ -36,4 +38,4 @@ def test_duty_out_of_range_is_refused(duty):
 )
 def test_a_gait_flies_if_at_some_time_no_foot_is_on_the_ground(offsets, duty, flies):
     gait = Gait(offsets, duty)
-    assert gait.flies == flies == gait.legs(np.linspace(0.0, 2.0 * np.pi, 1001)[:-1]).swing.all(axis=-1).any()
+    assert gait.has_flight == flies == gait.legs(np.linspace(0.0, 2.0 * np.pi, 1001)[:-1]).swing.all(axis=-1).any()

@@ -6,7 +6,15 @@ import pytest
 import policies
 from evaluate.rollouts import rollout
 from policies.gaits.change import CHANGE_TIME
-from policies.gaits.parameters import GAITS, OFFSETS, GaitParameters, froude, limit_command, row, stepping
+from policies.gaits.parameters import (
+    GAITS,
+    OFFSETS,
+    GaitParameters,
+    froude_number,
+    gait_timing,
+    limit_command,
+    parameter_row,
+)
 from policies.gaits.policy import Gaits
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
@@ -75,13 +83,15 @@ def test_standing_feet_move_against_the_commanded_velocity_at_their_place():
 def test_froude_number_by_hand():
     # 0.5 m/s on 0.4 m; sqrt(0.3² + 0.4²) = 0.5 too; 1 rad/s about a hip at sqrt(0.25² + 0.15²) m.
     command = np.array([[0.5, 0.0, 0.0], [0.3, 0.4, 0.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(froude(SIMPLE_QUAD, command, np.full(3, 0.4)), [0.06371, 0.06371, 0.021662], rtol=1e-4)
+    np.testing.assert_allclose(
+        froude_number(SIMPLE_QUAD, command, np.full(3, 0.4)), [0.06371, 0.06371, 0.021662], rtol=1e-4
+    )
 
 
 def test_frequency_rises_and_duty_falls_with_the_root_of_the_froude_number_up_to_one():
-    values = np.tile(row(replace(BARE, frequency_rise=1.0, duty_fall=0.1)), (3, 1))
+    values = np.tile(parameter_row(replace(BARE, frequency_rise=1.0, duty_fall=0.1)), (3, 1))
     one = np.sqrt(9.81 * 0.4)
-    frequency, duty = stepping(
+    frequency, duty = gait_timing(
         SIMPLE_QUAD, values, np.array([[0.0, 0.0, 0.0], [0.5 * one, 0.0, 0.0], [2.0 * one, 0.0, 0.0]])
     )
     np.testing.assert_allclose(frequency, [2.5, 3.0, 3.5])
@@ -160,7 +170,7 @@ def test_an_unknown_gait_is_answered_with_the_valid_ones(make):
 
 
 def test_beyond_its_limits_a_gait_goes_the_same_way_on_the_ellipsoid():
-    values = row(replace(BARE, forward_limit=0.8, backward_limit=0.2, lateral_limit=0.3, yaw_limit=0.6))
+    values = parameter_row(replace(BARE, forward_limit=0.8, backward_limit=0.2, lateral_limit=0.3, yaw_limit=0.6))
     command = np.array([[0.4, 0.1, 0.2], [1.6, 0.0, 0.0], [-0.4, 0.0, 0.0], [0.8, -0.3, 0.0], [0.0, 0.0, -1.2]])
     half = np.sqrt(0.5)
     expected = [[0.4, 0.1, 0.2], [0.8, 0, 0], [-0.2, 0, 0], [0.8 * half, -0.3 * half, 0], [0, 0, -0.6]]

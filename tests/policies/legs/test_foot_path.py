@@ -7,10 +7,10 @@ from policies.gait_cycle import Gait, LegCycle
 from policies.legs.foot_path import (
     cubic_swing,
     cycloid,
-    hip_height,
-    lift,
-    load,
-    stride,
+    hip_bounce,
+    load_fraction,
+    stride_displacement,
+    swing_lift,
 )
 
 LEG = (0.0, 0.0, 0.0, 0.0)
@@ -19,14 +19,14 @@ LEG = (0.0, 0.0, 0.0, 0.0)
 def path(fraction, duty):
     """Stride and lift of one leg at a fraction of its cycle."""
     cycle = Gait(LEG, duty).legs(2.0 * np.pi * fraction)
-    return np.stack([stride(cycle, duty)[..., 0], lift(cycle)[..., 0]], axis=-1)
+    return np.stack([stride_displacement(cycle, duty)[..., 0], swing_lift(cycle)[..., 0]], axis=-1)
 
 
 def test_landmarks_of_the_cycle_by_hand():
     swing = LegCycle(np.array([True, True, True, False, False]), np.array([0.0, 0.5, 0.75, 0.0, 0.25]))
     # Duty 0.5, so slope -1 at both ends. At 3/4 of the swing: 27/16 - 27/32 - 1/2 = 11/32, plus 3/32 = 7/16.
-    np.testing.assert_allclose(stride(swing, 0.5), [-0.5, 0.0, 0.4375, 0.5, 0.25])
-    np.testing.assert_allclose(lift(swing), [0.0, 1.0, 0.5625, 0.0, 0.0])
+    np.testing.assert_allclose(stride_displacement(swing, 0.5), [-0.5, 0.0, 0.4375, 0.5, 0.25])
+    np.testing.assert_allclose(swing_lift(swing), [0.0, 1.0, 0.5625, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("duty", [0.4, 0.7])
@@ -41,7 +41,7 @@ def test_position_and_velocity_are_continuous(duty, seam):
 
 def test_load_is_taken_up_and_given_back_without_a_step_by_hand():
     cycle = LegCycle(np.array([True, False, False, False, False]), np.array([0.5, 0.0, 0.25, 0.5, 1.0]))
-    np.testing.assert_allclose(load(cycle), [0.0, 0.0, 0.9375, 1.0, 0.0])  # 1 - (2·0.25 - 1)⁴ = 15/16
+    np.testing.assert_allclose(load_fraction(cycle), [0.0, 0.0, 0.9375, 1.0, 0.0])  # 1 - (2·0.25 - 1)⁴ = 15/16
 
 
 def test_the_cycloid_is_a_rolling_circles_point_by_hand():
@@ -53,7 +53,7 @@ def test_the_cycloid_is_a_rolling_circles_point_by_hand():
 def thrown(fraction, bounce=1.0):
     """Hip height over a cycle of 0.5 s with a swing of 0.2 s."""
     cycle = Gait(LEG, 0.6).legs(2.0 * np.pi * fraction)
-    return hip_height(cycle, np.array(0.2), np.array(0.3), np.array(bounce))[..., 0]
+    return hip_bounce(cycle, np.array(0.2), np.array(0.3), np.array(bounce))[..., 0]
 
 
 def test_a_thrown_hip_flies_freely_and_rises_as_high_as_its_time_allows():

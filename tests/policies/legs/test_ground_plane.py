@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from policies.legs.ground_plane import MAX_SLOPE, above, advect_footprints, fit_plane
+from policies.legs.ground_plane import MAX_SLOPE, advect_footprints, fit_plane, height_above_plane
 
 FEET_X, FEET_Y = np.array([[0.3, 0.2, -0.2, -0.3]]).T, np.array([[0.2, -0.3, 0.3, -0.2]]).T
 
@@ -19,7 +19,9 @@ def test_one_foot_on_a_stone_of_a_square_stance_lifts_and_tilts_the_plane_by_qua
     prints = np.stack((x, y, np.array([[h, 0.0, 0.0, 0.0]]).T))
     plane = fit_plane(prints)
     np.testing.assert_allclose(np.ravel(plane), [h / 4, h / (4 * a), h / (4 * a)], rtol=1e-4)
-    np.testing.assert_allclose(above(plane, prints), np.array([[h / 4, -h / 4, -h / 4, h / 4]]).T, rtol=1e-4)
+    np.testing.assert_allclose(
+        height_above_plane(plane, prints), np.array([[h / 4, -h / 4, -h / 4, h / 4]]).T, rtol=1e-4
+    )
 
 
 @pytest.mark.parametrize("spread", [0.0, 1e-9, 1e4])

@@ -67,7 +67,7 @@ def test_feet_that_are_late_all_together_bear_a_robot_unless_its_gait_flies(gait
     policy.act(np.r_[0.0, 0.0, -1.0, np.zeros(45)])
     early_in_the_stance = policy._gait.legs(np.array([TURN * (1.1 - policy.parameters.duty)]))
     legs, new = early_in_the_stance, np.zeros(1, np.bool_)
-    contacts = contact_states(policy.parameters, legs, legs, np.zeros((1, 4)), new, flies=policy._gait.flies)
+    contacts = contact_states(policy.parameters, legs, legs, np.zeros((1, 4)), new, flies=policy._gait.has_flight)
     assert contacts.stance.sum() == bearing
     assert contacts.late.any()
 

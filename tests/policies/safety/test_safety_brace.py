@@ -8,7 +8,7 @@ from policies.base import CONTROL_PERIOD, Policy
 from policies.behaviour.transitions import TOPPLING_TILT
 from policies.safety import Mode, Safe, SafetyLimits
 from policies.safety.brace import RELEASE_TIME, REST_TIME, brace_targets
-from policies.safety.layer import RECENT_TIME, RESPONSE_TIME, TOO_FAR, velocity_deviation
+from policies.safety.layer import MAX_TILT, RECENT_TIME, RESPONSE_TIME, velocity_deviation
 from quad_env import OBSERVATION
 from quad_env.config import FallRule
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -169,4 +169,4 @@ def test_reference_lags_the_command_and_the_velocity_of_late_the_robots_by_their
 
 
 def test_behaviour_and_safety_layer_give_a_robot_up_before_the_fall_rule_calls_it_fallen():
-    assert TOPPLING_TILT < TOO_FAR < FallRule().tilt
+    assert TOPPLING_TILT < MAX_TILT < FallRule().tilt
