@@ -1,4 +1,4 @@
-"""What batches of other simulators share: the state and the outputs of n robots in arrays, on MuJoCo's model."""
+"""Base of the batches of other simulators: states and outputs of n robots in arrays, on a MuJoCo model."""
 
 from collections.abc import Iterable
 
@@ -7,35 +7,60 @@ import numpy as np
 
 from quad_env.columns import Array, EnvIndices
 
+_STATE_FIELDS = {"qpos", "qvel", "ctrl", "xfrc_applied", "act"}
+"""Fields of MuJoCo's data that define a state."""
+
 
 class ArrayBatch:
-    """The calls of `quad_env.physics.batch.Batch` that need no simulator, on these fields of MuJoCo's data."""
+    """The calls of `quad_env.physics.batch.Batch` that need no simulator.
+
+    Args:
+        model: Compiled model of every robot.
+        num_envs: Number of robots.
+        fields: Names of the fields of MuJoCo's data that the batch holds.
+
+    Attributes:
+        warning: Warnings of each robot since its reset, (n, kinds of MuJoCo's warnings, 2): last value and count.
+    """
 
     def __init__(self, model: mujoco.MjModel, num_envs: int, fields: Iterable[str]) -> None:
-        self._model, self._data = model, mujoco.MjData(model)
+        self._model = model
+        self._data = mujoco.MjData(model)
         self._fields = {name: np.zeros((num_envs, *getattr(self._data, name).shape)) for name in fields}
-        self._own: dict[str, Array] = {}
-        """Fields of the model that differ from robot to robot."""
+        self._expanded: dict[str, Array] = {}
+        """Fields of the model that differ between robots, (n, ...)."""
         self.warning = np.zeros((num_envs, mujoco.mjtWarning.mjNWARNING.value, 2), np.int64)
 
     def bind(self, field: str) -> Array:
-        """A field of the state or the outputs."""
+        """Return the live array of a state or output `field`; writing to a state field moves the robots."""
         return self._fields[field]
 
     def expand(self, field: str) -> Array:
-        """A field of the model, of each robot its own."""
+        """Give every robot its own values of a model `field`, and return them, (n, ...)."""
         values = getattr(self._model, field)
-        return self._own.setdefault(field, np.tile(values, (len(self.warning), *[1] * values.ndim)))
+        return self._expanded.setdefault(field, np.tile(values, (len(self.warning), *[1] * values.ndim)))
 
     def reset(self, ids: EnvIndices, keyframe: int | None = None, *, stage: int = 0) -> None:
-        """Put those robots at the model's start, or at a keyframe, at rest; nothing touches the ground yet."""
+        """Put robots at the start of the model, at rest; no contacts are computed yet.
+
+        Args:
+            ids: Indices of the robots, (k,).
+            keyframe: Index of a keyframe to start from instead.
+            stage: Not used.
+        """
         for values in self._fields.values():
             values[ids] = 0.0
         mujoco.mj_resetDataKeyframe(self._model, self._data, -1 if keyframe is None else keyframe)
-        self._fields["qpos"][ids], self._fields["ctrl"][ids] = self._data.qpos, self._data.ctrl
+        self._fields["qpos"][ids] = self._data.qpos
+        self._fields["ctrl"][ids] = self._data.ctrl
 
     def forward(self, ids: EnvIndices, *, stage: int = 0) -> None:
-        """Work out where the bodies and sites of those robots are."""
+        """Compute the positions of bodies and sites.
+
+        Args:
+            ids: Indices of the robots, (k,).
+            stage: Not used.
+        """
         for robot in ids:
             self._data.qpos[:] = self._fields["qpos"][robot]
             mujoco.mj_kinematics(self._model, self._data)
@@ -43,13 +68,13 @@ class ArrayBatch:
                 self._fields[field][robot] = getattr(self._data, field)
 
     def get_model(self, robot: int, model: mujoco.MjModel) -> None:
-        """Write one robot's expanded fields there."""
-        for field, values in self._own.items():
+        """Write the expanded fields of one `robot`, an index, into `model`."""
+        for field, values in self._expanded.items():
             getattr(model, field)[:] = values[robot]
 
     def get_data(self, robot: int) -> mujoco.MjData:
-        """One robot's state; MuJoCo works out the rest of it."""
+        """Return the state of one `robot`, an index; MuJoCo computes the other fields from it."""
         data = mujoco.MjData(self._model)
-        for field in self._fields.keys() & {"qpos", "qvel", "ctrl", "xfrc_applied", "act"}:
+        for field in self._fields.keys() & _STATE_FIELDS:
             getattr(data, field)[:] = self._fields[field][robot]
         return data

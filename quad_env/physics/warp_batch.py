@@ -1,4 +1,4 @@
-"""n robots that MuJoCo Warp steps, on a GPU where there is one, with the calls of MuJoCo's batch."""
+"""Batch of robots that MuJoCo Warp steps, on a GPU if there is one, with the calls of MuJoCo's batch."""
 
 import copy
 from collections.abc import Callable
@@ -15,19 +15,25 @@ from quad_env.columns import Array, EnvIndices, EnvSelection
 from quad_env.physics.array_batch import ArrayBatch
 from quad_env.physics.simulators import SIMULATOR_FEATURES, WARP
 
-_UPLOADED_FIELDS = "qpos", "qvel", "ctrl", "xfrc_applied", "act"
-_DOWNLOADED_FIELDS = "qpos", "qvel", "act", "actuator_force", "xanchor", "site_xpos", "sensordata"
-_DERIVED = "body_subtreemass", "body_invweight0", "dof_invweight0"
-"""Fields of the model that follow from others."""
-_NCONMAX, _NJMAX = 32, 160
-"""Room for contacts of a robot, and for the rows of its constraints."""
+_UPLOADED_FIELDS = ("qpos", "qvel", "ctrl", "xfrc_applied", "act")
+_DOWNLOADED_FIELDS = ("qpos", "qvel", "act", "actuator_force", "xanchor", "site_xpos", "sensordata")
+_DERIVED_FIELDS = ("body_subtreemass", "body_invweight0", "dof_invweight0")
+"""Fields of the model that depend on others."""
+_MAX_CONTACTS = 32
+"""Maximum number of contacts of a robot; more are dropped."""
+_MAX_CONSTRAINT_ROWS = 160
+"""Maximum number of constraint rows of a robot; more are dropped."""
 
 
 class WarpBatch(ArrayBatch):
-    """See `quad_env.physics.batch.Batch`. All robots are stepped together, in single precision, by Newton's method.
+    """See `quad_env.physics.batch.Batch`. All robots are stepped at once, in single precision, by Newton's method.
 
-    The state lies here, in double precision; a step takes it to the device and back. So all else of an environment is
-    the same code as for MuJoCo.
+    The state lies in host memory, in double precision, and a step copies it to the device and back. The rest of an
+    environment is therefore the same code as for MuJoCo.
+
+    Args:
+        model: Compiled model of every robot.
+        num_envs: Number of robots.
     """
 
     features = SIMULATOR_FEATURES[WARP]
@@ -37,47 +43,72 @@ class WarpBatch(ArrayBatch):
         super().__init__(copy.copy(model), num_envs, dict.fromkeys((*_UPLOADED_FIELDS, *_DOWNLOADED_FIELDS)))
         self._model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
         warp.config.log_level = warp.LOG_WARNING
-        self._warp = mujoco_warp.put_model(self._model)
-        self._worlds = mujoco_warp.make_data(self._model, nworld=num_envs, nconmax=_NCONMAX, njmax=_NJMAX)
-        self._changed = True
-        """Whether the device does not know the fields of robots of their own yet."""
+        self._device_model = mujoco_warp.put_model(self._model)
+        self._device_data = mujoco_warp.make_data(
+            self._model, nworld=num_envs, nconmax=_MAX_CONTACTS, njmax=_MAX_CONSTRAINT_ROWS
+        )
+        self._is_model_stale = True
+        """True while the device lacks the newest expanded fields."""
         self._graphs: dict[int, Any] = {}
+        """Number of physics steps -> CUDA graph that makes them."""
 
     def expand(self, field: str) -> Array:
-        """A field of the model, of each robot its own from the next `set_const`, or the first step, on."""
-        for name in _DERIVED:
+        """Give every robot its own values of a model `field`, and return them, (n, ...).
+
+        They take effect at the next `set_const` or at the first step.
+        """
+        for name in _DERIVED_FIELDS:
             super().expand(name)
         return super().expand(field)
 
     def sensor(self, name: str) -> Any:
-        """A sensor, whose `data`, (n, size), are of the state before the last physics step."""
-        start, size = int(self._model.sensor(name).adr[0]), int(self._model.sensor(name).dim[0])
+        """Return the sensor called `name`; its `data`, (n, size), belong to the state before the last physics step."""
+        sensor = self._model.sensor(name)
+        start = int(sensor.adr[0])
+        size = int(sensor.dim[0])
         return SimpleNamespace(data=self._fields["sensordata"][:, start : start + size])
 
     def reset(self, ids: EnvIndices, keyframe: int | None = None, *, stage: int = 0) -> None:
-        """Put those robots at the model's start, or at a keyframe, at rest; nothing touches the ground yet."""
+        """Put robots at the start of the model, at rest; no contacts are computed yet.
+
+        Args:
+            ids: Indices of the robots, (k,).
+            keyframe: Index of a keyframe to start from instead.
+            stage: Not used.
+        """
         super().reset(ids, keyframe, stage=stage)
         mask = np.zeros(len(self.warning), np.bool_)
         mask[ids] = True
-        mujoco_warp.reset_data(self._warp, self._worlds, warp.array(mask))
+        mujoco_warp.reset_data(self._device_model, self._device_data, warp.array(mask))
 
     def step(self, ids: EnvSelection | None, nstep: int) -> None:
-        """Move those robots, or all, on by some physics steps."""
-        if self._changed:
-            self._give_fields()
-        run = self._running(nstep)
-        for name in _UPLOADED_FIELDS:
-            if self._fields[name].size:
-                getattr(self._worlds, name).assign(self._fields[name].astype(np.float32).reshape(len(self.warning), -1))
-        run()
-        rows = slice(None) if ids is None else ids
-        for name in _DOWNLOADED_FIELDS:
-            if (values := self._fields[name]).size:
-                values[rows] = getattr(self._worlds, name).numpy().reshape(values.shape)[rows]
+        """Advance robots by physics steps.
 
-    def _running(self, steps: int) -> Callable[[], None]:
-        """What makes so many steps of all; on a GPU one graph, which takes no time for each launch. To be asked for
-        before the state is given: what compiles it moves the robots."""
+        Args:
+            ids: Robots to step; None for all.
+            nstep: Number of physics steps.
+        """
+        if self._is_model_stale:
+            self._upload_expanded_fields()
+        run = self._compiled_steps(nstep)  # first: compiling moves the robots
+        self._upload_state()
+        run()
+        self._download_state(slice(None) if ids is None else ids)
+
+    def set_const(self, ids: EnvIndices) -> None:
+        """Recompute the model constants that depend on expanded fields, for the robots `ids`, (k,)."""
+        for robot in ids:
+            self.get_model(int(robot), self._model)
+            mujoco.mj_setConst(self._model, self._data)
+            for name in _DERIVED_FIELDS:
+                self._expanded[name][robot] = getattr(self._model, name)
+        self._is_model_stale = True
+
+    def _compiled_steps(self, steps: int) -> Callable[[], None]:
+        """Return a function that steps all robots; on a GPU one CUDA graph, which saves the time of each launch.
+
+        Call it before the state is uploaded: compiling a graph moves the robots.
+        """
         if not warp.get_device().is_cuda:
             return partial(self._run, steps)
         if steps not in self._graphs:
@@ -88,24 +119,33 @@ class WarpBatch(ArrayBatch):
         return partial(warp.capture_launch, self._graphs[steps])
 
     def _run(self, steps: int) -> None:
+        """Step all robots on the device."""
         for _ in range(steps):
-            mujoco_warp.step(self._warp, self._worlds)
+            mujoco_warp.step(self._device_model, self._device_data)
 
-    def _give_fields(self) -> None:
-        """Take the fields that differ from robot to robot to the device, always to the same place there."""
-        for name, values in self._own.items():
-            there, single = getattr(self._warp, name), values.astype(np.float32)
-            if len(there) == len(values):
-                there.assign(single)
+    def _upload_state(self) -> None:
+        """Copy the state of all robots to the device."""
+        for name in _UPLOADED_FIELDS:
+            values = self._fields[name]
+            if values.size:
+                rows = values.astype(np.float32).reshape(len(self.warning), -1)
+                getattr(self._device_data, name).assign(rows)
+
+    def _download_state(self, selection: EnvSelection) -> None:
+        """Copy state and outputs of some robots from the device."""
+        for name in _DOWNLOADED_FIELDS:
+            values = self._fields[name]
+            if values.size:
+                device_values = getattr(self._device_data, name).numpy().reshape(values.shape)
+                values[selection] = device_values[selection]
+
+    def _upload_expanded_fields(self) -> None:
+        """Copy the fields that differ between robots to the device, always into the same memory, which graphs read."""
+        for name, values in self._expanded.items():
+            device_array = getattr(self._device_model, name)
+            rows = values.astype(np.float32)
+            if len(device_array) == len(values):
+                device_array.assign(rows)
             else:
-                setattr(self._warp, name, warp.array(single, dtype=there.dtype))
-        self._changed = False
-
-    def set_const(self, ids: EnvIndices) -> None:
-        """Work out what depends on the expanded fields of those robots."""
-        for robot in ids:
-            self.get_model(int(robot), self._model)
-            mujoco.mj_setConst(self._model, self._data)
-            for name in _DERIVED:
-                self._own[name][robot] = getattr(self._model, name)
-        self._changed = True
+                setattr(self._device_model, name, warp.array(rows, dtype=device_array.dtype))
+        self._is_model_stale = False

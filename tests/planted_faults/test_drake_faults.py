@@ -84,7 +84,7 @@ def check_energy_is_kept_in_flight() -> None:
 
 def unmatched_friction(patch: pytest.MonkeyPatch) -> None:
     """Geoms have their own coefficients, which Drake combines by the harmonic mean."""
-    patch.setattr(plant, "_frictions", lambda model, geoms, _: model.geom_friction[geoms, 0])
+    patch.setattr(plant, "_drake_frictions", lambda model, geoms, _: model.geom_friction[geoms, 0])
 
 
 def lifting_contact(patch: pytest.MonkeyPatch) -> None:

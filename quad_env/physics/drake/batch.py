@@ -1,5 +1,6 @@
-"""n robots that Drake steps, with the calls of MuJoCo's batch."""
+"""Batch of robots that Drake steps, with the calls of MuJoCo's batch."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,131 +12,181 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
 from quad_env.columns import Array, EnvIndices, EnvSelection
 from quad_env.physics.array_batch import ArrayBatch
-from quad_env.physics.drake.plant import inertia, plant_of
+from quad_env.physics.drake.plant import build_plant, spatial_inertia
 from quad_env.physics.simulators import DRAKE, SIMULATOR_FEATURES
 from quad_env.robots.part_names import foot_geoms
 
 _Forces = Value[list[ExternallyAppliedSpatialForce]]
-_STEPPED = "qpos", "qvel", "ctrl", "actuator_force", "xfrc_applied"
+_STEPPED_FIELDS = ("qpos", "qvel", "ctrl", "actuator_force", "xfrc_applied")
+"""Fields of MuJoCo's data that a step reads or writes."""
 _TRUNK = 1
 """MuJoCo's id of the body with the free joint."""
 
 
-class DrakeBatch(ArrayBatch):
-    """See `quad_env.physics.batch.Batch`. Robots share a plant; each has a context of its own.
+@dataclass(frozen=True)
+class _ContactSensor:
+    """A contact sensor: the sum of a contact quantity over some geoms."""
 
-    Forces act on trunks alone. `actuator_force` is what the joint received: the servo's torque at the end of the step,
-    within its limits, its damping included.
+    source: Array
+    """Quantity per robot and geom, (n, ngeom): number of ground contacts, or force, N."""
+    geoms: list[int]
+    """MuJoCo's ids of the geoms."""
+    data: Array
+    """Reading, (n, 1)."""
+
+
+class DrakeBatch(ArrayBatch):
+    """See `quad_env.physics.batch.Batch`. Robots share a plant; each has its own context.
+
+    Forces act on trunks alone. `actuator_force` is the torque that the joint received: the servo's torque at the end of
+    the step, within its limits and with its damping.
+
+    Args:
+        model: Compiled model of every robot.
+        num_envs: Number of robots.
     """
 
     features = SIMULATOR_FEATURES[DRAKE]
     """Features that this simulator supports."""
 
     def __init__(self, model: mujoco.MjModel, num_envs: int) -> None:
-        super().__init__(model, num_envs, (*_STEPPED, "xanchor", "site_xpos"))
-        self._drake = plant_of(model)
-        self._contexts = [self._drake.diagram.CreateDefaultContext() for _ in range(num_envs)]
-        self._plants = list(map(self._drake.plant.GetMyMutableContextFromRoot, self._contexts))
-        self._touches, self._forces = np.zeros((2, num_envs, model.ngeom))
-        """Contacts of each geom with the ground in the last physics step, and the force of all that press it, N."""
-        self._sensors: dict[str, tuple[Array, list[int], Array]] = {}
-        """Of which of these, and of which geoms, each sensor's data are the sum."""
-        self._known = [(b"", b"")] * num_envs
-        """Positions and velocities of each context, as bytes."""
+        super().__init__(model, num_envs, (*_STEPPED_FIELDS, "xanchor", "site_xpos"))
+        self._drake = build_plant(model)
+        self._root_contexts = [self._drake.diagram.CreateDefaultContext() for _ in range(num_envs)]
+        """Contexts of the whole diagram; they keep the plant's contexts alive."""
+        self._contexts = list(map(self._drake.plant.GetMyMutableContextFromRoot, self._root_contexts))
+        self._contact_counts = np.zeros((num_envs, model.ngeom))
+        """Contacts of each geom with the ground in the last physics step."""
+        self._contact_forces = np.zeros((num_envs, model.ngeom))
+        """Sum of the normal forces on each geom in the last physics step, N."""
+        self._sensors: dict[str, _ContactSensor] = {}
+        self._context_states = [(b"", b"")] * num_envs
+        """Positions and velocities of each context after its last step, as bytes."""
 
     def sensor(self, name: str) -> Any:
-        """A sensor whose `data`, (n, 1), are a part's contacts with the ground, or the force that presses a foot, N."""
-        model, number = self._model, self._model.sensor(name).id
-        watched = int(model.sensor_objid[number])
-        if model.sensor_type[number] == mujoco.mjtSensor.mjSENS_TOUCH:
-            leg = name.partition("_foot_touch")[0]
-            body = model.site_bodyid[watched]
-            source = self._forces
-            geoms = [geom for geom in foot_geoms(model, leg) if model.geom_bodyid[geom] == body]
-        elif model.sensor_objtype[number] == mujoco.mjtObj.mjOBJ_GEOM:
-            source, geoms = self._touches, [watched]
-        else:
-            source, geoms = self._touches, np.flatnonzero(model.geom_bodyid == watched).tolist()
-        self._sensors.setdefault(name, (source, geoms, np.zeros((len(self._plants), 1))))
-        return SimpleNamespace(data=self._sensors[name][2])
+        """Return the sensor called `name`; its `data`, (n, 1), are ground contacts of a part or a foot's force, N."""
+        if name not in self._sensors:
+            source, geoms = self._contact_source(name)
+            self._sensors[name] = _ContactSensor(source, geoms, np.zeros((len(self._contexts), 1)))
+        return SimpleNamespace(data=self._sensors[name].data)
 
     def reset(self, ids: EnvIndices, keyframe: int | None = None, *, stage: int = 0) -> None:
-        """Put those robots at the model's start, or at a keyframe, at rest; nothing touches the ground yet."""
+        """Put robots at the start of the model, at rest; no contacts are computed yet.
+
+        Args:
+            ids: Indices of the robots, (k,).
+            keyframe: Index of a keyframe to start from instead.
+            stage: Not used.
+        """
         super().reset(ids, keyframe, stage=stage)
-        for _, _, data in self._sensors.values():
-            data[ids] = 0.0
+        for sensor in self._sensors.values():
+            sensor.data[ids] = 0.0
 
     def step(self, ids: EnvSelection | None, nstep: int) -> None:
-        """Move those robots, or all, on by some physics steps; what Drake gives up on stands still, with a warning."""
-        rows = np.arange(len(self._plants))[slice(None) if ids is None else ids]
+        """Advance robots by physics steps; a robot that Drake cannot step stays in place, with a warning.
+
+        Args:
+            ids: Robots to step; None for all.
+            nstep: Number of physics steps.
+        """
+        rows = np.arange(len(self._contexts))[slice(None) if ids is None else ids]
         for robot in rows:
             try:
                 self._step(int(robot), nstep)
-            except (RuntimeError, SystemExit):  # the latter where its own checks fail, as of NaN
+            except (RuntimeError, SystemExit):  # the latter if a check of Drake fails, for example for NaN
                 self.warning[robot, int(mujoco.mjtWarning.mjWARN_BADQACC), 1] += 1
-        for source, geoms, data in self._sensors.values():
-            data[rows, 0] = source[rows][:, geoms].sum(axis=1)
-
-    def _step(self, robot: int, nstep: int) -> None:
-        plant, context = self._drake.plant, self._plants[robot]
-        qpos, qvel, ctrl, torque, push = (self._fields[name][robot] for name in _STEPPED)
-        self._set(robot, qpos, qvel, ctrl, push[_TRUNK])
-        for _ in range(nstep):
-            coming = plant.EvalUniquePeriodicDiscreteUpdate(context)
-            actuation = plant.get_net_actuation_output_port().Eval(context)
-            contacts = plant.get_contact_results_output_port().Eval(context)
-            context.SetDiscreteState(coming)
-        torque[:] = actuation[self._drake.servos]
-        self._look_at(robot, contacts)
-        self._from_drake(plant.GetPositionsAndVelocities(context), qpos, qvel)
-        self._known[robot] = qpos.tobytes(), qvel.tobytes()
-
-    def _set(self, robot: int, qpos: Array, qvel: Array, ctrl: Array, push: Array) -> None:
-        """Targets, the force on the trunk, and a state that is not what the last step has left."""
-        drake, context = self._drake, self._plants[robot]
-        if self._known[robot] != (qpos.tobytes(), qvel.tobytes()):
-            drake.plant.SetPositionsAndVelocities(context, self._to_drake(qpos, qvel))
-        desired = np.zeros(2 * drake.plant.num_actuators())
-        desired[drake.servos] = ctrl
-        drake.plant.get_desired_state_input_port(drake.trunk.model_instance()).FixValue(context, desired)
-        pushing = ExternallyAppliedSpatialForce()
-        pushing.body_index, pushing.p_BoBq_B = drake.trunk.index(), self._model.body_ipos[_TRUNK]
-        pushing.F_Bq_W = SpatialForce(push[3:], push[:3])
-        drake.plant.get_applied_spatial_force_input_port().FixValue(context, _Forces([pushing]))
-
-    def _look_at(self, robot: int, contacts: Any) -> None:
-        """How often each geom touches the ground, and how hard it is pressed."""
-        touches, forces = self._touches[robot], self._forces[robot]
-        touches[:] = forces[:] = 0.0
-        for number in range(contacts.num_point_pair_contacts()):
-            contact = contacts.point_pair_contact_info(number)
-            pair, force = contact.point_pair(), contact.contact_force()
-            both = [self._drake.geoms[each.get_value()] for each in (pair.id_A, pair.id_B)]
-            touches[both] += (self._model.geom_bodyid[both] == 0).any()
-            forces[both] += abs(float(force.dot(pair.nhat_BA_W)))
-
-    def _to_drake(self, qpos: Array, qvel: Array) -> Array:
-        """Quaternion before place, angular velocity first and in the world frame."""
-        state, hinges = np.empty(len(qpos) + len(qvel)), self._drake.hinges
-        state[:4], state[4:7], state[7 + hinges] = qpos[3:7] / np.linalg.norm(qpos[3:7]), qpos[:3], qpos[7:]
-        velocity = state[len(qpos) :]
-        mujoco.mju_rotVecQuat(velocity[:3], qvel[3:6], state[:4])
-        velocity[3:6], velocity[6 + hinges] = qvel[:3], qvel[6:]
-        return state
-
-    def _from_drake(self, state: Array, qpos: Array, qvel: Array) -> None:
-        hinges, velocity = self._drake.hinges, state[len(qpos) :]
-        qpos[3:7], qpos[:3], qpos[7:] = state[:4], state[4:7], state[7 + hinges]
-        inverse = np.empty(4)
-        mujoco.mju_negQuat(inverse, state[:4])
-        mujoco.mju_rotVecQuat(qvel[3:6], velocity[:3], inverse)
-        qvel[:3], qvel[6:] = velocity[3:6], velocity[6 + hinges]
+        for sensor in self._sensors.values():
+            sensor.data[rows, 0] = sensor.source[rows][:, sensor.geoms].sum(axis=1)
 
     def set_const(self, ids: EnvIndices) -> None:
-        """Give those robots' trunks the inertia with their payloads, places of which are in the expanded `body_pos`."""
+        """Give the trunks of robots `ids`, (k,), the inertia with their payloads at the expanded `body_pos`."""
         for robot in ids:
             self.get_model(int(robot), self._model)
             mujoco.mj_resetData(self._model, self._data)
             mujoco.mj_kinematics(self._model, self._data)
-            carried = inertia(self._model, self._data, _TRUNK)
-            self._drake.trunk.SetSpatialInertiaInBodyFrame(self._plants[robot], carried)
+            inertia = spatial_inertia(self._model, self._data, _TRUNK)
+            self._drake.trunk.SetSpatialInertiaInBodyFrame(self._contexts[robot], inertia)
+
+    def _contact_source(self, name: str) -> tuple[Array, list[int]]:
+        """Return the quantity and the geoms that a sensor sums up."""
+        model = self._model
+        sensor_id = model.sensor(name).id
+        object_id = int(model.sensor_objid[sensor_id])
+        if model.sensor_type[sensor_id] == mujoco.mjtSensor.mjSENS_TOUCH:
+            leg = name.partition("_foot_touch")[0]
+            body = model.site_bodyid[object_id]
+            geoms = [geom for geom in foot_geoms(model, leg) if model.geom_bodyid[geom] == body]
+            return self._contact_forces, geoms
+        if model.sensor_objtype[sensor_id] == mujoco.mjtObj.mjOBJ_GEOM:
+            return self._contact_counts, [object_id]
+        return self._contact_counts, np.flatnonzero(model.geom_bodyid == object_id).tolist()
+
+    def _step(self, robot: int, nstep: int) -> None:
+        """Advance one robot by physics steps."""
+        plant = self._drake.plant
+        context = self._contexts[robot]
+        qpos, qvel, ctrl, torque, force = (self._fields[name][robot] for name in _STEPPED_FIELDS)
+        self._set_context(robot, qpos, qvel, ctrl, force[_TRUNK])
+        for _ in range(nstep):
+            next_state = plant.EvalUniquePeriodicDiscreteUpdate(context)
+            actuation = plant.get_net_actuation_output_port().Eval(context)
+            contacts = plant.get_contact_results_output_port().Eval(context)
+            context.SetDiscreteState(next_state)
+        torque[:] = actuation[self._drake.servos]
+        self._read_contacts(robot, contacts)
+        self._from_drake(plant.GetPositionsAndVelocities(context), qpos, qvel)
+        self._context_states[robot] = (qpos.tobytes(), qvel.tobytes())
+
+    def _set_context(self, robot: int, qpos: Array, qvel: Array, ctrl: Array, force: Array) -> None:
+        """Set joint targets, the force on the trunk, and the state if it is not the result of the last step."""
+        drake = self._drake
+        context = self._contexts[robot]
+        if self._context_states[robot] != (qpos.tobytes(), qvel.tobytes()):
+            drake.plant.SetPositionsAndVelocities(context, self._to_drake(qpos, qvel))
+        desired_state = np.zeros(2 * drake.plant.num_actuators())
+        desired_state[drake.servos] = ctrl
+        drake.plant.get_desired_state_input_port(drake.trunk.model_instance()).FixValue(context, desired_state)
+        trunk_force = ExternallyAppliedSpatialForce()
+        trunk_force.body_index = drake.trunk.index()
+        trunk_force.p_BoBq_B = self._model.body_ipos[_TRUNK]
+        trunk_force.F_Bq_W = SpatialForce(force[3:], force[:3])
+        drake.plant.get_applied_spatial_force_input_port().FixValue(context, _Forces([trunk_force]))
+
+    def _read_contacts(self, robot: int, contacts: Any) -> None:
+        """Count the ground contacts of each geom and add up its normal forces."""
+        counts = self._contact_counts[robot]
+        forces = self._contact_forces[robot]
+        counts[:] = 0.0
+        forces[:] = 0.0
+        for index in range(contacts.num_point_pair_contacts()):
+            contact = contacts.point_pair_contact_info(index)
+            pair = contact.point_pair()
+            geoms = [self._drake.geoms[drake_id.get_value()] for drake_id in (pair.id_A, pair.id_B)]
+            counts[geoms] += (self._model.geom_bodyid[geoms] == 0).any()
+            forces[geoms] += abs(float(contact.contact_force().dot(pair.nhat_BA_W)))
+
+    def _to_drake(self, qpos: Array, qvel: Array) -> Array:
+        """Return Drake's state: quaternion before position, angular velocity first and in the world frame."""
+        hinges = self._drake.hinges
+        state = np.empty(len(qpos) + len(qvel))
+        state[:4] = qpos[3:7] / np.linalg.norm(qpos[3:7])
+        state[4:7] = qpos[:3]
+        state[7 + hinges] = qpos[7:]
+        velocity = state[len(qpos) :]
+        mujoco.mju_rotVecQuat(velocity[:3], qvel[3:6], state[:4])
+        velocity[3:6] = qvel[:3]
+        velocity[6 + hinges] = qvel[6:]
+        return state
+
+    def _from_drake(self, state: Array, qpos: Array, qvel: Array) -> None:
+        """Write Drake's state into MuJoCo's positions and velocities."""
+        hinges = self._drake.hinges
+        velocity = state[len(qpos) :]
+        qpos[3:7] = state[:4]
+        qpos[:3] = state[4:7]
+        qpos[7:] = state[7 + hinges]
+        inverse = np.empty(4)
+        mujoco.mju_negQuat(inverse, state[:4])
+        mujoco.mju_rotVecQuat(qvel[3:6], velocity[:3], inverse)
+        qvel[:3] = velocity[3:6]
+        qvel[6:] = velocity[6 + hinges]

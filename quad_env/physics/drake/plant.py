@@ -1,4 +1,4 @@
-"""Drake's plant of a compiled MuJoCo model: one robot on ground of planes and boxes."""
+"""Drake plant of a compiled MuJoCo model: one robot on ground of planes and boxes."""
 
 import logging
 from collections.abc import Iterator
@@ -17,80 +17,101 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from quad_env.columns import EnvIndices
 
-logging.getLogger("drake").setLevel(logging.ERROR)  # it warns of half spaces, which deformable bodies do not meet
+logging.getLogger("drake").setLevel(logging.ERROR)  # it warns that deformable bodies do not meet half spaces
 
 DISSIPATION = 10.0
-"""Hunt and Crossley's, s/m: what loads a foot by twice its share of the robot's weight is damped critically, as in
-MuJoCo, and nothing bounces off faster than at 1/d, 0.1 m/s."""
-_DRY = 0.01
-"""Speed below which a joint's dry friction is viscous, rad/s."""
-_WIDE = 1000.0
-"""Edge of the cube that stands for a plane among boxes, m: half spaces among many geometries crash Drake 1.51."""
+"""s/m. Hunt-Crossley dissipation d. A contact with twice a foot's share of the weight is critically damped, as in
+MuJoCo; nothing bounces off faster than 1/d, 0.1 m/s."""
+_STICTION_SPEED = 0.01
+"""rad/s. Speed below which a joint's dry friction is viscous; a smaller value is closer to Coulomb's law."""
+_PLANE_SIZE = 1000.0
+"""m. Edge of the cube that replaces a plane among boxes: half spaces among many geometries crash Drake 1.51."""
 
 
 @dataclass(frozen=True)
 class Plant:
-    """The robot in Drake, with the places of its parts."""
+    """The robot in Drake, and the indices of its parts; `build_plant` makes it."""
 
     diagram: Diagram
     plant: multibody.MultibodyPlant
     trunk: tree.RigidBody
     geoms: dict[int, int]
-    """Drake's number of each geometry -> MuJoCo's id of the geom."""
+    """Drake's id of each collision geometry -> MuJoCo's id of the geom."""
     hinges: EnvIndices
-    """Place among Drake's positions and velocities of each joint in MuJoCo's order, less those of the trunk."""
+    """Index in Drake's positions and velocities, after the trunk's, of each joint in MuJoCo's order."""
     servos: EnvIndices
-    """Place among Drake's actuators of each servo in MuJoCo's order."""
+    """Index in Drake's actuators of each servo in MuJoCo's order."""
 
 
-def plant_of(model: mujoco.MjModel) -> Plant:
-    """The plant of a robot of that model, whose trunk is its first body."""
-    data, builder = mujoco.MjData(model), DiagramBuilder()
+def build_plant(model: mujoco.MjModel) -> Plant:
+    """Build the Drake plant of a robot's compiled `model`; the trunk is its first body."""
+    data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    # "lagged": friction goes by the normal force of the last step; convex approximations lift what slides.
+    builder = DiagramBuilder()
+    # "lagged": friction uses the normal force of the last step. Convex approximations lift sliding bodies.
     config = multibody.MultibodyPlantConfig(time_step=model.opt.timestep, discrete_contact_approximation="lagged")
     config.use_sampled_output_ports = config.adjacent_bodies_collision_filters = False
     plant, scene = multibody.AddMultibodyPlant(config, builder)
     plant.mutable_gravity_field().set_gravity_vector(model.opt.gravity)
-    roots = [body for body in range(1, model.nbody) if model.body_weldid[body] == body]
-    bodies = {root: plant.AddRigidBody(f"body_{root}", inertia(model, data, root)) for root in roots}
+    bodies = _add_bodies(plant, model, data)
+    trunk = next(iter(bodies.values()))
     bodies[0] = plant.world_body()
     joints = [_add_joint(plant, model, data, bodies, joint) for joint in range(1, model.njnt)]
     servos = [_add_servo(plant, model, joints, servo) for servo in range(model.nu)]
-    _add_friction(plant, model, joints)
-    geoms = dict(_add_geoms(plant, model, data, bodies))
+    _add_joint_friction(plant, model, joints)
+    geometry_ids = dict(_add_geoms(plant, model, data, bodies))
     plant.Finalize()
-    _filter(scene, model, geoms)
+    _filter_collisions(scene, model, geometry_ids)
     return Plant(
-        builder.Build(),
-        plant,
-        bodies[roots[0]],
-        {number.get_value(): geom for geom, number in geoms.items()},
-        np.array([joint.velocity_start() - 6 for joint in joints], np.intp),
-        np.array([int(servo.index()) for servo in servos], np.intp),
+        diagram=builder.Build(),
+        plant=plant,
+        trunk=trunk,
+        geoms={geometry_id.get_value(): geom for geom, geometry_id in geometry_ids.items()},
+        hinges=np.array([joint.velocity_start() - 6 for joint in joints], np.intp),
+        servos=np.array([int(servo.index()) for servo in servos], np.intp),
     )
 
 
-def inertia(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> tree.SpatialInertia:
-    """Of a body and all that is welded to it, about its origin and in its axes."""
-    total, axes = tree.SpatialInertia.Zero(), data.xmat[root].reshape(3, 3)
-    for body in np.flatnonzero((model.body_weldid == root) & (model.body_mass > 0)):
-        turned = RotationMatrix(axes.T @ data.ximat[body].reshape(3, 3))
-        about_centre = tree.RotationalInertia(*model.body_inertia[body]).ReExpress(turned)
-        centre = axes.T @ (data.xipos[body] - data.xpos[root])
-        total += tree.SpatialInertia.MakeFromCentralInertia(model.body_mass[body], centre, about_centre)
+def spatial_inertia(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> tree.SpatialInertia:
+    """Compute the spatial inertia of a body and of everything that is welded to it.
+
+    Args:
+        model: Compiled model.
+        data: Its data with body poses, from `mj_kinematics`.
+        body: MuJoCo's id of the body; it is welded to nothing above.
+
+    Returns:
+        Inertia about the origin of the body, in its axes.
+    """
+    rotation_body_from_world = data.xmat[body].reshape(3, 3).T
+    total = tree.SpatialInertia.Zero()
+    for part in np.flatnonzero((model.body_weldid == body) & (model.body_mass > 0)):
+        rotation = RotationMatrix(rotation_body_from_world @ data.ximat[part].reshape(3, 3))
+        central_inertia = tree.RotationalInertia(*model.body_inertia[part]).ReExpress(rotation)
+        centre = rotation_body_from_world @ (data.xipos[part] - data.xpos[body])
+        total += tree.SpatialInertia.MakeFromCentralInertia(model.body_mass[part], centre, central_inertia)
     return total
 
 
+def _add_bodies(plant: Any, model: mujoco.MjModel, data: mujoco.MjData) -> dict[int, Any]:
+    """Add a body for each group of welded bodies; return MuJoCo's id of its first body -> Drake's body."""
+    roots = [body for body in range(1, model.nbody) if model.body_weldid[body] == body]
+    return {root: plant.AddRigidBody(f"body_{root}", spatial_inertia(model, data, root)) for root in roots}
+
+
 def _add_joint(plant: Any, model: mujoco.MjModel, data: mujoco.MjData, bodies: dict[int, Any], joint: int) -> Any:
-    """A hinge, whose angle is that of `qpos`."""
-    child, axis, place = int(model.jnt_bodyid[joint]), model.jnt_axis[joint], int(model.jnt_qposadr[joint])
-    parent, name = int(model.body_weldid[model.body_parentid[child]]), model.joint(joint).name
-    at, turn = RigidTransform(model.jnt_pos[joint]), RigidTransform(AngleAxis(-model.qpos0[place], axis), np.zeros(3))
-    fixed = _pose(data, parent).InvertAndCompose(_pose(data, child)) @ at @ turn
+    """Add a hinge with the angle of `qpos`."""
+    name = model.joint(joint).name
+    axis = model.jnt_axis[joint]
+    child = int(model.jnt_bodyid[joint])
+    parent = int(model.body_weldid[model.body_parentid[child]])
+    reference = model.qpos0[int(model.jnt_qposadr[joint])]
+    child_pose = RigidTransform(model.jnt_pos[joint])
+    to_reference = RigidTransform(AngleAxis(-reference, axis), np.zeros(3))
+    parent_pose = _pose(data, parent).InvertAndCompose(_pose(data, child)) @ child_pose @ to_reference
     frames = [
         plant.AddFrame(tree.FixedOffsetFrame(f"{name}_{end}", bodies[body].body_frame(), pose))
-        for end, body, pose in (("parent", parent, fixed), ("child", child, at))
+        for end, body, pose in (("parent", parent, parent_pose), ("child", child, child_pose))
     ]
     lower, upper = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
     damping = model.dof_damping[model.jnt_dofadr[joint]]
@@ -98,61 +119,72 @@ def _add_joint(plant: Any, model: mujoco.MjModel, data: mujoco.MjData, bodies: d
 
 
 def _add_servo(plant: Any, model: mujoco.MjModel, joints: list[Any], servo: int) -> Any:
-    """Its stiffness and damping are both implicit; armature is inertia of a rotor."""
-    joint, name = int(model.actuator_trnid[servo, 0]), model.actuator(servo).name
-    added = plant.AddJointActuator(name, joints[joint - 1], model.actuator_forcerange[servo, 1])
-    added.set_default_rotor_inertia(model.dof_armature[model.jnt_dofadr[joint]])
-    stiffness, damping = model.actuator_gainprm[servo, 0], -model.actuator_biasprm[servo, 2]
-    added.set_controller_gains(tree.PdControllerGains(p=stiffness, d=damping))
-    return added
+    """Add a servo with implicit stiffness and damping; the joint's armature is the inertia of its rotor."""
+    joint = int(model.actuator_trnid[servo, 0])
+    torque_limit = model.actuator_forcerange[servo, 1]
+    actuator = plant.AddJointActuator(model.actuator(servo).name, joints[joint - 1], torque_limit)
+    actuator.set_default_rotor_inertia(model.dof_armature[model.jnt_dofadr[joint]])
+    stiffness = model.actuator_gainprm[servo, 0]
+    damping = -model.actuator_biasprm[servo, 2]
+    actuator.set_controller_gains(tree.PdControllerGains(p=stiffness, d=damping))
+    return actuator
 
 
-def _add_friction(plant: Any, model: mujoco.MjModel, joints: list[Any]) -> None:
-    """Dry friction of joints: a servo of that little torque that wants its joint at rest."""
-    for joint, loss, armature in zip(joints, model.dof_frictionloss[6:], model.dof_armature[6:], strict=True):
-        if loss > 0:
-            brake = plant.AddJointActuator(f"{joint.name()}_friction", joint, loss)
-            brake.set_default_rotor_inertia(armature)  # of a joint's actuators Drake takes the inertia of the last
-            brake.set_controller_gains(tree.PdControllerGains(p=0.0, d=loss / _DRY))
+def _add_joint_friction(plant: Any, model: mujoco.MjModel, joints: list[Any]) -> None:
+    """Add the dry friction of joints, as a velocity servo at 0 rad/s with the friction as its torque limit."""
+    for joint, torque, armature in zip(joints, model.dof_frictionloss[6:], model.dof_armature[6:], strict=True):
+        if torque > 0:
+            brake = plant.AddJointActuator(f"{joint.name()}_friction", joint, torque)
+            brake.set_default_rotor_inertia(armature)  # Drake uses the inertia of a joint's last actuator
+            brake.set_controller_gains(tree.PdControllerGains(p=0.0, d=torque / _STICTION_SPEED))
 
 
 def _add_geoms(
     plant: Any, model: mujoco.MjModel, data: mujoco.MjData, bodies: dict[int, Any]
 ) -> Iterator[tuple[int, Any]]:
-    """What may collide: geom and Drake's id."""
+    """Add the geoms that can collide; yield MuJoCo's id and Drake's id of each."""
     solid = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
     ground = solid[model.geom_bodyid[solid] == 0]
-    frictions = _frictions(model, solid, ground[0])
+    frictions = _drake_frictions(model, solid, ground[0])
     for geom, friction in zip(solid.tolist(), frictions, strict=True):
-        material, coulomb = geometry.ProximityProperties(), multibody.CoulombFriction(friction, friction)
-        geometry.AddContactMaterial(DISSIPATION, 2 * _stiffness(model, ground[0]), coulomb, material)
-        root, shape = int(model.body_weldid[model.geom_bodyid[geom]]), _shape(model, geom)
-        at = RigidTransform(RotationMatrix(data.geom_xmat[geom].reshape(3, 3)), data.geom_xpos[geom])
-        placed = _pose(data, root).InvertAndCompose(at)
+        material = geometry.ProximityProperties()
+        coulomb = multibody.CoulombFriction(friction, friction)
+        geometry.AddContactMaterial(DISSIPATION, 2 * _contact_stiffness(model, ground[0]), coulomb, material)
+        root = int(model.body_weldid[model.geom_bodyid[geom]])
+        world_pose = RigidTransform(RotationMatrix(data.geom_xmat[geom].reshape(3, 3)), data.geom_xpos[geom])
+        pose = _pose(data, root).InvertAndCompose(world_pose)
+        shape = _shape(model, geom)
         if isinstance(shape, geometry.HalfSpace) and len(ground) > 1:
-            placed, shape = placed @ RigidTransform([0.0, 0.0, -_WIDE / 2]), geometry.Box(_WIDE, _WIDE, _WIDE)
-        yield geom, plant.RegisterCollisionGeometry(bodies[root], placed, shape, f"geom_{geom}", material)
+            pose = pose @ RigidTransform([0.0, 0.0, -_PLANE_SIZE / 2])
+            shape = geometry.Box(_PLANE_SIZE, _PLANE_SIZE, _PLANE_SIZE)
+        yield geom, plant.RegisterCollisionGeometry(bodies[root], pose, shape, f"geom_{geom}", material)
 
 
-def _frictions(model: mujoco.MjModel, geoms: EnvIndices, ground: int) -> NDArray[np.float64]:
-    """Coefficients of these geoms with which Drake's friction on the ground is MuJoCo's.
+def _drake_frictions(model: mujoco.MjModel, geoms: EnvIndices, ground: int) -> NDArray[np.float64]:
+    """Return the friction coefficients of geoms with which Drake's friction on the ground equals MuJoCo's.
 
-    MuJoCo's of a pair, µ, is the ground's where that has priority, else the larger; Drake's the harmonic mean
-    2 a g / (a + g). With g the largest µ of all on that ground, a = µ g / (2 g − µ).
+    In MuJoCo the coefficient µ of a pair is the ground's if the ground has priority, else the larger one. In Drake it
+    is the harmonic mean 2 a g / (a + g). With g the largest µ of all geoms on that ground, a = µ g / (2 g − µ).
     """
-    own, grounds = model.geom_friction[geoms, 0], model.geom_friction[ground, 0]
-    pair = np.full_like(own, grounds) if model.geom_priority[ground] else np.maximum(own, grounds)
-    largest = pair[model.geom_bodyid[geoms] != 0].max()
-    return np.asarray(np.where(model.geom_bodyid[geoms] == 0, largest, pair * largest / (2 * largest - pair)))
+    geom_friction = model.geom_friction[geoms, 0]
+    ground_friction = model.geom_friction[ground, 0]
+    if model.geom_priority[ground]:
+        pair_friction = np.full_like(geom_friction, ground_friction)
+    else:
+        pair_friction = np.maximum(geom_friction, ground_friction)
+    is_ground = model.geom_bodyid[geoms] == 0
+    largest = pair_friction[~is_ground].max()
+    return np.asarray(np.where(is_ground, largest, pair_friction * largest / (2 * largest - pair_friction)))
 
 
-def _stiffness(model: mujoco.MjModel, ground: int) -> float:
-    """Of a contact, N/m: what MuJoCo's is for the end of a leg on that ground, see `Ground`, at first touch."""
-    ends = model.body_invweight0[model.body_weldid, 0].max()
-    return float(1.0 / ((1.0 - model.geom_solimp[ground, 0]) * model.geom_solref[ground, 0] ** 2 * ends))
+def _contact_stiffness(model: mujoco.MjModel, ground: int) -> float:
+    """Return the stiffness of MuJoCo's contact of a leg's end with the ground at first touch, N/m; see `Ground`."""
+    inverse_inertia = model.body_invweight0[model.body_weldid, 0].max()
+    return float(1.0 / ((1.0 - model.geom_solimp[ground, 0]) * model.geom_solref[ground, 0] ** 2 * inverse_inertia))
 
 
 def _shape(model: mujoco.MjModel, geom: int) -> Any:
+    """Return Drake's shape of a geom."""
     size = model.geom_size[geom]
     match mujoco.mjtGeom(int(model.geom_type[geom])):
         case mujoco.mjtGeom.mjGEOM_PLANE:
@@ -168,32 +200,41 @@ def _shape(model: mujoco.MjModel, geom: int) -> Any:
         case mujoco.mjtGeom.mjGEOM_BOX:
             return geometry.Box(*(2 * size))
     mesh = model.mesh(int(model.geom_dataid[geom]))
-    start, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
+    start = int(mesh.vertadr[0])
+    count = int(mesh.vertnum[0])
     return geometry.Convex(model.mesh_vert[start : start + count].T.astype(np.float64), mesh.name)
 
 
-def _filter(scene: Any, model: mujoco.MjModel, geoms: dict[int, Any]) -> None:
-    """Leave those pairs to collide that do in MuJoCo."""
-    filters, meet = scene.collision_filter_manager(), _collide(model)
-    for geom, mine in geoms.items():
-        if apart := [other for number, other in geoms.items() if number > geom and not meet[geom, number]]:
-            sets = geometry.GeometrySet(mine), geometry.GeometrySet(apart)
-            filters.Apply(geometry.CollisionFilterDeclaration().ExcludeBetween(*sets))
+def _filter_collisions(scene: Any, model: mujoco.MjModel, geometry_ids: dict[int, Any]) -> None:
+    """Exclude the pairs of geoms that do not collide in MuJoCo."""
+    collision_filter = scene.collision_filter_manager()
+    collides = _collision_matrix(model)
+    for geom, geometry_id in geometry_ids.items():
+        excluded = [other_id for other, other_id in geometry_ids.items() if other > geom and not collides[geom, other]]
+        if excluded:
+            declaration = geometry.CollisionFilterDeclaration()
+            declaration.ExcludeBetween(geometry.GeometrySet(geometry_id), geometry.GeometrySet(excluded))
+            collision_filter.Apply(declaration)
 
 
-def _collide(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Which geoms collide with which, (ngeom, ngeom): bits match, no rule says otherwise, and no joint alone is
-    between their bodies."""
-    body, weld = model.geom_bodyid, model.body_weldid[model.geom_bodyid]
+def _collision_matrix(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return True for the pairs of geoms that can collide in MuJoCo, (ngeom, ngeom).
+
+    Their collision bits match, no exclusion names their bodies, and their bodies are neither welded together nor
+    parent and child. Explicit pairs collide in any case.
+    """
+    body = model.geom_bodyid
+    weld = model.body_weldid[body]
     bits = (model.geom_contype[:, None] & model.geom_conaffinity) != 0
-    below = (model.body_weldid[model.body_parentid[weld]][:, None] == weld) & (weld != 0)
-    excluded = np.isin((body[:, None] << 16) + body, model.exclude_signature)
-    apart = below | excluded | (weld[:, None] == weld)
-    meet = (bits | bits.T) & ~(apart | apart.T)
-    pairs = model.pair_geom1, model.pair_geom2
-    meet[pairs] = meet[pairs[::-1]] = True
-    return np.asarray(meet)
+    is_parent = (model.body_weldid[model.body_parentid[weld]][:, None] == weld) & (weld != 0)
+    is_excluded = np.isin((body[:, None] << 16) + body, model.exclude_signature)
+    apart = is_parent | is_excluded | (weld[:, None] == weld)
+    collides = (bits | bits.T) & ~(apart | apart.T)
+    collides[model.pair_geom1, model.pair_geom2] = True
+    collides[model.pair_geom2, model.pair_geom1] = True
+    return np.asarray(collides)
 
 
 def _pose(data: mujoco.MjData, body: int) -> RigidTransform:
+    """Return the pose of a body in the world frame."""
     return RigidTransform(RotationMatrix(data.xmat[body].reshape(3, 3)), data.xpos[body])

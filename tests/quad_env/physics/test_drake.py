@@ -34,7 +34,7 @@ def test_mass_matrix_is_mujocos(name: str, on: str) -> None:
     model = compile_model(robot, scenario(on, robot))
     rng, data, mass = np.random.default_rng(0), mujoco.MjData(model), np.zeros((model.nv, model.nv))
     robots = DrakeBatch(model, 1)
-    drake, context = robots._drake, robots._plants[0]
+    drake, context = robots._drake, robots._contexts[0]
     if on != "flat":
         model.body_pos[model.body("payload").id] += (0.1, -0.05, 0.0)
         robots.expand("body_pos")[0] = model.body_pos

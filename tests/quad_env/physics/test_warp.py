@@ -123,7 +123,7 @@ def without(name: str) -> Plant:
 FAULTS: Faults = {
     "angular velocity in another frame": (changed(turned), check_a_step_is_mujocos),
     "torques of no step": (changed(lambda batch: batch.bind("actuator_force").fill(0.0)), check_a_step_is_mujocos),
-    "payloads where they are not": (without("_give_fields"), check_a_step_is_mujocos),
+    "payloads where they are not": (without("_upload_expanded_fields"), check_a_step_is_mujocos),
 }
 test_the_code_passes, test_the_fault_turns_its_check_red, test_every_check_has_a_fault = fault_tests(
     checks_of(globals()), FAULTS
