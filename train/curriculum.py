@@ -6,12 +6,12 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from quad_env.scenarios.registry import scenario
 
 from evaluate.measures.outcomes import RULES, SUCCESS_RULE
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import axes_of
+from quad_env.scenarios.registry import scenario
 from quad_env.scenarios.scenario import SUFFIX_FIELDS, Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from train.residual_env import BoolArray
