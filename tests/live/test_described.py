@@ -8,9 +8,9 @@ import pytest
 from evaluate.rollouts import diagnosis, walking_test
 from live.commands.doctor import DESCRIPTION_CHECKS
 from live.walking import describe_spec
-from policies.external import spec_errors
 from policies.external.readers import write_toml
 from policies.external.spec import PolicySpec
+from policies.external.spec_errors import actuation
 from quad_env.__main__ import main
 from quad_env.doctor.check import DoctorSubject, Finding, run_checks
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -22,7 +22,7 @@ def policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> PolicySpec:
     monkeypatch.setattr(diagnosis, "SEEDS", diagnosis.SEEDS[:1])
     monkeypatch.setattr(walking_test, "WALK_TIME", 2.4)
     monkeypatch.setattr(walking_test, "SETTLING_TIME", 1.2)
-    monkeypatch.setattr(spec_errors, "GAIN_FACTORS", (5.0,))
+    monkeypatch.setattr(actuation, "GAIN_FACTORS", (5.0,))
     return walking_network.write(tmp_path / "trot.onnx")
 
 

@@ -1,0 +1,127 @@
+"""Errors in the actuation: action scale and offset, control rate, signs of joints, servo gains."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.base import Floats, Mask
+from policies.external.joint_mapping import map_joints
+from policies.external.network_policy import with_spec_gains
+from policies.external.spec import PolicySpec
+from policies.external.spec_errors.correction import (
+    ACTIONS,
+    GAINS,
+    POSITIONS,
+    RATE,
+    SIGNS,
+    Correction,
+    numbers_in_words,
+)
+from quad_env.robots.robot import Robot
+from quad_env.robots.structure import JOINTS_PER_LEG
+
+GAIN_FACTORS = 0.2, 0.45, 2.2, 5.0
+"""Factors on both specified servo gains, for policies without known gains."""
+SINGLE_GAIN_FACTORS = 0.1, 10.0
+"""Factors on the specified stiffness or damping alone."""
+ACTION_FACTORS = 0.25, 0.5, 2.0, 4.0
+"""Factors on the specified action scale."""
+HIP_FACTORS = 0.5, 2.0
+"""Factors on the specified action scale of the hips: legged_gym's forks reduce it."""
+RATES = 25.0, 100 / 3, 50.0, 100.0
+"""Hz. Usual control rates."""
+MIRRORED_PENALTY = 0.4
+"""Added if the default position turns with the signs: the same network then walks differently."""
+ROBOT_GAINS_PENALTY = 0.1
+"""Added for the robot's own gains, which often suit a policy as well as its own."""
+_LINKS = "hip", "thigh", "calf"
+
+
+def change_actions(spec: PolicySpec) -> Iterator[Correction]:
+    """Yield other action scales, and actions without the default position as an offset."""
+    for factor in ACTION_FACTORS:
+        scale = tuple(factor * value for value in spec.action_scale)
+        changed_setting = f"an action_scale of {numbers_in_words(scale)}"
+        yield Correction(ACTIONS, changed_setting, "`action_scale`", replace(spec, action_scale=scale))
+    is_hip = ["hip" in name.lower() or "haa" in name.lower() or name.lower().endswith("hx") for name in spec.joints]
+    for factor in HIP_FACTORS if sum(is_hip) == 4 else ():
+        scale = tuple(factor * value if hip else value for value, hip in zip(spec.action_scale, is_hip, strict=True))
+        changed_setting = f"{factor:g} times the action_scale of the hips"
+        yield Correction(ACTIONS, changed_setting, "`action_scale`", replace(spec, action_scale=scale))
+    zeros = (0.0,) * len(spec.joints)
+    for changed_setting, offset in (("targets from the default position", None), ("targets from zero", zeros)):
+        yield Correction(POSITIONS, changed_setting, "`action_offset`", replace(spec, action_offset=offset))
+
+
+def change_rate(spec: PolicySpec) -> Iterator[Correction]:
+    """Yield other control rates."""
+    rates = *RATES, 0.5 * spec.control_rate, min(2.0 * spec.control_rate, RATES[-1])
+    for rate in dict.fromkeys(rates):
+        changed = replace(spec, control_rate=rate)
+        yield Correction(RATE, f"a control rate of {rate:.4g} Hz", "`control_rate`", changed)
+
+
+def change_signs(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
+    """Yield reversed joints by link, on all legs or on one side; the default position turns with them or stays.
+
+    Args:
+        spec: Specification with an error.
+        robot: Robot of the policy.
+
+    Yields:
+        Corrections of the signs.
+    """
+    leg_ids, link_ids = np.divmod(map_joints(spec.joints, robot).joint_ids, JOINTS_PER_LEG)
+    is_right = np.array([robot.leg_names[leg].endswith("r") for leg in leg_ids])
+    for legs, mask, links in _sign_choices(is_right):
+        turns = np.where(mask & np.isin(link_ids, links), -1.0, 1.0)
+        signs = turns if spec.signs is None else turns * spec.signs
+        joints = f"{' and '.join(_LINKS[link] for link in links)}{legs}"
+        changed_setting = f"the sign of {joints} the other way"
+        reversed_spec = replace(spec, signs=None if (signs == 1.0).all() else tuple(signs.tolist()))
+        yield Correction(SIGNS, changed_setting, f"`signs` of {joints}", reversed_spec)
+        offset = spec.action_offset and tuple((turns * spec.action_offset + 0.0).tolist())
+        default_position = tuple((turns * spec.default_position + 0.0).tolist())
+        mirrored = replace(reversed_spec, default_position=default_position, action_offset=offset)
+        keys = f"`signs` and `default_position` of {joints}"
+        yield Correction(SIGNS, f"{changed_setting}, default position too", keys, mirrored, MIRRORED_PENALTY)
+
+
+def _sign_choices(is_right: Mask) -> list[tuple[str, NDArray[np.bool_], tuple[int, ...]]]:
+    """Return the choices of reversed joints: legs as text, mask of their joints, (12,), and links."""
+    every = np.ones(len(is_right), np.bool_)
+    link_choices: tuple[tuple[int, ...], ...] = ((1, 2), (0,), (2,), (1,), (0, 1, 2))
+    choices: list[tuple[str, NDArray[np.bool_], tuple[int, ...]]] = [("", every, links) for links in link_choices]
+    for side, mask in (("right", is_right), ("left", ~is_right)):
+        choices += [(f" of the {side} legs", mask, links) for links in ((0,), (0, 1, 2), (1, 2))]
+    return choices
+
+
+def change_gains(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
+    """Yield the robot's own gains, the specified gains with both far off, and with one of them far off.
+
+    Args:
+        spec: Specification with an error.
+        robot: Robot of the policy.
+
+    Yields:
+        Corrections of the servo gains.
+    """
+    joint_ids = map_joints(spec.joints, robot).joint_ids
+    robot_gains = np.array((robot.servo_stiffness, robot.servo_damping))[:, joint_ids]
+    for penalty, gains in ((ROBOT_GAINS_PENALTY, robot_gains), *((0.0, gains) for gains in _scaled_gains(spec))):
+        stiffness, damping = gains.tolist()
+        changed = replace(spec, stiffness=tuple(stiffness), damping=tuple(damping))
+        changed_setting = f"servo gains of {with_spec_gains(robot, changed).servo}"
+        yield Correction(GAINS, changed_setting, "`stiffness` and `damping`", changed, penalty)
+
+
+def _scaled_gains(spec: PolicySpec) -> list[Floats]:
+    """Return the specified stiffness and damping, scaled together and one at a time, (2, 12) each."""
+    gains = np.array((spec.stiffness, spec.damping))
+    scaled = [factor * gains for factor in GAIN_FACTORS]
+    for factor in SINGLE_GAIN_FACTORS:
+        scaled += [np.array(factors)[:, None] * gains for factors in ((1.0, factor), (factor, 1.0))]
+    return scaled

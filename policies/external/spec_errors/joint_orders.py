@@ -1,0 +1,114 @@
+"""Errors in the order of the joints: left and right, fore and hind, by kind or by leg."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.external.joint_mapping import map_joints
+from policies.external.spec import JOINT_FIELDS, PolicySpec
+from policies.external.spec_errors.correction import ENDS, GROUPING, OBSERVED, ORDERS, SIDES, Correction
+from quad_env.robots.robot import Robot
+from quad_env.robots.structure import JOINTS_PER_LEG
+
+JointOrder = NDArray[np.intp]
+"""Indices of joints among the robot's, (12,)."""
+Names = tuple[str, ...]
+_OTHER_LEG = {SIDES: str.maketrans("lr", "rl"), ENDS: str.maketrans("fh", "hf")}
+"""Letters of a leg's name that each error exchanges."""
+
+
+def joint_order_in_words(joints: Names, robot: Robot) -> str:
+    """Return the order of joints as text, such as `FL FR RL RR by leg`.
+
+    Args:
+        joints: Names of the joints.
+        robot: Robot that has them.
+
+    Returns:
+        Order of the legs, and of the joints within.
+    """
+    order = map_joints(joints, robot).joint_ids
+    legs = dict.fromkeys(robot.leg_names[joint // JOINTS_PER_LEG] for joint in order.tolist())
+    by_leg, by_kind = _grouped(order)
+    grouping = "by leg" if np.array_equal(order, by_leg) else "by kind" if np.array_equal(order, by_kind) else "mixed"
+    return f"{' '.join(legs).upper().replace('H', 'R')} {grouping}"
+
+
+def reorder_joints(spec: PolicySpec, robot: Robot, count: int) -> Iterator[Correction]:
+    """Yield other orders of the joints' names alone, and with their values in the order of their names.
+
+    Args:
+        spec: Specification with an error.
+        robot: Robot of the policy.
+        count: Number of ORDERS that are undone together.
+
+    Yields:
+        Corrections of the order.
+    """
+    for errors in combinations(ORDERS, count):
+        joints = _undo(spec.joints, errors, robot)
+        observed = spec.observed_joints and _undo(spec.observed_joints, errors, robot)
+        renamed = replace(spec, joints=joints, observed_joints=observed)
+        kind = " and ".join(errors)
+        order = joint_order_in_words(joints, robot)
+        yield Correction(kind, f"the joint order {order}", "`joints`", renamed)
+        reordered = replace(renamed, **_reordered_values(spec, joints))
+        if reordered != renamed:
+            changed_setting = f"joints and their figures in the order {order}"
+            yield Correction(kind, changed_setting, "`joints` and what is in its order", reordered)
+
+
+def reorder_observed_joints(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
+    """Yield other orders of the observed joints alone: the actions' order, or one without an error.
+
+    Args:
+        spec: Specification with an error.
+        robot: Robot of the policy.
+
+    Yields:
+        Corrections of the observed order.
+    """
+    current = spec.observed_joints or spec.joints
+    for order in (spec.joints, *(_undo(current, (error,), robot) for error in ORDERS)):
+        changed_setting = f"joints observed in the order {joint_order_in_words(order, robot)}"
+        observed = order if order != spec.joints else None
+        yield Correction(OBSERVED, changed_setting, "`observed_joints`", replace(spec, observed_joints=observed))
+
+
+def _reordered_values(spec: PolicySpec, joints: Names) -> dict[str, Any]:
+    """Return the fields with a value per joint in another order of the joints."""
+    order = [spec.joints.index(name) for name in joints]
+    fields = {name: getattr(spec, name) for name in JOINT_FIELDS}
+    return {name: values and tuple(values[index] for index in order) for name, values in fields.items()}
+
+
+def _undo(joints: Names, errors: Iterable[str], robot: Robot) -> Names:
+    """Return joints in their order without the errors."""
+    given = map_joints(joints, robot).joint_ids
+    order = given
+    for error in errors:
+        if error == GROUPING:
+            by_leg, by_kind = _grouped(order)
+            order = by_kind if np.array_equal(order, by_leg) else by_leg
+        else:
+            other_legs = [robot.leg_names.index(leg.translate(_OTHER_LEG[error])) for leg in robot.leg_names]
+            order = JOINTS_PER_LEG * np.array(other_legs)[order // JOINTS_PER_LEG] + order % JOINTS_PER_LEG
+    return tuple(joints[np.flatnonzero(given == joint)[0]] for joint in order)
+
+
+def _grouped(order: JointOrder) -> tuple[JointOrder, JointOrder]:
+    """Return joints by leg and by kind; legs, and joints of a leg, keep the order of their first appearance."""
+    leg_ids, link_ids = np.divmod(order, JOINTS_PER_LEG)
+    leg_rank = _rank_of_first(leg_ids)
+    link_rank = _rank_of_first(link_ids)
+    return order[np.lexsort((link_rank, leg_rank))], order[np.lexsort((leg_rank, link_rank))]
+
+
+def _rank_of_first(ids: JointOrder) -> NDArray[np.intp]:
+    """Return for each entry the index of the first entry with the same value, for values from 0."""
+    first_indices: NDArray[np.intp] = np.unique(ids, return_index=True)[1]
+    return first_indices[ids]

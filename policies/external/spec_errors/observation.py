@@ -1,0 +1,176 @@
+"""Errors in the observation: frames, signs, scales, history, conventions and order of the terms."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Literal
+
+from policies.external.spec import Numbers, ObservationTerm, PolicySpec
+from policies.external.spec_errors.correction import (
+    CLOCK,
+    FRAMES,
+    GRAVITY,
+    HISTORY,
+    POSITIONS,
+    PREVIOUS,
+    SCALES,
+    TERMS,
+    Correction,
+    numbers_in_words,
+)
+
+LEGGED_GYM_SCALES: dict[str, Numbers] = {
+    "linear_velocity": (2.0,),
+    "angular_velocity": (0.25,),
+    "joint_velocity": (0.05,),
+    "command": (2.0, 2.0, 0.25),
+    "height_scan": (5.0,),
+}
+"""Scales of observation terms in legged_gym; other projects have 1."""
+CLOCK_FACTORS = 0.5, 2.0
+"""Factors on the specified frequency of a clock."""
+CLOCK_THRESHOLD = 0.1
+"""Norm of the command below which clocks of other projects are zero."""
+_JOINT_STATE = "joint_position", "absolute_joint_position", "joint_velocity", "previous_action"
+TERM_ORDERS = (
+    ("linear_velocity", "angular_velocity", "projected_gravity", "command", *_JOINT_STATE),
+    ("linear_velocity", "angular_velocity", "projected_gravity", *_JOINT_STATE, "command"),
+    ("command", "linear_velocity", "angular_velocity", "projected_gravity", *_JOINT_STATE),
+    ("angular_velocity", "linear_velocity", "projected_gravity", "command", *_JOINT_STATE),
+    ("projected_gravity", "angular_velocity", "linear_velocity", "command", *_JOINT_STATE),
+)
+"""Orders of the terms in legged_gym and Isaac Lab, in mjlab and MuJoCo Playground, in HIMLoco, and in others."""
+_FRAMES: tuple[Literal["body", "world"], ...] = ("body", "world")
+_OTHER_POSITION = {
+    "joint_position": "absolute_joint_position",
+    "absolute_joint_position": "joint_position",
+}
+
+
+def change_frames(spec: PolicySpec) -> Iterator[Correction]:
+    """Yield the velocities in the body frame and in the world frame, both of them and each alone."""
+    both = "linear_velocity", "angular_velocity"
+    for frame in _FRAMES:
+        for names in (both, both[:1], both[1:]):
+            terms = tuple(replace(term, frame=frame) if term.name in names else term for term in spec.terms)
+            if terms != spec.terms:
+                changed = " and ".join(term.name for term in terms if term.name in names)
+                changed_setting = f"{changed} in the {frame} frame"
+                yield Correction(FRAMES, changed_setting, f"`frame` of {changed}", replace(spec, terms=terms))
+
+
+def reverse_gravity(spec: PolicySpec) -> Iterator[Correction]:
+    """Yield the projected gravity with the opposite sign."""
+
+    def reverse(term: ObservationTerm) -> ObservationTerm:
+        reversed_term = replace(term, scale=tuple(-factor for factor in term.scale))
+        return reversed_term if term.name == "projected_gravity" else term
+
+    changed_setting = "projected_gravity the other way"
+    keys = "the sign of `scale` of projected_gravity"
+    yield Correction(GRAVITY, changed_setting, keys, _map_terms(spec, reverse))
+
+
+def change_scales(spec: PolicySpec) -> Iterator[Correction]:
+    """Yield each scale of an observation as in legged_gym, as 1, or times a factor; and all of them together."""
+    for name, legged_gym_scale in LEGGED_GYM_SCALES.items():
+        for term in spec.terms:
+            if term.name != name:
+                continue
+            smaller = tuple(factor * other for factor, other in _paired(term.scale, legged_gym_scale))
+            larger = tuple(factor / other for factor, other in _paired(term.scale, legged_gym_scale))
+            for scale in (legged_gym_scale, (1.0,), smaller, larger):
+                changed_setting = f"{name} scaled by {numbers_in_words(scale)}"
+                changed = _map_terms(spec, _scale_setter({name: scale}))
+                yield Correction(SCALES, changed_setting, f"`scale` of {name}", changed)
+    ones: dict[str, Numbers] = dict.fromkeys(LEGGED_GYM_SCALES, (1.0,))
+    for changed_setting, scales in (
+        ("legged_gym's scales of observations", LEGGED_GYM_SCALES),
+        ("no scales of observations", ones),
+    ):
+        changed = _map_terms(spec, _scale_setter(scales))
+        yield Correction(SCALES, changed_setting, "`scale` of all terms", changed)
+
+
+def change_history(spec: PolicySpec) -> Iterator[Correction]:
+    """Yield a history in another direction, in another layout, and in both."""
+    if all(term.history == 1 for term in spec.terms):
+        return
+    newest: Literal["first", "last"] = "last" if spec.history_newest == "first" else "first"
+    layout: Literal["term", "time"] = "time" if spec.history_layout == "term" else "term"
+    direction = f"the newest step of the history {newest}"
+    reversed_spec = replace(spec, history_newest=newest)
+    yield Correction(HISTORY, direction, "`history_newest`", reversed_spec)
+    if layout == "term" or len({term.history for term in spec.terms}) == 1:
+        by_layout = f"the history by {layout}"
+        yield Correction(HISTORY, by_layout, "`history_layout`", replace(spec, history_layout=layout))
+        both = replace(reversed_spec, history_layout=layout)
+        yield Correction(HISTORY, f"{by_layout} and {direction}", "`history_layout` and `history_newest`", both)
+
+
+def change_conventions(spec: PolicySpec) -> Iterator[Correction]:
+    """Yield the other meaning of the previous action, another zero of joint positions, and other clock settings."""
+    names = {term.name for term in spec.terms}
+    if "previous_action" in names:
+        other: Literal["raw", "scaled"] = "scaled" if spec.previous_action == "raw" else "raw"
+        changed = replace(spec, previous_action=other)
+        yield Correction(PREVIOUS, f"the previous action {other}", "`previous_action`", changed)
+    if names & _OTHER_POSITION.keys():
+        changed = _map_terms(spec, lambda term: replace(term, name=_OTHER_POSITION.get(term.name, term.name)))
+        positions = " and ".join(term.name for term in changed.terms if term.name in _OTHER_POSITION)
+        yield Correction(POSITIONS, f"{positions} observed", "the term of the joint positions", changed)
+    for term in spec.terms:
+        if term.name == "gait_clock":
+            yield from _change_clock(spec, term)
+
+
+def _change_clock(spec: PolicySpec, term: ObservationTerm) -> Iterator[Correction]:
+    """Yield another threshold and other frequencies of a clock."""
+    threshold = 0.0 if term.zero_below else CLOCK_THRESHOLD
+    gated = f"a clock that is zero below a command of {threshold:g}"
+    changed_setting = gated if threshold else "a clock that always runs"
+    changed = _with_clock(spec, term.clock, threshold)
+    yield Correction(CLOCK, changed_setting, "`zero_below` of gait_clock", changed)
+    for factor in CLOCK_FACTORS:
+        frequency = factor * term.clock
+        changed = _with_clock(spec, frequency, term.zero_below)
+        yield Correction(CLOCK, f"a clock of {frequency:g} Hz", "`clock` of gait_clock", changed)
+
+
+def change_term_order(spec: PolicySpec) -> Iterator[Correction]:
+    """Yield the terms in another project's order, or with two neighbours swapped."""
+    terms = spec.terms
+    orders = [_sort_terms(terms, names) for names in TERM_ORDERS]
+    orders += [(*terms[:index], terms[index + 1], terms[index], *terms[index + 2 :]) for index in range(len(terms) - 1)]
+    for order in orders:
+        changed_setting = f"the terms in the order {', '.join(term.name for term in order)}"
+        yield Correction(TERMS, changed_setting, "`terms`", replace(spec, terms=order))
+
+
+def _sort_terms(terms: tuple[ObservationTerm, ...], names: tuple[str, ...]) -> tuple[ObservationTerm, ...]:
+    """Return the terms with these names in this order, the others at their places."""
+    known = [term for term in terms if term.name in names]
+    in_order = iter(sorted(known, key=lambda term: names.index(term.name)))
+    return tuple(next(in_order) if term.name in names else term for term in terms)
+
+
+def _map_terms(spec: PolicySpec, change: Callable[[ObservationTerm], ObservationTerm]) -> PolicySpec:
+    """Return the specification with each of its terms changed."""
+    return replace(spec, terms=tuple(map(change, spec.terms)))
+
+
+def _with_clock(spec: PolicySpec, frequency: float, zero_below: float) -> PolicySpec:
+    """Return the specification with another clock, Hz."""
+    change = partial(replace, clock=frequency, zero_below=zero_below)
+    return _map_terms(spec, lambda term: change(term) if term.name == "gait_clock" else term)
+
+
+def _scale_setter(scales: dict[str, Numbers]) -> Callable[[ObservationTerm], ObservationTerm]:
+    """Return a function that gives terms these scales; their limits clip at the same values."""
+    return lambda term: replace(term, scale=scales[term.name]) if term.name in scales else term
+
+
+def _paired(scale: Numbers, other: Numbers) -> Iterable[tuple[float, float]]:
+    """Return pairs of two scales; one number stands for all."""
+    width = max(len(scale), len(other))
+    return zip(scale * (width // len(scale)), other * (width // len(other)), strict=True)

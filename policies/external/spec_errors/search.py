@@ -1,0 +1,66 @@
+"""Search space of corrections: one error undone, several in the order of the joints, or two of different kinds."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from policies.external.spec import PolicySpec
+from policies.external.spec_errors import actuation, joint_orders, observation
+from policies.external.spec_errors.correction import PENALTIES, Correction
+from quad_env.robots.robot import Robot
+
+
+def corrections(spec: PolicySpec, robot: Robot, count: int = 1) -> Iterator[Correction]:
+    """Yield corrections of a specification, each with another result.
+
+    Args:
+        spec: Specification with an error.
+        robot: Robot of the policy.
+        count: 1: each of COMMON_ERRORS is undone. More: this number of ORDERS is undone together, since Isaac Lab's
+            order differs from Unitree's by several.
+
+    Yields:
+        Correction with its penalty.
+    """
+    known_specs = [spec]
+    for correction in _all_corrections(spec, robot, count):
+        if correction.spec not in known_specs:
+            known_specs.append(correction.spec)
+            yield replace(correction, penalty=correction.penalty + PENALTIES.get(correction.error, 0.0))
+
+
+def second_corrections(first: Correction, robot: Robot) -> Iterator[Correction]:
+    """Yield a second correction of another kind on top of a first one.
+
+    Args:
+        first: The first correction.
+        robot: Robot of the policy.
+
+    Yields:
+        Both corrections as one.
+    """
+    for second in corrections(first.spec, robot):
+        if second.error != first.error:
+            yield Correction(
+                f"{first.error} and {second.error}",
+                f"{first.changed_setting} and {second.changed_setting}",
+                f"{first.keys_to_correct} and {second.keys_to_correct}",
+                second.spec,
+                first.penalty + second.penalty,
+            )
+
+
+def _all_corrections(spec: PolicySpec, robot: Robot, count: int) -> Iterator[Correction]:
+    yield from joint_orders.reorder_joints(spec, robot, count)
+    if count > 1:
+        return
+    yield from observation.change_frames(spec)
+    yield from observation.reverse_gravity(spec)
+    yield from observation.change_scales(spec)
+    yield from actuation.change_actions(spec)
+    yield from actuation.change_rate(spec)
+    yield from observation.change_history(spec)
+    yield from observation.change_conventions(spec)
+    yield from observation.change_term_order(spec)
+    yield from actuation.change_signs(spec, robot)
+    yield from joint_orders.reorder_observed_joints(spec, robot)
+    yield from actuation.change_gains(spec, robot)
