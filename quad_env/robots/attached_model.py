@@ -1,7 +1,7 @@
 """A user's model on its way into the scene: one value for the attachment, and the edits of the model itself.
 
-The attachment loses the compiler settings of the whole model, such as `settotalmass`. Each edit therefore writes what
-MuJoCo's compilation of the model alone gives.
+The attachment loses the compiler settings of the whole model, as `settotalmass`. Each edit therefore writes the values
+that MuJoCo gives when it compiles the model alone.
 """
 
 from dataclasses import dataclass
@@ -57,6 +57,9 @@ def copy_user_model(robot: RobotParameters, modified: int) -> AttachedModel:
     Args:
         robot: Parameters of an imported robot.
         modified: Current modification time of its file, ns; a file that changed after the robot was made is read again.
+
+    Returns:
+        A copy of a robot's model for the attachment.
     """
     user_model = robot.user_model
     if user_model.modified != modified:
@@ -67,7 +70,7 @@ def copy_user_model(robot: RobotParameters, modified: int) -> AttachedModel:
 
 
 def delete_elements(spec: Any, *kinds: str) -> None:
-    """Delete all elements of a specification that are of the given kinds, such as `sensors`."""
+    """Delete all elements of a specification that are of the given kinds, as `sensors`."""
     for kind in kinds:
         for element in list(getattr(spec, kind)):
             spec.delete(element)
@@ -134,10 +137,14 @@ def _align_joint(attached: AttachedModel, number: int, limits: tuple[float, floa
     element.armature = model.dof_armature[dof] + motor[0]
     element.springdamper = (0.0, 0.0)  # compiled into stiffness and damping
     if model.jnt_actfrclimited[joint]:
-        rated = attached.robot.rated_torque
-        low, high = np.sort(sign * model.jnt_actfrcrange[joint])
-        element.actfrclimited = 1
-        element.actfrcrange = (min(low, -rated), max(high, rated))
+        _widen_torque_limit(element, np.sort(sign * model.jnt_actfrcrange[joint]), attached.robot.rated_torque)
+
+
+def _widen_torque_limit(joint: Any, limits: Floats, rated_torque: float) -> None:
+    """Give a joint its torque limits, (2,), N·m, widened to the rated torque."""
+    low, high = limits
+    joint.actfrclimited = 1
+    joint.actfrcrange = (min(low, -rated_torque), max(high, rated_torque))
 
 
 def _motor_armature_and_damping(model: Any) -> Floats:
@@ -180,7 +187,7 @@ def remove_forces(attached: AttachedModel) -> None:
 
 
 def set_contact_parameters(attached: AttachedModel, foot: Any) -> None:
-    """Give geoms and pairs the contact parameters of SimpleQuad's `foot` geom; they keep their friction."""
+    """Give geoms and pairs of `attached` the contact parameters of SimpleQuad's `foot` geom, but not its friction."""
     geoms = [geom for body in attached.structure.bodies for geom in attached.elements.bodies[body].geoms]
     for element in (*geoms, *attached.spec.pairs):
         element.solref = foot.solref

@@ -21,6 +21,9 @@ def collect_rules(attached: AttachedModel, overlaps: Sequence[Overlap]) -> list[
     Args:
         attached: The model; its elements still have their ids.
         overlaps: Pairs of bodies that overlap in the home pose and must not collide.
+
+    Returns:
+        The collision rules of the robot in the scene; the other rules are deleted from its specification.
     """
     return [*_keep_robot_rules(attached, overlaps), *_add_exclusions(attached, overlaps)]
 
@@ -64,7 +67,7 @@ def apply_rules(rules: Sequence[Rule]) -> None:
 
 
 def contact_parts(attached: AttachedModel) -> Iterator[tuple[str, list[Any]]]:
-    """Yield the name of each part whose ground contact is measured, and the bodies or geoms that make it up."""
+    """Yield the name of each part with measured ground contact, and its bodies or geoms."""
     structure = attached.structure
     trunk = [] if structure.trunk_collides(attached.model) else [attached.elements.bodies[structure.trunk]]
     yield "trunk", [*trunk, *_colliding_parts(attached, structure.trunk, ())]
@@ -82,6 +85,9 @@ def _colliding_parts(attached: AttachedModel, body: int, foot: Sequence[int]) ->
         attached: The model.
         body: Id of the body.
         foot: Ids of the foot's geoms, which have a sensor of their own.
+
+    Returns:
+        A body and those welded to it that collide with the ground; a body with foot geoms gives its other geoms.
     """
     parts: list[Any] = []
     for each in welded_bodies(attached.model, body):

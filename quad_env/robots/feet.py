@@ -152,6 +152,9 @@ def _hull_foot(
         down: Direction from the knee to the middle of the geoms, world frame, (3,).
         length: Distance along it from the knee to the lowest point of the link, m.
         hulls: Points of the geoms, world frame, (k, 3) each, m.
+
+    Returns:
+        The foot of several geoms or of another shape than a ball.
     """
     body = int(model.geom_bodyid[geoms[0]])
     points = np.concatenate([hulls[geom] for geom in geoms])
@@ -315,6 +318,9 @@ def depths_below_centre(points: Floats, radii: Floats, angles: Floats, up: Float
         radii: Radii about the points, (..., k), m.
         angles: Joint angles of the legs, (..., 3), rad.
         up: The vertical in the base frame, (..., 3).
+
+    Returns:
+        The depths of feet below their centres, (...,), m.
     """
     x, y, z = np.moveaxis(points, -1, 0)
     hip = angles[..., 0, None]
@@ -336,6 +342,9 @@ def _sole_middle(points: Floats, knee: Floats, down: Floats, slack: float) -> Fl
         knee: Position of the knee, world frame, (3,), m.
         down: Unit vector along the leg, world frame, (3,).
         slack: Height above the lowest point of the points that count, m.
+
+    Returns:
+        The middle of the lowest points, world frame, (3,), m.
     """
     depths = (points - knee) @ down
     low = points[depths > depths.max() - slack]
@@ -362,6 +371,9 @@ def geom_points_to_world(model: Any, data: Any, geom: int, points: Floats) -> Fl
         data: `mujoco.MjData` with kinematics.
         geom: Id of the geom.
         points: Body frame, (..., 3), m.
+
+    Returns:
+        The points in the world frame, (..., 3), m.
     """
     return body_points_to_world(data, int(model.geom_bodyid[geom]), points)
 
@@ -373,5 +385,8 @@ def body_points_to_world(data: Any, body: int, points: Floats) -> Floats:
         data: `mujoco.MjData` with kinematics.
         body: Id of the body.
         points: Body frame, (..., 3), m.
+
+    Returns:
+        The points in the world frame, (..., 3), m.
     """
     return np.asarray(data.xpos[body] + points @ data.xmat[body].reshape(3, 3).T)

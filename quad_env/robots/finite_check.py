@@ -1,4 +1,4 @@
-"""Check for numbers of a compiled model that are not finite, with their places in its file."""
+"""Check for numbers of a compiled model that are not finite, by the names of its parts."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -14,18 +14,20 @@ _FIELDS = (
     *("actuator_gear", "actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "actuator_ctrlrange"),
     *("jnt_margin", "actuator_armature", "actuator_damping"),
 )
-_OF_JOINTS = "dof_armature", "dof_damping", "dof_frictionloss"
+"""Checked fields of bodies, joints, geoms and actuators."""
+_JOINT_FIELDS = ("dof_armature", "dof_damping", "dof_frictionloss")
+"""Checked fields with a row per degree of freedom."""
 _SHOWN = 3
 """Largest number of parts that a message names."""
 
 
 def nonfinite_parts(model: Any) -> Iterator[str]:
-    """Name the parts with a number that is not finite, such as `pos of body 'FL_calf'`."""
+    """Yield the parts with a number that is not finite, as in `pos of body 'FL_calf'`."""
     for field in _FIELDS:
         prefix = next(prefix for prefix in _KINDS if field.startswith(prefix))
         for row in _bad_rows(getattr(model, field)):
             yield f"{field.removeprefix(prefix)} of {_KINDS[prefix]} {_name(getattr(model, _KINDS[prefix])(row))}"
-    for field in _OF_JOINTS:
+    for field in _JOINT_FIELDS:
         for row in _bad_rows(getattr(model, field)):
             yield f"{field.removeprefix('dof_')} of joint {_name(model.joint(int(model.dof_jntid[row])))}"
     for field in ("qpos0", "qpos_spring", "key_qpos"):

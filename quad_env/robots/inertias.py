@@ -1,4 +1,4 @@
-"""Impossible inertias of a user's model: balanced as by MuJoCo's `balanceinertia`, and named."""
+"""Impossible inertias of a user's model: balanced as MuJoCo's `balanceinertia` does, and reported."""
 
 from typing import Any
 
@@ -30,10 +30,10 @@ def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
 
     Returns:
         model: Compiled `mujoco.MjModel`.
-        balanced: Names of the bodies whose inertia was changed.
+        balanced: Names of the bodies with a changed inertia.
 
     Raises:
-        ModelError: A body has no mass, or an inertia whose mean moment is not above 0.
+        ModelError: A body has no mass, or an inertia with a mean moment that is not above 0.
         ValueError: MuJoCo does not compile it for another reason.
     """
     moments = [(body, _moments(body)) for body in spec.bodies[1:] if body.explicitinertial]
@@ -86,18 +86,18 @@ def remove_inferred_masses(spec: Any) -> tuple[str, ...]:
     """
     if int(spec.compiler.inertiafromgeom):  # the file asks for it
         return ()
-    found = []
+    massless = []
     for body in spec.bodies[1:]:
         if body.explicitinertial and body.mass > 0.0:
             continue
         if any(geom.contype or geom.conaffinity for geom in body.geoms):
-            found.append(body.name)
+            massless.append(body.name)
         if body.joints and not _mass(body, welded_only=True) and _mass(body):
             body.explicitinertial = True
             body.mass = MIN_LINK_MASS
             body.fullinertia = np.full(6, np.nan)
             body.inertia = np.full(3, MIN_LINK_MASS * MIN_LINK_RADIUS**2)
-    return tuple(found)
+    return tuple(massless)
 
 
 def _mass(body: Any, welded_only: bool = False) -> float:
@@ -127,5 +127,5 @@ def _without_inertia(spec: Any, error: ValueError) -> str:
 
 
 def _refusal(name: str) -> str:
-    which = repr(name) if name else "a body without a name"
-    return f"{which}: mass and moments of inertia must be larger than 0 where a joint moves a body"
+    subject = repr(name) if name else "a body without a name"
+    return f"{subject}: mass and moments of inertia must be larger than 0 where a joint moves a body"

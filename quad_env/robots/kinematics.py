@@ -18,6 +18,9 @@ def foot_positions(robot: Robot, joints: ArrayLike, *, legs_first: bool = False)
         robot: The robot.
         joints: Joint angles, (..., legs, 3) or, with `legs_first`, (legs, n, 3), rad.
         legs_first: True if the legs are the first axis of `joints`.
+
+    Returns:
+        The foot centres in their hip frames, (..., legs, 3) or (legs, n, 3), m.
     """
     angles = np.asarray(joints, dtype=np.float64)
     thigh = angles[..., 1]
@@ -43,6 +46,9 @@ def feet_in_world(robot: Robot, position: Array, rotation: Array, joints: Array)
         position: Trunk centres, world frame, (n, 3), m.
         rotation: From the base frame to the world frame, (n, 3, 3).
         joints: Joint angles, (n, 12), rad.
+
+    Returns:
+        The centres of the foot spheres in the world frame, (n, 4, 3), m.
     """
     base = robot.hip_positions + foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3))
     # Summed in order: a robot's bits are the same in a batch of any size, unlike the bits of matmul.
@@ -53,12 +59,15 @@ def feet_in_world(robot: Robot, position: Array, rotation: Array, joints: Array)
 def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
     """Return the depths of the feet below their centres: the radius if all feet are balls, else (n, 4), m.
 
-    The depth is that of the undeformed foot, without regard to the ground.
+    Feet are undeformed: the ground is disregarded.
 
     Args:
         robot: The robot.
         rotation: From the base frame to the world frame, (n, 3, 3).
         joints: Joint angles, (n, 12), rad.
+
+    Returns:
+        The depths of the feet below their centres: the radius if all feet are balls, else (n, 4), m.
     """
     if not robot.foot_points.size:
         return robot.foot_radius
@@ -72,6 +81,9 @@ def foot_jacobians(robot: Robot, joints: Array) -> Array:
     Args:
         robot: The robot.
         joints: Joint angles, (n, 4, 3), rad.
+
+    Returns:
+        The derivatives of `foot_positions` by the angles of a leg's own joints, (n, 4, 3, 3), m/rad.
     """
     feet = foot_positions(robot, joints)
     hip = joints[..., 0]

@@ -7,7 +7,7 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG, LEG_WORDS
 
 PLACES = {"fl": "front left", "fr": "front right", "hl": "hind left", "hr": "hind right"}
-"""Legs in words."""
+"""Positions of the legs in words."""
 _ENDS = {"front": "f", "fore": "f", "hind": "h", "rear": "h", "back": "h"}
 _SIDES = {"left": "l", "l": "l", "right": "r", "r": "r"}
 _GLUED = re.compile(f"({'|'.join(_ENDS)})(left|right)|(left|right)({'|'.join(_ENDS)})")
@@ -38,7 +38,7 @@ def _parts(word: str) -> list[str]:
 
 
 def leg_from_words(words: Sequence[str]) -> str | None:
-    """Return fl, fr, hl or hr; None where the words name no leg."""
+    """Return fl, fr, hl or hr; None if the words name no leg or several."""
     known = {LEG_WORDS[word] for word in words if word in LEG_WORDS}
     ends = {_ENDS[word] for word in words if word in _ENDS}
     sides = {_SIDES[word] for word in words if word in _SIDES}
@@ -49,19 +49,19 @@ def leg_from_words(words: Sequence[str]) -> str | None:
 
 def find_contradictions(robot: Robot) -> Iterator[str]:
     """Yield a line with the joint names that contradict the places of their hips, and the remedy; nothing if none."""
-    said = [leg_from_words(split_words(name)) for name in robot.joint_names]
+    named = [leg_from_words(split_words(name)) for name in robot.joint_names]
     places = [leg for leg in robot.leg_names for _ in range(JOINTS_PER_LEG)]
     wrong = [
         (name, leg, place)
-        for name, leg, place in zip(robot.joint_names, said, places, strict=True)
+        for name, leg, place in zip(robot.joint_names, named, places, strict=True)
         if leg is not None and leg != place
     ]
     if not wrong:
         return
     shown = {(leg, place): name for name, leg, place in reversed(wrong)}
     pairs = ", ".join(f"{name} is {PLACES[place]}" for (_, place), name in reversed(shown.items()))
-    are_all = len(wrong) == sum(leg is not None for leg in said)
-    yield f"names and places disagree: {pairs}; {_remedy(shown) if are_all else PARTIAL}"
+    all_wrong = len(wrong) == sum(leg is not None for leg in named)
+    yield f"names and places disagree: {pairs}; {_remedy(shown) if all_wrong else PARTIAL}"
 
 
 def _remedy(wrong: dict[tuple[str, str], str]) -> str:

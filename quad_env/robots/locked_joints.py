@@ -172,6 +172,9 @@ def _is_load_bearing(model: Any, data: Any, joint: int, collides: Bools) -> bool
         data: Its state, with kinematics.
         joint: Id of the hinge.
         collides: Mask of the geoms that collide with the ground, (ngeom,).
+
+    Returns:
+        True if a hinge moves geoms that collide with the ground, other than by turning a wheel on the spot.
     """
     geoms = geom_ids(model, np.flatnonzero(_moved_mask(model, joint)), collides)
     if not geoms:

@@ -13,12 +13,12 @@ def remove_missing_files(spec: Any) -> None:
 
     A mesh that collides or gives its body a mass stays: MuJoCo refuses the model and names the file.
     """
-    missing = [*_meshes(spec), *_textures(spec)]
+    missing = [*_remove_meshes(spec), *_remove_textures(spec)]
     record_missing_files(spec, missing)
 
 
 def record_missing_files(spec: Any, files: list[str]) -> None:
-    """Add the names of files that were left out to a specification."""
+    """Record the names in `files`, which were left out, in a custom text of `spec`."""
     if files:
         spec.add_text(name=NOTE, data=", ".join(files))
 
@@ -28,20 +28,21 @@ def missing_files(spec: Any) -> str | None:
     return next((str(text.data) for text in spec.texts if text.name == NOTE), None)
 
 
-def _meshes(spec: Any) -> Iterator[str]:
+def _remove_meshes(spec: Any) -> Iterator[str]:
+    """Delete missing meshes with their geoms, unless one collides or weighs; yield the names of their files."""
     paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     for mesh in list(spec.meshes):
-        if not mesh.file or _is_there(spec, mesh.file, mesh.compiler.meshdir):
+        if not mesh.file or _exists(spec, mesh.file, mesh.compiler.meshdir):
             continue
         users = [geom for geom in spec.geoms if geom.meshname == mesh.name]
-        if users and not any(_matters(geom, paired) for geom in users):
+        if users and not any(_collides_or_weighs(geom, paired) for geom in users):
             for geom in users:
                 spec.delete(geom)
             yield mesh.file
             spec.delete(mesh)
 
 
-def _matters(geom: Any, paired: set[str]) -> bool:
+def _collides_or_weighs(geom: Any, paired: set[str]) -> bool:
     """Return whether a geom collides or gives its body a mass."""
     if geom.contype or geom.conaffinity or (geom.name and geom.name in paired):
         return True
@@ -54,9 +55,10 @@ def _matters(geom: Any, paired: set[str]) -> bool:
     return not (is_massless or is_given)
 
 
-def _textures(spec: Any) -> Iterator[str]:
+def _remove_textures(spec: Any) -> Iterator[str]:
+    """Delete missing textures from materials and specification; yield the names of their files."""
     for texture in list(spec.textures):
-        if not texture.file or _is_there(spec, texture.file, spec.compiler.texturedir):
+        if not texture.file or _exists(spec, texture.file, spec.compiler.texturedir):
             continue
         for material in spec.materials:
             material.textures = ["" if name == texture.name else name for name in material.textures]
@@ -64,7 +66,7 @@ def _textures(spec: Any) -> Iterator[str]:
         spec.delete(texture)
 
 
-def _is_there(spec: Any, file: str, folder: str) -> bool:
+def _exists(spec: Any, file: str, folder: str) -> bool:
     name = Path(file).name if spec.strippath else file
     places = (Path(spec.modelfiledir) / folder / name, Path(spec.modelfiledir) / name)
     return any(place.is_file() for place in places)

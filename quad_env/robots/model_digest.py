@@ -26,6 +26,9 @@ def digest(names: Iterable[str], model: Any) -> str:
     Args:
         names: Names of its legs and joints.
         model: Compiled `mujoco.MjModel` of the scene with flat ground.
+
+    Returns:
+        The SHA-256 of a robot, see `Robot.sha256`.
     """
     sha256 = hashlib.sha256(" ".join(names).encode())
     for name in (*DIGEST_FIELDS, *(name for name in OPTIONAL_DIGEST_FIELDS if getattr(model, name).any())):

@@ -24,7 +24,7 @@ from quad_env.robots.structure import ModelError, RobotStructure, detect_structu
 from quad_env.robots.urdf import load_urdf
 
 MAX_PARTS = 2000
-"""Largest number of parts of a kind, such as keyframes or sensors. MuJoCo's time to delete them grows with the square
+"""Largest number of parts of a kind, as keyframes or sensors. MuJoCo's time to delete them grows with the square
 of their number; published models have some hundreds at most.
 """
 _LIMITED_KINDS = ("keys", "sensors", "actuators", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
@@ -52,6 +52,9 @@ def read(path: Path) -> UserModel:
     Args:
         path: MJCF or URDF. The files of installed packages are read here at once.
 
+    Returns:
+        The compiled model.
+
     Raises:
         FileNotFoundError: There is no such file.
         ModelError: MuJoCo cannot read it within its limits, or it is no quadruped.
@@ -71,14 +74,7 @@ def read(path: Path) -> UserModel:
 
 
 def check(path: Path) -> None:
-    """Read a file as `read` does, in a limited process, and check the sizes of the files that it names.
-
-    Args:
-        path: MJCF or URDF.
-
-    Raises:
-        ModelError: MuJoCo cannot read it, or it is no quadruped.
-    """
+    """Check in a limited process that the file at `path` can be read as by `read`. Raises ModelError."""
     check_referenced_files(path)
     try:
         _read(path)
@@ -90,7 +86,7 @@ def check(path: Path) -> None:
 
 @cache
 def _installed_folders() -> tuple[str, ...]:
-    """Return the folders of this package and of installed packages, whose code is trusted."""
+    """Return the folders of this package and of installed packages, with trusted code."""
     places = [str(Path(__file__).parents[1]), *(sysconfig.get_paths()[name] for name in ("purelib", "platlib"))]
     return tuple(os.path.realpath(place) + os.sep for place in places)
 

@@ -31,6 +31,9 @@ def omission_lines(user_model: UserModel, keeps_contact: bool = False) -> Iterat
     Args:
         user_model: The model.
         keeps_contact: True for a robot with the contact parameters of its model, see `RobotParameters.keeps_contact`.
+
+    Yields:
+        Heading and text of a line.
     """
     for heading, text in user_model.structure.omission_lines:
         if not (keeps_contact and heading == CONTACT):

@@ -26,7 +26,7 @@ _MEANINGS = {
 
 
 def explain_message(message: str) -> str:
-    """Return a message of MuJoCo in one line, after its explanation where there is one."""
+    """Return a message of MuJoCo on one line, behind its explanation if one is known."""
     line = " ".join(message.split())
     meaning = next((meaning for part, meaning in _MEANINGS.items() if part in line), None)
     return line if meaning is None else f"{meaning} ({line})"

@@ -13,11 +13,13 @@ from quad_env.robots.model_fields import OPTION_FIELDS
 from quad_env.robots.shapes import Bools, collision_mask, descendant_mask
 
 Lines = tuple[tuple[str, str], ...]
+"""Heading and text of each line."""
 MAX_NAMES = 6
 """Largest number of names in a list."""
 CONTACT = "contact"
 """Heading of the line about contact parameters."""
-_CONTACT_FIELDS = "condim", "priority", "margin", "gap", "solref", "solimp", "solmix", "adhesion", "surfacevel"
+_CONTACT_FIELDS = ("condim", "priority", "margin", "gap", "solref", "solimp", "solmix", "adhesion", "surfacevel")
+"""Contact parameters of geoms."""
 _PAIR_FIELDS = {
     "dim": 3.0,
     "margin": 0.0,
@@ -28,7 +30,7 @@ _PAIR_FIELDS = {
     "adhesion": 0.0,
 }
 """Contact parameters of explicit pairs, and MuJoCo's defaults."""
-_HINDERING = {
+_SUPPORTING_FIELDS = {
     "spring": ("jnt_stiffness", "jnt_stiffnesspoly"),
     "damping": ("dof_damping", "dof_dampingpoly"),
     "armature": ("dof_armature",),
@@ -54,12 +56,12 @@ def find_omissions(mujoco: Any, spec: Any, model: Any, root: int) -> Lines:
     Returns:
         Heading and text of each line.
     """
-    own = descendant_mask(model, root)
+    is_robot_body = descendant_mask(model, root)
     return (
-        *_left_out(mujoco, spec, model, own),
-        *_forces(mujoco, model, own, root),
-        *_contact(mujoco, model, own),
-        *_settings(mujoco, model),
+        *_omitted_parts(mujoco, spec, model, is_robot_body),
+        *_omitted_forces(mujoco, model, is_robot_body, root),
+        *_contact_lines(mujoco, model, is_robot_body),
+        *_settings_lines(mujoco, model),
     )
 
 
@@ -70,28 +72,25 @@ def join_names(names: Iterable[str]) -> str:
     return ", ".join(names) if more <= 0 else f"{', '.join(names[:MAX_NAMES])} and {more} more"
 
 
-def _left_out(mujoco: Any, spec: Any, model: Any, own: Bools) -> Iterator[tuple[str, str]]:
+def _omitted_parts(mujoco: Any, spec: Any, model: Any, is_robot_body: Bools) -> Iterator[tuple[str, str]]:
     """Yield the scene, tendons, equalities, soft bodies, and actuators of neither joints nor tendons."""
-    scene = np.flatnonzero(~own & (model.body_parentid == 0))[1:]  # the first is the world
-    found = [f"body {model.body(int(body)).name or body}" for body in scene]
+    scene = np.flatnonzero(~is_robot_body & (model.body_parentid == 0))[1:]  # the first is the world
+    parts = [f"body {model.body(int(body)).name or body}" for body in scene]
     geoms = sum(geom.parent.id == 0 for geom in spec.geoms)
-    found += [f"{geoms} {'geom' if geoms == 1 else 'geoms'} of the world"] if geoms else []
-    trains = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT, mujoco.mjtTrn.mjTRN_TENDON
-    others = [each for each in spec.actuators if each.trntype not in trains]
-    for one, many, names in (
+    parts += [f"{geoms} {'geom' if geoms == 1 else 'geoms'} of the world"] if geoms else []
+    drives_joints = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT, mujoco.mjtTrn.mjTRN_TENDON)
+    others = [actuator for actuator in spec.actuators if actuator.trntype not in drives_joints]
+    plugins = np.flatnonzero(is_robot_body & (model.body_plugin >= 0))
+    for singular, plural, names in (
         ("tendon", "tendons", [_part(each) for each in spec.tendons]),
         ("equality", "equalities", [_equality(mujoco, each) for each in spec.equalities]),
         ("flex", "flexes", [_part(each) for each in spec.flexes]),
         ("actuator of no joint", "actuators of no joint", [_part(each) for each in others]),
-        (
-            "body plugin",
-            "body plugins",
-            [_body(model, each) for each in np.flatnonzero(own & (model.body_plugin >= 0))],
-        ),
+        ("body plugin", "body plugins", [_body(model, each) for each in plugins]),
     ):
-        found += [f"{len(names)} {one if len(names) == 1 else many} ({join_names(names)})"] if names else []
-    if found:
-        yield "left out", ", ".join(found)
+        parts += [f"{len(names)} {singular if len(names) == 1 else plural} ({join_names(names)})"] if names else []
+    if parts:
+        yield "left out", ", ".join(parts)
 
 
 def _equality(mujoco: Any, equality: Any) -> str:
@@ -108,14 +107,22 @@ def _body(model: Any, body: Any) -> str:
 
 
 def unlimited_joint_lines(model: Any, joints: Iterable[int]) -> Lines:
-    """Yield a line about leg joints without a range; they get one."""
+    """Return a line about leg joints without a range; they get ±π rad.
+
+    Args:
+        model: Compiled model.
+        joints: Ids of the leg joints.
+
+    Returns:
+        Heading and text of the line; empty if all joints have a range.
+    """
     names = [model.joint(joint).name for joint in joints if not model.jnt_limited[joint]]
     return (("no range", f"of {join_names(names)} in the model: ±π rad"),) if names else ()
 
 
-def _forces(mujoco: Any, model: Any, own: Bools, root: int) -> Iterator[tuple[str, str]]:
+def _omitted_forces(mujoco: Any, model: Any, is_robot_body: Bools, root: int) -> Iterator[tuple[str, str]]:
     """Yield the forces on the robot besides its weight, its motors and the ground."""
-    if (lifted := np.flatnonzero(own & (model.body_gravcomp != 0.0))).size:
+    if (lifted := np.flatnonzero(is_robot_body & (model.body_gravcomp != 0.0))).size:
         names = join_names(_body(model, body) for body in lifted)
         yield "gravcomp", f"of {names} is left out: the feet carry the whole weight"
     free = int(model.body_jntadr[root])
@@ -123,54 +130,55 @@ def _forces(mujoco: Any, model: Any, own: Bools, root: int) -> Iterator[tuple[st
     rows = {"jnt": free, "dof": slice(dof, dof + 6)}
     acting = [
         name
-        for name, fields in _HINDERING.items()
+        for name, fields in _SUPPORTING_FIELDS.items()
         if any(np.any(getattr(model, field)[rows[field[:3]]] != 0.0) for field in fields)
     ]
     if acting:
         yield "free joint", f"{', '.join(acting)} left out: nothing but the ground holds the trunk"
-    plastic = np.flatnonzero(own[model.jnt_bodyid] & (model.jnt_springyield != 0.0))
+    plastic = np.flatnonzero(is_robot_body[model.jnt_bodyid] & (model.jnt_springyield != 0.0))
     hinges = [joint for joint in plastic if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE]
     if hinges:
         names = join_names(model.joint(int(joint)).name or f"number {joint}" for joint in hinges)
         yield "springyield", f"of {names} is left out: their springs stay elastic"
 
 
-def _contact(mujoco: Any, model: Any, own: Bools) -> Iterator[tuple[str, str]]:
+def _contact_lines(mujoco: Any, model: Any, is_robot_body: Bools) -> Iterator[tuple[str, str]]:
     """Yield the contact parameters that the file sets."""
-    geoms = own[model.geom_bodyid] & collision_mask(model)
-    pairs = own[model.geom_bodyid[model.pair_geom1]] & own[model.geom_bodyid[model.pair_geom2]]
+    is_robot_geom = is_robot_body[model.geom_bodyid]
+    geoms = is_robot_geom & collision_mask(model)
+    pairs = is_robot_geom[model.pair_geom1] & is_robot_geom[model.pair_geom2]
     default = mujoco.MjModel.from_xml_string('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
-    found = [
+    names = [
         field
         for field in _CONTACT_FIELDS
         if _differs(getattr(model, f"geom_{field}")[geoms], getattr(default, f"geom_{field}")[0])
     ]
-    of_pairs = [
+    pair_names = [
         f"con{field}" if field == "dim" else field
         for field, neutral in _PAIR_FIELDS.items()
         if _differs(getattr(model, f"pair_{field}")[pairs], neutral)
     ]
-    found += [field for field in of_pairs if field not in found]
-    if found:
-        yield CONTACT, f"{', '.join(found)} of the model: replaced by SimpleQuad's"
+    names += [field for field in pair_names if field not in names]
+    if names:
+        yield CONTACT, f"{', '.join(names)} of the model: replaced by SimpleQuad's"
 
 
 def _differs(values: Any, neutral: Any) -> bool:
     return bool(np.any(np.asarray(values) != neutral))
 
 
-def _settings(mujoco: Any, model: Any) -> Iterator[tuple[str, str]]:
+def _settings_lines(mujoco: Any, model: Any) -> Iterator[tuple[str, str]]:
     """Yield the physics of the file's options that differs from the bench's."""
     default = mujoco.MjSpec().option
-    overridden = bool(model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE)
-    found = []
+    has_override = bool(model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE)
+    settings = []
     for field in OPTION_FIELDS["named"]:
         value = np.atleast_1d(getattr(model.opt, field))
         if field in ("disableflags", "enableflags"):
             continue
-        if _differs(value, getattr(default, field)) and (overridden or not field.startswith("o_")):
-            found.append(f"{field} {' '.join(f'{each:g}' for each in value)}")
+        if _differs(value, getattr(default, field)) and (has_override or not field.startswith("o_")):
+            settings.append(f"{field} {' '.join(f'{each:g}' for each in value)}")
     flags = [flag for flag in _FLAGS if model.opt.disableflags & getattr(mujoco.mjtDisableBit, flag)]
-    found += [f"{flag.removeprefix('mjDSBL_').lower()} off" for flag in flags]
-    if found:
-        yield "settings", f"{', '.join(found)}: not taken over, the bench has its own"
+    settings += [f"{flag.removeprefix('mjDSBL_').lower()} off" for flag in flags]
+    if settings:
+        yield "settings", f"{', '.join(settings)}: not taken over, the bench has its own"

@@ -12,7 +12,7 @@ from quad_env.robots.structure import RobotStructure
 
 
 class Overlap(NamedTuple):
-    """Two bodies with shapes that overlap in the home pose."""
+    """Two bodies with shapes that overlap in the home pose; made by `find_overlaps`."""
 
     bodies: tuple[int, int]
     """Ids in the model."""
@@ -22,27 +22,30 @@ class Overlap(NamedTuple):
     """Penetration depth of these two, m."""
 
 
-def find_overlaps(mujoco: Any, model: Any, found: RobotStructure, home_pose: Floats) -> list[Overlap]:
+def find_overlaps(mujoco: Any, model: Any, structure: RobotStructure, home_pose: Floats) -> list[Overlap]:
     """Return the body pairs that overlap in the home pose and collide in the model, in the model's order.
 
     Args:
         mujoco: The package.
         model: Compiled model, as its file has it.
-        found: What it is made of.
-        home_pose: Joint angles in the robot's terms, (12,), rad.
+        structure: Its structure.
+        home_pose: Joint angles in the robot's convention, (12,), rad.
+
+    Returns:
+        The body pairs that overlap in the home pose and collide in the model, in the model's order.
     """
     model = copy.copy(model)
     model.opt.disableflags = 0
     data = mujoco.MjData(model)
-    places = model.jnt_qposadr[found.joints]
-    data.qpos[places] = model.qpos0[places] + found.signs * (home_pose - found.joint_offsets)
+    qpos = model.jnt_qposadr[structure.joints]
+    data.qpos[qpos] = model.qpos0[qpos] + structure.signs * (home_pose - structure.joint_offsets)
     mujoco.mj_fwdPosition(model, data)
-    feet = {geom for leg in found.legs for geom in leg.foot.geoms}
+    feet = {geom for leg in structure.legs for geom in leg.foot.geoms}
     deepest: dict[tuple[int, int], Overlap] = {}
     for contact in data.contact[: data.ncon]:
         geoms = int(contact.geom[0]), int(contact.geom[1])
         bodies = int(model.geom_bodyid[geoms[0]]), int(model.geom_bodyid[geoms[1]])
-        if contact.dist >= 0.0 or feet.intersection(geoms) or not found.is_robot_body[list(bodies)].all():
+        if contact.dist >= 0.0 or feet.intersection(geoms) or not structure.is_robot_body[list(bodies)].all():
             continue
         pair = (min(bodies), max(bodies))
         if pair not in deepest or -contact.dist > deepest[pair].depth:
@@ -51,7 +54,7 @@ def find_overlaps(mujoco: Any, model: Any, found: RobotStructure, home_pose: Flo
 
 
 def format_overlaps(model: Any, overlaps: list[Overlap]) -> str:
-    """Name the pairs of bodies with their penetration depths."""
+    """Return a line with the names of the body pairs in `overlaps`, in the compiled `model`, and their depths."""
     pairs = [
         f"{_name(model, overlap.bodies[0])} and {_name(model, overlap.bodies[1])} by {1e3 * overlap.depth:.1f} mm"
         for overlap in overlaps

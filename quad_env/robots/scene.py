@@ -63,6 +63,9 @@ def _attach_to_scene(robot: RobotParameters, modified: int) -> Any:
     Args:
         robot: Parameters of an imported robot; robots that differ in servo gains alone are equal.
         modified: Modification time of its file, ns.
+
+    Returns:
+        The scene with a user's robot, its servos without gains; it takes up to half a second.
     """
     import mujoco
 

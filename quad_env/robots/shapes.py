@@ -51,6 +51,9 @@ def ground_collision_mask(model: Any, root: int) -> Bools:
     Args:
         model: Compiled model.
         root: Id of the robot's root body.
+
+    Returns:
+        True for the geoms of the robot that collide with a ground, (ngeom,).
     """
     is_robot_geom = descendant_mask(model, root)[model.geom_bodyid]
     mask = is_robot_geom & collision_mask(model)
@@ -67,6 +70,9 @@ def geom_ids(model: Any, bodies: Iterable[int], among: Bools | None = None) -> l
         model: Compiled model.
         bodies: Ids of the bodies.
         among: Mask of the geoms to choose from, (ngeom,); None for all.
+
+    Returns:
+        The ids of the geoms of some bodies.
     """
     mask = np.isin(model.geom_bodyid, list(bodies))
     return [int(geom) for geom in np.flatnonzero(mask if among is None else mask & among)]
@@ -127,6 +133,9 @@ def surface_points(model: Any, geom: int) -> Floats:
     Args:
         model: Compiled model.
         geom: Id of the geom.
+
+    Returns:
+        Points with the geom as their convex hull, in the frame of its body, (k, 3), m.
     """
     import mujoco
 

@@ -1,8 +1,8 @@
-"""Dynamic similarity: what a figure that was chosen for SimpleQuad is on a robot of another size and mass.
+"""Dynamic similarity: scales a value that was chosen for SimpleQuad to a robot of another size and mass.
 
-Animals of all sizes move alike at equal Froude numbers v²/(g·L) (R. McN. Alexander and A. S. Jayes, A dynamic
-similarity hypothesis for the gaits of quadrupedal mammals, 1983). Gravity being the same, lengths go as the leg length
-L, masses as the mass m, times as √L, and everything else as its unit says.
+Animals of all sizes move in dynamically similar ways at equal Froude numbers v²/(g·L) (R. McN. Alexander and A. S.
+Jayes, A dynamic similarity hypothesis for the gaits of quadrupedal mammals, 1983). Gravity is the same: lengths scale
+with the leg length L, masses with the mass m, times with √L, and all other values by their units.
 """
 
 import numpy as np
@@ -24,46 +24,78 @@ _UNITS = {
     (1.5, 1.0): ("N·m·s",),
     (0.0, -2.0): ("1/N²",),
 }
-"""By exponents of leg length and mass."""
+"""Units by the exponents of leg length and mass."""
 _EXPONENTS = {unit: exponents for exponents, units in _UNITS.items() for unit in units}
-LATERAL_LENGTH, LONGITUDINAL_LENGTH = "m wide", "m long"
-"""Units of distances between left and right and between fore and hind feet, m: what they are more or less than those
-between the thigh joints goes as the leg length."""
+"""Exponents of leg length and mass by unit."""
+LATERAL_LENGTH = "m wide"
+"""Unit of distances between left and right feet, m: their difference from the distance between the thigh joints scales
+with the leg length.
+"""
+LONGITUDINAL_LENGTH = "m long"
+"""Unit of distances between fore and hind feet, m; scaled as `LATERAL_LENGTH`."""
 HIP_HEIGHT = "m high"
-"""Unit of heights of the hips above the feet, m: they go as that in the home pose."""
+"""Unit of heights of the hips above the feet, m: they scale with the hip height in the home pose."""
 KNEE_SIGN_SUFFIX = " ahead"
-"""End of the unit of what the way the knees bend decides: negated where they bend forward, 0 with as many of each."""
+"""End of the unit of values that depend on the bend direction of the knees: they are negated for knees that bend
+forward, and 0 with as many of each.
+"""
 
 
 def scale_factor(robot: Robot, unit: str) -> float:
-    """The robot's figure of that unit by SimpleQuad's; 1 for SimpleQuad itself, and for angles. KeyError for a unit
-    that is not known."""
-    of_length, of_mass = _EXPONENTS[unit]
-    longer, heavier = robot.leg_length / SIMPLE_QUAD.leg_length, robot.mass / SIMPLE_QUAD.mass
-    return float(longer**of_length * heavier**of_mass)
+    """Return the ratio of a robot's values to SimpleQuad's; 1 for SimpleQuad itself and for angles.
+
+    An unknown unit raises KeyError.
+
+    Args:
+        robot: The robot.
+        unit: Unit of the values, as "m/s" or "N·m".
+
+    Returns:
+        The ratio of a robot's values to SimpleQuad's; 1 for SimpleQuad itself and for angles.
+    """
+    length_exponent, mass_exponent = _EXPONENTS[unit]
+    length_ratio = robot.leg_length / SIMPLE_QUAD.leg_length
+    mass_ratio = robot.mass / SIMPLE_QUAD.mass
+    return float(length_ratio**length_exponent * mass_ratio**mass_exponent)
 
 
 def scaled_servo_gains(robot: Robot) -> tuple[float, float]:
-    """Stiffness, N·m/rad, and damping, N·m·s/rad, of servos that are for the robot what SimpleQuad's are for it."""
+    """Return SimpleQuad's servo gains, scaled to a robot.
+
+    Args:
+        robot: The robot.
+
+    Returns:
+        stiffness: N·m/rad.
+        damping: N·m·s/rad.
+    """
     stiffness, damping = SIMPLE_QUAD.stiff_servo[:, 0].tolist()
     return scale_factor(robot, "N·m") * stiffness, scale_factor(robot, "N·m") * scale_factor(robot, "s") * damping
 
 
 def scale_to_robot(robot: Robot, value: float, unit: str) -> float:
-    """A figure of SimpleQuad's, in that unit, for the robot."""
+    """Return a value that was chosen for SimpleQuad, scaled to a robot.
+
+    Args:
+        robot: The robot.
+        value: Value for SimpleQuad.
+        unit: Its unit, also `LATERAL_LENGTH`, `LONGITUDINAL_LENGTH`, `HIP_HEIGHT` or one that ends in
+            `KNEE_SIGN_SUFFIX`.
+
+    Returns:
+        A value that was chosen for SimpleQuad, scaled to a robot.
+    """
     if robot == SIMPLE_QUAD:
         return value  # to the last bit
     if unit in (LATERAL_LENGTH, LONGITUDINAL_LENGTH):
-        return _apart(robot, unit) + scale_factor(robot, "m") * (value - _apart(SIMPLE_QUAD, unit))
+        return _thigh_distance(robot, unit) + scale_factor(robot, "m") * (value - _thigh_distance(SIMPLE_QUAD, unit))
     if unit == HIP_HEIGHT:
         return value * robot.home_hip_height / SIMPLE_QUAD.home_hip_height
-    alike = (
-        float((robot.knee_direction * SIMPLE_QUAD.knee_direction).mean()) if unit.endswith(KNEE_SIGN_SUFFIX) else 1.0
-    )
-    return alike * scale_factor(robot, unit.removesuffix(KNEE_SIGN_SUFFIX)) * value
+    sign = float((robot.knee_direction * SIMPLE_QUAD.knee_direction).mean()) if unit.endswith(KNEE_SIGN_SUFFIX) else 1.0
+    return sign * scale_factor(robot, unit.removesuffix(KNEE_SIGN_SUFFIX)) * value
 
 
-def _apart(robot: Robot, unit: str) -> float:
-    """Between the thigh joints of left and right legs, or of fore and hind ones, m."""
-    ahead, aside = map(float, np.abs(robot.hip_positions[:, :2]).mean(axis=0))
-    return 2.0 * (aside + robot.hip_offset) if unit == LATERAL_LENGTH else 2.0 * ahead
+def _thigh_distance(robot: Robot, unit: str) -> float:
+    """Return the distance between the thigh joints of left and right legs, or of fore and hind legs, m."""
+    ahead, left = map(float, np.abs(robot.hip_positions[:, :2]).mean(axis=0))
+    return 2.0 * (left + robot.hip_offset) if unit == LATERAL_LENGTH else 2.0 * ahead

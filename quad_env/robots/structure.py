@@ -50,7 +50,7 @@ _MIN_LINK_LENGTH = 1e-3
 
 
 class ModelError(ValueError):
-    """A model that is no quadruped of this kind; the text says in a line what is wrong."""
+    """A model that is no quadruped of this kind; the text names the fault in a line."""
 
 
 @dataclass(frozen=True)
@@ -183,6 +183,9 @@ def detect_structure(mujoco: Any, model: Any) -> RobotStructure:
         mujoco: The package.
         model: Compiled `mujoco.MjModel`.
 
+    Returns:
+        The structure, without locked joints and omission lines.
+
     Raises:
         ModelError: The legs differ in a length; other causes come from the parts of the detection.
     """
@@ -215,6 +218,9 @@ def find_root_body(mujoco: Any, model: Any) -> int:
     Args:
         mujoco: The package.
         model: Compiled `mujoco.MjModel`.
+
+    Returns:
+        The id of the body with the free joint that has most hinges below it: crates and balls have none.
 
     Raises:
         ModelError: There is no free joint, or the choice is unclear.
@@ -408,6 +414,9 @@ def _measure_leg(model: Any, data: Any, trunk: int, collides: Bools, joints: lis
         trunk: Id of the trunk's body.
         collides: Mask of the geoms that collide with the ground, (ngeom,).
         joints: Ids of its hinges, hip first.
+
+    Returns:
+        A leg without a name; its hip offset is positive to the left.
     """
     chain = _read_chain(model, data, trunk, joints)
     foot, candidates = _find_sole(model, data, chain, collides)
@@ -444,6 +453,9 @@ def _straighten_foot(data: Any, base: Floats, chain: _Chain, foot: Foot, calf_pi
         chain: Joints of the leg.
         foot: The foot, its points in the frame of its body.
         calf_pitch: Angle of the calf from straight down at `qpos0`, rad.
+
+    Returns:
+        The points of a foot and their radii, base frame with the leg straight down.
     """
     body_rotation = data.xmat[foot.body].reshape(3, 3)
     sin, cos = np.sin(calf_pitch), np.cos(calf_pitch)
@@ -471,6 +483,9 @@ def bend_direction(model: Any, joint: int, sign: float, offset: float) -> float:
         joint: Id of the calf's joint.
         sign: Sign of its axis, see `Leg.signs`.
         offset: Its angle in the robot's convention at `qpos0`, rad.
+
+    Returns:
+        The bend direction of a knee by its joint limits: -1 backward, 1 forward, 0 if both are possible.
     """
     if not model.jnt_limited[joint]:
         return 0.0

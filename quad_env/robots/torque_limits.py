@@ -1,4 +1,4 @@
-"""Largest joint torques of the actuators of a user's model, as MuJoCo adds and clamps them.
+"""Ranges of the joint torques of a user's model, as MuJoCo adds and clamps the forces of its actuators.
 
 The forces of all actuators of a joint add. An actuator acts on a joint, or through a fixed tendon on several joints.
 The torque is unknown where the lever depends on the pose (a site, a slider-crank, a spatial tendon) or the force has no
@@ -6,19 +6,22 @@ limit.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from quad_env.robots.shapes import Floats
+from quad_env.robots.shapes import Bools, Floats
 
-UNKNOWN = -np.inf, np.inf
+UNKNOWN = (-np.inf, np.inf)
+"""Range of a torque or force that the model does not limit."""
 NUM_POSES = 4
 """Number of random poses that reveal the joints of an actuator with a pose-dependent lever."""
+_POSE_STD = 0.3
+"""rad. Standard deviation of the joint angles in these poses."""
 
 
 def torque_ranges(model: Any, joints: Sequence[int]) -> Floats:
-    """Return the least and the largest torque of hinges of a compiled model.
+    """Return the ranges of the torques of hinges of a compiled model.
 
     Args:
         model: Compiled `mujoco.MjModel`.
@@ -29,54 +32,86 @@ def torque_ranges(model: Any, joints: Sequence[int]) -> Floats:
     """
     import mujoco
 
-    kinds = mujoco.mjtTrn
-    ranges = np.zeros((model.njnt, 2))
-    driven = np.zeros(model.njnt, bool)
-    pulls: dict[int, list[tuple[float, Floats]]] = {}
-    for actuator in range(model.nactuator):
-        kind = int(model.actuator_trntype[actuator])
-        target = int(model.actuator_trnid[actuator, 0])
-        force = _force_range(mujoco, model, actuator)
-        if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
-            ranges[target] += _times(_gear(model, actuator), force)
-            driven[target] = True
-        elif kind == kinds.mjTRN_TENDON and model.tendon_type[target] == mujoco.mjtTendon.mjTENDON_FIXED:
-            pulls.setdefault(target, []).append((_gear(model, actuator), force))
-        elif kind != kinds.mjTRN_BODY:
-            moved = _moved_joints(mujoco, model, actuator)
-            ranges[moved] = UNKNOWN
-            driven[moved] = True
-    for tendon, its in pulls.items():
-        pull = _pull(its, model.tendon_actfrcrange[tendon] if model.tendon_actfrclimited[tendon] else None)
-        first = int(model.tendon_adr[tendon])
-        for wrap in range(first, first + int(model.tendon_num[tendon])):
-            joint = int(model.wrap_objid[wrap])
-            ranges[joint] += _times(float(model.wrap_prm[wrap]), pull)
-            driven[joint] = True
-    ranges[~driven] = UNKNOWN
+    totals = _JointTotals(np.zeros((model.njnt, 2)), np.zeros(model.njnt, bool))
+    _add_tendons(model, totals, _add_actuators(mujoco, model, totals))
+    ranges = totals.ranges
+    ranges[~totals.is_driven] = UNKNOWN
     limited = np.flatnonzero(model.jnt_actfrclimited)
     lower, upper = model.jnt_actfrcrange[limited].T[:, :, None]
     ranges[limited] = ranges[limited].clip(lower, upper)
     return ranges[list(joints)]
 
 
-def _pull(actuators: Sequence[tuple[float, Floats]], limits: Floats | None) -> Floats:
+class _JointTotals(NamedTuple):
+    """Sums over the actuators of a model, by joint."""
+
+    ranges: Floats
+    """Ranges of the torques, (njnt, 2), N·m."""
+    is_driven: Bools
+    """True for joints with an actuator, (njnt,)."""
+
+    def add(self, joint: int, torque: Floats) -> None:
+        """Add the range of a `torque`, (2,), N·m, to the `joint` with this id."""
+        self.ranges[joint] += torque
+        self.is_driven[joint] = True
+
+
+_TendonForces = dict[int, list[tuple[float, Floats]]]
+"""Id of a tendon -> gear, and range of the force before it, of each of its actuators."""
+
+
+def _add_actuators(mujoco: Any, model: Any, totals: _JointTotals) -> _TendonForces:
+    """Add the torques of the actuators of joints, and return the forces on fixed tendons.
+
+    The torques of joints under an actuator with a pose-dependent lever become unknown.
+    """
+    kinds = mujoco.mjtTrn
+    tendon_forces: _TendonForces = {}
+    for actuator in range(model.nactuator):
+        kind = int(model.actuator_trntype[actuator])
+        target = int(model.actuator_trnid[actuator, 0])
+        force = _force_range(mujoco, model, actuator)
+        if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
+            totals.add(target, _scale_range(_gear(model, actuator), force))
+        elif kind == kinds.mjTRN_TENDON and model.tendon_type[target] == mujoco.mjtTendon.mjTENDON_FIXED:
+            tendon_forces.setdefault(target, []).append((_gear(model, actuator), force))
+        elif kind != kinds.mjTRN_BODY:
+            moved = _moved_joints(mujoco, model, actuator)
+            totals.ranges[moved] = UNKNOWN
+            totals.is_driven[moved] = True
+    return tendon_forces
+
+
+def _add_tendons(model: Any, totals: _JointTotals, tendon_forces: _TendonForces) -> None:
+    """Add the torques of fixed tendons to the joints of the tendons."""
+    for tendon, forces in tendon_forces.items():
+        limits = model.tendon_actfrcrange[tendon] if model.tendon_actfrclimited[tendon] else None
+        tension = _tension_range(forces, limits)
+        first = int(model.tendon_adr[tendon])
+        for wrap in range(first, first + int(model.tendon_num[tendon])):
+            totals.add(int(model.wrap_objid[wrap]), _scale_range(float(model.wrap_prm[wrap]), tension))
+
+
+def _tension_range(actuators: Sequence[tuple[float, Floats]], limits: Floats | None) -> Floats:
     """Return the range of the force along a tendon, (2,), N or N·m.
 
     Args:
         actuators: Gear, and range of the force before it, of each actuator of the tendon.
         limits: Range of the sum of the forces before their gears; None without one.
+
+    Returns:
+        The range of the force along a tendon, (2,), N or N·m.
     """
     if len(actuators) == 1 and limits is not None:
         gear, force = actuators[0]
-        return _times(gear, force.clip(*limits))
+        return _scale_range(gear, force.clip(*limits))
     if limits is None or not np.isfinite([force for _, force in actuators]).all():
-        return np.asarray(sum(_times(gear, force) for gear, force in actuators))
-    turned = [(-gear, force) for gear, force in actuators]
-    return np.array((-_largest_pull(turned, limits), _largest_pull(actuators, limits)))
+        return np.asarray(sum(_scale_range(gear, force) for gear, force in actuators))
+    reversed_gears = [(-gear, force) for gear, force in actuators]
+    return np.array((-_max_tension(reversed_gears, limits), _max_tension(actuators, limits)))
 
 
-def _largest_pull(actuators: Sequence[tuple[float, Floats]], limits: Floats) -> float:
+def _max_tension(actuators: Sequence[tuple[float, Floats]], limits: Floats) -> float:
     """Return the largest sum of gears times forces with a sum in the limits; the smallest gear yields first."""
     gears = np.array([gear for gear, _ in actuators])
     lower, upper = np.array([force for _, force in actuators]).T
@@ -93,7 +128,7 @@ def _gear(model: Any, actuator: int) -> float:
     return float(model.actuator_gear[model.actuator_outadr[actuator], 0])
 
 
-def _times(factor: float, force: Floats) -> Floats:
+def _scale_range(factor: float, force: Floats) -> Floats:
     """Return the range of a force times a factor, lower end first; zero times infinity is zero."""
     with np.errstate(over="ignore"):  # infinite: unknown
         return np.sort(factor * force) if factor else np.zeros(2)
@@ -112,7 +147,7 @@ def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
     constant_bias = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE and not biases[1:3].any()
     if fixed_gain and (no_bias or constant_bias):
         bias = 0.0 if no_bias else float(biases[0])
-        force = _times(float(gains[0]), _input_range(mujoco, model, actuator)) + bias
+        force = _scale_range(float(gains[0]), _input_range(mujoco, model, actuator)) + bias
     if model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_MUSCLE:
         force = np.array((-np.inf, 0.0))  # it only pulls
     brakes = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_AFFINE and not gains[:2].any()
@@ -128,29 +163,28 @@ def _input_range(mujoco: Any, model: Any, actuator: int) -> Floats:
     kinds = mujoco.mjtDyn
     kind = int(model.actuator_dyntype[actuator])
     control = int(model.actuator_ctrladr[actuator])
-    reach = np.array(UNKNOWN)
+    input_range = np.array(UNKNOWN)
     follows = kind in (kinds.mjDYN_NONE, kinds.mjDYN_FILTER, kinds.mjDYN_FILTEREXACT)
     if follows and model.actuator_ctrlnum[actuator] == 1 and model.actuator_ctrllimited[control]:
-        reach = model.actuator_ctrlrange[control].copy()
+        input_range = model.actuator_ctrlrange[control].copy()
     if kind != kinds.mjDYN_NONE and model.actuator_actlimited[actuator]:
-        reach = reach.clip(*model.actuator_actrange[actuator])
-    return reach
+        input_range = input_range.clip(*model.actuator_actrange[actuator])
+    return input_range
 
 
 def _moved_joints(mujoco: Any, model: Any, actuator: int) -> list[int]:
     """Return the ids of the joints on which an actuator has a lever in some sampled pose."""
     data = mujoco.MjData(model)
     rng = np.random.default_rng(0)
-    rows = range(
-        int(model.actuator_outadr[actuator]), int(model.actuator_outadr[actuator] + model.actuator_outnum[actuator])
-    )
-    found: set[int] = set()
+    first = int(model.actuator_outadr[actuator])
+    rows = range(first, first + int(model.actuator_outnum[actuator]))
+    joints: set[int] = set()
     for _ in range(NUM_POSES):
-        mujoco.mj_integratePos(model, data.qpos, rng.normal(0.0, 0.3, model.nv), 1.0)
+        mujoco.mj_integratePos(model, data.qpos, rng.normal(0.0, _POSE_STD, model.nv), 1.0)
         mujoco.mj_fwdPosition(model, data)
         for row in rows:
             start = int(data.moment_rowadr[row])
             entries = slice(start, start + int(data.moment_rownnz[row]))
             dofs = data.moment_colind[entries][data.actuator_moment[entries] != 0.0]
-            found.update(int(joint) for joint in model.dof_jntid[dofs])
-    return sorted(found)
+            joints.update(int(joint) for joint in model.dof_jntid[dofs])
+    return sorted(joints)

@@ -10,28 +10,30 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.shapes import Floats, box_corners, descendant_mask, geom_ids, rotation_matrix, welded_bodies
 
 MAX_INERTIA_RATIO = 10.0
-"""Least ratio of a named moment of inertia to mass times squared reach of the link. A point mass at the farthest point
-has 1; the links of the robots of the `robots` extra have at most 0.9.
+"""Largest plausible ratio of a moment of inertia to mass times squared reach of the link. A point mass at the farthest
+point has 1; the links of the robots of the `robots` extra have at most 0.9.
 """
 MAX_ARMATURE_RATIO = 0.1
-"""Least ratio of a named joint armature to the robot's mass times squared leg length; the robots of the `robots` extra
-have at most 0.014.
+"""Largest plausible ratio of a joint armature to the robot's mass times squared leg length; the robots of the `robots`
+extra have at most 0.014.
 """
-_SMALLEST = 0.1
+_MIN_REACH = 0.1
 """Lower bound on the reach of a link, as a share of the leg's length, for links without a shape."""
-_TINY = 5e-3
+_NEGLIGIBLE = 5e-3
 """Moment of inertia, as a share of the robot's mass times squared leg length, that does not affect the motion."""
 
 
 class UnlikelyInertia(NamedTuple):
-    """Implausible inertia of a link."""
+    """Implausible inertia of a link; made by `find_unlikely_inertias`."""
 
     body: int
     """Id in the robot's model."""
     name: str
+    """Name in the user's file, else the scene's name."""
     moment: float
     """Largest principal moment, kg·m²."""
     mass: float
+    """Mass of the link, kg."""
     reach: float
     """Distance from the centre of mass to the farthest point of the link, m."""
 
@@ -45,16 +47,16 @@ def find_unlikely_inertias(robot: Robot) -> list[UnlikelyInertia]:
     """Return the links with a largest moment of inertia far above the limit by mass and size."""
     model = robot.model
     root = model.body("base_link").id
-    found = []
+    inertias = []
     for body in np.flatnonzero(descendant_mask(model, root)):
         moment = float(model.body_inertia[body].max())
         mass = float(model.body_mass[body])
-        reach = max(_reach(model, int(body)), _SMALLEST * robot.leg_length)
+        reach = max(_reach(model, int(body)), _MIN_REACH * robot.leg_length)
         inertia = UnlikelyInertia(int(body), _name(model, int(body)), moment, mass, reach)
-        if moment > max(MAX_INERTIA_RATIO * inertia.max_moment, _TINY * robot.mass * robot.leg_length**2):
-            found.append(inertia)
-    names = body_names(robot) if found else {}
-    return [each._replace(name=names.get(model.body(each.body).name, each.name)) for each in found]
+        if moment > max(MAX_INERTIA_RATIO * inertia.max_moment, _NEGLIGIBLE * robot.mass * robot.leg_length**2):
+            inertias.append(inertia)
+    names = body_names(robot) if inertias else {}
+    return [each._replace(name=names.get(model.body(each.body).name, each.name)) for each in inertias]
 
 
 def find_unlikely_armatures(robot: Robot) -> list[int]:

@@ -28,6 +28,9 @@ def load_urdf(mujoco: Any, path: Path) -> Any:
         mujoco: The package.
         path: The file.
 
+    Returns:
+        The `mujoco.MjSpec` of a URDF; visual shapes with meshes that MuJoCo does not read are left out.
+
     Raises:
         ModelError: The file is no XML.
     """
@@ -77,7 +80,7 @@ def _remove_unreadable_visuals(robot: ElementTree.Element, path: Path, folder: s
 
 
 def _zero_tiny_inertias(robot: ElementTree.Element) -> None:
-    """Set inertias to 0 whose moments are all below `MIN_LINK_INERTIA`."""
+    """Set inertias to 0 with all moments below `MIN_LINK_INERTIA`."""
     for inertia in robot.iter("inertia"):
         if all(abs(float(moment)) < MIN_LINK_INERTIA for moment in inertia.attrib.values()):
             inertia.attrib.update(dict.fromkeys(inertia.attrib, "0"))
@@ -111,12 +114,18 @@ def _is_readable(name: str) -> bool:
 
 
 def _find_mesh(path: Path, folder: str, name: str) -> Path:
-    """Return the file of a mesh, in the package of its URDF or next to the URDF. Raises ModelError.
+    """Return the file of a mesh, in the package of its URDF or next to the URDF.
 
     Args:
         path: The URDF.
         folder: Its `meshdir`.
-        name: Name of the mesh in the URDF, such as `package://robot/meshes/thigh.stl`.
+        name: Name of the mesh in the URDF, as `package://robot/meshes/thigh.stl`.
+
+    Returns:
+        The file of a mesh, in the package of its URDF or next to the URDF.
+
+    Raises:
+        ModelError: MuJoCo does not read its kind, or there is no such file.
     """
     if not _is_readable(name):
         raise ModelError(f"MuJoCo cannot read it: convert {name!r}, which collides, to {' or '.join(MESH_SUFFIXES)}")
