@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from benchmarks import physics, policies, single_env, startup, vector_env
 from benchmarks.support.bars import BARS
-from benchmarks.support.command import BenchmarkResult, OutputOptions, command
+from benchmarks.support.command import BenchmarkResult, OutputOptions, make_command
 from benchmarks.support.physics_settings import ORIGINAL_SETTINGS, SHIPPED
 from quad_env.cli.launcher import launch
 
@@ -36,7 +36,7 @@ def measure(options: AllOptions) -> BenchmarkResult:
     )
 
 
-main = command(AllOptions, measure, "benchmarks", __doc__)
+main = make_command(AllOptions, measure, "benchmarks", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

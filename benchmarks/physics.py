@@ -11,10 +11,18 @@ import numpy as np
 from mujoco.batch import Batch
 from rich.table import Table
 
-from benchmarks.support.bars import ACCURACY, check
-from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
-from benchmarks.support.measure import Floats, TimedFunction, cores, interleave, progress_bar, speed_ratio, spread
-from benchmarks.support.physics_accuracy import CONTROL_PERIOD, Accuracy, Stride, accuracy, strides
+from benchmarks.support.bars import ACCURACY_BARS, check_requirement
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, format_quartiles, make_command, make_table
+from benchmarks.support.measure import (
+    Floats,
+    TimedFunction,
+    compute_quartiles,
+    cores,
+    interleave,
+    progress_bar,
+    speed_ratio,
+)
+from benchmarks.support.physics_accuracy import CONTROL_PERIOD, Accuracy, Stride, measure_accuracy, record_strides
 from benchmarks.support.physics_settings import ORIGINAL_SETTINGS, SETTINGS, SHIPPED
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import launch
@@ -41,22 +49,22 @@ def measure(options: PhysicsOptions) -> BenchmarkResult:
     if unknown := set(options.settings) - set(SETTINGS):
         raise UsageError(f"--settings: unknown {', '.join(sorted(unknown))}; valid: {'; '.join(SETTINGS)}")
     names = [name for name in SETTINGS if name in {SHIPPED, ORIGINAL_SETTINGS, *options.settings}]
-    recorded_strides = strides()
+    recorded_strides = record_strides()
     subjects = {name: _walking(name, recorded_strides, options) for name in names}
     seconds = interleave(subjects, options.rounds, "physics, speed")
     found: dict[str, Accuracy] = {}
     with progress_bar("physics, accuracy", len(names)) as advance:
         for name in names:
-            found[name] = accuracy(SETTINGS[name], recorded_strides)
+            found[name] = measure_accuracy(SETTINGS[name], recorded_strides)
             advance()
-    within = [name for name in names if found[name].within]
-    best = min(within, key=lambda name: spread(seconds[name]).median, default="none")
+    within = [name for name in names if found[name].is_within_bars]
+    best = min(within, key=lambda name: compute_quartiles(seconds[name]).median, default="none")
     speeds = {name: speed_ratio(seconds[name], seconds[ORIGINAL_SETTINGS]) for name in names}
-    gained = speeds[SHIPPED].median if found[SHIPPED].within else float("nan")
+    gained = speeds[SHIPPED].median if found[SHIPPED].is_within_bars else float("nan")
     tables = (_speeds(seconds, found, options), _accuracies(found))
     figures = {"seconds_per_simulated_second": seconds, "speed": speeds, "accuracy": found, "fastest_within": best}
     notes = (f"fastest within the accuracy bar: {best}",)
-    return BenchmarkResult(figures, tables, (check("physics", gained),), notes)
+    return BenchmarkResult(figures, tables, (check_requirement("physics", gained),), notes)
 
 
 def _walking(name: str, recorded_strides: tuple[Stride, ...], options: PhysicsOptions) -> TimedFunction:
@@ -84,7 +92,7 @@ def _walking(name: str, recorded_strides: tuple[Stride, ...], options: PhysicsOp
 
 
 def _speeds(seconds: dict[str, Floats], found: dict[str, Accuracy], options: PhysicsOptions) -> Table:
-    rows = table(
+    rows = make_table(
         f"Speed, {options.envs} robots under the trot, {options.threads} threads",
         "setting",
         "µs a physics step",
@@ -92,24 +100,29 @@ def _speeds(seconds: dict[str, Floats], found: dict[str, Accuracy], options: Phy
         "accurate",
     )
     for name, values in seconds.items():
-        step = spread(values).scaled(SETTINGS[name].model().opt.timestep * 1e6)
-        rows.add_row(name, cell(step), cell(speed_ratio(values, seconds[ORIGINAL_SETTINGS])), _mark(found[name]))
+        step = compute_quartiles(values).scaled(SETTINGS[name].model().opt.timestep * 1e6)
+        rows.add_row(
+            name,
+            format_quartiles(step),
+            format_quartiles(speed_ratio(values, seconds[ORIGINAL_SETTINGS])),
+            _mark(found[name]),
+        )
     return rows
 
 
 def _accuracies(found: dict[str, Accuracy]) -> Table:
-    rows = table("Accuracy", "setting", "trunk\nmm", "tilt\nrad", "joints\nrad", "sinks\nmm", "slip\nmm/s", "")
+    rows = make_table("Accuracy", "setting", "trunk\nmm", "tilt\nrad", "joints\nrad", "sinks\nmm", "slip\nmm/s", "")
     for name, figures in found.items():
-        rows.add_row(name, *(f"{getattr(figures, figure):.3g}" for figure in ACCURACY), _mark(figures))
-    rows.add_row("bar", *(str(limit) for limit in ACCURACY.values()), "")
+        rows.add_row(name, *(f"{getattr(figures, figure):.3g}" for figure in ACCURACY_BARS), _mark(figures))
+    rows.add_row("bar", *(str(limit) for limit in ACCURACY_BARS.values()), "")
     return rows
 
 
 def _mark(figures: Accuracy) -> str:
-    return "yes" if figures.within else "no"
+    return "yes" if figures.is_within_bars else "no"
 
 
-main = command(PhysicsOptions, measure, "benchmarks.physics", __doc__)
+main = make_command(PhysicsOptions, measure, "benchmarks.physics", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

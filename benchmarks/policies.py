@@ -14,9 +14,9 @@ import numpy as np
 
 import policies
 from benchmarks.support import bare
-from benchmarks.support.bars import check
-from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
-from benchmarks.support.measure import Floats, TimedFunction, interleave, spread
+from benchmarks.support.bars import check_requirement
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, format_quartiles, make_command, make_table
+from benchmarks.support.measure import Floats, TimedFunction, compute_quartiles, interleave
 from quad_env import ENV_ID
 from quad_env.cli.command_line import check_numbers
 from quad_env.cli.launcher import launch
@@ -45,20 +45,20 @@ def measure(options: PoliciesOptions) -> BenchmarkResult:
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 2), steps=2, calls=10)
     check_numbers(options, {"steps": (1, 10**6)})
-    costs = {n: _costs(n, options) for n in options.envs}
-    calls, processor = _calls(options, time.perf_counter), _calls(options, time.process_time)
-    means = table("µs a robot and control step", "policy", *(f"n = {n}" for n in options.envs))
+    costs = {n: _time_actions(n, options) for n in options.envs}
+    calls, processor = _time_single_calls(options, time.perf_counter), _time_single_calls(options, time.process_time)
+    means = make_table("µs a robot and control step", "policy", *(f"n = {n}" for n in options.envs))
     for name in options.policies:
-        means.add_row(name, *(cell(spread(costs[n][name]).scaled(1e6)) for n in options.envs))
+        means.add_row(name, *(format_quartiles(compute_quartiles(costs[n][name]).scaled(1e6)) for n in options.envs))
     shares = 50.0, 99.0, PERCENTILE
     heads = [f"{share:g} %{clock}" for clock in ("", ", processor time") for share in shares]
-    tails = table("One robot, a call, ms: percentiles and the largest", "", *heads, "largest")
+    tails = make_table("One robot, a call, ms: percentiles and the largest", "", *heads, "largest")
     for name, values in calls.items():
         row = (*np.percentile(values, shares), *np.percentile(processor[name], shares), values.max())
         tails.add_row(name, *(f"{value * 1e3:.3f}" for value in row))
     worst = {name: _percentile(values) * 1e3 for name, values in calls.items()}
     slowest = max(value for name, value in worst.items() if name != JOINT_LOOP)
-    checks = (check("control step", slowest), check("joint step", worst[JOINT_LOOP]))
+    checks = (check_requirement("control step", slowest), check_requirement("joint step", worst[JOINT_LOOP]))
     figures = {
         "seconds_per_robot_step": costs,
         "percentile_ms": worst,
@@ -71,7 +71,7 @@ def _percentile(values: Floats) -> float:
     return float(np.percentile(values, PERCENTILE))
 
 
-def _costs(num_envs: int, options: PoliciesOptions) -> dict[str, Floats]:
+def _time_actions(num_envs: int, options: PoliciesOptions) -> dict[str, Floats]:
     """Seconds a robot and action of each policy, (rounds,)."""
     steps = options.steps
 
@@ -92,9 +92,9 @@ def _costs(num_envs: int, options: PoliciesOptions) -> dict[str, Floats]:
     return interleave(subjects, options.rounds, f"policies, {num_envs} robots")
 
 
-def _calls(options: PoliciesOptions, clock: Clock) -> dict[str, Floats]:
+def _time_single_calls(options: PoliciesOptions, clock: Clock) -> dict[str, Floats]:
     """Seconds of single calls for one robot, (calls,): each policy's, a control step of the whole, a joint loop's."""
-    start = bare.start("flat", 1)
+    start = bare.make_initial_states("flat", 1)
     data = bare.BareLoop(start).data
 
     def action(name: str) -> Callable[[], object]:
@@ -135,7 +135,7 @@ def _timed(call: Callable[[], object], clock: Clock) -> TimedFunction:
     return subject
 
 
-main = command(PoliciesOptions, measure, "benchmarks.policies", __doc__)
+main = make_command(PoliciesOptions, measure, "benchmarks.policies", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 import policies
-from benchmarks.support.bars import check
-from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
+from benchmarks.support.bars import check_requirement
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, format_quartiles, make_command, make_table
 from benchmarks.support.measure import Floats, TimedFunction, interleave, speed_ratio
 from evaluate.rollouts.observers import Observer
 from evaluate.rollouts.rollout import roll_out
@@ -45,7 +45,7 @@ def measure(options: RecordingOptions) -> BenchmarkResult:
     if options.quick:
         options = replace(options, rounds=1, seconds=0.2)
     check_numbers(options, {"seconds": (0.1, 3600.0)})
-    rows = table(f"{options.seconds:g} s recorded by not recorded, time", "policy", "", *CLOCKS, "least wall")
+    rows = make_table(f"{options.seconds:g} s recorded by not recorded, time", "policy", "", *CLOCKS, "least wall")
     seconds: dict[str, dict[str, dict[str, Floats]]] = {}
     walls: list[float] = []
     for name in options.policies:
@@ -55,9 +55,9 @@ def measure(options: RecordingOptions) -> BenchmarkResult:
             taken = seconds[name][kind]
             ratios = [speed_ratio(plain[clock], taken[clock]) for clock in CLOCKS]
             least = float(taken["wall"].min() / plain["wall"].min())
-            rows.add_row(name, kind, *map(cell, ratios), f"{least:.2f}")
+            rows.add_row(name, kind, *map(format_quartiles, ratios), f"{least:.2f}")
             walls.append(ratios[0].median)
-    return BenchmarkResult({"seconds": seconds}, (rows,), (check("recording", max(walls)),))
+    return BenchmarkResult({"seconds": seconds}, (rows,), (check_requirement("recording", max(walls)),))
 
 
 def _seconds(name: str, options: RecordingOptions) -> dict[str, dict[str, Floats]]:
@@ -91,7 +91,7 @@ def _recording(file: str | None, policy: Policy) -> Iterator[tuple[Observer, ...
         yield (observer,)
 
 
-main = command(RecordingOptions, measure, "benchmarks.recording", __doc__)
+main = make_command(RecordingOptions, measure, "benchmarks.recording", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import gymnasium as gym
 
-from benchmarks.support.bars import check
-from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
-from benchmarks.support.measure import TimedFunction, interleave, spread
+from benchmarks.support.bars import check_requirement
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, format_quartiles, make_command, make_table
+from benchmarks.support.measure import TimedFunction, compute_quartiles, interleave
 from quad_env import ENV_ID
 from quad_env.cli.launcher import launch
 
@@ -34,18 +34,20 @@ def measure(options: RenderingOptions) -> BenchmarkResult:
     envs = {name: gym.make(ENV_ID, scenario=name, render_mode="rgb_array") for name in SCENARIOS}
     for env in envs.values():
         env.reset(seed=0)
-    subjects = {name: _frame_of(env, options.frames) for name, env in envs.items()}
+    subjects = {name: _timed_frames(env, options.frames) for name, env in envs.items()}
     seconds = interleave(subjects, options.rounds, "rendering")
     for env in envs.values():
         env.close()
-    rates = {name: spread(1 / values) for name, values in seconds.items()}
-    rows = table("Rendering, 640 x 480", "ground", "frames a second of processor time")
+    rates = {name: compute_quartiles(1 / values) for name, values in seconds.items()}
+    rows = make_table("Rendering, 640 x 480", "ground", "frames a second of processor time")
     for name, rate in rates.items():
-        rows.add_row(name, cell(rate, 1))
-    return BenchmarkResult({"frames_a_second": rates}, (rows,), (check("rendering", rates[REFERENCE].median),))
+        rows.add_row(name, format_quartiles(rate, 1))
+    return BenchmarkResult(
+        {"frames_a_second": rates}, (rows,), (check_requirement("rendering", rates[REFERENCE].median),)
+    )
 
 
-def _frame_of(env: gym.Env, frames: int) -> TimedFunction:
+def _timed_frames(env: gym.Env, frames: int) -> TimedFunction:
     def draw() -> float:
         begin = time.process_time()
         for _ in range(frames):
@@ -55,7 +57,7 @@ def _frame_of(env: gym.Env, frames: int) -> TimedFunction:
     return draw
 
 
-main = command(RenderingOptions, measure, "benchmarks.rendering", __doc__)
+main = make_command(RenderingOptions, measure, "benchmarks.rendering", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import gymnasium as gym
 
 from benchmarks.support import bare
-from benchmarks.support.bars import check
-from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
-from benchmarks.support.measure import difference, interleave, speed_ratio, spread
+from benchmarks.support.bars import check_requirement
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, format_quartiles, make_command, make_table
+from benchmarks.support.measure import compute_quartiles, difference, interleave, speed_ratio
 from quad_env import ENV_ID, MAX_EPISODE_STEPS
 from quad_env.cli.command_line import check_numbers
 from quad_env.cli.launcher import launch
@@ -31,8 +31,8 @@ def measure(options: SingleEnvOptions) -> BenchmarkResult:
     if options.quick:
         options = replace(options, rounds=1, steps=20)
     check_numbers(options, {"steps": (1, MAX_EPISODE_STEPS)})
-    actions = bare.walk(options.steps, robot=options.robot)
-    loop = bare.BareLoop(bare.start("flat", 1, options.robot))
+    actions = bare.record_actions(options.steps, robot=options.robot)
+    loop = bare.BareLoop(bare.make_initial_states("flat", 1, options.robot))
     env = gym.make(ENV_ID, robot=options.robot)
 
     def environment() -> float:
@@ -48,13 +48,17 @@ def measure(options: SingleEnvOptions) -> BenchmarkResult:
     env.close()
     ours, limit = seconds["gym.make"], seconds["bare mj_step loop"]
     ratio, overhead = speed_ratio(ours, limit), difference(ours, limit).scaled(1e6)
-    rows = table("Single env", "", "µs a control step", "control steps/s")
+    rows = make_table("Single env", "", "µs a control step", "control steps/s")
     for name, values in seconds.items():
-        rows.add_row(name, cell(spread(values).scaled(1e6), 1), f"{1 / spread(values).median:,.0f}")
-    rows.add_row("ratio of speeds", cell(ratio), "")
-    rows.add_row("overhead, µs", cell(overhead, 1), "")
+        rows.add_row(
+            name,
+            format_quartiles(compute_quartiles(values).scaled(1e6), 1),
+            f"{1 / compute_quartiles(values).median:,.0f}",
+        )
+    rows.add_row("ratio of speeds", format_quartiles(ratio), "")
+    rows.add_row("overhead, µs", format_quartiles(overhead, 1), "")
     figures = {"seconds_per_step": seconds, "ratio": ratio, "overhead_us": overhead}
-    return BenchmarkResult(figures, (rows,), (check("single_env", ratio.median),))
+    return BenchmarkResult(figures, (rows,), (check_requirement("single_env", ratio.median),))
 
 
 def _run(step: Callable[[bare.Actions], object], actions: bare.Actions) -> float:
@@ -64,7 +68,7 @@ def _run(step: Callable[[bare.Actions], object], actions: bare.Actions) -> float
     return (time.perf_counter() - begin) / len(actions)
 
 
-main = command(SingleEnvOptions, measure, "benchmarks.single_env", __doc__)
+main = make_command(SingleEnvOptions, measure, "benchmarks.single_env", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

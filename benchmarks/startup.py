@@ -9,24 +9,24 @@ import sys
 import time
 from dataclasses import dataclass, replace
 
-from benchmarks.support.bars import check
-from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
-from benchmarks.support.measure import TimedFunction, interleave, spread
+from benchmarks.support.bars import check_requirement
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, format_quartiles, make_command, make_table
+from benchmarks.support.measure import TimedFunction, compute_quartiles, interleave
 from evaluate.records.provenance import REPOSITORY
 from quad_env.cli.launcher import launch
 
-HEAVY = ("gymnasium", "mujoco", "torch")
+FORBIDDEN_MODULES = ("gymnasium", "mujoco", "torch")
 """What `import quad_env` must not load."""
 IMPORT_QUAD_ENV, IMPORT_GYMNASIUM = "import quad_env, gymnasium", "import gymnasium"
 MAKE = "gym.make after it"
-HELPS = ("python -m evaluate --help", "python -m train --help")
+HELP_COMMANDS = ("python -m evaluate --help", "python -m train --help")
 _TIMED = "import time; begin = time.perf_counter(); {code}; print(time.perf_counter() - begin)"
 _CODE = {
     IMPORT_QUAD_ENV: _TIMED.format(code=IMPORT_QUAD_ENV),
     IMPORT_GYMNASIUM: _TIMED.format(code=IMPORT_GYMNASIUM),
     MAKE: f"{IMPORT_QUAD_ENV}; " + _TIMED.format(code="gymnasium.make(quad_env.ENV_ID)"),
 }
-_LOADED = f"import sys, quad_env; print(*(name for name in {HEAVY} if name in sys.modules))"
+_LOADED = f"import sys, quad_env; print(*(name for name in {FORBIDDEN_MODULES} if name in sys.modules))"
 
 
 @dataclass(frozen=True)
@@ -41,18 +41,22 @@ def measure(options: StartupOptions) -> BenchmarkResult:
     """One table; the ratio is that of the two imports."""
     if options.quick:
         options = replace(options, rounds=1)
-    subjects: dict[str, TimedFunction] = {name: _inside(code) for name, code in _CODE.items()}
-    subjects |= {name: _outside(name) for name in HELPS}
+    subjects: dict[str, TimedFunction] = {name: _time_inside(code) for name, code in _CODE.items()}
+    subjects |= {name: _time_outside(name) for name in HELP_COMMANDS}
     warm_up = 0 if options.quick else 1  # the first reads from the disk
     seconds = interleave(subjects, options.rounds, "start-up", warm_up)
     loaded = _python("-c", _LOADED).split()
-    rows = table("Start-up, fresh interpreters", "", "s")
+    rows = make_table("Start-up, fresh interpreters", "", "s")
     for name, values in seconds.items():
-        rows.add_row(name, cell(spread(values), 3))
-    ratio = spread(seconds[IMPORT_QUAD_ENV] / seconds[IMPORT_GYMNASIUM])
-    rows.add_row(f"{IMPORT_QUAD_ENV} / {IMPORT_GYMNASIUM}", cell(ratio))
-    slower = max(spread(seconds[name]).median for name in HELPS)
-    checks = (check("import", ratio.median), check("loaded", len(loaded)), check("help", slower))
+        rows.add_row(name, format_quartiles(compute_quartiles(values), 3))
+    ratio = compute_quartiles(seconds[IMPORT_QUAD_ENV] / seconds[IMPORT_GYMNASIUM])
+    rows.add_row(f"{IMPORT_QUAD_ENV} / {IMPORT_GYMNASIUM}", format_quartiles(ratio))
+    slower = max(compute_quartiles(seconds[name]).median for name in HELP_COMMANDS)
+    checks = (
+        check_requirement("import", ratio.median),
+        check_requirement("loaded", len(loaded)),
+        check_requirement("help", slower),
+    )
     figures = {"seconds": seconds, "import_ratio": ratio, "loaded_by_quad_env": loaded}
     return BenchmarkResult(figures, (rows,), checks)
 
@@ -65,11 +69,11 @@ def _python(*arguments: str) -> str:
     return run.stdout
 
 
-def _inside(code: str) -> TimedFunction:
+def _time_inside(code: str) -> TimedFunction:
     return lambda: float(_python("-c", code))
 
 
-def _outside(command: str) -> TimedFunction:
+def _time_outside(command: str) -> TimedFunction:
     def wait() -> float:
         begin = time.perf_counter()
         _python(*command.split()[1:])
@@ -78,7 +82,7 @@ def _outside(command: str) -> TimedFunction:
     return wait
 
 
-main = command(StartupOptions, measure, "benchmarks.startup", __doc__)
+main = make_command(StartupOptions, measure, "benchmarks.startup", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

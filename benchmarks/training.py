@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.logger import configure
 
-from benchmarks.support.bars import check
-from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
-from benchmarks.support.measure import Floats, progress_bar, spread
+from benchmarks.support.bars import check_requirement
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, format_quartiles, make_command, make_table
+from benchmarks.support.measure import Floats, compute_quartiles, progress_bar
 from quad_env.cli.launcher import launch
 from quad_env.physics.simulation import Simulation
 from train.config import DEFAULTS, BaseName, TrainConfig
@@ -48,14 +48,18 @@ def measure(options: TrainingOptions) -> BenchmarkResult:
         options = replace(options, rounds=1)
         ppo = replace(ppo, envs=20, rollout_steps=4, minibatch=20)
     config = replace(defaults, robot=options.robot, ppo=ppo, threads=1)
-    seconds = rollouts(config, options.rounds)
+    seconds = time_rollouts(config, options.rounds)
     steps = ppo.envs * ppo.rollout_steps
     whole = np.sum(list(seconds.values()), axis=0)
-    ratio = spread(seconds["physics"] / whole)
-    rows = table("Training on one thread, one rollout and its update", "part", "share of the time", "µs a step")
+    ratio = compute_quartiles(seconds["physics"] / whole)
+    rows = make_table("Training on one thread, one rollout and its update", "part", "share of the time", "µs a step")
     for part, taken in seconds.items():
-        rows.add_row(part, cell(spread(taken / whole)), cell(spread(1e6 * taken / steps), 1))
-    speed, limit = (spread(steps / taken).median for taken in (whole, seconds["physics"]))
+        rows.add_row(
+            part,
+            format_quartiles(compute_quartiles(taken / whole)),
+            format_quartiles(compute_quartiles(1e6 * taken / steps), 1),
+        )
+    speed, limit = (compute_quartiles(steps / taken).median for taken in (whole, seconds["physics"]))
     note = f"{speed:,.0f} learner steps a second; {limit:,.0f} with the physics alone."
     figures: dict[str, Any] = {"ratio": ratio, "steps/s": speed, "physics steps/s": limit}
     required_figures = (options.robot, options.base, options.envs) == (
@@ -63,11 +67,11 @@ def measure(options: TrainingOptions) -> BenchmarkResult:
         REFERENCE.base,
         REFERENCE.ppo.envs,
     )
-    checks = (check("training", ratio.median),) if required_figures else ()
+    checks = (check_requirement("training", ratio.median),) if required_figures else ()
     return BenchmarkResult(figures, (rows,), checks, (note,))
 
 
-def rollouts(config: TrainConfig, rounds: int) -> dict[str, Floats]:
+def time_rollouts(config: TrainConfig, rounds: int) -> dict[str, Floats]:
     """Seconds of each part in each of so many rollouts, (rounds,), after a first one that does not count."""
     env, true_step = make_env(config), Simulation._step_physics
     model = make_ppo(config, env)
@@ -114,7 +118,7 @@ class Stopwatch:
         return call
 
 
-main = command(TrainingOptions, measure, "benchmarks.training", __doc__)
+main = make_command(TrainingOptions, measure, "benchmarks.training", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -14,18 +14,18 @@ import numpy as np
 
 import policies
 from benchmarks.support import bare
-from benchmarks.support.bars import check
-from benchmarks.support.command import BenchmarkResult, MeasurementOptions, cell, command, table
+from benchmarks.support.bars import check_requirement
+from benchmarks.support.command import BenchmarkResult, MeasurementOptions, format_quartiles, make_command, make_table
 from benchmarks.support.measure import (
     Advance,
     Floats,
     Quartiles,
+    compute_quartiles,
     cores,
     difference,
     interleave,
     progress_bar,
     speed_ratio,
-    spread,
 )
 from quad_env import ENV_ID, MAX_EPISODE_STEPS, SCENARIOS, CommandRanges
 from quad_env.cli.command_line import UsageError
@@ -35,7 +35,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 REFERENCE = ("flat", 1024)
 """Scenario and number of robots that the bar is for."""
-RESETS = 5
+TIMED_RESETS = 5
 """Resets that are timed (count)."""
 
 
@@ -81,23 +81,25 @@ def measure(options: VectorEnvOptions) -> BenchmarkResult:
     parts = [(name, n) for name in options.scenarios for n in options.envs]
     with progress_bar("vector env", len(parts)) as advance:
         for name, n in parts:
-            results[name, n] = compare(name, n, options, advance)
-    rows = table(
+            results[name, n] = time_vector_env(name, n, options, advance)
+    rows = make_table(
         f"Vector env, {with_count(options.threads, 'thread')}, control steps of 10 ms of all robots together",
         *("scenario, robots", "ratio", "overhead, µs", "steps/s", "bare steps/s"),
     )
     for (name, n), result in results.items():
-        rates = (f"{1 / spread(values).median:,.0f}" for values in result.seconds.values())
-        rows.add_row(f"{name}, {n}", cell(result.ratio), cell(result.overhead_us, 1), *rates)
+        rates = (f"{1 / compute_quartiles(values).median:,.0f}" for values in result.seconds.values())
+        rows.add_row(f"{name}, {n}", format_quartiles(result.ratio), format_quartiles(result.overhead_us, 1), *rates)
     reference = results.get(REFERENCE)
-    checks = (check("vector_env", reference.ratio.median, reference.overhead_us.median),) if reference else ()
+    checks = (
+        (check_requirement("vector_env", reference.ratio.median, reference.overhead_us.median),) if reference else ()
+    )
     figures = {f"{name} {n}": result for (name, n), result in results.items()}
     return BenchmarkResult(figures, (rows,), checks)
 
 
-def compare(name: str, num_envs: int, options: VectorEnvOptions, advance: Advance) -> VectorEnvTiming:
+def time_vector_env(name: str, num_envs: int, options: VectorEnvOptions, advance: Advance) -> VectorEnvTiming:
     """Environment and bare batch, a control step each in turns."""
-    start = bare.start(name, num_envs, options.robot)
+    start = bare.make_initial_states(name, num_envs, options.robot)
     robots = bare.BareBatch(start, options.threads)
     walkers = TrotEnv(name, start, options.threads, options.robot)
     for _ in range(options.warm_up):
@@ -106,14 +108,14 @@ def compare(name: str, num_envs: int, options: VectorEnvOptions, advance: Advanc
     rounds = min(max(options.robot_steps // num_envs, options.rounds), MAX_EPISODE_STEPS - options.warm_up - 1)
     timed_functions = {"environment": walkers.step, "bare": lambda: robots.run(walkers.action[None])}
     seconds = interleave(timed_functions, rounds)
-    reset = interleave({"reset": walkers.reset}, RESETS)["reset"]
+    reset = interleave({"reset": walkers.reset}, TIMED_RESETS)["reset"]
     walkers.env.close()
     advance()
     amortized_reset = 1 / MAX_EPISODE_STEPS + start.dt / CommandRanges().interval
     whole, limit = seconds["environment"] + amortized_reset * float(np.median(reset)), seconds["bare"]
     return VectorEnvTiming(
         {"environment": whole, "bare": limit},
-        spread(reset).scaled(1e6),
+        compute_quartiles(reset).scaled(1e6),
         speed_ratio(whole, limit),
         difference(whole, limit).scaled(1e6),
     )
@@ -151,7 +153,7 @@ class TrotEnv:
         return (time.perf_counter() - begin) / len(self.action)
 
 
-main = command(VectorEnvOptions, measure, "benchmarks.vector_env", __doc__)
+main = make_command(VectorEnvOptions, measure, "benchmarks.vector_env", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.support.bars import check
-from benchmarks.support.command import BenchmarkResult, OutputOptions, command, table
+from benchmarks.support.bars import check_requirement
+from benchmarks.support.command import BenchmarkResult, OutputOptions, make_command, make_table
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import launch
 from quad_env.cli.progress import show_bar
@@ -54,16 +54,16 @@ def measure(options: ViewOptions) -> BenchmarkResult:
         options = ViewOptions(quick=True, seconds=4.0, scenario=options.scenario, policy=options.policy)
     with _browser() as browser:
         own = _watch(browser, options)
-    rows = table("Live view in a headless browser", "viewer", "x real time", "frames/s", "first frame, s")
+    rows = make_table("Live view in a headless browser", "viewer", "x real time", "frames/s", "first frame, s")
     rows.add_row("quad_env view", f"{own['real_time']:.2f}", f"{own['frames']:.1f}", f"{own['first_frame']:.1f}")
-    growth = table(f"Growth over {options.seconds:g} s", "of", "at first", "at last", "share")
+    growth = make_table(f"Growth over {options.seconds:g} s", "of", "at first", "at last", "share")
     for name in ("simulation, MiB", "page, MiB"):
         first, last = own[name]
         growth.add_row(name, f"{first:.1f}", f"{last:.1f}", f"{last / first - 1.0:+.1%}")
     checks = (
-        check("view real time", own["real_time"]),
-        check("view frames", own["frames"]),
-        check("view first frame", own["first_frame"]),
+        check_requirement("view real time", own["real_time"]),
+        check_requirement("view frames", own["frames"]),
+        check_requirement("view first frame", own["first_frame"]),
     )
     return BenchmarkResult({"view": own}, (rows, growth), checks)
 
@@ -137,7 +137,7 @@ def _process(*words: str) -> Iterator[subprocess.Popen[str]]:
         process.communicate()
 
 
-main = command(ViewOptions, measure, "benchmarks.view", __doc__)
+main = make_command(ViewOptions, measure, "benchmarks.view", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]
 COMMAND = (0.5, 0.0, 0.3)
 """Velocity command of the benchmarks: forward m/s, lateral m/s, yaw rate rad/s."""
-MOST_STARTS = 256
+MAX_STARTS = 256
 """Different start states of a batch; a larger one repeats them."""
 
 
@@ -41,10 +41,10 @@ class InitialStates:
         return round(self.dt / float(self.model.opt.timestep))
 
 
-def start(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.name) -> InitialStates:
+def make_initial_states(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.name) -> InitialStates:
     """What `reset` with seeds 0, 1, … starts from, n of them."""
     env = gym.make(ENV_ID, scenario=scenario, robot=policies.make("trot", robot=robot).robot)
-    distinct = min(num_envs, MOST_STARTS)
+    distinct = min(num_envs, MAX_STARTS)
     snapshots = []
     for seed in range(distinct):
         env.reset(seed=seed)
@@ -62,7 +62,7 @@ def start(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.name) -> Initia
     )
 
 
-def walk(
+def record_actions(
     steps: int, seed: int = 0, command: tuple[float, float, float] = COMMAND, robot: str = SIMPLE_QUAD.name
 ) -> Actions:
     """Actions of the trot in one episode on flat ground, (steps, 12) rad."""

@@ -67,7 +67,7 @@ BARS = {
     ),
 }
 
-ACCURACY = {
+ACCURACY_BARS = {
     "trunk_mm": Threshold("≤", 2.0),
     "tilt_rad": Threshold("≤", 0.01),
     "joints_rad": Threshold("≤", 0.01),
@@ -90,7 +90,7 @@ class RequirementCheck:
         return any(limit.is_met(value) for limit, value in zip(BARS[self.bar].limits, self.values, strict=True))
 
 
-def check(bar: str, *values: float) -> RequirementCheck:
+def check_requirement(bar: str, *values: float) -> RequirementCheck:
     """The values, one for each limit of that bar. Raises ValueError where there are more or fewer."""
     if len(values) != len(BARS[bar].limits):
         raise ValueError(f"{bar}: {len(values)} values for {len(BARS[bar].limits)} limits")

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.support.bars import BARS, RequirementCheck
-from benchmarks.support.measure import Quartiles, machine, machine_line
+from benchmarks.support.measure import Quartiles, machine_facts, machine_line
 from evaluate.analysis.results import nan_to_null
 from quad_env import MAX_EPISODE_STEPS
 from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of, parse
@@ -21,7 +21,7 @@ from quad_env.files.writing import write_atomically
 
 WIDTH = 100
 """Columns that every table fits into."""
-LIMITS = {
+OPTION_LIMITS = {
     "rounds": (1, 10_000),
     "envs": (1, 65_536),
     "threads": (1, 256),
@@ -67,7 +67,7 @@ class BenchmarkResult:
     """Bars that another command measures."""
 
 
-def command(
+def make_command(
     kind: type[OptionsT], measure: Callable[[OptionsT], BenchmarkResult], program: str, description: str | None
 ) -> Callable[..., int]:
     """A function of the command line's words, by default those of the process: it parses, measures, prints and writes.
@@ -78,7 +78,7 @@ def command(
     def run(words: Sequence[str]) -> int:
         options = parse(kind, list(words), program=f"python -m {program}", description=description or "")
         _check(options)
-        facts = machine()
+        facts = machine_facts()
         write_results(measure(options), facts, options, program)
         return 0
 
@@ -87,7 +87,7 @@ def command(
 
 def _check(options: OutputOptions) -> None:
     """Raise UsageError, one line, for a number beyond its limits, an empty or double list, or no place for the file."""
-    check_numbers(options, {name: limits for name, limits in LIMITS.items() if hasattr(options, name)})
+    check_numbers(options, {name: limits for name, limits in OPTION_LIMITS.items() if hasattr(options, name)})
     for name, value in vars(options).items():
         if isinstance(value, tuple) and len(set(value)) < max(len(value), 1):
             option = f"--{name.replace('_', '-')}"
@@ -114,12 +114,12 @@ def write_results(outcome: BenchmarkResult, facts: dict[str, Any], options: Outp
             "figures": outcome.figures,
             "checks": [dataclasses.asdict(row) | {"met": row.is_met} for row in outcome.checks],
         }
-        write_atomically(options.json, (json.dumps(plain(record), indent=2) + "\n").encode())
+        write_atomically(options.json, (json.dumps(to_json_types(record), indent=2) + "\n").encode())
 
 
 def checks_table(checks: Sequence[RequirementCheck], unmeasured: Sequence[str]) -> Table:
     """The figures with their limits; an `unmeasured` one names the command that measures it."""
-    rows = table("Limits", "figure", "bar", "measured", "")
+    rows = make_table("Limits", "figure", "bar", "measured", "")
     for each in checks:
         limits = BARS[each.bar].limits
         values = ", ".join(f"{value:.4g}{limit.unit}" for value, limit in zip(each.values, limits, strict=True))
@@ -135,7 +135,7 @@ def _limits(bar: str) -> str:
     return " or ".join(map(str, BARS[bar].limits))
 
 
-def table(title: str, *heads: str) -> Table:
+def make_table(title: str, *heads: str) -> Table:
     """An empty table, its first column left-aligned, the others right-aligned."""
     made = Table(title=title, title_justify="left", title_style="bold")
     for number, head in enumerate(heads):
@@ -143,12 +143,12 @@ def table(title: str, *heads: str) -> Table:
     return made
 
 
-def cell(value: Quartiles, digits: int = 2) -> str:
+def format_quartiles(value: Quartiles, digits: int = 2) -> str:
     """Median, and the quartiles in brackets."""
     return f"{value.median:,.{digits}f} \\[{value.low:,.{digits}f} … {value.high:,.{digits}f}]"
 
 
-def plain(value: Any) -> Any:
+def to_json_types(value: Any) -> Any:
     """JSON types of dataclasses, arrays and paths, nested to any depth; None for numbers that are not finite."""
     return nan_to_null(json.loads(json.dumps(value, default=_plain)))
 

@@ -70,7 +70,7 @@ class Quartiles:
         return Quartiles(self.median * factor, self.low * factor, self.high * factor)
 
 
-def spread(values: Floats) -> Quartiles:
+def compute_quartiles(values: Floats) -> Quartiles:
     """Median and quartiles of the rounds (rounds,)."""
     low, median, high = np.quantile(values, (0.25, 0.5, 0.75))
     return Quartiles(float(median), float(low), float(high))
@@ -78,12 +78,12 @@ def spread(values: Floats) -> Quartiles:
 
 def speed_ratio(subject: Floats, other: Floats) -> Quartiles:
     """How many times as fast `subject` is as `other`, from the seconds that both took in each round, (rounds,)."""
-    return spread(other / subject)
+    return compute_quartiles(other / subject)
 
 
 def difference(subject: Floats, other: Floats) -> Quartiles:
     """How much longer `subject` took than `other` in the same rounds, s; both (rounds,)."""
-    return spread(subject - other)
+    return compute_quartiles(subject - other)
 
 
 def cores() -> int:
@@ -91,7 +91,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def machine() -> dict[str, Any]:
+def machine_facts() -> dict[str, Any]:
     """What the figures were made on: processor, cores, load before the run, versions."""
     return {
         "cpu": cpu_model(),

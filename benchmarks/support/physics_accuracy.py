@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import policies
-from benchmarks.support.bars import ACCURACY
-from benchmarks.support.physics_settings import FINE, PhysicsSetting, SpecEdit, compiled
+from benchmarks.support.bars import ACCURACY_BARS
+from benchmarks.support.physics_settings import FINE, PhysicsSetting, SpecEdit, compile_model
 from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from quad_env import TaskConfig
@@ -19,7 +19,7 @@ CONTROL_PERIOD = 1 / TaskConfig().control_rate
 """s"""
 COMMANDS = ((0.5, 0.0, 0.0), (1.2, 0.0, 0.0), (0.0, 0.5, 0.0), (-0.4, 0.0, 0.8))
 """Commands of the strides: forward m/s, lateral m/s, yaw rate rad/s."""
-SETTLED = 100
+SETTLING_STEPS = 100
 """Control steps before a stride."""
 SIDE_LOAD = 20.0
 """N on a standing trunk."""
@@ -52,12 +52,12 @@ class Accuracy:
     """Speed of a standing foot under a side load of 20 N."""
 
     @property
-    def within(self) -> bool:
+    def is_within_bars(self) -> bool:
         """Whether the setting meets the accuracy bar."""
-        return all(limit.is_met(getattr(self, name)) for name, limit in ACCURACY.items())
+        return all(limit.is_met(getattr(self, name)) for name, limit in ACCURACY_BARS.items())
 
 
-def strides(commands: tuple[tuple[float, float, float], ...] = COMMANDS) -> tuple[Stride, ...]:
+def record_strides(commands: tuple[tuple[float, float, float], ...] = COMMANDS) -> tuple[Stride, ...]:
     """One stride of the trot for each command, from a settled gait in the shipped environment."""
     return tuple(_stride(command) for command in commands)
 
@@ -68,20 +68,20 @@ def _stride(command: tuple[float, float, float]) -> Stride:
     targets: list[Floats] = []
 
     def watch(step: Step) -> None:
-        if step.number == SETTLED:
+        if step.number == SETTLING_STEPS:
             start.append(step.env.simulation.snapshot(0))
-        elif step.number > SETTLED:
+        elif step.number > SETTLING_STEPS:
             targets.append(step.action[0].astype(np.float64))
 
-    steps = SETTLED + round(1 / (policy.frequency * CONTROL_PERIOD))
+    steps = SETTLING_STEPS + round(1 / (policy.frequency * CONTROL_PERIOD))
     roll_out(policy, "flat", np.array([0]), watch, steps=steps, command=command)
     (data,) = start
     return Stride(data.qpos.copy(), data.qvel.copy(), data.qacc_warmstart.copy(), np.array(targets))
 
 
-def accuracy(setting: PhysicsSetting, walked: tuple[Stride, ...], reference: SpecEdit = FINE) -> Accuracy:
+def measure_accuracy(setting: PhysicsSetting, walked: tuple[Stride, ...], reference: SpecEdit = FINE) -> Accuracy:
     """Every figure of a setting; strides are compared with those of the `reference`."""
-    model, true = compiled(setting.change), compiled(reference)
+    model, true = compile_model(setting.change), compile_model(reference)
     trunk, tilt, joints = np.max([_deviation(model, true, stride) for stride in walked], axis=0).tolist()
     sinks, slip = _standing(model)
     return Accuracy(trunk, tilt, joints, sinks, slip)
@@ -89,14 +89,14 @@ def accuracy(setting: PhysicsSetting, walked: tuple[Stride, ...], reference: Spe
 
 def _deviation(model: mujoco.MjModel, reference: mujoco.MjModel, stride: Stride) -> tuple[float, float, float]:
     """Largest deviations of a stride, mm, rad, rad."""
-    ours, theirs = walk(model, stride), walk(reference, stride)
+    ours, theirs = replay_stride(model, stride), replay_stride(reference, stride)
     trunk = np.linalg.norm(ours[:, :3] - theirs[:, :3], axis=1).max()
     same = np.abs((ours[:, 3:7] * theirs[:, 3:7]).sum(axis=1))
     tilt = 2 * np.arccos(np.minimum(same, 1.0)).max()
     return trunk * 1e3, tilt, np.abs(ours[:, 7:] - theirs[:, 7:]).max()
 
 
-def walk(model: mujoco.MjModel, stride: Stride) -> Floats:
+def replay_stride(model: mujoco.MjModel, stride: Stride) -> Floats:
     """Positions after each control step, (ticks, nq)."""
     data, rows = mujoco.MjData(model), []
     data.qpos, data.qvel, data.qacc_warmstart = stride.qpos, stride.qvel, stride.warmstart

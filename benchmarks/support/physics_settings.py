@@ -18,7 +18,7 @@ PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 
 
-def options(**values: Any) -> SpecEdit:
+def edit_options(**values: Any) -> SpecEdit:
     """A change of simulation options."""
 
     def change(spec: mujoco.MjSpec) -> None:
@@ -28,7 +28,7 @@ def options(**values: Any) -> SpecEdit:
     return change
 
 
-def ground_only(*suffixes: str) -> SpecEdit:
+def collide_with_ground_only(*suffixes: str) -> SpecEdit:
     """Geoms of these names collide with the ground alone, the others with nothing; none named: all with the ground."""
 
     def change(spec: mujoco.MjSpec) -> None:
@@ -50,7 +50,7 @@ def combine(*changes: SpecEdit) -> SpecEdit:
     return change
 
 
-FINE = options(timestep=0.0005, solver=NEWTON, iterations=100, tolerance=1e-10)
+FINE = edit_options(timestep=0.0005, solver=NEWTON, iterations=100, tolerance=1e-10)
 """Four times finer, with a fully converged solver: the reference for the accuracy of a setting."""
 
 
@@ -64,7 +64,7 @@ class PhysicsSetting:
 
     def model(self) -> mujoco.MjModel:
         """The compiled model."""
-        model = compiled(self.change)
+        model = compile_model(self.change)
         return make_stepping_model(model) if self.use_stepping_model else model
 
 
@@ -73,33 +73,36 @@ ORIGINAL_SETTINGS = "first settings"
 """Name of the foundation's settings: what a faster setting is measured from."""
 
 SETTINGS: dict[str, PhysicsSetting] = {
-    SHIPPED: PhysicsSetting(options()),
+    SHIPPED: PhysicsSetting(edit_options()),
     ORIGINAL_SETTINGS: PhysicsSetting(
-        options(solver=NEWTON, iterations=100, cone=ELLIPTIC, impratio=10, timestep=0.002), use_stepping_model=False
+        edit_options(solver=NEWTON, iterations=100, cone=ELLIPTIC, impratio=10, timestep=0.002),
+        use_stepping_model=False,
     ),
-    "all sensors, islands": PhysicsSetting(options(), use_stepping_model=False),
-    "Newton, 10": PhysicsSetting(options(solver=NEWTON, iterations=10)),
-    "Newton, 3": PhysicsSetting(options(solver=NEWTON, iterations=3)),
-    "CG, 30": PhysicsSetting(options(solver=CG, iterations=30)),
-    "CG, 10": PhysicsSetting(options(solver=CG, iterations=10)),
-    "PGS, 30": PhysicsSetting(options(solver=PGS, iterations=30)),
-    "PGS, 10": PhysicsSetting(options(solver=PGS, iterations=10)),
-    "PGS, 5": PhysicsSetting(options(solver=PGS, iterations=5)),
-    "PGS, 3": PhysicsSetting(options(solver=PGS, iterations=3)),
-    "pyramidal cone": PhysicsSetting(options(cone=PYRAMIDAL, impratio=1)),
-    "impratio 1": PhysicsSetting(options(impratio=1)),
-    "timestep 1 ms": PhysicsSetting(options(timestep=0.001)),
-    "no self-collision": PhysicsSetting(ground_only()),
-    "feet and trunk": PhysicsSetting(ground_only("foot", "trunk")),
+    "all sensors, islands": PhysicsSetting(edit_options(), use_stepping_model=False),
+    "Newton, 10": PhysicsSetting(edit_options(solver=NEWTON, iterations=10)),
+    "Newton, 3": PhysicsSetting(edit_options(solver=NEWTON, iterations=3)),
+    "CG, 30": PhysicsSetting(edit_options(solver=CG, iterations=30)),
+    "CG, 10": PhysicsSetting(edit_options(solver=CG, iterations=10)),
+    "PGS, 30": PhysicsSetting(edit_options(solver=PGS, iterations=30)),
+    "PGS, 10": PhysicsSetting(edit_options(solver=PGS, iterations=10)),
+    "PGS, 5": PhysicsSetting(edit_options(solver=PGS, iterations=5)),
+    "PGS, 3": PhysicsSetting(edit_options(solver=PGS, iterations=3)),
+    "pyramidal cone": PhysicsSetting(edit_options(cone=PYRAMIDAL, impratio=1)),
+    "impratio 1": PhysicsSetting(edit_options(impratio=1)),
+    "timestep 1 ms": PhysicsSetting(edit_options(timestep=0.001)),
+    "no self-collision": PhysicsSetting(collide_with_ground_only()),
+    "feet and trunk": PhysicsSetting(collide_with_ground_only("foot", "trunk")),
     "feet and trunk, PGS, 10": PhysicsSetting(
-        combine(ground_only("foot", "trunk"), options(solver=PGS, iterations=10))
+        combine(collide_with_ground_only("foot", "trunk"), edit_options(solver=PGS, iterations=10))
     ),
-    "feet and trunk, PGS, 5": PhysicsSetting(combine(ground_only("foot", "trunk"), options(solver=PGS, iterations=5))),
+    "feet and trunk, PGS, 5": PhysicsSetting(
+        combine(collide_with_ground_only("foot", "trunk"), edit_options(solver=PGS, iterations=5))
+    ),
 }
 """What follows a solver's name is its number of iterations."""
 
 
-def compiled(change: SpecEdit) -> mujoco.MjModel:
+def compile_model(change: SpecEdit) -> mujoco.MjModel:
     """The robot with that change."""
     spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
     change(spec)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 
-def csv_text(rows: Sequence[Mapping[str, Any]]) -> bytes:
+def to_csv(rows: Sequence[Mapping[str, Any]]) -> bytes:
     """The rows as a CSV file in UTF-8; columns are the keys of all rows, in the order of their first use."""
     columns = list(dict.fromkeys(name for row in rows for name in row))
     text = io.StringIO()
@@ -17,7 +17,7 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> bytes:
     return text.getvalue().encode()
 
 
-def flat(entry: Mapping[str, Any]) -> dict[str, Any]:
+def flatten_entry(entry: Mapping[str, Any]) -> dict[str, Any]:
     """An entry of a results.json as a row: an interval `x_ci` becomes `x_low` and `x_high`; dicts and other lists are
     left out."""
     row: dict[str, Any] = {}

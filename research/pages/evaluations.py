@@ -48,7 +48,7 @@ KINDS = "scores", HARDWARE_SCORES
 _KEYS = "policies", "scores", "baseline", "breaking_points", "versions", "episodes", "seed"
 
 
-def read(path: Path) -> dict[str, Any]:
+def read_results(path: Path) -> dict[str, Any]:
     """A results.json with NaN for null. Raises UsageError where it is none, unfinished or without scores."""
     if not path.exists():
         raise UsageError(f"there is no {path}; `python -m evaluate --out {path.parent}` makes it")
@@ -67,7 +67,7 @@ def read(path: Path) -> dict[str, Any]:
     return found
 
 
-def scores(found: dict[str, Any], kind: str = "scores") -> list[Score]:
+def scores_of(found: dict[str, Any], kind: str = "scores") -> list[Score]:
     """Scores of the policies, the highest first; `hardware_scores` are those with the hardware profile, if any."""
     return [Score(**each) for each in found.get(kind, ())]
 
@@ -94,7 +94,7 @@ def made_by(found: dict[str, Any]) -> str:
     return f"`{words}`; MuJoCo {versions['mujoco']}, Python {versions['python']}{older}."
 
 
-def overview(found: dict[str, Any]) -> list[str]:
+def overview_lines(found: dict[str, Any]) -> list[str]:
     """Return the table of scores and effort, one policy a row, and a sentence below it.
 
     Args:
@@ -103,7 +103,7 @@ def overview(found: dict[str, Any]) -> list[str]:
     Returns:
         Lines of Markdown. The sentence explains the columns and names policies that ran on flat ground alone.
     """
-    ideal, real = ({each.policy: share(each.score, each.ci) for each in scores(found, kind)} for kind in KINDS)
+    ideal, real = ({each.policy: share(each.score, each.ci) for each in scores_of(found, kind)} for kind in KINDS)
     place = cost_scenario(scenarios_of(found))
     heads = {"policy": "policy", "about": "controller", "score": "success", "real": "success with the hardware profile"}
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in MAIN_EFFORT_TITLES}
@@ -117,7 +117,7 @@ def overview(found: dict[str, Any]) -> list[str]:
         rows.append(row | {name: format_effort(name, effort[name]) for name in MAIN_EFFORT_TITLES})
     shown = {name: head for name, head in heads.items() if any(row[name] != ABSENT for row in rows)}
     count = with_count(found["episodes"], "episode")
-    axes = len(scores(found)[0].axes)
+    axes = len(scores_of(found)[0].axes)
     effort_note = f"; effort {EFFORT_SCENARIOS[place]}" if set(MAIN_EFFORT_TITLES) & set(shown) else ""
     said = f"Success: mean over {axes} axes of disturbance, {count} at each severity{effort_note}."
     without_score = {policy: cells for policy, cells in cells_by_policy.items() if policy not in {*ideal, *real}}
@@ -144,11 +144,11 @@ def _on_flat_ground(cells_by_policy: dict[str, Any]) -> str:
 def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
     """Lines of the table of other robots: the score of each policy that all of them have, and below it, where it was
     evaluated, that with the hardware profile."""
-    of_each = [{score.policy: score for score in scores(one)} for one in found]
+    of_each = [{score.policy: score for score in scores_of(one)} for one in found]
     names, rows = [name for name in of_each[0] if all(name in each for each in of_each)], []
     for one, ideal, robot in zip(found, of_each, map(robot_of, found), strict=True):
         about = f"{robot.name}, {robot.mass:.1f} kg on legs of {robot.leg_length:.2f} m"
-        real = {score.policy: score for score in scores(one, HARDWARE_SCORES)}
+        real = {score.policy: score for score in scores_of(one, HARDWARE_SCORES)}
         for words, of in ((about, ideal), (f"{robot.name}, hardware profile", real)):
             shown = {name: share(of[name].score, of[name].ci) if name in of else ABSENT for name in names}
             rows += [{ROW_LABEL: words, **shown}] if of else []
@@ -185,25 +185,27 @@ def _score_cells(each: Score, baseline: str, name: str) -> dict[str, str]:
     return {name: score, f"{name} difference": minus if each.policy != baseline else ABSENT}
 
 
-def draw(found: dict[str, Any], picture: Path) -> None:
+def draw_figures(found: dict[str, Any], picture: Path) -> None:
     """Write the figures, PNGs: success of every policy on every axis; NAME_pareto.png, the front if there is one."""
     front = found.get("pareto", {"front": ()})
     with drawing.plot_settings():
-        write_atomically(picture, png(success.draw_heat_map(scores(found), scores(found, HARDWARE_SCORES))))
+        write_atomically(
+            picture, figure_to_png(success.draw_heat_map(scores_of(found), scores_of(found, HARDWARE_SCORES)))
+        )
         if front["front"]:
             points = tuple(ParetoPoint(**each) for each in front["points"])
             drawn = pareto.draw_pareto_front(Pareto(front["cost_on"], front["front"], points), tuple(found["policies"]))
-            write_atomically(picture.with_stem(f"{picture.stem}_pareto"), png(drawn))
+            write_atomically(picture.with_stem(f"{picture.stem}_pareto"), figure_to_png(drawn))
 
 
-def pictures(found: dict[str, Any], where: str) -> str:
+def picture_links(found: dict[str, Any], where: str) -> str:
     """The figures in Markdown, without the front where there is none; `where` is the place of the first, seen from the
     page."""
     front = f" ![{pareto.ALT}]({where.removesuffix('.png')}_pareto.png)" if found.get("pareto", {}).get("front") else ""
     return f"![{ALT}]({where}){front}"
 
 
-def png(figure: "Figure") -> bytes:
+def figure_to_png(figure: "Figure") -> bytes:
     """A figure on white, as a PNG."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=160, facecolor="white", metadata={"Software": None})

@@ -23,7 +23,7 @@ from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.files.writing import write_atomically
 from research.pages import leaderboard_page, policy_list
-from research.pages.csv_text import csv_text, flat
+from research.pages.csv_text import flatten_entry, to_csv
 from research.pages.policy_list import PolicyList
 
 SCENARIOS = "flat", "push", "rough", "noise:3", "latency:3"
@@ -57,7 +57,7 @@ class LeaderboardOptions:
 
 def main(options: LeaderboardOptions) -> int:
     """Evaluate and write; the exit code. Raises UsageError."""
-    leaderboard_policies = policy_list.read(options.list)
+    leaderboard_policies = policy_list.read_list(options.list)
     if options.reference not in (None, *leaderboard_policies.names):
         raise UsageError(
             f"--reference: {options.reference} is not in the list: {', '.join(leaderboard_policies.names)}"
@@ -66,17 +66,20 @@ def main(options: LeaderboardOptions) -> int:
     data = out.parent / "results" / f"{out.stem}.csv"
     make_folder_of(out, "--out")
     make_folder_of(data, "--out")
-    references = policy_list.references(leaderboard_policies, options.list, options.files, fetch=options.fetch)
+    references = policy_list.resolve_references(leaderboard_policies, options.list, options.files, fetch=options.fetch)
     plans = {name: _plan(name, policy, leaderboard_policies, options) for name, policy in references.items()}
     results = _results({name: _run(plan) for name, plan in plans.items()}, leaderboard_policies.ours, options.reference)
     robots = {name: plan.policies[0].policy.robot for name, plan in plans.items()}
     write_atomically(
-        out, leaderboard_page.page(results, leaderboard_policies, robots, _made_by(options, results)).encode()
+        out, leaderboard_page.render_page(results, leaderboard_policies, robots, _made_by(options, results)).encode()
     )
-    rows = [{"scenario": s, "policy": p, **flat(nan_to_null(asdict(of)))} for (s, p), of in results.summaries.items()]
-    write_atomically(data, csv_text(rows))
-    differences = [flat(nan_to_null(asdict(of))) for of in results.comparisons if of.b == results.baseline]
-    write_atomically(data.with_stem(f"{out.stem}_differences"), csv_text(differences))
+    rows = [
+        {"scenario": s, "policy": p, **flatten_entry(nan_to_null(asdict(of)))}
+        for (s, p), of in results.summaries.items()
+    ]
+    write_atomically(data, to_csv(rows))
+    differences = [flatten_entry(nan_to_null(asdict(of))) for of in results.comparisons if of.b == results.baseline]
+    write_atomically(data.with_stem(f"{out.stem}_differences"), to_csv(differences))
     print(out)
     return 0
 

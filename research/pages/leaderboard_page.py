@@ -33,7 +33,7 @@ def mean_success(results: Results) -> dict[str, float]:
     return dict(sorted(rates.items(), key=lambda each: -each[1]))
 
 
-def page(results: Results, listed: PolicyList, robots: Mapping[str, Robot], made_by: str) -> str:
+def render_page(results: Results, listed: PolicyList, robots: Mapping[str, Robot], made_by: str) -> str:
     """The page; `robots` are the policies' own, with the servo gains that they command."""
     robot = next(iter(robots.values()))
     order = list(mean_success(results))
@@ -65,7 +65,7 @@ def _overview(results: Results, robots: Mapping[str, Robot], order: Sequence[str
     found = results.summaries
     heads = {ROW_LABEL: "policy", "gains": "servo: N·m/rad; N·m·s/rad", **{name: name for name in results.scenarios}}
     rows = [
-        {ROW_LABEL: policy, "gains": gains(robots[policy]), "mean": scores.get(policy, ABSENT)}
+        {ROW_LABEL: policy, "gains": format_gains(robots[policy]), "mean": scores.get(policy, ABSENT)}
         | {name: f"{number(100.0 * found[name, policy].success_rate, 0)} %" for name in results.scenarios}
         | {name: format_effort(name, found[place, policy].effort[name]) for name in MAIN_EFFORT_TITLES}
         for policy in order
@@ -76,7 +76,7 @@ def _overview(results: Results, robots: Mapping[str, Robot], order: Sequence[str
     yield from ("## Success", "", table(heads, rows), "")
 
 
-def gains(robot: Robot) -> str:
+def format_gains(robot: Robot) -> str:
     """Stiffness and damping of a robot's servos, the distinct ones in the order of its joints: `20, 40; 1, 2`."""
     each = (np.ravel(values) for values in (robot.servo_stiffness, robot.servo_damping))
     return "; ".join(", ".join(dict.fromkeys(f"{value:.4g}" for value in values)) for values in each)

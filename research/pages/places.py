@@ -10,7 +10,7 @@ RESULTS = "results"
 """Name of a file's first place."""
 
 
-def insert(text: str, lines: list[str], marker: str = RESULTS) -> str:
+def insert_block(text: str, lines: list[str], marker: str = RESULTS) -> str:
     """The text with the lines between the markers of that place. Raises UsageError where it has none."""
     begin, end = f"<!-- {marker} -->", f"<!-- /{marker} -->"
     if begin not in text or end not in text:
@@ -20,18 +20,18 @@ def insert(text: str, lines: list[str], marker: str = RESULTS) -> str:
     return f"{head}{begin}\n{inserted}\n{end}{rest.split(end, 1)[1]}"
 
 
-def page_with(page: Path, *places: str) -> str:
+def read_page(page: Path, *places: str) -> str:
     """Text of the page. Raises UsageError where it cannot be read or lacks one of the places."""
     try:
         text = read_bytes(page).decode()
     except (OSError, UnicodeError) as error:
         raise UsageError(f"cannot read the page {page} ({error})") from error
     for marker in places:
-        insert(text, [], marker)
+        insert_block(text, [], marker)
     return text
 
 
 def write_block(page: Path | None, lines: list[str], marker: str = RESULTS) -> None:
     """Write the lines into that place of the page, if there is one."""
     if page is not None:
-        write_atomically(page, insert(page_with(page), lines, marker).encode())
+        write_atomically(page, insert_block(read_page(page), lines, marker).encode())

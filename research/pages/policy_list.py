@@ -68,7 +68,7 @@ class PolicyList:
         return (*self.ours, *(each.name for each in self.published))
 
 
-def read(path: Path) -> PolicyList:
+def read_list(path: Path) -> PolicyList:
     """The list in a file. Raises UsageError, one line."""
     try:
         found = tomllib.loads(read_bytes(path).decode())
@@ -94,7 +94,7 @@ def _check(listed: PolicyList) -> None:
             raise ValueError(f"{each.name!r} wants a source https://HOST/OWNER/REPOSITORY, SHA-256 of 64 digits")
 
 
-def references(listed: PolicyList, file: Path, folder: Path, *, fetch: bool = False) -> dict[str, str]:
+def resolve_references(listed: PolicyList, file: Path, folder: Path, *, fetch: bool = False) -> dict[str, str]:
     """Name -> what `--policies` takes, of the list in `file` and others' files in `folder`, whose hashes are checked.
 
     Files that are not there are fetched, or named on stderr. Raises UsageError, one line.

@@ -12,7 +12,7 @@ import tyro
 
 from quad_env.files.writing import write_atomically
 from research.pages import evaluations
-from research.pages.places import insert, page_with
+from research.pages.places import insert_block, read_page
 
 ROBOTS = "robots"
 """Name of the place for the table of other robots."""
@@ -34,14 +34,14 @@ class ReadmeOptions:
 
 def main(options: ReadmeOptions) -> int:
     """Write the README; the exit code. Raises UsageError."""
-    text, found = page_with(options.readme), evaluations.read(options.results)
-    others = [evaluations.read(path) for path in options.robots]
-    lines = [*evaluations.overview(found), ""]
+    text, found = read_page(options.readme), evaluations.read_results(options.results)
+    others = [evaluations.read_results(path) for path in options.robots]
+    lines = [*evaluations.overview_lines(found), ""]
     seen = Path(os.path.relpath(options.picture, options.readme.parent)).as_posix()
-    lines += [evaluations.pictures(found, seen), "", evaluations.made_by(found)]
-    text = insert(text, lines)
+    lines += [evaluations.picture_links(found, seen), "", evaluations.made_by(found)]
+    text = insert_block(text, lines)
     if others:
         commands = " ".join(map(evaluations.made_by, others))
-        text = insert(text, [*evaluations.robots_table(others), "", commands], ROBOTS)
+        text = insert_block(text, [*evaluations.robots_table(others), "", commands], ROBOTS)
     write_atomically(options.readme, text.encode())
     return 0

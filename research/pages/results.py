@@ -16,8 +16,8 @@ import tyro
 from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import make_writable_folder, write_atomically
 from research.pages import evaluations
-from research.pages.csv_text import csv_text, flat
-from research.pages.places import insert, page_with
+from research.pages.csv_text import flatten_entry, to_csv
+from research.pages.places import insert_block, read_page
 
 TABLES = {
     "": "each policy on each scenario",
@@ -48,48 +48,48 @@ def main(options: ResultsOptions) -> int:
     if not names or len(set(names)) < len(names):
         raise UsageError("name at least one folder, and no two that are called alike")
     files = (folder / "results.json" for folder in options.folders)
-    found = dict(zip(names, map(evaluations.read, files), strict=True))
-    texts = {page: page_with(page) for page in options.pages}
+    found = dict(zip(names, map(evaluations.read_results, files), strict=True))
+    texts = {page: read_page(page) for page in options.pages}
     make_writable_folder(options.out)
     for name, one in found.items():
-        for ending, rows in tables(one).items():
+        for ending, rows in csv_tables(one).items():
             if rows:
-                write_atomically(options.out / f"{name}{ending}.csv", csv_text(rows))
-        evaluations.draw(one, options.out / f"{name}.png")
+                write_atomically(options.out / f"{name}{ending}.csv", to_csv(rows))
+        evaluations.draw_figures(one, options.out / f"{name}.png")
         for page, text in texts.items():
             if f"<!-- {name} -->" in text:
                 folder = Path(os.path.relpath(options.out, page.parent)).as_posix()
-                texts[page] = insert(text, lines(name, one, folder), name)
+                texts[page] = insert_block(text, markdown_lines(name, one, folder), name)
     for page, text in texts.items():
         write_atomically(page, text.encode())
     return 0
 
 
-def tables(found: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
+def csv_tables(found: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
     """Rows of each CSV file, by the ending of its name."""
     return {
         "": [
-            {"scenario": scenario, "policy": policy, **flat(cell.get("effort", {})), **flat(cell)}
+            {"scenario": scenario, "policy": policy, **flatten_entry(cell.get("effort", {})), **flatten_entry(cell)}
             for policy, of_policy in found["policies"].items()
             for scenario, cell in of_policy["scenarios"].items()
         ],
         **{
-            f"_{kind}": [{**flat(each), "baseline": found["baseline"]} for each in found.get(kind, ())]
+            f"_{kind}": [{**flatten_entry(each), "baseline": found["baseline"]} for each in found.get(kind, ())]
             for kind in ("scores", evaluations.HARDWARE_SCORES)
         },
-        "_breaking_points": [flat(each) for each in found["breaking_points"]],
+        "_breaking_points": [flatten_entry(each) for each in found["breaking_points"]],
     }
 
 
-def lines(name: str, found: dict[str, Any], folder: str) -> list[str]:
+def markdown_lines(name: str, found: dict[str, Any], folder: str) -> list[str]:
     """What a page shows of an evaluation; `folder` is that of the files, seen from the page."""
-    scores, real = (evaluations.scores(found, kind) for kind in ("scores", evaluations.HARDWARE_SCORES))
-    of = tables(found)
+    scores, real = (evaluations.scores_of(found, kind) for kind in ("scores", evaluations.HARDWARE_SCORES))
+    of = csv_tables(found)
     files = (f"[{words}]({folder}/{name}{ending}.csv)" for ending, words in TABLES.items() if of[ending])
     return [
         *evaluations.score_table(scores, found["baseline"], real=real),
         "",
-        evaluations.pictures(found, f"{folder}/{name}.png"),
+        evaluations.picture_links(found, f"{folder}/{name}.png"),
         "",
         f"All figures: {'; '.join(files)}.",
         "",

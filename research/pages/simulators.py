@@ -15,7 +15,7 @@ from evaluate.records.store import read_rows
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import estimate, number
 from quad_env.files.writing import write_atomically
-from research.pages.csv_text import csv_text
+from research.pages.csv_text import to_csv
 from research.pages.markdown import table
 from research.pages.places import write_block
 
@@ -48,7 +48,7 @@ def main(options: SimulatorsOptions) -> int:
     print(text)
     write_block(options.page, text.splitlines(), PLACE)
     if options.table is not None:
-        write_atomically(options.table, csv_text(rows))
+        write_atomically(options.table, to_csv(rows))
     return 0
 
 

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import track
 
 from quad_env.cli.command_line import UsageError, check_numbers
-from research.pages.places import page_with, write_block
+from research.pages.places import read_page, write_block
 from research.statistics import checks, settled
 from research.statistics.checks import CalibrationCheck
 
@@ -60,11 +60,11 @@ def main(options: CalibrationOptions) -> int:
     if not rows and not batteries:
         raise UsageError(f"--only: no row is named like {options.only}")
     if options.page is not None:
-        page_with(options.page, PLACE)
+        read_page(options.page, PLACE)
     if rows:
         _run(rows, options)
     if batteries:
-        table = settled.lines(batteries, options.runs, options.seed)
+        table = settled.markdown_table(batteries, options.runs, options.seed)
         print("\n".join(table))
         write_block(options.page, table, PLACE)
     return 0

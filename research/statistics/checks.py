@@ -16,17 +16,17 @@ from evaluate.statistics.intervals import (
     wilson_interval,
 )
 from evaluate.statistics.significance import mcnemar, sign_flip_test
-from research.statistics.synthetic import FallCurve, SyntheticAxis, SyntheticEpisodes, episodes, mean_error
+from research.statistics.synthetic import FallCurve, SyntheticAxis, SyntheticEpisodes, make_episodes, mean_error
 
 COVERAGE_BOUNDS = (0.93, 0.97)
 """Bounds of the share of 95 % intervals that hold the truth."""
 TYPE_I_ERROR_BOUNDS = (0.04, 0.06)
 """Bounds of the share of tests that are significant where there is no difference."""
-DISCRETE = (0.0, 0.06)
+DISCRETE_TEST_BOUNDS = (0.0, 0.06)
 """The same of tests of a count, whose p-value can jump past 5 %: exact ones stay below it."""
-EASIER = 0.8
+FALL_RATIO = 0.8
 """Fall probability of the second policy, over the first's."""
-AT_LEAST = (0.93, 1.0)
+MIN_COVERAGE_BOUNDS = (0.93, 1.0)
 """Bounds of the share of 95 % intervals that may hold the truth more often."""
 PUSHES = (20.0, 35.0, 50.0, 65.0, 80.0, 100.0)
 HALF = (FallCurve(0.495, 25.0, 20.0), FallCurve(0.01, 49.5, 90.0), FallCurve(0.495, 60.0, 60.0))
@@ -78,7 +78,7 @@ def breaking_checks(count: int) -> Iterator[CalibrationCheck]:
     """Does the interval hold the true breaking point?"""
     for name, axis in AXES.items():
         outcome = partial(_breaking_point, count, axis)
-        yield CalibrationCheck(f"breaking point{name}", count, np.nan, outcome, AT_LEAST, np.nan)
+        yield CalibrationCheck(f"breaking point{name}", count, np.nan, outcome, MIN_COVERAGE_BOUNDS, np.nan)
 
 
 def null_checks(count: int, fall_probability: float) -> Iterator[CalibrationCheck]:
@@ -89,7 +89,7 @@ def null_checks(count: int, fall_probability: float) -> Iterator[CalibrationChec
             TYPE_I_ERROR_BOUNDS,
             SIGNIFICANT,
         ),
-        "McNemar, exchangeable pairs": (partial(_mcnemar, count, fall_probability), DISCRETE, np.nan),
+        "McNemar, exchangeable pairs": (partial(_mcnemar, count, fall_probability), DISCRETE_TEST_BOUNDS, np.nan),
         "McNemar, ties by lot": (
             partial(_randomized_mcnemar, count, fall_probability),
             TYPE_I_ERROR_BOUNDS,
@@ -109,30 +109,32 @@ def _within(interval: Interval, truth: float) -> bool:
     return interval[0] <= truth <= interval[1]
 
 
-def _made(generator: np.random.Generator, count: int, fall_probability: float, *easier: float) -> SyntheticEpisodes:
+def _make_episodes(
+    generator: np.random.Generator, count: int, fall_probability: float, *easier: float
+) -> SyntheticEpisodes:
     """Of a policy with that fall probability, and of others with those shares of it."""
-    return episodes(generator, (fall_probability, *(each * fall_probability for each in easier)), count)
+    return make_episodes(generator, (fall_probability, *(each * fall_probability for each in easier)), count)
 
 
 def _fall_rate(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    fell = _made(generator, count, fall_probability).fell[0]
+    fell = _make_episodes(generator, count, fall_probability).fell[0]
     return _within(wilson_interval(int(fell.sum()), count), fall_probability)
 
 
 def _mean(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    error = _made(generator, count, fall_probability).error[0]
+    error = _make_episodes(generator, count, fall_probability).error[0]
     return _within(bootstrap_interval(error), mean_error(fall_probability))
 
 
 def _fall_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    a, b = _made(generator, count, fall_probability, EASIER).fell
+    a, b = _make_episodes(generator, count, fall_probability, FALL_RATIO).fell
     interval = paired_proportion_interval(int((a & ~b).sum()), int((b & ~a).sum()), count)
-    return _within(interval, (1.0 - EASIER) * fall_probability)
+    return _within(interval, (1.0 - FALL_RATIO) * fall_probability)
 
 
 def _mean_difference(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    a, b = _made(generator, count, fall_probability, EASIER).error
-    return _within(difference_interval(a - b), mean_error(fall_probability) - mean_error(EASIER * fall_probability))
+    a, b = _make_episodes(generator, count, fall_probability, FALL_RATIO).error
+    return _within(difference_interval(a - b), mean_error(fall_probability) - mean_error(FALL_RATIO * fall_probability))
 
 
 def _breaking_point(count: int, axis: SyntheticAxis, generator: np.random.Generator) -> bool:
@@ -141,17 +143,17 @@ def _breaking_point(count: int, axis: SyntheticAxis, generator: np.random.Genera
 
 
 def _sign_flip(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    a, b = _made(generator, count, fall_probability, 1.0).error
+    a, b = _make_episodes(generator, count, fall_probability, 1.0).error
     return sign_flip_test(a - b) < SIGNIFICANT
 
 
 def _mcnemar(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    return mcnemar(*_made(generator, count, fall_probability, 1.0).fell) < SIGNIFICANT
+    return mcnemar(*_make_episodes(generator, count, fall_probability, 1.0).fell) < SIGNIFICANT
 
 
 def _randomized_mcnemar(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
     """A lot decides how much of the chance of the very outcome that was seen counts: exact at every level."""
-    a, b = _made(generator, count, fall_probability, 1.0).fell
+    a, b = _make_episodes(generator, count, fall_probability, 1.0).fell
     rarer, discordant = sorted((int((a & ~b).sum()), int((b & ~a).sum())))[0], int((a ^ b).sum())
     p_value = _mcnemar_p_value(rarer, discordant)
     rarer_still = _mcnemar_p_value(rarer - 1, discordant) if rarer else 0.0

@@ -14,7 +14,7 @@ from evaluate.statistics.intervals import Bools, Floats
 CAP = 2.0
 TRACKING_SHAPE, TRACKING_SCALE = 6.0, 0.05
 EARLIEST_FALL = 0.1
-SHARED = 0.5
+SHARED_VARIANCE = 0.5
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,14 @@ class SyntheticEpisodes:
     """m/s"""
 
 
-def episodes(generator: np.random.Generator, fall_probabilities: tuple[float, ...], count: int) -> SyntheticEpisodes:
+def make_episodes(
+    generator: np.random.Generator, fall_probabilities: tuple[float, ...], count: int
+) -> SyntheticEpisodes:
     """Policies with those fall probabilities; all of them share SHARED of an episode's luck and of its error."""
     shape = (len(fall_probabilities), count)
     fell = _correlated_uniforms(generator, *shape) < np.array(fall_probabilities)[:, None]
-    common = generator.gamma(SHARED * TRACKING_SHAPE, TRACKING_SCALE, count)
-    tracking = common + generator.gamma((1.0 - SHARED) * TRACKING_SHAPE, TRACKING_SCALE, shape)
+    common = generator.gamma(SHARED_VARIANCE * TRACKING_SHAPE, TRACKING_SCALE, count)
+    tracking = common + generator.gamma((1.0 - SHARED_VARIANCE) * TRACKING_SHAPE, TRACKING_SCALE, shape)
     upright = np.where(fell, generator.uniform(EARLIEST_FALL, 1.0, shape), 1.0)
     return SyntheticEpisodes(fell, upright * tracking + (1.0 - upright) * CAP)
 
@@ -41,7 +43,7 @@ def _correlated_uniforms(generator: np.random.Generator, rows: int, count: int) 
     from scipy.special import ndtr
 
     common, own = generator.normal(size=count), generator.normal(size=(rows, count))
-    return np.asarray(ndtr(np.sqrt(SHARED) * common + np.sqrt(1.0 - SHARED) * own))
+    return np.asarray(ndtr(np.sqrt(SHARED_VARIANCE) * common + np.sqrt(1.0 - SHARED_VARIANCE) * own))
 
 
 def mean_error(fall_probability: float) -> float:

@@ -24,10 +24,10 @@ from evaluate.records.store import read_run
 from evaluate.rollouts import rollout
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.writing import make_writable_folder, write_atomically
-from research.pages.csv_text import csv_text
+from research.pages.csv_text import to_csv
 from research.pages.markdown import table
 from research.pages.places import write_block
-from research.studies.failure_films import frame_range, strip
+from research.studies.failure_films import draw_strip, frame_range
 from research.studies.failures import CASES
 
 
@@ -55,11 +55,11 @@ def main(options: CausesOptions) -> int:
     """Run the command; the exit code. Raises UsageError."""
     check_numbers(options, {"count": (1, 999)})
     if options.films is not None:
-        return film(options, options.films)
+        return draw_strips(options, options.films)
     if options.reading is not None:
-        return read(options, options.reading)
-    rows = list(figures())
-    write_atomically(options.table, csv_text(rows))
+        return compare_reading(options, options.reading)
+    rows = list(count_causes())
+    write_atomically(options.table, to_csv(rows))
     heads = {name: name.replace("_", " ") for name in ("made_for", "episodes", "right", "certain", "certain_and_wrong")}
     write_block(options.page, [table(heads, [{name: str(row[name]) for name in heads} for row in rows])], "agreement")
     columns = {name: name for name in ("threshold", "value", "unit", "reason")}
@@ -68,18 +68,20 @@ def main(options: CausesOptions) -> int:
     return 0
 
 
-def figures() -> Iterator[dict[str, Any]]:
+def count_causes() -> Iterator[dict[str, Any]]:
     """A row a cause: episodes made for it, how many have it by the rules, certain ones, and all that they have."""
     for cause in CAUSES:
         runs = (case.run() for case in CASES if case.cause == cause)
-        given = Counter((each.event.cause, each.certain) for episodes in runs for _, each in found(episodes))
+        given = Counter(
+            (each.event.cause, each.certain) for episodes in runs for _, each in diagnose_failures(episodes)
+        )
         by_cause, sure = {each: given[each, True] + given[each, False] for each in CAUSES}, given[cause, True]
         certain = sum(given[each, True] for each in CAUSES)
         counts = {"episodes": given.total(), "right": by_cause[cause], "certain": certain}
         yield {"made_for": cause, **counts, "certain_and_wrong": certain - sure, **by_cause}
 
 
-def found(episodes: Episodes) -> Iterator[tuple[EpisodeSignals, Verdict]]:
+def diagnose_failures(episodes: Episodes) -> Iterator[tuple[EpisodeSignals, Verdict]]:
     """Each failed episode, and why it failed."""
     measures = measure(episodes)
     for number in np.flatnonzero(measures.outcome != SUCCEEDED).tolist():
@@ -88,7 +90,7 @@ def found(episodes: Episodes) -> Iterator[tuple[EpisodeSignals, Verdict]]:
         yield record, verdict(record, measures)
 
 
-def film(options: CausesOptions, folder: Path) -> int:
+def draw_strips(options: CausesOptions, folder: Path) -> int:
     """Draw strips of failures of a run, of each policy and scenario one at most, two falls for one without; the exit
     code. Raises UsageError."""
     make_writable_folder(folder)
@@ -100,17 +102,17 @@ def film(options: CausesOptions, folder: Path) -> int:
             continue
         policy = IDEAL.policy(cell.policy, on_hardware_profile=cell.scenario.hardware)
         episodes = rollout.run(policy, cell.scenario, cell.seeds[[draw.choice(failed)]])
-        [(record, why)], name = found(episodes), f"{len(key):02d}.png"
-        strip(policy, record, frame_range(record, measure(episodes), draw.uniform(0.1, 0.5))).save(folder / name)
+        [(record, why)], name = diagnose_failures(episodes), f"{len(key):02d}.png"
+        draw_strip(policy, record, frame_range(record, measure(episodes), draw.uniform(0.1, 0.5))).save(folder / name)
         what = {"policy": cell.policy, "scenario": cell.scenario.name, "seed": int(episodes.seeds[0])}
         key.append({"film": name, **what, "cause": why.event.cause, "certain": why.certain, "detail": why.detail})
-        write_atomically(folder.with_name("key.csv"), csv_text(key))
+        write_atomically(folder.with_name("key.csv"), to_csv(key))
         if len(key) == options.count:
             break
     return 0
 
 
-def read(options: CausesOptions, reading: Path) -> int:
+def compare_reading(options: CausesOptions, reading: Path) -> int:
     """Write the confusion table of the rules and a person's reading; the exit code. Raises UsageError."""
     try:
         key, seen = (csv.DictReader(path.read_text(encoding="utf-8").splitlines()) for path in (options.key, reading))
@@ -130,5 +132,5 @@ def read(options: CausesOptions, reading: Path) -> int:
     filled, names = [row for row in body if any(map(row.get, heads))], {name: name for name in ("by the rules", *heads)}
     write_block(options.page, [f"{said} Rows: the rules; columns: the person.", "", table(names, filled)], "reading")
     films = [{**row, "remark": person[row["film"]].get("remark", "")} for row in films]
-    write_atomically(options.table.with_name("causes_films.csv"), csv_text(films))
+    write_atomically(options.table.with_name("causes_films.csv"), to_csv(films))
     return 0

@@ -39,11 +39,11 @@ from quad_env.sensing.error_state import TILT, VELOCITY
 from quad_env.sensing.estimators import ESTIMATORS
 from quad_env.sensing.kalman import KalmanFilter
 from quad_env.sensing.suite import sensor_suite
-from research.pages.places import RESULTS, page_with, write_block
+from research.pages.places import RESULTS, read_page, write_block
 
 SETTLING = 100
 """Control steps from the start that do not count."""
-ENTRIES = 5
+NEES_DIMENSION = 5
 """Of the error that NEES is of."""
 FORWARD, YAW_RATE = (0.5, 1.0), (-1.2, 1.2)
 """Commands, m/s and rad/s."""
@@ -80,7 +80,7 @@ class EstimationOptions:
     """File with the lines <!-- results --> and <!-- /results -->, or pushes, between which the table goes."""
 
 
-class Errors(NamedTuple):
+class EstimationErrors(NamedTuple):
     """Of one estimator in n episodes; entries after a fall are not a number."""
 
     tilt: Floats
@@ -102,9 +102,9 @@ def main(options: EstimationOptions) -> int:
         raise UsageError(f"--sensors: {error}") from error
     place = RESULTS if options.table == "walks" else PUSHES
     if options.page is not None:
-        page_with(options.page, place)
+        read_page(options.page, place)
     lines = []
-    for line in (table if options.table == "walks" else after_pushes)(
+    for line in (walk_table if options.table == "walks" else push_table)(
         options
     ):  # shown as they come: a row takes minutes
         print(line, flush=True)
@@ -113,14 +113,14 @@ def main(options: EstimationOptions) -> int:
     return 0
 
 
-def table(options: EstimationOptions) -> Iterator[str]:
+def walk_table(options: EstimationOptions) -> Iterator[str]:
     """Lines of a Markdown table: a row a ground and estimator."""
     columns = ("walk", "estimator", "velocity, m/s", "shown", "of it level", "roll, pitch, °", "NEES", "steps within")
     yield f"| {' | '.join(columns)} |"
     yield "|---" * len(columns) + "|"
-    for name, scenario in walks(options.ground).items():
+    for name, scenario in walk_scenarios(options.ground).items():
         for estimator in ESTIMATORS:
-            found = errors(options, scenario, estimator)
+            found = estimate_errors(options, scenario, estimator)
             roll, pitch = np.degrees(rms(found.tilt[..., :1])), np.degrees(rms(found.tilt[..., 1:]))
             velocity, shown, level = map(rms, (found.velocity, found.shown, found.shown[..., :2]))
             cells = [name, estimator, *(f"{each:.3f}" for each in (velocity, shown, level)), f"{roll:.2f}, {pitch:.2f}"]
@@ -131,7 +131,7 @@ def table(options: EstimationOptions) -> Iterator[str]:
     yield f"{words}, {options.seeds} seeds; 95 % band of NEES {low:.2f} to {high:.2f}."
 
 
-def walks(ground: int) -> dict[str, Scenario]:
+def walk_scenarios(ground: int) -> dict[str, Scenario]:
     """Scenarios by name; the rough ground is the field of that number."""
     ranges: dict[str, Any] = {"forward": FORWARD, "lateral": (0.0, 0.0), "yaw_rate": YAW_RATE, "zero_fraction": 0.0}
     named = map(SCENARIOS.__getitem__, ("flat", "rough"))
@@ -142,7 +142,7 @@ def walks(ground: int) -> dict[str, Scenario]:
     return {"flat": flat, "rough, 0.12 m": rough, "flat, straight on": straight}
 
 
-def after_pushes(options: EstimationOptions) -> Iterator[str]:
+def push_table(options: EstimationOptions) -> Iterator[str]:
     """Lines of a Markdown table: a row a robot and estimator, velocity errors at the readings and as shown."""
     first, *later = WINDOWS
     times = [f"{-first[0] / 100:g} s before", *(f"{start / 100:g} to {end / 100:g} s" for start, end in later)]
@@ -152,7 +152,7 @@ def after_pushes(options: EstimationOptions) -> Iterator[str]:
     for robot in ROBOTS:
         for estimator in ESTIMATORS:
             profile = hardware_profile(get_robot(robot))._asdict() | {"estimator": estimator}
-            watch = _walked(options, named("push", robot), replace(HardwareConfig(robot=robot), **profile))
+            watch = _observe_walks(options, named("push", robot), replace(HardwareConfig(robot=robot), **profile))
             found = watch.errors(watch.falls.step)
             both = zip(*(error_after_push(each, watch.pushes) for each in (found.velocity, found.shown)), strict=True)
             yield f"| {' | '.join((robot, estimator, *(f'{now:.3f}, {shown:.3f}' for now, shown in both)))} |"
@@ -176,13 +176,15 @@ def error_after_push(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
     return out
 
 
-def errors(options: EstimationOptions, scenario: Scenario, estimator: str) -> Errors:
+def estimate_errors(options: EstimationOptions, scenario: Scenario, estimator: str) -> EstimationErrors:
     """Errors of that estimator in the walks of the options."""
-    watch = _walked(options, scenario, HardwareConfig(sensors=options.sensors, estimator=estimator))
+    watch = _observe_walks(options, scenario, HardwareConfig(sensors=options.sensors, estimator=estimator))
     return watch.errors(watch.falls.step)
 
 
-def _walked(options: EstimationOptions, scenario: Scenario, hardware: HardwareConfig) -> "EstimationErrorObserver":
+def _observe_walks(
+    options: EstimationOptions, scenario: Scenario, hardware: HardwareConfig
+) -> "EstimationErrorObserver":
     """The observer of the walks of the options."""
     real = hardware.actuator != IDEAL.actuator
     policy, suite = hardware.policy(options.policy, on_hardware_profile=real), sensor_suite(hardware.sensors)
@@ -204,7 +206,7 @@ def nees_bounds(runs: int) -> tuple[float, float]:
     """95 % of the means of NEES over so many runs lie between these."""
     from scipy.stats import chi2
 
-    low, high = chi2.ppf((0.025, 0.975), ENTRIES * runs) / runs
+    low, high = chi2.ppf((0.025, 0.975), NEES_DIMENSION * runs) / runs
     return float(low), float(high)
 
 
@@ -240,12 +242,12 @@ class EstimationErrorObserver:
         tilt = roll_pitch(true_gravity) - roll_pitch(then.gravity)
         nees = np.full(count, np.nan)
         if isinstance(estimator, KalmanFilter):
-            nees = normalised(then.gravity, turned, velocity_error, estimator.covariance)
+            nees = normalized_error_squared(then.gravity, turned, velocity_error, estimator.covariance)
         self._rows.append((tilt, velocity_error, velocity - estimator.velocity, nees))
 
-    def errors(self, fall_step: NDArray[np.int64]) -> Errors:
+    def errors(self, fall_step: NDArray[np.int64]) -> EstimationErrors:
         """The errors, without those after falls."""
-        found = Errors._make(np.array(column) for column in zip(*self._rows, strict=True))
+        found = EstimationErrors._make(np.array(column) for column in zip(*self._rows, strict=True))
         fallen = np.arange(SETTLING, SETTLING + len(found.nees))[:, None] >= fall_step
         for each in found:
             each[fallen] = np.nan
@@ -258,14 +260,14 @@ def roll_pitch(gravity: Floats) -> Floats:
     return np.stack((frame.roll, frame.pitch), axis=-1)
 
 
-def normalised(gravity: Floats, turned: Floats, velocity_error: Floats, covariance: Floats) -> Floats:
+def normalized_error_squared(gravity: Floats, turned: Floats, velocity_error: Floats, covariance: Floats) -> Floats:
     """NEES of errors of tilt, rad, and velocity, m/s, (n, 3) each, at estimates of gravity (n, 3); shape (n,).
 
     A rotation about gravity is no tilt; the two entries are along axes normal to gravity.
     """
     across = np.cross(gravity, (1.0, 0.0, 0.0))
     across /= np.linalg.norm(across, axis=-1, keepdims=True)
-    entries = np.zeros((len(gravity), ENTRIES, 6))
+    entries = np.zeros((len(gravity), NEES_DIMENSION, 6))
     entries[:, 0, :3], entries[:, 1, :3], entries[:, 2:, 3:] = across, np.cross(gravity, across), np.eye(3)
     places = np.r_[TILT, VELOCITY]
     error = (entries @ np.concatenate((turned, velocity_error), axis=1)[..., None])[..., 0]

@@ -40,13 +40,13 @@ def frame_range(record: EpisodeSignals, measures: Measures, earlier: float) -> s
     return slice(max(0, record.onset - round((LEAD_TIME + earlier) / record.episodes.dt)), record.end + 1)
 
 
-def strip(policy: Policy, record: EpisodeSignals, part: slice) -> Image.Image:
+def draw_strip(policy: Policy, record: EpisodeSignals, part: slice) -> Image.Image:
     """An episode over those control steps."""
     frames = tile_images(list(_frames(policy, record, part)), COLUMNS)
-    return stacked(_text(_title(record, part), frames.width, 20), frames, _curves(record, part, frames.width))
+    return stack_images(_text(_title(record, part), frames.width, 20), frames, _curves(record, part, frames.width))
 
 
-def stacked(*images: Image.Image) -> Image.Image:
+def stack_images(*images: Image.Image) -> Image.Image:
     """Images of one width below each other."""
     out = Image.new("RGB", (images[0].width, sum(each.height for each in images)))
     for number, each in enumerate(images):
@@ -82,7 +82,7 @@ def _frames(policy: Policy, record: EpisodeSignals, part: slice) -> Iterator[Ima
                 fell, touches = record.fell and step.number > record.end, step.infos["leg_contact"][0]
                 marks = {"FALL": fell, "PUSH": step.infos["push"].any(), "shin or thigh touches": touches}
                 words = [f"{step.number * step.env.dt:.2f} s", *(mark for mark, seen in marks.items() if seen)]
-                yield stacked(panel.picture(), _text(["  ".join(words)], SIZE[0]))
+                yield stack_images(panel.picture(), _text(["  ".join(words)], SIZE[0]))
 
 
 def _curves(record: EpisodeSignals, part: slice, width: int) -> Image.Image:

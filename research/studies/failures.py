@@ -50,7 +50,7 @@ class PerturbedPolicy(Policy):
 
 
 @dataclass(frozen=True)
-class Case:
+class FailureCase:
     """Six episodes that fail for a cause."""
 
     cause: str
@@ -105,35 +105,39 @@ STAIRS_15_CM, ICE, WEAK_MOTORS = Stairs(0.15), Ground(0.05), Motors(10.0)
 LONG_LATENCY, LONG_DROPOUTS = Latency(0.08, 0.08), Dropouts(4, 0.95, (0.1, 4.0))
 STAIRS_UP, LYING = _made(0.8, terrain=STAIRS_15_CM, start=ALONG), _made(start=AnyPose())
 CASES = (
-    Case(rules.TRIP, _named("robust"), _made(0.8, terrain=Stairs(0.2), start=ALONG), 120),
-    Case(rules.TRIP, _named("end_to_end"), STAIRS_UP, 160, chosen=(3, 4, 5, 10, 11, 12)),
-    Case(rules.SLIP, _named("end_to_end"), _made(ground=ICE, commands=CURVES)),
-    Case(rules.SLIP, _named("trot"), _made(ground=ICE, commands=CURVES)),
-    Case(rules.PUSH, _named("trot_feedback"), _made(pushes=Pushes(1, 150.0, window=(0.8, 1.2))), 220),
-    Case(rules.PUSH, _named("residual"), _made(force=SteadyForce(140.0))),
-    Case(rules.MOTOR, _named("residual"), _made(0.8, motors=WEAK_MOTORS)),
-    Case(rules.MOTOR, _named("end_to_end"), _made(motors=WEAK_MOTORS, commands=CURVES)),
-    Case(rules.REACH, _trot(body_height=0.62), _made(0.8)),
-    Case(rules.REACH, _trot(stance_width=0.2, frequency=1.5), _made(0.8)),
-    Case(rules.ESTIMATE, _named("trot_feedback"), _made(noise=SensorNoise(2.4)), 180, chosen=(4, 6, 12, 15, 21, 28)),
-    Case(rules.ESTIMATE, _named("end_to_end"), _made(), hardware=HardwareConfig(sensors=TILTED_IMU)),
-    Case(rules.SIGNAL, _named("end_to_end"), _made(0.8, latency=LONG_LATENCY), 200, chosen=(4, 7, 9, 12, 19, 28)),
-    Case(
+    FailureCase(rules.TRIP, _named("robust"), _made(0.8, terrain=Stairs(0.2), start=ALONG), 120),
+    FailureCase(rules.TRIP, _named("end_to_end"), STAIRS_UP, 160, chosen=(3, 4, 5, 10, 11, 12)),
+    FailureCase(rules.SLIP, _named("end_to_end"), _made(ground=ICE, commands=CURVES)),
+    FailureCase(rules.SLIP, _named("trot"), _made(ground=ICE, commands=CURVES)),
+    FailureCase(rules.PUSH, _named("trot_feedback"), _made(pushes=Pushes(1, 150.0, window=(0.8, 1.2))), 220),
+    FailureCase(rules.PUSH, _named("residual"), _made(force=SteadyForce(140.0))),
+    FailureCase(rules.MOTOR, _named("residual"), _made(0.8, motors=WEAK_MOTORS)),
+    FailureCase(rules.MOTOR, _named("end_to_end"), _made(motors=WEAK_MOTORS, commands=CURVES)),
+    FailureCase(rules.REACH, _trot(body_height=0.62), _made(0.8)),
+    FailureCase(rules.REACH, _trot(stance_width=0.2, frequency=1.5), _made(0.8)),
+    FailureCase(
+        rules.ESTIMATE, _named("trot_feedback"), _made(noise=SensorNoise(2.4)), 180, chosen=(4, 6, 12, 15, 21, 28)
+    ),
+    FailureCase(rules.ESTIMATE, _named("end_to_end"), _made(), hardware=HardwareConfig(sensors=TILTED_IMU)),
+    FailureCase(
+        rules.SIGNAL, _named("end_to_end"), _made(0.8, latency=LONG_LATENCY), 200, chosen=(4, 7, 9, 12, 19, 28)
+    ),
+    FailureCase(
         rules.SIGNAL,
         _named("end_to_end"),
         _made((1.8, 2.3), dropouts=LONG_DROPOUTS),
         230,
         chosen=(2, 12, 31, 53, 92, 93),
     ),
-    Case(rules.GAIT, _named("document"), _made()),
-    Case(rules.GAIT, _named("stand", action_transform=_toppling), _made()),
-    Case(rules.SLOW, _named("trot", observation_transform=_slower), _made(1.2)),
-    Case(rules.SLOW, _named("residual", observation_transform=_slower), _made(1.5)),
-    Case(rules.STALLED, _named("stand"), _made()),
-    Case(rules.STALLED, _named("trot"), STAIRS_UP),
-    Case(rules.POLICY, _named("trot", failing=80), _made()),
-    Case(rules.POLICY, _named("stand", failing=1), _made()),
-    Case(rules.UNCLEAR, _named("trot"), LYING, chosen=(0, 1, 2, 5, 6, 8)),
-    Case(rules.UNCLEAR, _named("residual"), LYING, chosen=(0, 1, 2, 5, 6, 8)),
+    FailureCase(rules.GAIT, _named("document"), _made()),
+    FailureCase(rules.GAIT, _named("stand", action_transform=_toppling), _made()),
+    FailureCase(rules.SLOW, _named("trot", observation_transform=_slower), _made(1.2)),
+    FailureCase(rules.SLOW, _named("residual", observation_transform=_slower), _made(1.5)),
+    FailureCase(rules.STALLED, _named("stand"), _made()),
+    FailureCase(rules.STALLED, _named("trot"), STAIRS_UP),
+    FailureCase(rules.POLICY, _named("trot", failing=80), _made()),
+    FailureCase(rules.POLICY, _named("stand", failing=1), _made()),
+    FailureCase(rules.UNCLEAR, _named("trot"), LYING, chosen=(0, 1, 2, 5, 6, 8)),
+    FailureCase(rules.UNCLEAR, _named("residual"), LYING, chosen=(0, 1, 2, 5, 6, 8)),
 )
 """Twelve episodes of each cause."""

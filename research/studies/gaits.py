@@ -44,8 +44,8 @@ from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.scenarios.registry import STEADY, scenario
 from quad_env.seeding import episode_seeds
 from research.pages.markdown import table
-from research.pages.places import page_with
-from research.studies.failure_films import stacked
+from research.pages.places import read_page
+from research.studies.failure_films import stack_images
 
 FILM_STEPS = range(400, 600, 2)
 """Control steps, counted from 0, after which frames are drawn; between the first and the last, contacts are shown."""
@@ -78,7 +78,7 @@ class GaitsOptions:
 def main(options: GaitsOptions) -> int:
     """Record, draw and write; the exit code. Raises UsageError, PolicyError or OSError before anything is drawn."""
     pages = options.pages or sorted((*Path("docs").glob("*.md"), *Path("models").rglob("*.md")))
-    texts = {page: text for page in pages if PLACE.search(text := page_with(page))}
+    texts = {page: text for page in pages if PLACE.search(text := read_page(page))}
     places = [place for text in texts.values() for place in PLACE.findall(text)]
     named = {(robot, name) for robot, names, _ in places for name in names.split()}
     if not named:
@@ -86,7 +86,7 @@ def main(options: GaitsOptions) -> int:
     walks = {each: _walk(*each) for each in sorted(named)}
     make_writable_folder(options.out)
     with ProcessPoolExecutor(available_cores(), get_context("spawn")) as pool:
-        drawn = pool.map(draw, walks.values(), repeat(options.out))
+        drawn = pool.map(draw_walk, walks.values(), repeat(options.out))
         shown = list(track(drawn, "walking", len(walks), console=Console(stderr=True)))
     figures, films = (dict(zip(walks, each, strict=True)) for each in zip(*shown, strict=True))
     if films.keys() >= set(README_FILM_POLICIES):
@@ -110,7 +110,7 @@ def _walk(robot: str, name: str) -> FilmSpec:
     return FilmSpec((load_labelled_policy(policy, hardware, [place]),), place, seed, STEPS, called, hardware)
 
 
-def draw(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.Image]]:
+def draw_walk(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.Image]]:
     """Write NAME.webp and NAME_film.webp; figures of the whole walk, as text by column, and the film's larger images.
 
     A robot that has fallen is shown as it lies.
@@ -122,11 +122,11 @@ def draw(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.Image
         episodes = panel.recorder.episodes()
     upright = np.arange(FILM_STEPS.start, FILM_STEPS.stop) < episodes.fall_step[0]
     contact = episodes.foot_contact[FILM_STEPS.start : FILM_STEPS.stop, 0] & upright[:, None]
-    chosen = (np.linspace(*stride(contact), FRAMES, endpoint=False) / FILM_STEPS.step).round().astype(int).tolist()
+    chosen = (np.linspace(*find_stride(contact), FRAMES, endpoint=False) / FILM_STEPS.step).round().astype(int).tolist()
     film, strip = images[::FRAME_STRIDE], tile_images([images[number].resize(SMALL) for number in chosen], FRAMES)
     write_atomically(folder / f"{walk.title}_film.webp", _film([image.resize(SMALL) for image in film]))
-    above = diagram(contact, chosen, episodes.robot.leg_names, strip.width)
-    stacked(above, strip).save(still := io.BytesIO(), "webp", quality=75, method=6)
+    above = draw_gait_diagram(contact, chosen, episodes.robot.leg_names, strip.width)
+    stack_images(above, strip).save(still := io.BytesIO(), "webp", quality=75, method=6)
     write_atomically(folder / f"{walk.title}.webp", still.getvalue())
     found, larger = measure(episodes), [image.reduce(SAMPLES) for image in film]
     for image in larger:
@@ -143,14 +143,16 @@ def _film(images: Sequence[Image.Image]) -> bytes:
     return encode_animation(images, "webp", FRAME_STRIDE * FILM_STEPS.step * CONTROL_PERIOD, quality=QUALITY)
 
 
-def stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
+def find_stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
     """Steps of two touch-downs of the first foot that has as many, of contacts (steps, feet); all where none has."""
     stance = debounce(contact, round(MIN_SWING_TIME / CONTROL_PERIOD))
     landed = (np.flatnonzero(np.diff(of_foot.astype(int)) == 1) + 1 for of_foot in stance.T)
     return next(((int(steps[0]), int(steps[1])) for steps in landed if len(steps) > 1), (0, len(contact)))
 
 
-def diagram(contact: NDArray[np.bool_], chosen: Sequence[int], legs: Sequence[str], width: int) -> Image.Image:
+def draw_gait_diagram(
+    contact: NDArray[np.bool_], chosen: Sequence[int], legs: Sequence[str], width: int
+) -> Image.Image:
     """The gait diagram: a row a foot, filled while the simulator finds it on the ground, and marks at these frames."""
     times, below, buffer = np.array((FILM_STEPS.start, FILM_STEPS.stop)) * CONTROL_PERIOD, len(legs) - 0.5, io.BytesIO()
     marks = (FILM_STEPS.start + FILM_STEPS.step * np.array(chosen) + 0.5) * CONTROL_PERIOD

@@ -14,7 +14,7 @@ from policies.base import Floats
 from policies.behaviour import Behaviour
 from quad_env.cli.command_line import check_numbers
 from quad_env.seeding import episode_seeds
-from research.studies.recovery import standing
+from research.studies.recovery import is_standing
 
 SETTLING, WATCHED = 0.8, 3.5
 """s before the jump is asked for, and of the whole episode."""
@@ -51,7 +51,7 @@ class JumpResult:
 def main(options: JumpOptions) -> int:
     """Measure and print; the exit code."""
     check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
-    print(report(run_jump(Behaviour(follow=False), episode_seeds("evaluation", options.seed, options.robots))))
+    print(format_result(run_jump(Behaviour(follow=False), episode_seeds("evaluation", options.seed, options.robots))))
     return 0
 
 
@@ -67,14 +67,14 @@ def run_jump(policy: Behaviour, seeds: NDArray[np.int64]) -> JumpResult:
             policy.request("jump")
         peak = np.maximum(peak, step.infos["height"])
         torque = max(torque, float(np.abs(step.infos["joint_torque"]).max()))
-        stands, diverged = standing(step.observation, step.infos), step.infos["diverged"]
+        stands, diverged = is_standing(step.observation, step.infos), step.infos["diverged"]
 
     steps = round(WATCHED / period)
     roll_out(policy, "flat", seeds, watch, steps=steps, command=(0.0, 0.0, 0.0), terminate_on_fall=False)
     return JumpResult(peak - robot.home_height, stands, torque, robot.rated_torque, int(diverged.sum()))
 
 
-def report(outcome: JumpResult) -> str:
+def format_result(outcome: JumpResult) -> str:
     """The measured figures as lines of text."""
     done = outcome.stands & (outcome.rise >= REQUIRED_RISE)
     return (

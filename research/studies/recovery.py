@@ -58,11 +58,11 @@ class RecoveryOptions:
 def main(options: RecoveryOptions) -> int:
     """Measure and print; the exit code."""
     check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
-    print(report(recover(episode_seeds(options.seeds, options.seed, options.robots))))
+    print(format_result(run_recovery(episode_seeds(options.seeds, options.seed, options.robots))))
     return 0
 
 
-def recover(seeds: NDArray[np.int64]) -> RecoveryResult:
+def run_recovery(seeds: NDArray[np.int64]) -> RecoveryResult:
     """One robot for each seed, all side by side; the policy recovers from the first step on."""
     since, peak, diverged = np.full(len(seeds), np.inf), 0.0, np.zeros(len(seeds), np.bool_)
 
@@ -70,7 +70,7 @@ def recover(seeds: NDArray[np.int64]) -> RecoveryResult:
         nonlocal since, peak, diverged
         diverged = step.infos["diverged"]
         peak = max(peak, float(np.abs(step.infos["joint_torque"]).max()))
-        stands = standing(step.observation, step.infos)
+        stands = is_standing(step.observation, step.infos)
         since = np.where(stands, np.minimum(since, step.number * CONTROL_PERIOD), np.inf)
 
     steps = round(WATCHED / CONTROL_PERIOD)
@@ -79,7 +79,7 @@ def recover(seeds: NDArray[np.int64]) -> RecoveryResult:
     return RecoveryResult(since, peak, int(diverged.sum()))
 
 
-def standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDArray[np.bool_]:
+def is_standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDArray[np.bool_]:
     """Which robots stand, (n,), after a jump as after getting up: upright, high and still.
 
     One that has diverged is parked in its home pose and does not.
@@ -92,7 +92,7 @@ def standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDArray
     return np.asarray(upright & still & (infos["height"] > STANDING_HEIGHT) & ~infos["diverged"])
 
 
-def report(outcome: RecoveryResult) -> str:
+def format_result(outcome: RecoveryResult) -> str:
     """The measured figures as lines of text."""
     stands = outcome.standing_since <= TIME_ALLOWED
     share = points_with(float(stands.mean()), wilson_interval(int(stands.sum()), len(stands)))

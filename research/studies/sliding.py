@@ -28,7 +28,7 @@ from quad_env.robots.scene import build_spec
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.registry import scenario
 from quad_env.seeding import episode_seeds
-from research.pages.csv_text import csv_text
+from research.pages.csv_text import to_csv
 
 SPEEDS, BRIEF = (1.0, 4.6), 0.05
 """m/s, the second what a push of 65 N·s gives SimpleQuad; s over which braking is measured."""
@@ -102,14 +102,14 @@ def main(options: SlidingOptions) -> int:
     make_folder_of(options.table, "--table")
     rows = []
     for name in options.settings:
-        found = sliding(SETTINGS[name]) | walks(SETTINGS[name], options)
+        found = measure_sliding(SETTINGS[name]) | evaluate_walks(SETTINGS[name], options)
         rows.append({"setting": name} | found)
         print(name, *(f"{key} {value:.3g}" for key, value in found.items()), sep="\n  ", flush=True)
-    write_atomically(options.table, csv_text(rows))
+    write_atomically(options.table, to_csv(rows))
     return 0
 
 
-def sliding(setting: ContactSetting) -> dict[str, float]:
+def measure_sliding(setting: ContactSetting) -> dict[str, float]:
     """Figures of a ball of a foot's size with a quarter of the robot's mass, and of the robot in its home pose."""
     ball, robot = (setting.apply(make(SIMPLE_QUAD)).compile() for make in (ball_spec, build_spec))
     found: dict[str, float] = {}
@@ -155,7 +155,7 @@ def ball_spec(robot: Robot) -> Any:
     return spec
 
 
-def walks(setting: ContactSetting, options: SlidingOptions) -> dict[str, float]:
+def evaluate_walks(setting: ContactSetting, options: SlidingOptions) -> dict[str, float]:
     """Success, share, and falls, count, of the policy on each scenario."""
     seeds = episode_seeds("search", options.seed, options.episodes)
     found: dict[str, float] = {}

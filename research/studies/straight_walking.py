@@ -27,8 +27,8 @@ from quad_env.robots.similarity import scale_to_robot
 from quad_env.scenarios.registry import scenario
 from quad_env.scenarios.scenario import Scenario
 from research.pages import markdown
-from research.pages.csv_text import csv_text, flat
-from research.pages.places import RESULTS, page_with, write_block
+from research.pages.csv_text import flatten_entry, to_csv
+from research.pages.places import RESULTS, read_page, write_block
 
 GROUNDS = {"flat": "level", "push": "pushed", "rough": "uneven"}
 """Scenario -> its name in the tables."""
@@ -62,22 +62,22 @@ def main(options: StraightWalkingOptions) -> int:
     check_numbers(options, LIMITS)
     hardware = parse_robot_option(options.robot)
     if options.page is not None:
-        page_with(options.page, RESULTS)
-    walks = scenarios(hardware.robot_model, options.speeds)
+        read_page(options.page, RESULTS)
+    walks = walk_scenarios(hardware.robot_model, options.speeds)
     for option, given in (("speeds", [walk.name for walk in walks]), ("policies", options.policies)):
         if not given or len(set(given)) < len(given):
             raise UsageError(f"--{option} are to be named, and none twice (speeds to 0.01 m/s)")
     compared = [LabelledPolicy(name, hardware.policy(name)) for name in options.policies]
     make_folder_of(options.table, "--table")
-    table = rows(options, hardware, walks, compared)
-    write_atomically(options.table, csv_text(table))
-    short = lines(options, hardware.robot_model, table)
+    table = evaluate_rows(options, hardware, walks, compared)
+    write_atomically(options.table, to_csv(table))
+    short = markdown_lines(options, hardware.robot_model, table)
     print("\n".join(short))
     write_block(options.page, short)
     return 0
 
 
-def scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
+def walk_scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
     """Walks straight ahead on every ground at every speed, m/s of SimpleQuad, each with a name of its own."""
     found = []
     for ground, speed in product((scenario(name, robot) for name in GROUNDS), speeds):
@@ -87,7 +87,7 @@ def scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
     return found
 
 
-def rows(
+def evaluate_rows(
     options: StraightWalkingOptions,
     hardware: HardwareConfig,
     walks: Sequence[Scenario],
@@ -100,12 +100,12 @@ def rows(
     cells = list(track(run_cells(compared, walks, seeds, settings), description="walking", total=total))
     return [
         {"ground": GROUNDS[walk.name.split()[0]], "speed": walk.commands.forward[0], "policy": cell.policy}
-        | flat({f"{name}_ci": ends for name, ends in of.effort_intervals.items()} | asdict(of))
+        | flatten_entry({f"{name}_ci": ends for name, ends in of.effort_intervals.items()} | asdict(of))
         for walk, cell, of in ((cell.scenario, cell, summarise(cell, hardware.robot_model)) for cell in cells)
     ]
 
 
-def lines(options: StraightWalkingOptions, robot: Robot, table: Sequence[Mapping[str, Any]]) -> list[str]:
+def markdown_lines(options: StraightWalkingOptions, robot: Robot, table: Sequence[Mapping[str, Any]]) -> list[str]:
     """What the page shows, in Markdown: success and cost of transport, a walk a row and a policy a column."""
     push, rough = scenario("push", robot).severity, scenario("rough", robot).severity
     by_walk: dict[str, dict[str, str]] = {}

@@ -20,7 +20,7 @@ from quad_env.cli.command_line import check_numbers
 from quad_env.config import TaskConfig
 from quad_env.files.writing import write_atomically
 from quad_env.robots.robot import Robot
-from research.pages.csv_text import csv_text
+from research.pages.csv_text import to_csv
 
 STEPS = 0.002, 0.001, 0.0005
 """s; the first is that of all other results."""
@@ -54,13 +54,13 @@ class _SteppedHardwareConfig(HardwareConfig):
 def main(options: TimeStepOptions) -> int:
     """Run, print and write. Raises UsageError."""
     check_numbers(options, {"episodes": (1, 4096)})
-    table = list(figures(options))
-    write_atomically(options.table, csv_text(table))
-    print(csv_text(table).decode(), options.table, sep="")
+    table = list(measure_effort(options))
+    write_atomically(options.table, to_csv(table))
+    print(to_csv(table).decode(), options.table, sep="")
     return 0
 
 
-def figures(options: TimeStepOptions) -> Iterator[dict[str, Any]]:
+def measure_effort(options: TimeStepOptions) -> Iterator[dict[str, Any]]:
     """A row a policy, scenario and physics step: means of the episodes, cost of transport that of all together."""
     seeds = evaluation_seeds(0, options.episodes)
     for scenario, name, step in product(options.scenarios, options.policies, STEPS):

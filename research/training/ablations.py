@@ -22,8 +22,8 @@ from quad_env.cli.command_line import UsageError, check_numbers, make_folder_of
 from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
-from research.pages.csv_text import csv_text
-from research.pages.evaluations import png
+from research.pages.csv_text import to_csv
+from research.pages.evaluations import figure_to_png
 from train.commands.run import parse
 from train.config import DEFAULTS, TrainConfig
 from train.run_folder import METRICS_FILE, VALIDATIONS_FILE, has_checkpoint, steps_done
@@ -83,20 +83,20 @@ def main(options: AblationsOptions) -> int:
     make_folder_of(options.table, "--table")
     raise_on_interrupt()
     names = (DEFAULT, *(name for name in options.variants if name != DEFAULT))
-    runs = {name: [config(options, name, seed) for seed in range(options.seeds)] for name in names}
+    runs = {name: [make_config(options, name, seed) for seed in range(options.seeds)] for name in names}
     # Seed by seed, so that a study that is stopped has compared all variants on the seeds that it came to.
     for seed in range(options.seeds):
         for name in names:
             print(f"{name}, seed {seed}", flush=True)
-            finish(runs[name][seed])
-    table = rows({name: list(map(found, runs[name])) for name in names})
-    write_atomically(options.table, csv_text(table))
-    draw(table, options.table.with_suffix(".png"))
-    print(csv_text(table).decode(), end="")
+            train_missing(runs[name][seed])
+    table = make_rows({name: list(map(read_results, runs[name])) for name in names})
+    write_atomically(options.table, to_csv(table))
+    draw_differences(table, options.table.with_suffix(".png"))
+    print(to_csv(table).decode(), end="")
     return 0
 
 
-def config(options: AblationsOptions, name: str, seed: int) -> TrainConfig:
+def make_config(options: AblationsOptions, name: str, seed: int) -> TrainConfig:
     """Settings of one run."""
     words = f"{VARIANTS[name]} --steps {options.steps} --seed {seed} --threads {options.threads}".split()
     words += ["--validation.interval", "0", "--validation.episodes", str(options.episodes)]
@@ -105,7 +105,7 @@ def config(options: AblationsOptions, name: str, seed: int) -> TrainConfig:
     return replace(parse(words), out=options.out / folder / f"seed-{seed}")
 
 
-def finish(run: TrainConfig) -> None:
+def train_missing(run: TrainConfig) -> None:
     """Train what is missing of a run. Raises UsageError where the folder holds another run."""
     from train.run import train
 
@@ -116,7 +116,7 @@ def finish(run: TrainConfig) -> None:
         train(replace(run, resume=resume))
 
 
-def found(run: TrainConfig) -> dict[str, float]:
+def read_results(run: TrainConfig) -> dict[str, float]:
     """Results of a finished run: success, mean over the scenarios, %; velocity error on flat ground, m/s; minutes."""
     last = json.loads(read_bytes(run.folder / VALIDATIONS_FILE))["validations"][-1]
     metrics = json.loads(read_bytes(run.folder / METRICS_FILE, MAX_DATA_SIZE).splitlines()[-1])
@@ -127,7 +127,7 @@ def found(run: TrainConfig) -> dict[str, float]:
     }
 
 
-def rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dict[str, Any]]:
+def make_rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dict[str, Any]]:
     """A row for each variant: success, and its difference of means over seeds from that of the default."""
     success = {name: np.array([run["success"] for run in runs]) for name, runs in variants.items()}
     return [
@@ -156,7 +156,7 @@ def _difference(a: Floats, b: Floats) -> dict[str, float]:
     return difference | {"low": float(low), "high": float(high)}
 
 
-def draw(table: Sequence[Mapping[str, Any]], picture: Path) -> None:
+def draw_differences(table: Sequence[Mapping[str, Any]], picture: Path) -> None:
     """Write the figure, a PNG: the difference of each variant from the default with its 95 % interval."""
     shown = [row for row in table if row.get("minus_default_points") is not None]
     left = 0.2 + max(map(drawing.text_width, (row["variant"] for row in shown)), default=0.0)
@@ -169,4 +169,4 @@ def draw(table: Sequence[Mapping[str, Any]], picture: Path) -> None:
         axes.axvline(0.0, color="black", linewidth=0.8)
         axes.set_yticks(range(len(shown)), [row["variant"] for row in shown])
         axes.set(ylim=(len(shown) - 0.5, -0.5), xlabel="success minus the default's, % points")
-        write_atomically(picture, png(figure))
+        write_atomically(picture, figure_to_png(figure))

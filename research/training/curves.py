@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LONGEST = 48
+MAX_LABEL_LENGTH = 48
 """Characters of a label."""
 
 
@@ -51,9 +51,9 @@ def main(options: CurvesOptions) -> int:
             print(f"{run.folder} has no validation yet: left out", file=sys.stderr)
     if not (drawn := [run for run in runs if len(run.steps)]):
         raise UsageError("no run with a validation to draw: name the folders of training runs, such as runs/residual-0")
-    bands = by_seed(drawn)
+    bands = group_by_seed(drawn)
     make_folder_of(options.out, "--out")
-    write_figure(partial(draw, bands), options.out)
+    write_figure(partial(draw_bands, bands), options.out)
     for band in bands:
         for steps, (success, cost) in list(zip(band.steps, band.over_seeds()[0].T, strict=True))[-1:]:
             print(f"{band.label}: success {success:.0%}, cost of transport {number(cost, 2)} after {steps:,.0f} steps")
@@ -105,7 +105,7 @@ def read_curve(folder: Path) -> RunCurve:
     return RunCurve(folder, settings, settings.pop("seed", 0), columns[0], columns[1:])
 
 
-def by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
+def group_by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
     """The runs, those that differ in their seed alone together. Raises UsageError for a seed given twice."""
     groups = dict[str, list[RunCurve]]()
     for run in runs:
@@ -122,10 +122,10 @@ def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
     """These settings of the runs, or where that is too long the first one's folder; and how many seeds."""
     said = ", ".join(f"{name} {to_words(runs[0].settings.get(name))}" for name in options)
     seeds = f"{len(runs)} seeds" if len(runs) > 1 else f"seed {runs[0].seed}"
-    return f"{said if len(said) <= LONGEST else runs[0].folder} ({seeds})"
+    return f"{said if len(said) <= MAX_LABEL_LENGTH else runs[0].folder} ({seeds})"
 
 
-def draw(bands: Sequence[SeedBand]) -> "Figure":
+def draw_bands(bands: Sequence[SeedBand]) -> "Figure":
     """Success, and below it cost of transport if any run has it."""
     whole = np.concatenate([run.figures for band in bands for run in band.runs], axis=1)
     drawn, panels = make_axes(whole, "", len(bands))

@@ -49,7 +49,7 @@ def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: 
     config = shipped.config
     kinds: dict[str, str] = {run.config.policy: run.config.policy for run in runs} | {config.policy: name}
     tables = "\n\n".join(
-        table(display_names, [run for run in runs if run.config.policy == kind], shipped, results)
+        results_table(display_names, [run for run in runs if run.config.policy == kind], shipped, results)
         for kind, display_names in kinds.items()
     )
     return f"""# {name}
@@ -58,7 +58,7 @@ A {" × ".join(map(str, config.ppo.actor))} network ({ACTIVATION}) that {describ
 `policy.json` says what it reads, on what base and with which settings it was trained; `policy.safetensors` \
 holds its weights. Nothing in this folder is code.
 
-{training(shipped)}
+{training_section(shipped)}
 
 ## Results
 
@@ -68,7 +68,7 @@ Success is by the rule `{results.versions["success_rule"]}`; every step after a 
 
 {tables}
 
-{scores(kinds, runs, shipped, results)}
+{scores_table(kinds, runs, shipped, results)}
 
 ## Where it is better than `{shipped.baseline}`, and where it is weak
 
@@ -76,20 +76,20 @@ Success is by the rule `{results.versions["success_rule"]}`; every step after a 
 """
 
 
-def training(run: TrainedRun) -> str:
+def training_section(run: TrainedRun) -> str:
     """Return the section of the card on the run's training: its command, its settings and the revision of its code."""
     config = run.config
     return f"""## Training
 
     {training_command(config)}
 
-{config.steps:,} steps of {config.ppo.envs} robots ({mixture(config)}), {run.minutes:.1f} min, \
+{config.steps:,} steps of {config.ppo.envs} robots ({describe_mixture(config)}), {run.minutes:.1f} min, \
 source {run.git_revision}.{hardware.describe_hardware(config.hardware)} The shipped seed is {config.seed}, \
 fixed beforehand, and of its run the weights of the best validation, on seeds and ground that neither training nor \
-evaluation uses. {origin(run)}"""
+evaluation uses. {describe_origin(run)}"""
 
 
-def origin(run: TrainedRun) -> str:
+def describe_origin(run: TrainedRun) -> str:
     """Return the revision at which a run was trained, and the command with its settings there, in words."""
     today = training_command(run.config)
     then = run.command_then or today
@@ -107,16 +107,16 @@ def describe_correction(config: TrainConfig) -> str:
     return f"corrects `{config.base}` at {rate:g} Hz by at most {most}"
 
 
-def mixture(config: TrainConfig) -> str:
+def describe_mixture(config: TrainConfig) -> str:
     """Scenarios and shares in words."""
     total = sum(share for _, share in config.mixture)
     return ", ".join(f"{share / total:.0%} {name}" for name, share in config.mixture if share)
 
 
-def table(display_names: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+def results_table(display_names: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
     """The seeds of one policy and the baseline of the shipped one, a row for each scenario, in Markdown."""
     first, *others = sorted(runs, key=lambda run: run is not shipped)
-    base, name = shipped.baseline, f"{display_names} {seed(first, shipped)}"
+    base, name = shipped.baseline, f"{display_names} {format_seed(first, shipped)}"
     rest = ", ".join(str(run.config.seed) for run in others)
     heads = {"scenario": "scenario", "before": f"success, `{base}`", "after": f"success, {name}"}
     heads |= {"seeds": f"seeds {rest}", "median": "median"} if others else {}
@@ -125,10 +125,12 @@ def table(display_names: str, runs: Sequence[TrainedRun], shipped: TrainedRun, r
     return markdown.table(heads, (_row(scenario, base, (first, *others), results) for scenario in results.scenarios))
 
 
-def scores(display_names: Mapping[str, str], runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+def scores_table(
+    display_names: Mapping[str, str], runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results
+) -> str:
     """Scores of the baseline and of each run, the highest first, in Markdown; `called`: what to call a policy
     of each kind."""
-    labels = {run.label: f"{display_names[run.config.policy]} {seed(run, shipped)}" for run in runs}
+    labels = {run.label: f"{display_names[run.config.policy]} {format_seed(run, shipped)}" for run in runs}
     scored = [score for score in results.scores if len(score.axes) != 1]  # of one axis it is the success in the table
     return "\n".join(score_table(scored, shipped.baseline, labels)) if scored else ""
 
@@ -138,7 +140,9 @@ def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results)
     before, *after = (results.summaries[scenario, policy] for policy in (base, *(run.label for run in runs)))
     shown = after[0]
     seeds = [percent(each.success_rate) for each in after[1:]]
-    found = {metric: difference(_baseline_difference(base, scenario, runs[0], metric, results)) for metric in METRICS}
+    found = {
+        metric: format_difference(_baseline_difference(base, scenario, runs[0], metric, results)) for metric in METRICS
+    }
     return {
         "scenario": scenario,
         "before": share(before.success_rate, before.success_rate_ci),
@@ -190,12 +194,12 @@ def significant_scenarios(shipped: TrainedRun, results: Results) -> str:
     )
 
 
-def difference(comparison: Comparison) -> str:
+def format_difference(comparison: Comparison) -> str:
     """A difference and its p-value, corrected for the number of comparisons."""
     digits = points if comparison.metric in RATES else number
     return f"{digits(comparison.difference)} ({p_value(comparison.p_value_holm)})"
 
 
-def seed(run: TrainedRun, shipped: TrainedRun) -> str:
+def format_seed(run: TrainedRun, shipped: TrainedRun) -> str:
     """A run's seed, marked where it is the one that ships."""
     return f"{run.config.seed}{' (shipped)' if run is shipped else ''}"

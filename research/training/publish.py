@@ -77,14 +77,14 @@ def main(options: PublishOptions) -> int:
     check_numbers(options, limits_of(options))
     if not options.runs:
         raise UsageError("name the folders of the finished runs, as in: runs/residual-0 runs/residual-1")
-    runs = [trained_run(folder) for folder in options.runs]
-    shipped = choose(runs, options.policy)
+    runs = [load_trained_run(folder) for folder in options.runs]
+    shipped = select_shipped(runs, options.policy)
     base, robot = shipped.config.base, shipped.config.hardware.robot_model
     if base_to_json(policies.load(shipped.bundle, robot).base) != base_to_json(policies.make(base, robot=robot)):
         raise UsageError(f"{shipped.label} corrects a {base} of other parameters than today's: train it again")
     to = options.to or models_folder(robot) / options.policy.replace("-", "_")
     make_writable_folder(to)
-    card = model_card(to.resolve().name, runs, shipped, evaluated(options, runs, shipped))
+    card = model_card(to.resolve().name, runs, shipped, evaluate_runs(options, runs, shipped))
     if to.resolve() != shipped.bundle.resolve():
         bundle.copy(shipped.bundle, to)
     write_atomically(to / CARD, card.encode())
@@ -92,7 +92,7 @@ def main(options: PublishOptions) -> int:
     return 0
 
 
-def evaluated(options: PublishOptions, runs: Sequence[TrainedRun], shipped: TrainedRun) -> Results:
+def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: TrainedRun) -> Results:
     """Results of the runs and of the shipped one's baseline in the evaluation's episodes.
 
     Raises UsageError, and KeyboardInterrupt after a Ctrl-C, once all is kept.
@@ -117,11 +117,11 @@ def evaluated(options: PublishOptions, runs: Sequence[TrainedRun], shipped: Trai
     return analysed(read_run(options.out), baseline)
 
 
-def trained_run(folder: Path) -> TrainedRun:
+def load_trained_run(folder: Path) -> TrainedRun:
     """The run in a folder. Raises UsageError where it is unfinished or damaged, or where there is none."""
     # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
     if (folder / CARD).is_file():
-        return _shipped(folder)
+        return _load_shipped(folder)
     from train.sb3.callbacks import CallbackState
     from train.sb3.checkpoint import load
 
@@ -138,7 +138,7 @@ def trained_run(folder: Path) -> TrainedRun:
     return TrainedRun(str(folder), config, minutes, description["git_revision"], folder / BEST)
 
 
-_REMOVED: Mapping[str, Mapping[str, Any]] = {
+_REMOVED_SETTINGS: Mapping[str, Mapping[str, Any]] = {
     "": {"foot_authority": None, "space": "joints", "command_authority": 0.0, "shift_time": 0.0, "hardness": 1.0}
     | {"foothold_authority": 0.0, "reward_terms": [], "pushes": None, "timestep": TIMESTEP}
     | {"gait_authority": {"frequency": 0.0, "step_height": 0.0, "body_height": 0.0}},
@@ -147,7 +147,7 @@ _REMOVED: Mapping[str, Mapping[str, Any]] = {
     "rewards": {"foot_clearance": 0.0, "foot_slip": 0.0, "foot_impact": 0.0},
 }
 """Settings of shipped policies of older versions, by group, and the only value that they may have; None: any."""
-_ADDED: Mapping[str, Any] = {"effort_ramp": 0.0}
+_ADDED_SETTINGS: Mapping[str, Any] = {"effort_ramp": 0.0}
 """Settings that older versions lacked, with the value equivalent to their training where it differs from today's
 default.
 """
@@ -155,8 +155,12 @@ default.
 
 def migrate_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return a shipped policy's settings in today's terms. Raises ValueError for a removed setting in use."""
-    found = {**_ADDED, **settings, **{group: dict(settings[group]) for group in _REMOVED if group in settings}}
-    for group, removed in _REMOVED.items():
+    found = {
+        **_ADDED_SETTINGS,
+        **settings,
+        **{group: dict(settings[group]) for group in _REMOVED_SETTINGS if group in settings},
+    }
+    for group, removed in _REMOVED_SETTINGS.items():
         values = found.get(group, {}) if group else found
         for name, only in removed.items():
             if values.pop(name, only) != only and only is not None:
@@ -188,7 +192,7 @@ def settings_of_card(settings: Mapping[str, Any], card: str) -> TrainConfig:
     return replace(config, steps=steps, effort_ramp=config.effort_ramp * config.steps / steps)
 
 
-def _shipped(folder: Path) -> TrainedRun:
+def _load_shipped(folder: Path) -> TrainedRun:
     """The run that a shipped policy comes from, by its bundle and its card. Raises UsageError."""
     try:
         description = json.loads(read_bytes(folder / "policy.json"))
@@ -203,7 +207,7 @@ def _shipped(folder: Path) -> TrainedRun:
         raise UsageError(f"{folder} holds no shipped policy with its {CARD}: {error}") from None
 
 
-def choose(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:
+def select_shipped(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:
     """The run that ships. Raises UsageError unless the policy's runs are one a seed and else alike."""
     candidates = [run for run in runs if run.config.policy == policy]
     seeds = [run.config.seed for run in candidates]

@@ -27,7 +27,7 @@ from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.scenarios.registry import scenario
 from quad_env.seeding import episode_seeds
 from research.pages import markdown
-from research.pages.places import insert, page_with
+from research.pages.places import insert_block, read_page
 
 PLACE = "sb3"
 """Name of the place in the page that gets the figures."""
@@ -66,12 +66,12 @@ def main(options: SB3BlockOptions) -> int:
     check_numbers(options, {"episodes": (1, 1_000_000), "evaluation_seed": (0, 2**63 - 1)})
     if len(set(options.seeds)) < max(len(options.seeds), 1) or min(options.seeds) < 0:
         raise UsageError(f"--seeds: whole numbers from 0, none twice, at least one; got {options.seeds}")
-    text = page_with(options.page, PLACE)
+    text = read_page(options.page, PLACE)
     block = find_block(text)
     trained = [train(block, seed, options.out / f"seed-{seed}") for seed in options.seeds]
     record = {
-        "block_sha256": digest(block),
-        "steps": steps_of(block),
+        "block_sha256": block_digest(block),
+        "steps": training_steps(block),
         "episodes": options.episodes,
         "evaluation_seed": options.evaluation_seed,
         "success_rule": SUCCESS_RULE,
@@ -84,8 +84,8 @@ def main(options: SB3BlockOptions) -> int:
         entry["scenarios"] = evaluate(str(model), options.episodes, options.evaluation_seed)
         print(entry, flush=True)
     write_atomically(options.record, (json.dumps(record, indent=2) + "\n").encode())
-    lines = figures(record)
-    write_atomically(options.page, insert(text, lines, PLACE).encode())
+    lines = markdown_lines(record)
+    write_atomically(options.page, insert_block(text, lines, PLACE).encode())
     print("\n".join(lines))
     return 0
 
@@ -102,12 +102,12 @@ def find_block(text: str) -> str:
     return str(found[0])
 
 
-def steps_of(block: str) -> int:
+def training_steps(block: str) -> int:
     """Return the number of training steps that the block names."""
     return int(LEARN.findall(block)[0].replace("_", ""))
 
 
-def digest(block: str) -> str:
+def block_digest(block: str) -> str:
     """Return the SHA-256 of the block, which identifies the block of some figures."""
     return hashlib.sha256(block.encode()).hexdigest()
 
@@ -152,7 +152,7 @@ def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict
     return found
 
 
-def figures(record: Mapping[str, Any]) -> list[str]:
+def markdown_lines(record: Mapping[str, Any]) -> list[str]:
     """Return the table of a record and its settings, in lines of Markdown."""
     heads = {"seed": "seed", "minutes": "processor time, min"}
     heads |= {name: f"success, `{name}`" for name in SCENARIOS}

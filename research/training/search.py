@@ -55,7 +55,7 @@ class SearchTarget:
     ranges: Ranges
 
     @property
-    def account(self) -> str:
+    def account_name(self) -> str:
         """Name of the account of a search."""
         return f"{self.file.path.stem.upper()}.md"
 
@@ -89,10 +89,10 @@ class FeedbackSearchOptions(SearchOptions):
 
 def main(options: FeedbackSearchOptions) -> int:
     """Search, conclude, write; the exit code. Raises UsageError."""
-    return search(subject, options)
+    return search(make_problem, options)
 
 
-def subject(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
+def make_problem(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
     """The search of a policy with feedback, from the parameters in force or given."""
     name, hardware, threads = options.policy, parse_robot_option(options.robot), options.threads
     robot, searched, file = hardware.robot_model, POLICIES[name], POLICIES[name].file
@@ -118,7 +118,7 @@ def subject(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
         return parameters_to_json(after if better else in_force), "\n".join(lines) + "\n"
 
     path = file.path if robot == SIMPLE_QUAD else models_folder(robot) / file.path.name
-    return SearchProblem(start, ranges, costs, conclude, path, searched.account, digits=4, diagonal=True)
+    return SearchProblem(start, ranges, costs, conclude, path, searched.account_name, digits=4, diagonal=True)
 
 
 def adoption_decision(differences: Floats) -> tuple[bool, str]:

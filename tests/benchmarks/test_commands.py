@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.support.bars import check
+from benchmarks.support.bars import check_requirement
 from benchmarks.support.command import WIDTH, BenchmarkResult
 from benchmarks.view import CHROMIUM
 
@@ -68,7 +68,7 @@ def test_command_prints_and_writes_its_figures(name: str, options: str, quick) -
 
 
 def test_all_together_names_the_command_of_a_figure_that_it_does_not_measure(quick, monkeypatch) -> None:
-    measured = BenchmarkResult({}, (), (check("single_env", 1.0),))
+    measured = BenchmarkResult({}, (), (check_requirement("single_env", 1.0),))
     for name in TOGETHER:
         monkeypatch.setattr(f"benchmarks.{name}.measure", lambda _: measured)
     found = quick("__main__")

@@ -5,8 +5,8 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from benchmarks.support.bars import check
-from benchmarks.support.measure import difference, interleave, speed_ratio, spread
+from benchmarks.support.bars import check_requirement
+from benchmarks.support.measure import compute_quartiles, difference, interleave, speed_ratio
 
 
 def test_subjects_take_turns_and_the_first_round_does_not_count(monkeypatch) -> None:
@@ -31,7 +31,7 @@ def test_subjects_take_turns_and_the_first_round_does_not_count(monkeypatch) -> 
 
 
 def test_spread_is_median_and_quartiles() -> None:
-    found = spread(np.array([5.0, 1.0, 3.0, 2.0, 4.0]))
+    found = compute_quartiles(np.array([5.0, 1.0, 3.0, 2.0, 4.0]))
     assert (found.low, found.median, found.high) == (2.0, 3.0, 4.0)
     assert found.scaled(10.0).high == 40.0
 
@@ -45,12 +45,12 @@ def test_ratio_and_difference_are_taken_round_by_round() -> None:
 
 
 def test_a_bar_is_met_by_one_of_its_limits() -> None:
-    assert check("single_env", 0.55).is_met
-    assert not check("single_env", 0.549).is_met
-    assert not check("help", 0.81).is_met
-    assert check("vector_env", 0.95, 9.0).is_met
-    assert check("vector_env", 0.5, 6.0).is_met
-    assert not check("vector_env", 0.89, 6.1).is_met
-    assert not check("physics", float("nan")).is_met
+    assert check_requirement("single_env", 0.55).is_met
+    assert not check_requirement("single_env", 0.549).is_met
+    assert not check_requirement("help", 0.81).is_met
+    assert check_requirement("vector_env", 0.95, 9.0).is_met
+    assert check_requirement("vector_env", 0.5, 6.0).is_met
+    assert not check_requirement("vector_env", 0.89, 6.1).is_met
+    assert not check_requirement("physics", float("nan")).is_met
     with pytest.raises(ValueError, match="1 values for 2 limits"):
-        check("vector_env", 1.0)
+        check_requirement("vector_env", 1.0)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from research.training.curves import SeedBand, by_seed, draw, read_curve
+from research.training.curves import SeedBand, draw_bands, group_by_seed, read_curve
 from tests.planted_faults.harness import Faults, checks_of, fault_tests
 from tests.research.test_curves import folder_of_run
 from train.config import PpoConfig, TrainConfig
@@ -21,7 +21,7 @@ def check_a_curve_is_that_of_its_run_and_its_band_goes_from_seed_to_seed() -> No
             folder_of_run(Path(folder) / name, [(1, first, 1.0), (2, last, 1.0)], seed=seed)
             for seed, (name, (first, last)) in enumerate(rates.items())
         ]
-        (axes, _) = draw(by_seed([read_curve(run) for run in runs])).axes
+        (axes, _) = draw_bands(group_by_seed([read_curve(run) for run in runs])).axes
     of_a, of_b, mean = (np.asarray(line.get_ydata()) for line in axes.get_lines())
     assert [of_a.tolist(), of_b.tolist()] == [pytest.approx([10.0, 50.0]), pytest.approx([30.0, 90.0])]
     assert mean.tolist() == pytest.approx([20.0, 70.0])

@@ -7,7 +7,7 @@ import pytest
 
 from research.__main__ import main
 from research.training import ablations
-from research.training.ablations import DEFAULT, VARIANTS, AblationsOptions, config, rows
+from research.training.ablations import DEFAULT, VARIANTS, AblationsOptions, make_config, make_rows
 from train.config import DEFAULTS
 from train.run import make_env
 from train.run_record import differences
@@ -17,10 +17,10 @@ TINY = "--ppo.envs 8 --ppo.rollout-steps 4 --ppo.minibatch 16 --ppo.epochs 1 --m
 
 
 def test_variants_differ_from_the_default_in_their_options_alone_and_can_be_trained():
-    default = config(OPTIONS, DEFAULT, 1)
+    default = make_config(OPTIONS, DEFAULT, 1)
     assert differences(DEFAULTS["residual"], default)[0].option == "--steps"
     for name, options in VARIANTS.items():
-        variant = config(OPTIONS, name, 1)
+        variant = make_config(OPTIONS, name, 1)
         changed = {each.option for each in differences(default, variant)}
         assert changed == {word.replace("no-", "") for word in options.split() if word.startswith("--")}, name
         assert variant.validation == default.validation
@@ -38,7 +38,7 @@ def test_the_rows_by_hand():
         DEFAULT: [run(50.0 - np.sqrt(0.5), 0.1, 1.0), run(50.0 + np.sqrt(0.5), 0.2, 3.0)],
         "no memory": [run(60.0 - np.sqrt(0.5), 0.3, 1.0), run(60.0 + np.sqrt(0.5), 0.5, 2.0)],
     }
-    first, second = rows(found)
+    first, second = make_rows(found)
     assert (first["success_by_seed_percent"], first["median_percent"], first["minutes"]) == ("49.3 50.7", 50.0, 2.0)
     assert "low" not in first
     assert (second["options"], second["flat_velocity_error"]) == (VARIANTS["no memory"], 0.4)

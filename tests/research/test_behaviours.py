@@ -15,7 +15,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.axes import AXES
 from quad_env.seeding import episode_seeds
 from research.studies import jump, recovery
-from research.studies.recovery import standing
+from research.studies.recovery import is_standing
 
 
 def test_a_jump_rises_and_lands_standing_but_not_without_its_thrust(monkeypatch) -> None:
@@ -23,12 +23,12 @@ def test_a_jump_rises_and_lands_standing_but_not_without_its_thrust(monkeypatch)
     outcome = jump.run_jump(policy, episode_seeds("search", 9, 4))
     assert outcome.rise.min() >= 0.15
     assert outcome.peak_torque <= SIMPLE_QUAD.rated_torque
-    assert "landed standing: 4 of 4" in jump.report(outcome)
+    assert "landed standing: 4 of 4" in jump.format_result(outcome)
     crouch, *_, stand = jump_keyframes(SIMPLE_QUAD)
     monkeypatch.setattr("policies.behaviour.motion.jump_keyframes", lambda _: (crouch, stand))
     outcome = jump.run_jump(Behaviour(follow=False), episode_seeds("search", 9, 2))
     assert outcome.rise.max() < 0.05
-    assert "landed standing: 0 of 2" in jump.report(outcome)
+    assert "landed standing: 0 of 2" in jump.format_result(outcome)
 
 
 def test_a_robot_whose_simulation_diverges_in_the_air_has_not_landed(monkeypatch) -> None:
@@ -42,15 +42,15 @@ def test_a_robot_whose_simulation_diverges_in_the_air_has_not_landed(monkeypatch
     monkeypatch.setattr(Simulation, "diverged", first_one_diverges)
     outcome = jump.run_jump(Behaviour(follow=False), episode_seeds("search", 9, 2))
     assert outcome.rise.min() >= 0.15
-    assert "landed standing: 1 of 2" in jump.report(outcome)
+    assert "landed standing: 1 of 2" in jump.format_result(outcome)
 
 
 def test_nearly_every_robot_gets_up_from_any_pose() -> None:
     """At the 99.6 % of the whole study, 30 of 32 are missed in 0.03 % of samples; at 90 % in 63 %."""
-    outcome = recovery.recover(episode_seeds("search", 3, 32))
+    outcome = recovery.run_recovery(episode_seeds("search", 3, 32))
     assert (outcome.standing_since <= 5.0).sum() >= 30
     assert outcome.peak_torque <= SIMPLE_QUAD.rated_torque + 1e-9
-    assert "of 32" in recovery.report(outcome)
+    assert "of 32" in recovery.format_result(outcome)
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_a_robot_stands_that_is_upright_high_and_still(tilt, height, speed, turn
     observation[:, OBSERVATION["linear_velocity"]] = (0.0, -speed, 0.0)
     observation[:, OBSERVATION["angular_velocity"]] = (0.0, 0.0, -turning)
     infos = {"height": np.array([height]), "diverged": np.array([diverged])}
-    assert standing(observation, infos).tolist() == [expected]
+    assert is_standing(observation, infos).tolist() == [expected]
 
 
 def test_pushed_robots_that_fall_alone_recover_with_the_safety_layer() -> None:

@@ -7,7 +7,7 @@ from evaluate.statistics import breaking_point, sequential, significance
 from evaluate.statistics import intervals as statistics
 from research.__main__ import main
 from research.statistics import checks, settled
-from research.statistics.synthetic import episodes, mean_error
+from research.statistics.synthetic import make_episodes, mean_error
 
 FALLS = (0.1, 0.3, 0.5, 0.7, 0.9)
 COUNT = 64
@@ -48,7 +48,10 @@ def test_breaking_point_intervals_cover_the_truth_whatever_the_shape_and_one_of_
         low, high = check.bounds
         assert low <= checks.rejection_rate(check, 30, seed=2) <= high, name
     monkeypatch.setattr(breaking_point, "CONFIDENCE", 0.6)
-    assert checks.rejection_rate(BREAKING["breaking point, one half at a level"], 200, seed=2) < checks.AT_LEAST[0]
+    assert (
+        checks.rejection_rate(BREAKING["breaking point, one half at a level"], 200, seed=2)
+        < checks.MIN_COVERAGE_BOUNDS[0]
+    )
 
 
 @pytest.mark.parametrize("name", LEVEL)
@@ -63,7 +66,7 @@ def test_exact_mcnemar_stays_below_its_level() -> None:
 
 def test_made_up_errors_have_the_mean_they_claim() -> None:
     for p in FALLS:
-        made = episodes(np.random.default_rng(6), (p,), 200_000)
+        made = make_episodes(np.random.default_rng(6), (p,), 200_000)
         assert made.fell.mean() == pytest.approx(p, abs=0.004)
         assert made.error.mean() == pytest.approx(mean_error(p), rel=0.01)
 
@@ -72,16 +75,16 @@ ALIKE, APART = settled.Battery((0, 0), 4), settled.Battery((0, 5), 51)
 
 
 def test_runs_until_settled_hold_their_level_and_looks_at_5_percent_each_would_be_seen(monkeypatch) -> None:
-    assert settled.figures(ALIKE, 300, seed=2)["wrong"] <= 0.05
-    assert settled.figures(settled.Battery((0,) * 6, 12), 60, seed=2)["wrong"] <= 0.05
+    assert settled.simulate_runs(ALIKE, 300, seed=2)["wrong"] <= 0.05
+    assert settled.simulate_runs(settled.Battery((0,) * 6, 12), 60, seed=2)["wrong"] <= 0.05
     monkeypatch.setattr(
         sequential, "nominal_levels", lambda most, policies: dict.fromkeys(sequential.looks(most), 0.05)
     )
-    assert settled.figures(ALIKE, 300, seed=2)["wrong"] > 0.075
+    assert settled.simulate_runs(ALIKE, 300, seed=2)["wrong"] > 0.075
 
 
 def test_runs_until_settled_end_early_and_stale_pairs_would_be_seen(monkeypatch) -> None:
-    found = settled.figures(APART, 60, seed=2)
+    found = settled.simulate_runs(APART, 60, seed=2)
     assert (found["wrong"], found["found"]) == (0.0, 1.0)
     assert found["episodes"] < 42.0
     compare = sequential.compare_adjacent_policies
@@ -90,7 +93,7 @@ def test_runs_until_settled_end_early_and_stale_pairs_would_be_seen(monkeypatch)
         return compare({name: np.roll(each, int(name)) for name, each in values.items()}, most)
 
     monkeypatch.setattr(sequential, "compare_adjacent_policies", one_episode_late)
-    assert settled.figures(APART, 60, seed=2)["episodes"] > 42.0
+    assert settled.simulate_runs(APART, 60, seed=2)["episodes"] > 42.0
 
 
 def test_the_command_prints_a_row_a_check(capsys) -> None:

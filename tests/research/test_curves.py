@@ -10,7 +10,7 @@ import pytest
 
 from evaluate.report.plots.drawing import COLOURS
 from quad_env.cli.command_line import UsageError
-from research.training.curves import RunCurve, SeedBand, by_seed, draw, read_curve
+from research.training.curves import RunCurve, SeedBand, draw_bands, group_by_seed, read_curve
 from train.config import TrainConfig
 from train.learning_curve import write_figure
 from train.run_folder import CONFIG_FILE, VALIDATIONS_FILE
@@ -34,7 +34,7 @@ def test_runs_that_differ_in_their_seed_alone_are_one_band_over_the_seeds(tmp_pa
     a = folder_of_run(tmp_path / "a", [(100, 0.2, 1.0), (200, 0.6, 0.8)], seed=0)
     b = folder_of_run(tmp_path / "b", [(100, 0.4, 2.0), (200, 0.4, 0.6), (300, 0.9, 0.5)], seed=1)
     c = folder_of_run(tmp_path / "c", [(100, 0.5, 3.0)], seed=0, base="trot")
-    band, other = by_seed([read_curve(each) for each in (a, b, c)])
+    band, other = group_by_seed([read_curve(each) for each in (a, b, c)])
     assert [run.folder for run in band.runs] == [a, b]
     np.testing.assert_array_equal(band.steps, [100, 200])  # which both were validated at
     mean, low, high = band.over_seeds()
@@ -47,13 +47,16 @@ def test_runs_that_differ_in_their_seed_alone_are_one_band_over_the_seeds(tmp_pa
 
 def test_a_recipe_of_many_words_goes_by_its_first_folder(tmp_path: Path) -> None:
     a, b = (folder_of_run(tmp_path / name, [(1, 0.5, 1.0)], steps=number) for name, number in (("a", 1), ("b", 10**60)))
-    assert [each.label for each in by_seed([read_curve(a), read_curve(b)])] == ["steps 1 (seed 0)", f"{b} (seed 0)"]
+    assert [each.label for each in group_by_seed([read_curve(a), read_curve(b)])] == [
+        "steps 1 (seed 0)",
+        f"{b} (seed 0)",
+    ]
 
 
 def test_one_seed_given_twice_is_no_band(tmp_path: Path) -> None:
     curves = [read_curve(folder_of_run(tmp_path / name, [(1, 0.5, 1.0)], seed=4)) for name in ("a", "b")]
     with pytest.raises(UsageError, match="both seed 4 of one recipe"):
-        by_seed(curves)
+        group_by_seed(curves)
 
 
 def test_an_older_run_has_no_cost_of_transport_and_settings_of_its_own(tmp_path: Path) -> None:
@@ -96,7 +99,7 @@ def lines(axes: Any) -> dict[str, list[float]]:
 
 
 def test_each_recipe_has_its_mean_and_a_band_from_the_lowest_seed_to_the_highest() -> None:
-    success, cost = draw([TWO, ONE]).axes
+    success, cost = draw_bands([TWO, ONE]).axes
     assert lines(success) == {"two seeds": pytest.approx([30.0, 70.0]), "alone": pytest.approx([90.0, 70.0])}
     assert lines(cost) == {"two seeds": pytest.approx([2.0, 3.0]), "alone": [1.0, 1.0]}
     band, _ = (each.get_paths()[0].get_extents() for each in success.collections)
@@ -110,14 +113,14 @@ def test_each_recipe_has_its_mean_and_a_band_from_the_lowest_seed_to_the_highest
 
 def test_without_any_cost_of_transport_only_success_is_drawn() -> None:
     older = dataclasses.replace(ONE, runs=(run(0, (0.9, 0.7), (np.nan, np.nan)),))
-    assert len(draw([older]).axes) == 1
-    assert len(draw([older, TWO]).axes) == 2
+    assert len(draw_bands([older]).axes) == 1
+    assert len(draw_bands([older, TWO]).axes) == 2
 
 
 @pytest.mark.parametrize(("suffix", "magic"), [(".svg", b"<?xml"), (".png", b"\x89PNG"), (".pdf", b"%PDF")])
 def test_the_same_runs_give_the_same_file(suffix: str, magic: bytes, tmp_path: Path) -> None:
     first, second = (tmp_path / f"{name}{suffix}" for name in "ab")
-    write_figure(lambda: draw([ONE]), first)
-    write_figure(lambda: draw([ONE]), second)
+    write_figure(lambda: draw_bands([ONE]), first)
+    write_figure(lambda: draw_bands([ONE]), second)
     assert first.read_bytes() == second.read_bytes()
     assert first.read_bytes().startswith(magic)

@@ -72,7 +72,7 @@ def test_nees_of_an_error_of_one_deviation_is_one() -> None:
         ([[0.2, 0.2, 0.0]], [[0.1, 0.1, 0.1]], 5.0),
         ([[0.0, 0.0, 3.0]], still, 0.0),  # a turn about gravity is no error of it
     ):
-        found = estimation.normalised(DOWN, np.array(turned), np.array(moved), covariance)
+        found = estimation.normalized_error_squared(DOWN, np.array(turned), np.array(moved), covariance)
         np.testing.assert_allclose(found, [expected], atol=1e-9)
 
 
@@ -87,5 +87,5 @@ def test_the_filter_knows_its_error_on_a_hard_and_on_a_soft_gait(monkeypatch) ->
     monkeypatch.setattr(estimation, "STEPS", 300)
     for policy in ("trot", "trot_feedback"):
         options = estimation.EstimationOptions(policy=policy, episodes=4, seeds="search")
-        found = estimation.errors(options, estimation.walks(2)["flat"], "kalman")
+        found = estimation.estimate_errors(options, estimation.walk_scenarios(2)["flat"], "kalman")
         assert np.nanmean(found.nees) < 8.0

@@ -10,7 +10,7 @@ from PIL import Image
 
 import policies
 from research.__main__ import main
-from research.studies.gaits import PLACE, diagram, stride
+from research.studies.gaits import PLACE, draw_gait_diagram, find_stride
 
 ROOT = Path(__file__).parents[2]
 PAGES = "".join(
@@ -29,12 +29,12 @@ def rows(*spans: tuple[int, int]) -> np.ndarray:
 
 
 def test_a_stride_is_from_a_touch_down_to_the_next_of_that_foot_and_rattling_is_none() -> None:
-    assert stride(rows((0, 20), (50, 70), (72, 80), (110, 130))) == (50, 110)
-    assert stride(rows((0, 200))) == stride(rows((0, 20), (50, 70))) == (0, 200)
+    assert find_stride(rows((0, 20), (50, 70), (72, 80), (110, 130))) == (50, 110)
+    assert find_stride(rows((0, 200))) == find_stride(rows((0, 20), (50, 70))) == (0, 200)
 
 
 def test_the_diagram_is_filled_where_the_foot_is_on_the_ground() -> None:
-    image = np.asarray(diagram(rows((50, 100)), [60], ("a", "b", "c", "d"), 1265)).astype(int)
+    image = np.asarray(draw_gait_diagram(rows((50, 100)), [60], ("a", "b", "c", "d"), 1265)).astype(int)
     blue = image[..., 2] - image[..., 0] > 60
     filled = np.argwhere(blue)
     left, wide = 40, 1265 - 40 - 25

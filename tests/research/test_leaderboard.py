@@ -18,7 +18,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from research.__main__ import main
 from research.pages import leaderboard as command
 from research.pages import policy_list
-from research.pages.leaderboard_page import gains
+from research.pages.leaderboard_page import format_gains
 
 REVISION, PATH, CONTENT = "d5e6b475", "onnx/go1 policy.onnx", b"a network"
 PUBLISHED = f"""
@@ -141,7 +141,7 @@ def test_fetch_keeps_what_has_the_lists_hash_and_puts_the_description_beside_it(
     assert not place.exists(), "nothing is kept that is not the list's"
     asked += answer(CONTENT, monkeypatch)
     for _ in range(2):
-        found = policy_list.references(policy_list.read(path), path, folder / "files", fetch=True)
+        found = policy_list.resolve_references(policy_list.read_list(path), path, folder / "files", fetch=True)
         assert found == {"trot": "trot", "stand": "stand", "theirs": str(place.parent / "theirs.toml")}
     assert place.read_bytes() == CONTENT
     assert (place.parent / "theirs.toml").read_bytes() == (folder / "theirs.toml").read_bytes()
@@ -153,7 +153,9 @@ def test_what_is_there_is_not_fetched_again(folder, monkeypatch) -> None:
     place.write_bytes(CONTENT)
     asked = answer(b"", monkeypatch)
     path = listed(folder, PUBLISHED.replace("theirs.toml", PATH))
-    assert policy_list.references(policy_list.read(path), path, folder / "files", fetch=True)["theirs"] == str(place)
+    assert policy_list.resolve_references(policy_list.read_list(path), path, folder / "files", fetch=True)[
+        "theirs"
+    ] == str(place)
     assert asked == []
 
 
@@ -185,6 +187,6 @@ def test_a_reference_is_one_of_the_list(folder, refused) -> None:
 
 
 def test_gains_that_differ_by_joint_are_all_shown() -> None:
-    assert gains(SIMPLE_QUAD) == "300; 10"
+    assert format_gains(SIMPLE_QUAD) == "300; 10"
     of_knees = SimpleNamespace(servo_stiffness=np.resize((20.0, 20.0, 40.0), 12), servo_damping=0.5)
-    assert gains(of_knees) == "20, 40; 0.5"
+    assert format_gains(of_knees) == "20, 40; 0.5"

@@ -16,9 +16,16 @@ from evaluate.records.store import ChunkStore
 from policies.shipped import MODELS
 from quad_env.cli.command_line import UsageError
 from research.__main__ import main
-from research.training.model_card import TrainedRun, describe_correction, difference, model_card, scores, training
-from research.training.publish import choose, migrate_settings, settings_of_card
-from research.training.publish import trained_run as trained_run_of
+from research.training.model_card import (
+    TrainedRun,
+    describe_correction,
+    format_difference,
+    model_card,
+    scores_table,
+    training_section,
+)
+from research.training.publish import load_trained_run as trained_run_of
+from research.training.publish import migrate_settings, select_shipped, settings_of_card
 from tests.robot_models import NEEDS_MODELS
 from train.__main__ import main as train
 from train.commands.run import parse
@@ -52,14 +59,14 @@ def trained_run(kind="residual", **changes):
 
 def test_seed_0_ships_whatever_the_order_and_company_and_each_seed_is_one_run():
     runs = [trained_run(seed=2), trained_run("end-to-end", seed=0), trained_run(seed=0)]
-    assert choose(runs, "residual") is runs[2]
+    assert select_shipped(runs, "residual") is runs[2]
     for others, complaint in (
         ([trained_run(seed=1)], "seed 0 of residual"),
         ([trained_run(seed=0), trained_run(seed=0, threads=1)], "no seed twice"),
         ([trained_run(seed=0), trained_run(seed=1, steps=5)], "--steps"),
     ):
         with pytest.raises(UsageError, match=complaint):
-            choose(others, "residual")
+            select_shipped(others, "residual")
 
 
 @pytest.mark.parametrize("file", sorted(MODELS.rglob("policy.json")), ids=lambda file: file.parent.name)
@@ -92,7 +99,7 @@ def test_the_command_of_a_shipped_card_has_the_settings_of_its_bundle_and_the_ca
     assert differences(settings, parse(printed.split()[3:])) == []
     assert f"source {bundle['git_revision']}." in text
     assert f"trained at revision {bundle['git_revision'][:8]}" in text
-    assert training(trained_run_of(file.parent)) in text
+    assert training_section(trained_run_of(file.parent)) in text
 
 
 def test_steps_of_a_card_are_those_of_its_run_unless_a_schedule_depends_on_them():
@@ -125,10 +132,12 @@ def test_the_card_says_how_the_policy_corrects_its_base_and_names_motors_and_sen
 def test_the_card_scores_each_seed_against_the_base():
     runs = [trained_run(seed=0, base="trot_integral"), trained_run(seed=1, base="trot_integral")]
     nothing = analyse([], seed=0, episodes=1, complete=True, baseline="trot_integral")
-    assert scores({"residual": "mine"}, runs, runs[0], nothing) == ""
+    assert scores_table({"residual": "mine"}, runs, runs[0], nothing) == ""
     worth = {runs[0].label: 0.9, "trot_integral": 0.5, runs[1].label: 0.25}
     found = tuple(Score(name, of, (of, of), {}, of - 0.5, (of - 0.5,) * 2, 0.01) for name, of in worth.items())
-    rows = scores({"residual": "mine"}, runs, runs[0], dataclasses.replace(nothing, scores=found)).splitlines()[4:]
+    rows = scores_table({"residual": "mine"}, runs, runs[0], dataclasses.replace(nothing, scores=found)).splitlines()[
+        4:
+    ]
     assert [row.split(" | ")[0] for row in rows] == ["| mine 0 (shipped)", "| `trot_integral`", "| mine 1"]
     assert [row.split(" | ")[1].split()[0] for row in rows] == ["90.0", "50.0", "25.0"]
     assert [row.split(" | ")[2].split()[0] for row in rows] == ["40.0", "–", "−25.0"]
@@ -136,7 +145,7 @@ def test_the_card_scores_each_seed_against_the_base():
 
 def test_the_cards_p_values_are_corrected_for_their_number():
     found = Comparison("flat", "runs/0", "trot", "velocity_error", -0.1, (-0.2, 0.0), 0.01, "", 0.04)
-    assert difference(found).replace("\u00a0", " ") == "−0.100 (p = 0.040)"
+    assert format_difference(found).replace("\u00a0", " ") == "−0.100 (p = 0.040)"
 
 
 @pytest.fixture(scope="module")

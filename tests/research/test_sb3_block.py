@@ -13,10 +13,10 @@ from research.training.sb3_block import (
     MODEL,
     PLACE,
     SCENARIOS,
-    digest,
-    figures,
+    block_digest,
     find_block,
     lowest_success,
+    markdown_lines,
     read_record,
 )
 
@@ -27,9 +27,9 @@ PAGE = re.sub(r"\.learn\([\d_]+\)", ".learn(1)", README)
 
 
 def test_the_readmes_figures_are_those_of_the_block_above_them() -> None:
-    assert RECORD["block_sha256"] == digest(find_block(README))
+    assert RECORD["block_sha256"] == block_digest(find_block(README))
     assert RECORD["success_rule"] == SUCCESS_RULE
-    assert f"<!-- {PLACE} -->\n" + "\n".join(figures(RECORD)) + f"\n<!-- /{PLACE} -->" in README
+    assert f"<!-- {PLACE} -->\n" + "\n".join(markdown_lines(RECORD)) + f"\n<!-- /{PLACE} -->" in README
 
 
 def test_every_seed_walks_within_half_an_hour_of_one_core_where_standing_never_succeeds() -> None:
@@ -56,12 +56,12 @@ def test_the_command_runs_the_block_of_the_page_with_each_seed_and_writes_the_fi
     assert main(["sb3-block", *words, "--out", str(tmp_path / "out")]) == 0
     record = json.loads((tmp_path / "record.json").read_text(encoding="utf-8"))
     assert (record["steps"], record["episodes"], [entry["seed"] for entry in record["seeds"]]) == (1, 2, [0, 3])
-    assert record["block_sha256"] == digest(find_block(PAGE)) != RECORD["block_sha256"]
+    assert record["block_sha256"] == block_digest(find_block(PAGE)) != RECORD["block_sha256"]
     assert all(entry["minutes"] > 0.0 for entry in record["seeds"])
     assert weights(tmp_path / "out" / "seed-0" / MODEL) != weights(tmp_path / "out" / "seed-3" / MODEL)
     written = page.read_text(encoding="utf-8")
-    assert "\n".join(figures(record)) in written
-    assert "\n".join(figures(record)) in capsys.readouterr().out
+    assert "\n".join(markdown_lines(record)) in written
+    assert "\n".join(markdown_lines(record)) in capsys.readouterr().out
     assert written.split(f"<!-- /{PLACE} -->")[1] == PAGE.split(f"<!-- /{PLACE} -->")[1]
 
 

@@ -46,7 +46,7 @@ def told(text, kind):
 def test_the_parameters_in_force_are_those_that_the_account_says(name):
     """Those of a policy that has not been searched are the defaults."""
     subject, kind = POLICIES[name], kind_of(name)
-    account = subject.file.path.with_name(subject.account)
+    account = subject.file.path.with_name(subject.account_name)
     said = kind()
     if account.exists():
         before, after = told(text := account.read_text(encoding="utf-8"), kind)
@@ -59,7 +59,7 @@ def searched(folder, name):
     folder.mkdir()
     out = folder / "found.json"
     assert main(["search", *TINY.split(), "--policy", name, "--out", str(out)]) == 0
-    return json.loads(out.read_text(encoding="utf-8")), (folder / POLICIES[name].account).read_text(encoding="utf-8")
+    return json.loads(out.read_text(encoding="utf-8")), (folder / POLICIES[name].account_name).read_text(encoding="utf-8")
 
 
 @pytest.mark.usefixtures("brief_judgement")

@@ -48,7 +48,7 @@ def test_every_setting_reaches_ball_and_robot() -> None:
 def test_walks_have_the_setting_and_then_today_s_again(tmp_path, monkeypatch) -> None:
     """A trot on ice: friction of 0.02 lets no robot walk, and none is left over for the next setting."""
     monkeypatch.setitem(SETTINGS, "ice", ContactSetting(friction=0.02))
-    monkeypatch.setattr(sliding, "sliding", lambda setting: {})
+    monkeypatch.setattr(sliding, "measure_sliding", lambda setting: {})
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
     table = tmp_path / "sliding.csv"
     words = ["sliding", "--settings", "ice", "today", "--scenarios", "flat", "--episodes", "1", "--table", str(table)]
@@ -62,7 +62,7 @@ def test_exact_friction_walks_as_far_as_today_s(monkeypatch) -> None:
     """On flat ground nothing slides: the trot succeeds under both."""
     monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
     options = SlidingOptions(scenarios=("flat",), episodes=1)
-    assert sliding.walks(SETTINGS["exact Coulomb friction"], options)["flat success"] == 1.0
+    assert sliding.evaluate_walks(SETTINGS["exact Coulomb friction"], options)["flat success"] == 1.0
 
 
 def test_mistakes_are_one_line(capsys) -> None:

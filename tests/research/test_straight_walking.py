@@ -7,14 +7,14 @@ import pytest
 
 from quad_env import SIMPLE_QUAD, scenario
 from research.__main__ import main
-from research.studies.straight_walking import GROUNDS, scenarios
+from research.studies.straight_walking import GROUNDS, walk_scenarios
 from tests.quad_env.robots.alike import alike
 
 
 def test_all_walk_straight_ahead_at_one_speed(tmp_path) -> None:
     robot = alike(tmp_path)
     for of, speed in ((SIMPLE_QUAD, 0.5), (robot, 0.5 * 0.4**0.5)):
-        walks = scenarios(of, (0.5,))
+        walks = walk_scenarios(of, (0.5,))
         assert len(walks) == len(GROUNDS)
         for walk, name in zip(walks, GROUNDS, strict=True):
             assert walk.commands.forward == pytest.approx((speed, speed))
