@@ -59,7 +59,9 @@ def searched(folder, name):
     folder.mkdir()
     out = folder / "found.json"
     assert main(["search", *TINY.split(), "--policy", name, "--out", str(out)]) == 0
-    return json.loads(out.read_text(encoding="utf-8")), (folder / POLICIES[name].account_name).read_text(encoding="utf-8")
+    return json.loads(out.read_text(encoding="utf-8")), (folder / POLICIES[name].account_name).read_text(
+        encoding="utf-8"
+    )
 
 
 @pytest.mark.usefixtures("brief_judgement")
