@@ -43,7 +43,7 @@ def newton(monkeypatch: pytest.MonkeyPatch) -> None:
         model.opt.solver, model.opt.tolerance = mujoco.mjtSolver.mjSOL_NEWTON, 1e-10
         return model
 
-    monkeypatch.setattr(simulation, "stepped_model", solved)
+    monkeypatch.setattr(simulation, "make_stepping_model", solved)
 
 
 def robots(scenario: str, simulator: str) -> SimpleQuadVectorEnv:
