@@ -1,4 +1,4 @@
-"""One failed episode as the rules of causes see it: its signals up to its end, and what follows from them."""
+"""Signals of one failed episode up to its end, and quantities derived from them, as input of the cause rules."""
 
 import json
 from dataclasses import dataclass, replace
@@ -19,108 +19,113 @@ from quad_env.scenarios.scenario import Scenario
 
 _FILE = Path(__file__).with_name("thresholds.json")
 THRESHOLDS: dict[str, tuple[float, str, str]] = json.loads(_FILE.read_text(encoding="utf-8"))
-"""Value, unit and reason of every threshold of the rules, by name."""
+"""Name -> value, unit and reason of every threshold of the rules."""
 SHANK_SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])
-"""Places on a shank that are looked at, from the knee, 0, to the foot, 1."""
+"""Sample positions on a shank, from the knee, 0, to the foot, 1."""
 
 
 @dataclass(frozen=True)
 class EpisodeSignals:
-    """Episode `number` of `episodes`; arrays have a row a control step, up to the fall or the time limit."""
+    """Episode `number` of `episodes`; arrays have one row a control step, up to the fall or the time limit."""
 
     episodes: Episodes
     scenario: Scenario
     number: int
+    """Index of the episode."""
 
     @cached_property
     def end(self) -> int:
-        """Control step of the fall, none of whose signals means anything; the time limit without one."""
+        """Control step of the fall, from which on signals have no meaning; the time limit without a fall."""
         return int(self.episodes.fall_step[self.number])
 
     @property
     def fell(self) -> bool:
-        """Whether it ended by a fall or a divergence."""
+        """True if the episode ended by a fall or a divergence."""
         return self.end < self.episodes.steps
 
-    def of(self, signal: str) -> Floats:
-        """That signal of `Episodes`, (end, …)."""
-        return np.asarray(getattr(self.episodes, signal)[: self.end, self.number], np.float64)
+    def signal(self, name: str) -> Floats:
+        """Return the signal `name` of `Episodes`, (end, …)."""
+        return np.asarray(getattr(self.episodes, name)[: self.end, self.number], np.float64)
 
-    def threshold(self, threshold: str) -> float:
-        """A threshold for its robot: lengths, times and speeds are SimpleQuad's, and go with the length of the legs."""
-        value, unit, _ = THRESHOLDS[threshold]
+    def threshold(self, name: str) -> float:
+        """Return the threshold `name`; lengths, times and speeds are scaled from SimpleQuad to the robot's legs."""
+        value, unit, _ = THRESHOLDS[name]
         return value * (scale_factor(self.episodes.robot, unit) if unit in ("m", "s", "m/s") else 1.0)
 
-    def steps(self, threshold: str) -> int:
-        """Control steps of a threshold in s."""
-        return max(1, round(self.threshold(threshold) / self.episodes.dt))
+    def steps(self, name: str) -> int:
+        """Return the threshold `name`, s, in control steps, at least 1."""
+        return max(1, round(self.threshold(name) / self.episodes.dt))
 
     @cached_property
     def sampled(self) -> EpisodeSample:
-        """What the episode drew from its seed."""
+        """Random quantities of the episode, drawn again from its seed."""
         seed = int(self.episodes.seeds[self.number])
         return EpisodeSample(self.episodes.robot, self.scenario, seed, 0, self.episodes.dt)
 
     @cached_property
     def rotation(self) -> Floats:
-        """From the base frame to the world frame, (end, 3, 3)."""
-        return np.moveaxis(np.array(rotation_matrix(to_components(self.of("quaternion")))), -1, 0)
+        """Rotation from the base frame to the world frame, (end, 3, 3)."""
+        return np.moveaxis(np.array(rotation_matrix(to_components(self.signal("quaternion")))), -1, 0)
 
     @cached_property
     def velocity(self) -> Floats:
-        """Of the trunk, world frame, (end, 2), m/s."""
+        """Velocity of the trunk, world frame, (end, 2), m/s."""
         yaw = np.arctan2(self.rotation[:, 1, 0], self.rotation[:, 0, 0])
-        from_heading = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-        return np.asarray(np.einsum("ijt,tj->ti", from_heading, self.of("heading_velocity")[:, :2]))
+        rotation_world_from_heading = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        return np.asarray(np.einsum("ijt,tj->ti", rotation_world_from_heading, self.signal("heading_velocity")[:, :2]))
 
     @cached_property
     def time_constant(self) -> float:
-        """Of falling over from a stand, √(height / g), s."""
+        """Time constant of falling over from a stand, √(height / g), s."""
         return float(np.sqrt(self.episodes.robot.home_height / GRAVITY))
 
     @cached_property
     def capture_point_offset(self) -> Floats:
-        """Capture point from the middle of the feet, world frame, (end, 2), m (Pratt et al. 2006)."""
-        feet = self.of("foot_position")[:, :, :2].mean(axis=1)
-        return np.asarray(self.of("position")[:, :2] + self.velocity * self.time_constant - feet)
+        """Capture point relative to the middle of the feet, world frame, (end, 2), m (Pratt et al. 2006)."""
+        feet = self.signal("foot_position")[:, :, :2].mean(axis=1)
+        return np.asarray(self.signal("position")[:, :2] + self.velocity * self.time_constant - feet)
 
     @cached_property
     def shank(self) -> tuple[Floats, Floats]:
-        """Points of the shanks, the last that of the foot, and their velocities over the step before, world frame,
-        (end, 4, 4, 3) each, m and m/s."""
+        """Points of the shanks, the last one of the foot, and their velocities over the step before.
+
+        World frame, (end, 4, 4, 3) each, m and m/s.
+        """
         to_knees = replace(self.episodes.robot, calf_length=0.0)
-        knee = feet_in_world(to_knees, self.of("position"), self.rotation, self.of("joint_position"))[:, :, None]
-        points = knee + SHANK_SAMPLES[:, None] * (self.of("foot_position")[:, :, None] - knee)
+        knee = feet_in_world(to_knees, self.signal("position"), self.rotation, self.signal("joint_position"))[
+            :, :, None
+        ]
+        points = knee + SHANK_SAMPLES[:, None] * (self.signal("foot_position")[:, :, None] - knee)
         return points, np.diff(points, axis=0, prepend=points[:1]) / self.episodes.dt
 
     def ground(self, points: Floats) -> Floats:
-        """Height of the ground below points, (…, 2 or 3), m."""
+        """Return the height of the ground below `points`, (…, 2 or 3), m."""
         return np.asarray(self.scenario.terrain.height(points[..., 0], points[..., 1]), np.float64)
 
     @cached_property
     def onset(self) -> int:
-        """First step after the last moment at which tilt, height and capture point were as in its ordinary gait."""
-        away = planar(self.capture_point_offset) - planar(self.of("command")) * self.time_constant
-        low = -self.of("height") / self.episodes.robot.home_height
-        unusual = self._exceeds_usual(self.of("tilt"), self.threshold("tilt")) | self._exceeds_usual(
-            away, self.threshold("capture")
+        """First step after the last one in which tilt, height and capture point were ordinary."""
+        offset = planar(self.capture_point_offset) - planar(self.signal("command")) * self.time_constant
+        depth = -self.signal("height") / self.episodes.robot.home_height
+        is_unusual = (
+            self._exceeds_usual(self.signal("tilt"), self.threshold("tilt"))
+            | self._exceeds_usual(offset, self.threshold("capture"))
+            | self._exceeds_usual(depth, -self.threshold("height"))
         )
-        return int(
-            np.flatnonzero(np.append(True, ~(unusual | self._exceeds_usual(low, -self.threshold("height"))))).max()
-        )
+        return int(np.flatnonzero(np.append(True, ~is_unusual)).max())
 
-    def _exceeds_usual(self, signal: Floats, least: float) -> Bools:
-        """Where a signal is above that and above what it nearly always is in the ordinary gait, where that is known."""
+    def _exceeds_usual(self, signal: Floats, limit: float) -> Bools:
+        """Return True where a signal exceeds `limit` and its usual range in the ordinary gait, if that is known."""
         usual = signal[self.steps("start") : max(0, self.end - self.steps("before the fall"))]
         if len(usual) > self.steps("stride"):
-            most = np.quantile(usual, self.threshold("usual share"))
-            highest = least + self.threshold("usual at most") * abs(least)
-            least = min(max(least, float(most + self.threshold("usual margin") * abs(most))), highest)
-        return np.asarray(signal > least)
+            quantile = np.quantile(usual, self.threshold("usual share"))
+            max_limit = limit + self.threshold("usual at most") * abs(limit)
+            limit = min(max(limit, float(quantile + self.threshold("usual margin") * abs(quantile))), max_limit)
+        return np.asarray(signal > limit)
 
     @cached_property
     def window(self) -> slice:
-        """Steps in which the cause is looked for: about the onset, or after the first second of an upright failure."""
+        """Steps that are searched: around the onset, or after the first second without a fall."""
         if not self.fell:
             return slice(self.episodes.settling, self.end)
         end = min(self.end, self.onset + self.steps("look on"))

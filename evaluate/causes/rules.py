@@ -1,12 +1,14 @@
-"""The rules of causes: each looks for one cause in a record and gives the events that may have been it.
+"""Rules of causes: each searches a failed episode for one cause and yields possible events.
 
-What is sudden, such as a blow, has a moment; what lasts, such as ice or noise, begins with the window looked at.
+An instantaneous event, for example a blow, has a time; a lasting one, for example low friction or noise, begins with
+the window that is searched.
 """
 
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluate.causes.record import SHANK_SAMPLES, EpisodeSignals
 from evaluate.measures.averages import Bools, Floats, planar
@@ -15,201 +17,298 @@ from quad_env.config import GRAVITY
 from quad_env.scenarios.episode import control_steps
 from quad_env.scenarios.terrain import Flat, Slope, Stairs
 
-TRIP, SLIP, PUSH, MOTOR, REACH = "trip", "slip", "pushed_over", "motor_limit", "out_of_reach"
-ESTIMATE, SIGNAL, GAIT = "wrong_estimate", "late_or_lost_signal", "gait"
-SLOW, STALLED, POLICY, UNCLEAR = "too_slow", "stalled", "policy_error", "unclear"
+Ints = NDArray[np.intp]
+
+TRIP = "trip"
+SLIP = "slip"
+PUSH = "pushed_over"
+MOTOR = "motor_limit"
+REACH = "out_of_reach"
+ESTIMATE = "wrong_estimate"
+SIGNAL = "late_or_lost_signal"
+GAIT = "gait"
+SLOW = "too_slow"
+STALLED = "stalled"
+POLICY = "policy_error"
+UNCLEAR = "unclear"
 CAUSES = (TRIP, SLIP, PUSH, MOTOR, REACH, ESTIMATE, SIGNAL, GAIT, SLOW, STALLED, POLICY, UNCLEAR)
 """Every cause; a failed episode has exactly one."""
 CAUSE_RULE = "causes/1"
-"""Name of these rules, written into every manifest."""
-TRIP_WINDOW_STEPS, SATURATION_WINDOW_STEPS = 3, 5
-"""Control steps over which the speed of a leg before a blow, and a torque at its limit, are means."""
+"""Version of these rules, written into every manifest."""
+TRIP_WINDOW_STEPS = 3
+"""Control steps of the mean speed of a leg before a blow."""
+SATURATION_WINDOW_STEPS = 5
+"""Control steps of the mean torque that is compared with its limit."""
+MIN_TRIP_SCORE = 0.5
+"""Score below which a blow is no event."""
 
 
 class Event(NamedTuple):
-    """Something that can have made an episode fail: its cause, the control step in which it began, what decides by its
-    threshold, from 1 on it counts, and its words."""
+    """A possible cause of a failed episode, found by a rule."""
 
     cause: str
+    """One of CAUSES."""
     step: int
+    """Control step in which the event began."""
     score: float
+    """Deciding quantity over its threshold; the event counts from 1 on."""
     description: str
     is_instantaneous: bool = False
 
 
 def trips(record: EpisodeSignals, window: slice | None = None) -> Iterator[Event]:
-    """Swinging legs that lose speed where the ground rises before them: of each step the strongest blow."""
+    """Find swinging legs that lose speed where the ground rises before them: the strongest blow of each step.
+
+    Args:
+        record: Signals of the episode.
+        window: Steps to search; None for the window of the record.
+
+    Yields:
+        A trip for each step with a blow.
+    """
     window = window or record.window
     steps = np.arange(max(window.start, TRIP_WINDOW_STEPS), min(window.stop, record.end - 1))
-    if not _rises(record) or not len(steps):
+    if not _can_rise(record) or not len(steps):
         return
-    (points, velocity), contact = record.shank, record.of("foot_contact") > 0
+    points, velocity = record.shank
     before = _running_mean(velocity[..., :2], TRIP_WINDOW_STEPS)[steps - 1]
     after = (velocity[steps, ..., :2] + velocity[steps + 1, ..., :2]) / 2
     speed = planar(before)
-    way = before / np.maximum(speed, 1e-9)[..., None]
-    ahead = record.threshold("reach of a riser") * way
-    rise = record.ground(points[steps, ..., :2] + ahead) - record.ground(points[steps, ..., :2] - ahead)
+    direction = before / np.maximum(speed, 1e-9)[..., None]
+    speed_lost = speed - (after * direction).sum(axis=-1)
+    rise = _rise_ahead(record, points[steps, ..., :2], direction)
+    score = np.minimum(rise / record.threshold("rise"), speed_lost / record.threshold("speed lost"))
+    score = score * _touching(record, steps)
+    for row in np.flatnonzero(score.max(axis=(1, 2)) >= MIN_TRIP_SCORE):
+        leg, sample = np.unravel_index(score[row].argmax(), score[row].shape)
+        at = (row, leg, sample)
+        part = "foot" if sample == len(SHANK_SAMPLES) - 1 else "shin"
+        obstacle = _rise_text(record, float(rise[at]))
+        description = f"{_leg_name(record, int(leg))} {part} hits {obstacle} at {speed[at]:.1f} m/s"
+        yield Event(TRIP, int(steps[row]), float(score[at]), description, is_instantaneous=True)
+
+
+def _rise_ahead(record: EpisodeSignals, points: Floats, direction: Floats) -> Floats:
+    """Return the rise of the ground from behind to ahead of points.
+
+    Args:
+        record: Signals of the episode.
+        points: World frame, (…, 2), m.
+        direction: Unit vector of motion, world frame, (…, 2).
+
+    Returns:
+        Rise, (…), m.
+    """
+    ahead = record.threshold("reach of a riser") * direction
+    return np.asarray(record.ground(points + ahead) - record.ground(points - ahead))
+
+
+def _touching(record: EpisodeSignals, steps: Ints) -> Bools:
+    """Return True where a swinging foot or a shank touches something, (len(steps), 4, len(SHANK_SAMPLES))."""
+    contact = record.signal("foot_contact") > 0
     touching = np.repeat(contact[steps, :, None], len(SHANK_SAMPLES), axis=2)
-    touching[..., :-1] = record.of("leg_contact")[steps, None, None] > 0
+    touching[..., :-1] = record.signal("leg_contact")[steps, None, None] > 0
     touching &= _running_mean(~contact, TRIP_WINDOW_STEPS)[steps - 1, :, None] > 0
-    lost = speed - (after * way).sum(axis=-1)
-    score = np.minimum(rise / record.threshold("rise"), lost / record.threshold("speed lost")) * touching
-    for row in np.flatnonzero(score.max(axis=(1, 2)) >= 0.5):
-        leg, place = np.unravel_index(score[row].argmax(), score[row].shape)
-        at, part = (row, leg, place), "foot" if place == len(SHANK_SAMPLES) - 1 else "shin"
-        words = f"{_leg(record, int(leg))} {part} hits {_rise(record, float(rise[at]))} at {speed[at]:.1f} m/s"
-        yield Event(TRIP, int(steps[row]), float(score[at]), words, is_instantaneous=True)
+    return touching
 
 
 def trunk_blow(record: EpisodeSignals) -> Iterator[Event]:
-    """The trunk that meets ground which rises before it, in an ordinary posture."""
-    last, seen = record.end - 1, record.episodes
-    usual = record.of("tilt")[last] <= 2 * record.threshold("tilt") and record.onset >= last - record.steps("look back")
-    if _rises(record) and usual and seen.fall_reason[record.number] == "trunk_contact":
-        x, y, z = seen.robot.trunk_size / 2 + record.threshold("reach of a riser") * np.array([1.0, 1.0, 0.0])
+    """Find a trunk in an ordinary posture that hits rising ground."""
+    last = record.end - 1
+    episodes = record.episodes
+    is_ordinary = record.signal("tilt")[last] <= 2 * record.threshold("tilt") and record.onset >= last - record.steps(
+        "look back"
+    )
+    if _can_rise(record) and is_ordinary and episodes.fall_reason[record.number] == "trunk_contact":
+        reach = record.threshold("reach of a riser")
+        x, y, z = episodes.robot.trunk_size / 2 + reach * np.array([1.0, 1.0, 0.0])
         corners = np.array([(x, y, -z), (x, -y, -z), (-x, y, -z), (-x, -y, -z)]) @ record.rotation[last].T
-        feet = record.ground(record.of("foot_position")[last])
-        rise = float((record.ground(record.of("position")[last] + corners)).max() - feet.min())
-        words = f"the trunk meets {_rise(record, rise)}"
-        yield Event(TRIP, record.end, rise / record.threshold("trunk's rise"), words, is_instantaneous=True)
+        ground_at_feet = record.ground(record.signal("foot_position")[last])
+        ground_at_corners = record.ground(record.signal("position")[last] + corners)
+        rise = float(ground_at_corners.max() - ground_at_feet.min())
+        description = f"the trunk meets {_rise_text(record, rise)}"
+        yield Event(TRIP, record.end, rise / record.threshold("trunk's rise"), description, is_instantaneous=True)
 
 
 def slides(record: EpisodeSignals) -> Iterator[Event]:
-    """Standing feet that slide; on ground that grips they have been driven to it."""
-    window, held, friction = record.window, record.of("foot_contact") > 0, record.sampled.friction
+    """Find stance feet that slide.
+
+    The score is lower on ground with high friction, since there the controller makes them slide.
+    """
+    window = record.window
+    friction = record.sampled.friction
+    held = record.signal("foot_contact") > 0
     held[1:] &= held[:-1].copy()
     speed = planar(record.shank[1][window, :, -1])
     sliding = held[window] & (speed > record.threshold("slide"))
     if sliding.any():
         share = sliding.sum() / held[window].sum()
-        words = f"{share:.0%} of the standing feet slide, at {speed[sliding].mean():.1f} m/s, friction {friction:g}"
+        mean_speed = speed[sliding].mean()
+        description = f"{share:.0%} of the standing feet slide, at {mean_speed:.1f} m/s, friction {friction:g}"
         score = share / record.threshold("sliding") * min(1.0, record.threshold("grip") / friction)
-        yield Event(SLIP, _first(window, sliding), float(score), words)
+        yield Event(SLIP, _first_step(window, sliding), float(score), description)
 
 
 def pushes(record: EpisodeSignals) -> Iterator[Event]:
-    """Pushes shortly before the onset, by how far they move the capture point; a steady force that it gives way to."""
-    seen, force = record.episodes, record.sampled.force
-    latest = min(record.onset + seen.push_steps, record.end - 1)
-    for step, impulse in zip(seen.push_step[record.number].tolist(), seen.push_impulse[record.number], strict=True):
-        if record.fell and record.onset - record.steps("push before") <= step <= latest:
+    """Find pushes shortly before the onset, and a steady force in the direction in which the robot gives way.
+
+    The score of a push is the displacement of the capture point over its threshold.
+    """
+    if not record.fell:
+        return
+    episodes = record.episodes
+    latest = min(record.onset + episodes.push_steps, record.end - 1)
+    push_steps = episodes.push_step[record.number].tolist()
+    for step, impulse in zip(push_steps, episodes.push_impulse[record.number], strict=True):
+        if record.onset - record.steps("push before") <= step <= latest:
             size = float(np.hypot(*impulse))
-            faster = size * GRAVITY / seen.weight
-            words = f"a push of {size:.0f} N·s, {faster:.1f} m/s for its mass"
-            yield Event(
-                PUSH, step, faster * record.time_constant / record.threshold("push"), words, is_instantaneous=True
-            )
-    if record.fell and force is not None:
-        size, step = float(np.hypot(*force)), max(record.onset - 1, 0)
-        went = record.capture_point_offset[step:].mean(axis=0)
-        if went @ force > 0.5 * size * np.hypot(*went):
-            words = f"a steady force of {size:.0f} N, {size / seen.weight:.2f} of the weight"
-            yield Event(PUSH, step, size / seen.weight / record.threshold("force"), words)
+            speed = size * GRAVITY / episodes.weight
+            description = f"a push of {size:.0f} N·s, {speed:.1f} m/s for its mass"
+            score = speed * record.time_constant / record.threshold("push")
+            yield Event(PUSH, step, score, description, is_instantaneous=True)
+    if (force := record.sampled.force) is not None:
+        size = float(np.hypot(*force))
+        step = max(record.onset - 1, 0)
+        offset = record.capture_point_offset[step:].mean(axis=0)
+        if offset @ force > 0.5 * size * np.hypot(*offset):
+            description = f"a steady force of {size:.0f} N, {size / episodes.weight:.2f} of the weight"
+            yield Event(PUSH, step, size / episodes.weight / record.threshold("force"), description)
 
 
 def motor_saturation(record: EpisodeSignals) -> Iterator[Event]:
-    """Motors that stay at their limit of torque, or of speed where they have a torque-speed curve, or servos of limited
-    bandwidth far behind their targets."""
-    window, bandwidth, seen = record.window, record.scenario.motors.bandwidth, record.episodes
-    limit = np.broadcast_to(seen.torque_limit, seen.joint_torque.shape[-1:])
-    full = np.abs(
-        _running_mean(record.of("joint_torque") / limit, SATURATION_WINDOW_STEPS)[window]
-    ) >= record.threshold("saturated")
-    if np.isfinite(seen.joule_heat[0, record.number]).all():  # of motors with a curve
-        full |= (record.of("peak_speed") / seen.speed_limit)[window] >= record.threshold("saturated")
-    weakest = int(full.sum(axis=0).argmax())
-    share = full[:, weakest].mean()
-    words = f"{_joint(record, weakest)} motor is {share:.0%} of the time at its limit, {limit[weakest]:.3g} N·m"
-    yield Event(MOTOR, _first(window, full), float(full.mean()) / record.threshold("saturated joints"), words)
+    """Find motors that stay at their limit, or servos of limited bandwidth far behind their targets.
+
+    The limit is that of torque, and of speed for motors with a torque-speed curve.
+    """
+    window = record.window
+    episodes = record.episodes
+    bandwidth = record.scenario.motors.bandwidth
+    limit = np.broadcast_to(episodes.torque_limit, episodes.joint_torque.shape[-1:])
+    threshold = record.threshold("saturated")
+    torque = _running_mean(record.signal("joint_torque") / limit, SATURATION_WINDOW_STEPS)[window]
+    saturated = np.abs(torque) >= threshold
+    has_torque_speed_curve = np.isfinite(episodes.joule_heat[0, record.number]).all()
+    if has_torque_speed_curve:
+        saturated |= (record.signal("peak_speed") / episodes.speed_limit)[window] >= threshold
+    weakest = int(saturated.sum(axis=0).argmax())
+    share = saturated[:, weakest].mean()
+    motor = f"{_joint_name(record, weakest)} motor"
+    description = f"{motor} is {share:.0%} of the time at its limit, {limit[weakest]:.3g} N·m"
+    score = float(saturated.mean()) / record.threshold("saturated joints")
+    yield Event(MOTOR, _first_step(window, saturated), score, description)
     if bandwidth is not None:
-        behind = float(np.abs(record.of("action") - record.of("joint_position"))[window].max(axis=1).mean())
-        words = f"servos of {bandwidth:g} Hz are {behind:.2f} rad behind"
-        yield Event(MOTOR, window.start, behind / record.threshold("lag"), words)
+        errors = np.abs(record.signal("action") - record.signal("joint_position"))[window]
+        lag = float(errors.max(axis=1).mean())
+        description = f"servos of {bandwidth:g} Hz are {lag:.2f} rad behind"
+        yield Event(MOTOR, window.start, lag / record.threshold("lag"), description)
 
 
 def limits(record: EpisodeSignals) -> Iterator[Event]:
-    """Standing legs at a joint limit, or stretched; targets beyond a limit are usual in crouching gaits."""
-    window, robot, joints = record.window, record.episodes.robot, record.of("joint_position")
+    """Find stance legs at a joint limit, or stretched; targets beyond a limit are usual in crouching gaits."""
+    window = record.window
+    robot = record.episodes.robot
+    joints = record.signal("joint_position")
     beyond = (joints <= robot.joint_lower + LIMIT_MARGIN) | (joints >= robot.joint_upper - LIMIT_MARGIN)
-    upper, lower = robot.thigh_length, robot.calf_length
-    length = np.sqrt(upper**2 + lower**2 + 2 * upper * lower * np.cos(joints[:, 2::3])) / (upper + lower)
-    standing = (record.of("foot_contact") > 0)[window]
+    thigh = robot.thigh_length
+    calf = robot.calf_length
+    length = np.sqrt(thigh**2 + calf**2 + 2 * thigh * calf * np.cos(joints[:, 2::3])) / (thigh + calf)
+    standing = (record.signal("foot_contact") > 0)[window]
     legs = beyond.reshape(*length.shape, -1).any(axis=-1) | (length >= record.threshold("stretched"))
     if (at_limit := legs[window] & standing).any():
         share = float(at_limit.sum() / standing.sum())
-        words = f"standing legs are {share:.0%} of the time at the limit of a joint, or stretched"
-        yield Event(REACH, _first(window, at_limit), share / record.threshold("at limits"), words)
+        description = f"standing legs are {share:.0%} of the time at the limit of a joint, or stretched"
+        yield Event(REACH, _first_step(window, at_limit), share / record.threshold("at limits"), description)
 
 
 def estimation_error(record: EpisodeSignals) -> Iterator[Event]:
-    """What the policy was shown against the truth of the moment that it was of, by the known delay."""
+    """Find errors of the observed tilt and velocity against the true state, shifted by the known delay."""
     if record.episodes.observed is None:
         return
-    moments = np.maximum(np.arange(record.end) - _late(record), 0)
-    shown, rotation = record.of("observed"), record.rotation[moments]
-    down = shown[:, :3] / np.maximum(np.linalg.norm(shown[:, :3], axis=1), 1e-9)[:, None]
-    tilt = np.arccos(np.clip(-(down * rotation[:, 2]).sum(axis=1), -1.0, 1.0))
-    velocity = planar((rotation @ shown[:, 6:9, None])[:, :2, 0] - record.velocity[moments])
-    wrong, off = (float(np.sqrt((each[record.window] ** 2).mean())) for each in (tilt, velocity))
-    score = max(wrong / record.threshold("tilt estimate"), off / record.threshold("velocity estimate"))
-    words = f"the policy is shown a tilt that is {wrong:.2f} rad wrong, a velocity {off:.2f} m/s"
-    yield Event(ESTIMATE, record.window.start, score, words)
+    steps = np.maximum(np.arange(record.end) - _observation_delay_steps(record), 0)
+    observed = record.signal("observed")
+    rotation = record.rotation[steps]
+    down = observed[:, :3] / np.maximum(np.linalg.norm(observed[:, :3], axis=1), 1e-9)[:, None]
+    tilt_error = np.arccos(np.clip(-(down * rotation[:, 2]).sum(axis=1), -1.0, 1.0))
+    velocity_error = planar((rotation @ observed[:, 6:9, None])[:, :2, 0] - record.velocity[steps])
+    tilt_rms = _root_mean_square(tilt_error[record.window])
+    velocity_rms = _root_mean_square(velocity_error[record.window])
+    score = max(tilt_rms / record.threshold("tilt estimate"), velocity_rms / record.threshold("velocity estimate"))
+    description = f"the policy is shown a tilt that is {tilt_rms:.2f} rad wrong, a velocity {velocity_rms:.2f} m/s"
+    yield Event(ESTIMATE, record.window.start, score, description)
 
 
 def delay_or_dropout(record: EpisodeSignals) -> Iterator[Event]:
-    """Delay of readings and actions; servos that receive no targets shortly before the onset."""
-    dropouts, plan, window, dt = record.scenario.dropouts, record.sampled.dropouts, record.window, record.episodes.dt
-    late, length = record.sampled.action_delay, control_steps(dropouts.duration if dropouts else 0.0, dt)
-    if both := late + _late(record):
-        words = f"readings and actions are {1000 * both * dt:.0f} ms late together"
-        yield Event(SIGNAL, window.start, both * dt / record.time_constant / record.threshold("delay"), words)
-    for start, joint in [] if plan is None else np.transpose(plan).tolist():
+    """Find a delay of readings and actions, and servos without targets shortly before the onset."""
+    window = record.window
+    dt = record.episodes.dt
+    action_delay = record.sampled.action_delay
+    if delay_steps := action_delay + _observation_delay_steps(record):
+        delay = delay_steps * dt
+        description = f"readings and actions are {1000 * delay_steps * dt:.0f} ms late together"
+        yield Event(SIGNAL, window.start, delay / record.time_constant / record.threshold("delay"), description)
+    if record.sampled.dropouts is None:
+        return
+    dropouts = record.scenario.dropouts
+    length = control_steps(dropouts.duration if dropouts else 0.0, dt)
+    for start, joint in np.transpose(record.sampled.dropouts).tolist():
         end = min(start + length, window.stop)
-        if late < start < window.stop and start + length > window.start - record.steps("look back"):
-            sent = record.of("action")[:, joint]
-            missed = float(np.abs(sent[start - late : end - late] - sent[start - late - 1]).max())
-            words = f"{_joint(record, joint)} receives no targets for {(end - start) * dt:.2f} s, {missed:.2f} rad off"
-            yield Event(SIGNAL, start, missed / record.threshold("held"), words, is_instantaneous=True)
+        if action_delay < start < window.stop and start + length > window.start - record.steps("look back"):
+            sent = record.signal("action")[:, joint]
+            missed = float(
+                np.abs(sent[start - action_delay : end - action_delay] - sent[start - action_delay - 1]).max()
+            )
+            servo = _joint_name(record, joint)
+            description = f"{servo} receives no targets for {(end - start) * dt:.2f} s, {missed:.2f} rad off"
+            yield Event(SIGNAL, start, missed / record.threshold("held"), description, is_instantaneous=True)
 
 
 RULES = (trips, trunk_blow, slides, pushes, motor_saturation, limits, estimation_error, delay_or_dropout)
-"""Every rule of a fall."""
+"""Rules of a fall."""
 UPRIGHT_RULES = (motor_saturation, slides, estimation_error, delay_or_dropout, limits)
-"""Those of an upright failure: the first that counts decides."""
+"""Rules of an upright failure; the first triggered event decides."""
 
 
-def _rises(record: EpisodeSignals) -> bool:
-    """Whether there is ground that can rise before a foot."""
+def _can_rise(record: EpisodeSignals) -> bool:
+    """Return True for terrain that can rise before a foot."""
     return not isinstance(record.scenario.terrain, Flat | Slope)
 
 
-def _leg(record: EpisodeSignals, leg: int) -> str:
+def _leg_name(record: EpisodeSignals, leg: int) -> str:
+    """Return the name of the leg with index `leg`, for example `front left`."""
     robot = record.episodes.robot
-    end, side = "front" if robot.hip_positions[leg, 0] > 0.0 else "hind", "left" if robot.side[leg] > 0.0 else "right"
+    end = "front" if robot.hip_positions[leg, 0] > 0.0 else "hind"
+    side = "left" if robot.side[leg] > 0.0 else "right"
     return f"{end} {side}"
 
 
-def _joint(record: EpisodeSignals, joint: int) -> str:
-    return f"{_leg(record, joint // 3)} {('hip', 'thigh', 'calf')[joint % 3]}"
+def _joint_name(record: EpisodeSignals, joint: int) -> str:
+    """Return the name of the joint with index `joint`, for example `front left thigh`."""
+    return f"{_leg_name(record, joint // 3)} {('hip', 'thigh', 'calf')[joint % 3]}"
 
 
-def _rise(record: EpisodeSignals, height: float) -> str:
-    return f"{'the edge of a step' if isinstance(record.scenario.terrain, Stairs) else 'a rise'} ({height:.2f} m)"
+def _rise_text(record: EpisodeSignals, height: float) -> str:
+    """Return a text of an obstacle with that height, m."""
+    obstacle = "the edge of a step" if isinstance(record.scenario.terrain, Stairs) else "a rise"
+    return f"{obstacle} ({height:.2f} m)"
 
 
-def _late(record: EpisodeSignals) -> int:
-    """Control steps of the scenario's delay of observations."""
+def _observation_delay_steps(record: EpisodeSignals) -> int:
+    """Return the scenario's delay of observations in control steps."""
     latency = record.scenario.latency
     return 0 if latency is None else round(latency.observation / record.episodes.dt)
 
 
 def _running_mean(values: Floats | Bools, length: int) -> Floats:
-    """Mean of the last so many rows, (rows, …)."""
+    """Return the mean of the last `length` rows, (rows, …)."""
     sums = np.cumsum(np.concatenate((np.zeros((length, *values.shape[1:])), values)), axis=0)
     return np.asarray((sums[length:] - sums[:-length]) / length)
 
 
-def _first(window: slice, holds: Bools) -> int:
-    """First step of a window in which any of a row, (steps, k), holds; its start where none ever does."""
-    return int(window.start + np.argmax(holds.any(axis=1)))
+def _root_mean_square(values: Floats) -> float:
+    """Return the root mean square of (steps,)."""
+    return float(np.sqrt((values**2).mean()))
+
+
+def _first_step(window: slice, mask: Bools) -> int:
+    """Return the first step of a window in which any of a row of (steps, k) is true; its start without one."""
+    return int(window.start + np.argmax(mask.any(axis=1)))

@@ -1,4 +1,4 @@
-"""The story of an episode in at most five moments, in the order of time, from the events that decide its cause."""
+"""Timeline of an episode: at most five events in the order of time, from those that decide its cause."""
 
 from collections.abc import Iterable
 
@@ -6,40 +6,67 @@ import numpy as np
 
 from evaluate.causes.record import EpisodeSignals
 from evaluate.causes.rules import GAIT, UNCLEAR
-from evaluate.causes.verdict import verdict
+from evaluate.causes.verdict import Verdict, verdict
 from evaluate.measures.averages import planar
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import SUCCEEDED
 
+MAX_CAUSES = 3
+"""Maximum number of events with different causes in a timeline."""
+
 
 def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tuple[float, str]]:
-    """Times, s, and words, such as `front left foot hits the edge of a step (0.15 m) at 0.9 m/s`, the outcome last: the
-    event that decided, the strongest of two other causes, and when the robot left its gait."""
-    ended = str(measures.outcome[number]).replace("_", " ")
-    if ended == SUCCEEDED or episodes.scenario is None:
-        return [(episodes.steps * episodes.dt, ended)]
+    """Return the main events of an episode.
+
+    These are the deciding event, the strongest events of two other causes, the departure from the ordinary gait, and
+    the outcome, which comes last.
+
+    Args:
+        episodes: Recorded episodes.
+        measures: Their measures.
+        number: Index of the episode.
+
+    Returns:
+        Pairs of time, s, and description, as in `front left foot hits the edge of a step (0.15 m) at 0.9 m/s`.
+    """
+    outcome = str(measures.outcome[number]).replace("_", " ")
+    if outcome == SUCCEEDED or episodes.scenario is None:
+        return [(episodes.steps * episodes.dt, outcome)]
     record = EpisodeSignals(episodes, episodes.scenario, number)
-    found = verdict(record, measures)
-    shown = {found.event.cause: found.event}
-    for event in sorted(found.triggered_events, key=lambda event: -event.score):
-        shown.setdefault(event.cause, event)
-    moments = [(event.step, event.description) for event in list(shown.values())[:3]]
+    decided = verdict(record, measures)
+    moments = _events(decided)
     if record.fell and record.end:
-        if found.event.cause in (GAIT, UNCLEAR) and found.event.step == record.onset:
-            moments = []  # nothing more is known than what follows
-        step = min(record.onset, record.end - 1)
-        tilt, away = np.degrees(record.of("tilt")[step]), planar(record.capture_point_offset)[step]
-        words = f"leaves its ordinary gait: tilt {tilt:.0f}°, capture point {away:.2f} m from the middle of its feet"
-        moments.append((step, words))
-        ended += f" ({episodes.fall_reason[number].replace('_', ' ')})"
-    cause = found.event.cause.replace("_", " ")
-    if found.event.cause != UNCLEAR:
-        cause += f" ({'certain' if found.certain else 'likely'})"
-    moments = [*sorted(moments), (record.end + record.fell, f"{ended}; cause: {cause}")]
-    return [(step * episodes.dt, words) for step, words in moments]
+        if decided.event.cause in (GAIT, UNCLEAR) and decided.event.step == record.onset:
+            moments = []  # the event has no more information than the departure from the gait
+        moments.append(_departure(record))
+        outcome += f" ({episodes.fall_reason[number].replace('_', ' ')})"
+    cause = decided.event.cause.replace("_", " ")
+    if decided.event.cause != UNCLEAR:
+        cause += f" ({'certain' if decided.certain else 'likely'})"
+    moments = [*sorted(moments), (record.end + record.fell, f"{outcome}; cause: {cause}")]
+    return [(step * episodes.dt, description) for step, description in moments]
+
+
+def _events(decided: Verdict) -> list[tuple[int, str]]:
+    """Return step and description of the deciding event and of the strongest event of each other cause."""
+    strongest = {decided.event.cause: decided.event}
+    for event in sorted(decided.triggered_events, key=lambda event: -event.score):
+        strongest.setdefault(event.cause, event)
+    return [(event.step, event.description) for event in list(strongest.values())[:MAX_CAUSES]]
+
+
+def _departure(record: EpisodeSignals) -> tuple[int, str]:
+    """Return step and description of the departure from the ordinary gait."""
+    step = min(record.onset, record.end - 1)
+    tilt = np.degrees(record.signal("tilt")[step])
+    offset = planar(record.capture_point_offset)[step]
+    description = (
+        f"leaves its ordinary gait: tilt {tilt:.0f}°, capture point {offset:.2f} m from the middle of its feet"
+    )
+    return step, description
 
 
 def in_lines(moments: Iterable[tuple[float, str]]) -> list[str]:
-    """`2.41 s  front left foot hits the edge of a step (0.15 m) at 0.9 m/s` for each moment."""
-    return [f"{time:.2f} s  {words}" for time, words in moments]
+    """Return a line for each event: `2.41 s  front left foot hits the edge of a step (0.15 m) at 0.9 m/s`."""
+    return [f"{time:.2f} s  {description}" for time, description in moments]

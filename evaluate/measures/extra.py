@@ -1,4 +1,4 @@
-"""Measures of other packages: a column of `episodes.parquet` each, from the recorded signals of the episodes."""
+"""Measures of other packages, computed from recorded signals: one column of `episodes.parquet` each."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -25,7 +25,7 @@ from evaluate.measures.pushes import pushes
 
 @dataclass(frozen=True)
 class Measures:
-    """Measures of n episodes, one entry an episode, NaN without a value; `catalogue` has units and formulas."""
+    """Measures of n episodes, one entry an episode, NaN without a value; units are in `catalogue`."""
 
     outcome: NDArray[np.object_]
     fell: Bools
@@ -146,7 +146,7 @@ def outcome(
 
 
 def summarise(episodes: Episodes) -> dict[str, float]:
-    """Return the means that training validates with, by name, and the cost of transport of all episodes together."""
+    """Return the means that training validates with, and the cost of transport of all episodes."""
     measures = measure(episodes)
     means = ("velocity_error", "yaw_rate_error", "mean_velocity_error", "energy")
     return {

@@ -16,7 +16,7 @@ MAX_TIME_TO_FALL = 2.0
 
 
 def pushes(episodes: Episodes) -> dict[str, Floats]:
-    """Return the measures of all pushes by name, also of those in the first second; the impulse is (n, k, 2), N·s."""
+    """Return the measures of all pushes by name, with the impulse in the heading frame, (n, k, 2), N·s."""
     onset = episodes.push_step
     fall = episodes.fall_step[:, None]
     is_pushed = (onset <= fall) & (onset < episodes.steps)

@@ -114,9 +114,9 @@ def check_legs_and_rises_are_those_that_were_hit() -> None:
 def check_feet_are_above_the_ground_that_the_rules_see() -> None:
     """What the rules take for the ground under each foot is what the environment measured its height above."""
     each = records_of(OTHER_TRIP)[0]
-    feet, (points, _) = each.of("foot_position"), each.shank
+    feet, (points, _) = each.signal("foot_position"), each.shank
     above = feet[..., 2] - each.ground(feet) - SIMPLE_QUAD.foot_radius
-    np.testing.assert_allclose(above, each.of("foot_height"), atol=1e-6)
+    np.testing.assert_allclose(above, each.signal("foot_height"), atol=1e-6)
     np.testing.assert_allclose(points[:, :, -1], feet, atol=1e-9)
     length = np.linalg.norm(points[:, :, -1] - points[:, :, 0], axis=-1)
     np.testing.assert_allclose(length, (1.0 - records.SHANK_SAMPLES[0]) * SIMPLE_QUAD.calf_length, atol=1e-5)

@@ -27,8 +27,8 @@ def plain(**known: Any) -> EpisodeSignals:
 def test_signals_are_of_the_robot_itself_and_end_with_its_fall() -> None:
     tilt = signal("tilt")
     tilt[:, 0], tilt[:, 1] = 9.0, np.arange(STEPS)
-    np.testing.assert_array_equal(recorded(tilt=tilt).of("tilt"), np.arange(END))
-    assert (len(recorded(tilt=tilt, number=0).of("tilt")), recorded(number=0).end) == (END - 50, END - 50)
+    np.testing.assert_array_equal(recorded(tilt=tilt).signal("tilt"), np.arange(END))
+    assert (len(recorded(tilt=tilt, number=0).signal("tilt")), recorded(number=0).end) == (END - 50, END - 50)
     assert recorded().fell
     assert not recorded(end=STEPS).fell
 
