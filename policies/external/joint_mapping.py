@@ -1,7 +1,7 @@
 """Joints of an external policy on a robot: their names, order, signs and zeros.
 
 A robot's angles are zero with the leg straight down and grow about +x or +y (see `quad_env.robots.scene`). A policy's
-angles are those of its maker's model; the robot's own model file is taken as this model. A robot's angle is
+angles follow its maker's model; the robot's own model file is taken as this model. A robot's angle is
 zero + sign * the policy's angle.
 """
 
@@ -74,12 +74,12 @@ def map_joints(names: Sequence[str], robot: Robot) -> JointMapping:
 
 
 def map_action_joints(spec: PolicySpec, robot: Robot) -> JointMapping:
-    """Map the joints of a specification in the order of its actions to the joints of a robot."""
+    """Map the joints of `spec`, in the order of its actions, to the joints of `robot`."""
     return _map_spec_joints(spec.joints, spec, robot)
 
 
 def map_observed_joints(spec: PolicySpec, robot: Robot) -> JointMapping:
-    """Map the joints of a specification in the order of its observation to the joints of a robot."""
+    """Map the joints of `spec`, in the order of its observation, to the joints of `robot`."""
     return _map_spec_joints(spec.observed_joints or spec.joints, spec, robot)
 
 

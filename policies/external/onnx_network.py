@@ -89,7 +89,7 @@ def make_network_factory(session: Any, file: Path) -> tuple[Callable[[], ActFunc
         has_memory: True for a recurrent network.
 
     Raises:
-        PolicyError: The inputs and outputs are not those of a policy.
+        PolicyError: There is no observation or no action among the inputs and outputs, or it has another type or shape.
     """
     if not session.get_inputs() or not session.get_outputs() or not session.get_inputs()[0].shape:
         raise PolicyError(f"{file} has no input of an observation, a vector, or no output")
@@ -184,7 +184,7 @@ def _find_action(outputs: Sequence[Any], file: Path) -> Any:
 
 
 def _find_update_by_name(state: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Any | None:
-    """Return the one output with the memory's name, except for words such as `in` and `out`."""
+    """Return the one output with the memory's name, except for words like `in` and `out`."""
     if sum(_stem(each.name) == _stem(state.name) for each in inputs) > 1:
         return None
     candidates = [each for each in outputs if _stem(each.name) == _stem(state.name) and _has_same_shape(state, each)]
@@ -258,7 +258,7 @@ def read_metadata(file: Path) -> dict[str, str]:
 
 
 def _nodes(model: Any) -> Iterator[Any]:
-    """Yield all nodes of a model, also those of loops, branches and functions."""
+    """Yield all nodes of a model, also in loops, branches and functions."""
     waiting = [model.graph, *model.functions]
     while waiting:
         for node in waiting.pop().node:

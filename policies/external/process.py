@@ -60,7 +60,7 @@ class PolicyProcess:
     A late or broken process is killed; the next call starts another.
 
     Args:
-        make: Makes the object in the subprocess; picklable, such as `functools.partial(policies.make, "trot")`.
+        make: Makes the object in the subprocess; picklable, for example `functools.partial(policies.make, "trot")`.
         load_time: Longest time of `make`, s.
     """
 
@@ -140,7 +140,7 @@ class PolicyProcess:
 class ExternalPolicy(Policy):
     """Policy of `my_file.py:NAME` or of another file; failed robots hold the home pose.
 
-    The attributes named in SIGNAL_NAMES are those of its policy, None if it has none. The constructor raises
+    The attributes named in SIGNAL_NAMES have the values of its policy, None if it has none. The constructor raises
     PolicyError, one line, if the reference names no policy.
 
     Args:

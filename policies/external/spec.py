@@ -1,6 +1,6 @@
 """Specification of an external policy: joints, servo gains, scales and observation terms.
 
-Joint angles, order and names are those of the policy's own files, in its maker's convention. `observation_adapter` and
+Joint angles, order and names are as in the policy's own files, in its maker's convention. `observation_adapter` and
 `joint_mapping` convert them to the robot's. A joint target is `offset + scale * clip(action)`, rad.
 """
 

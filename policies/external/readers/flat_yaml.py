@@ -1,8 +1,8 @@
 """Flat settings of deployment scripts: gains, default position and scales by key, without a robot's name above.
 
 Sources: unitreerobotics/unitree_rl_gym `deploy/deploy_mujoco/configs/*.yaml` (`policy_path`, `kps`, `kds`,
-`default_angles`, `simulation_dt`, `control_decimation`); its joints are those of its model file and its observation is
-in `deploy_mujoco.py`. Runners after fan-ziqi/rl_sar have the keys of its `config.yaml`.
+`default_angles`, `simulation_dt`, `control_decimation`); its joints are in the order of its model file and its
+observation is in `deploy_mujoco.py`. Runners after fan-ziqi/rl_sar have the keys of its `config.yaml`.
 """
 
 import os

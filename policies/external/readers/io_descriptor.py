@@ -38,7 +38,7 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
         Specification of the policy.
 
     Raises:
-        IncompleteSpecError: The gains are those of explicit actuators, and `params/env.yaml` is missing.
+        IncompleteSpecError: The joints have explicit actuators, and `params/env.yaml` with their gains is missing.
     """
     robot = _find_robot(settings)
     action = _find_action(settings)

@@ -1,17 +1,19 @@
-"""Patterns of other projects' files for joint names: regular expressions, matched in a bounded time.
+"""Regular expressions of other projects' files for joint names, matched in a bounded time.
 
-Python's `re` takes exponential time for some expressions, such as `((a*)*)*`. This matcher follows all paths at once. A
-part of a pattern maps a set of positions in the name, as the bits of an integer, to the set of its ends.
+Python's `re` takes exponential time for some expressions, for example `((a*)*)*`. This matcher follows all paths at
+once. A part of a pattern maps a set of positions in the name, as the bits of an integer, to the set of its ends.
 """
 
 import string
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 
 Part = Callable[[str, int], int]
 """Maps a name and a set of positions, as bits, to the positions where the part may end."""
+CharacterTest = Callable[[str], bool]
+"""Returns True for the characters that a part takes."""
 MAX_PATTERN = 200
-"""Largest number of characters of a pattern; those of published files have 60 at most."""
+"""Largest number of characters of a pattern; published files have at most 60."""
 MAX_NAME = 100
 """Largest number of characters of a joint's name."""
 MAX_DEPTH = 20
@@ -19,141 +21,160 @@ MAX_DEPTH = 20
 MAX_COUNT = 1000
 """Largest number in `{m,n}`."""
 SYNTAX = ". [...] (...|...) (?:...) (?=...) (?!...) * + ? {m,n} ^ $ \\w \\d \\s"
-_CLASSES: dict[str, Callable[[str], bool]] = {
-    "w": lambda sign: sign.isalnum() or sign == "_",
+_CLASSES: dict[str, CharacterTest] = {
+    "w": lambda character: character.isalnum() or character == "_",
     "d": str.isdecimal,
     "s": str.isspace,
 }
+"""Character classes by the letter of their escape."""
+_REPETITIONS: dict[str, tuple[int, int | None]] = {"*": (0, None), "+": (1, None), "?": (0, 1)}
+"""Minimum and maximum of repetitions by their sign; None: no limit."""
 
 
 class PatternError(ValueError):
-    """Invalid or unsupported pattern; the message is one line."""
+    """Raised for an invalid or unsupported pattern; the message is one line."""
 
 
 def matches(pattern: str, name: str) -> bool:
-    """Return whether a pattern matches the whole name, as `re.fullmatch` does. Raises PatternError."""
+    """Return True if a pattern matches the whole name, as `re.fullmatch` does.
+
+    Args:
+        pattern: Regular expression.
+        name: Name of a joint.
+
+    Returns:
+        True for a match.
+
+    Raises:
+        PatternError: The pattern is invalid, or the name or the pattern too long.
+    """
     if len(name) > MAX_NAME:
         raise PatternError(f"a name has at most {MAX_NAME} characters, got {len(name)}")
-    return bool(_compiled(pattern)(name, 1) >> len(name) & 1)
+    return bool(_compile(pattern)(name, 1) >> len(name) & 1)
 
 
 @lru_cache(maxsize=1024)
-def _compiled(pattern: str) -> Part:
+def _compile(pattern: str) -> Part:
     if len(pattern) > MAX_PATTERN:
         raise PatternError(f"a pattern has at most {MAX_PATTERN} characters, got {len(pattern)}")
     return _Parser(pattern).parse()
 
 
 class _Parser:
-    """Recursive descent over the text of one pattern."""
+    """Recursive descent parser of one pattern."""
 
     def __init__(self, pattern: str) -> None:
         self._text = pattern
-        self._place = 0
+        self._position = 0
         self._depth = 0
 
     def parse(self) -> Part:
-        part = self._alternatives()
-        if self._place < len(self._text):
+        """Return the part of the whole pattern. Raises PatternError."""
+        part = self._parse_alternatives()
+        if self._position < len(self._text):
             raise self._error("unbalanced `)`")
         return part
 
     def _error(self, fault: str) -> PatternError:
-        return PatternError(f"{fault} at character {self._place + 1}; valid: {SYNTAX}")
+        return PatternError(f"{fault} at character {self._position + 1}; valid: {SYNTAX}")
 
     def _peek(self) -> str:
-        return self._text[self._place : self._place + 1]
+        """Return the next character; empty at the end."""
+        return self._text[self._position : self._position + 1]
 
     def _take(self, text: str) -> bool:
-        """Step over a text if it comes next."""
-        found = self._text.startswith(text, self._place)
-        self._place += len(text) if found else 0
-        return found
+        """Step over a text if it comes next; return True then."""
+        is_next = self._text.startswith(text, self._position)
+        self._position += len(text) if is_next else 0
+        return is_next
 
-    def _alternatives(self) -> Part:
-        branches = [self._sequence()]
+    def _parse_alternatives(self) -> Part:
+        branches = [self._parse_sequence()]
         while self._take("|"):
-            branches.append(self._sequence())
-        return branches[0] if len(branches) == 1 else _either(branches)
+            branches.append(self._parse_sequence())
+        return branches[0] if len(branches) == 1 else _any_of(branches)
 
-    def _sequence(self) -> Part:
+    def _parse_sequence(self) -> Part:
         parts = []
         while self._peek() not in ("", "|", ")"):
-            parts.append(self._repeated(self._atom()))
-        return _in_turn(parts)
+            parts.append(self._parse_repetition(self._parse_atom()))
+        return _in_sequence(parts)
 
-    def _atom(self) -> Part:
-        sign = self._peek()
-        self._place += 1
-        if sign == "(":
-            return self._group()
-        if sign == "[":
-            return _one(self._set())
-        if sign == ".":
-            return _one(lambda each: each != "\n")
-        if sign == "^":
+    def _parse_atom(self) -> Part:
+        """Return a group, a set, an anchor or a single character. Raises PatternError."""
+        character = self._peek()
+        self._position += 1
+        if character == "(":
+            return self._parse_group()
+        if character == "[":
+            return _one_character(self._parse_set())
+        if character == ".":
+            return _one_character(lambda each: each != "\n")
+        if character == "^":
             return lambda name, starts: starts & 1
-        if sign == "$":
+        if character == "$":
             return lambda name, starts: starts & (1 << len(name))
-        if sign == "\\":
-            return _one(self._escape())
-        if sign in "*+?{":
-            self._place -= 1
-            raise self._error(f"nothing to repeat before `{sign}`")
-        return _one(lambda each: each == sign)
+        if character == "\\":
+            return _one_character(self._parse_escape())
+        if character in "*+?{":
+            self._position -= 1
+            raise self._error(f"nothing to repeat before `{character}`")
+        return _one_character(lambda each: each == character)
 
-    def _group(self) -> Part:
+    def _parse_group(self) -> Part:
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise self._error(f"more than {MAX_DEPTH} nested groups")
         wrap: Callable[[Part], Part] = lambda part: part  # noqa: E731
         if self._take("?"):
             if self._take("="):
-                wrap = _ahead
+                wrap = _lookahead
             elif self._take("!"):
-                wrap = _not_ahead
+                wrap = _negative_lookahead
             elif not self._take(":"):
                 raise self._error("an unknown group `(?`")
-        part = self._alternatives()
+        part = self._parse_alternatives()
         if not self._take(")"):
             raise self._error("a missing `)`")
         self._depth -= 1
         return wrap(part)
 
-    def _escape(self) -> Callable[[str], bool]:
-        sign = self._peek()
-        self._place += 1
-        if sign.lower() in _CLASSES and sign:
-            known = _CLASSES[sign.lower()]
-            return known if sign.islower() else lambda each: not known(each)
-        if not sign or sign in string.ascii_letters + string.digits:
-            raise self._error(f"an unknown escape `\\{sign}`")
-        return lambda each: each == sign
+    def _parse_escape(self) -> CharacterTest:
+        character = self._peek()
+        self._position += 1
+        if character.lower() in _CLASSES and character:
+            test = _CLASSES[character.lower()]
+            return test if character.islower() else lambda each: not test(each)
+        if not character or character in string.ascii_letters + string.digits:
+            raise self._error(f"an unknown escape `\\{character}`")
+        return lambda each: each == character
 
-    def _set(self) -> Callable[[str], bool]:
-        negated = self._take("^")
-        tests: list[Callable[[str], bool]] = []
-        first = True
-        while first or not self._take("]"):
-            first = False
-            low = self._peek()
-            if not low:
-                raise self._error("a missing `]`")
-            self._place += 1
-            if low == "\\":
-                tests.append(self._escape())
-            elif self._peek() == "-" and self._text[self._place + 1 : self._place + 2] not in ("", "]", "\\"):
-                high = self._text[self._place + 1]
-                self._place += 2
-                if high < low:
-                    raise self._error(f"a range from {low} to {high}")
-                tests.append(lambda each, low=low, high=high: low <= each <= high)  # type: ignore[misc]
-            else:
-                tests.append(lambda each, low=low: each == low)  # type: ignore[misc]
-        return lambda each: any(test(each) for test in tests) != negated
+    def _parse_set(self) -> CharacterTest:
+        """Return the test of a set `[...]`, from behind its first bracket. Raises PatternError."""
+        is_negated = self._take("^")
+        tests = [self._parse_set_member()]
+        while not self._take("]"):
+            tests.append(self._parse_set_member())
+        return lambda each: any(test(each) for test in tests) != is_negated
 
-    def _repeated(self, part: Part) -> Part:
-        counts = self._counts()
+    def _parse_set_member(self) -> CharacterTest:
+        """Return the test of an escape, a range or a single character. Raises PatternError."""
+        low = self._peek()
+        if not low:
+            raise self._error("a missing `]`")
+        self._position += 1
+        if low == "\\":
+            return self._parse_escape()
+        if self._peek() == "-" and self._text[self._position + 1 : self._position + 2] not in ("", "]", "\\"):
+            high = self._text[self._position + 1]
+            self._position += 2
+            if high < low:
+                raise self._error(f"a range from {low} to {high}")
+            return lambda each: low <= each <= high
+        return lambda each: each == low
+
+    def _parse_repetition(self, part: Part) -> Part:
+        counts = self._parse_counts()
         if counts is None:
             return part
         self._take("?")  # lazy: the same whole names
@@ -161,106 +182,122 @@ class _Parser:
             raise self._error("a repetition of a repetition")
         return _repeat(part, *counts)
 
-    def _counts(self) -> tuple[int, int | None] | None:
-        """Return the least and most repetitions; None without any, and None as the most without a limit."""
-        for sign, counts in {"*": (0, None), "+": (1, None), "?": (0, 1)}.items():
+    def _parse_counts(self) -> tuple[int, int | None] | None:
+        """Return the minimum and maximum of repetitions; None without any, and None as a maximum without a limit."""
+        for sign, counts in _REPETITIONS.items():
             if self._take(sign):
                 return counts
         if not self._take("{"):
             return None
-        inner, closed, _ = self._text[self._place :].partition("}")
-        least, comma, most = inner.partition(",")
-        if not closed or not all(each.isascii() and (each.isdigit() or not each) for each in (least, most)):
+        inner, closing, _ = self._text[self._position :].partition("}")
+        low_text, comma, high_text = inner.partition(",")
+        if not closing or not all(_is_count(text) for text in (low_text, high_text)):
             raise self._error("a `{` that is no repetition")
-        if (not least and not most) or max(len(least), len(most)) > 4:
+        if (not low_text and not high_text) or max(len(low_text), len(high_text)) > 4:
             raise self._error("a `{` that is no repetition")
-        self._place += len(inner) + 1
-        low = int(least or 0)
-        high = low if not comma else int(most) if most else None
+        self._position += len(inner) + 1
+        low = int(low_text or 0)
+        high = low if not comma else int(high_text) if high_text else None
         if max(low, high or 0) > MAX_COUNT or (high is not None and high < low):
             raise self._error(f"repetitions must rise and be at most {MAX_COUNT}")
         return low, high
 
 
-def _one(test: Callable[[str], bool]) -> Part:
+def _is_count(text: str) -> bool:
+    """Return True for an empty text, and for digits."""
+    return text.isascii() and (text.isdigit() or not text)
+
+
+def _one_character(test: CharacterTest) -> Part:
     """Return a part that takes one character."""
 
-    def ends(name: str, starts: int) -> int:
-        found = 0
-        for place, sign in enumerate(name):
-            if starts >> place & 1 and test(sign):
-                found |= 2 << place
-        return found
+    def find_ends(name: str, starts: int) -> int:
+        ends = 0
+        for position, character in enumerate(name):
+            if starts >> position & 1 and test(character):
+                ends |= 2 << position
+        return ends
 
-    return ends
+    return find_ends
 
 
-def _in_turn(parts: list[Part]) -> Part:
-    def ends(name: str, starts: int) -> int:
+def _in_sequence(parts: list[Part]) -> Part:
+    """Return a part that takes all parts in this order."""
+
+    def find_ends(name: str, starts: int) -> int:
         for part in parts:
             starts = part(name, starts) if starts else 0
         return starts
 
-    return ends
+    return find_ends
 
 
-def _either(branches: list[Part]) -> Part:
-    def ends(name: str, starts: int) -> int:
-        found = 0
+def _any_of(branches: list[Part]) -> Part:
+    """Return a part that takes any of the branches."""
+
+    def find_ends(name: str, starts: int) -> int:
+        ends = 0
         for branch in branches:
-            found |= branch(name, starts)
-        return found
+            ends |= branch(name, starts)
+        return ends
 
-    return ends
-
-
-def _ahead(part: Part) -> Part:
-    """Return the positions from which the part matches."""
-    return lambda name, starts: sum(1 << place for place in _places(starts) if part(name, 1 << place))
+    return find_ends
 
 
-def _not_ahead(part: Part) -> Part:
-    return lambda name, starts: sum(1 << place for place in _places(starts) if not part(name, 1 << place))
+def _lookahead(part: Part) -> Part:
+    """Return a part that takes nothing, at the positions from which the given part matches."""
+    return lambda name, starts: _to_bits(at for at in _positions(starts) if part(name, 1 << at))
 
 
-def _places(positions: int) -> list[int]:
-    return [place for place in range(positions.bit_length()) if positions >> place & 1]
+def _negative_lookahead(part: Part) -> Part:
+    """Return a part that takes nothing, at the positions from which the given part does not match."""
+    return lambda name, starts: _to_bits(at for at in _positions(starts) if not part(name, 1 << at))
 
 
-def _repeat(part: Part, least: int, most: int | None) -> Part:
-    """Repeat a part; positions no longer change after as many repetitions as the name has characters."""
-    part = _cached(part)
+def _positions(bits: int) -> list[int]:
+    """Return the positions of a set of bits."""
+    return [position for position in range(bits.bit_length()) if bits >> position & 1]
 
-    def ends(name: str, starts: int) -> int:
-        settled = len(name) + 1
-        now = starts
-        for _ in range(min(least, settled)):
-            now = part(name, now)
-        found = now
-        for _ in range(settled if most is None else min(most - least, settled)):
-            now = part(name, now)
-            if not now & ~found:
+
+def _to_bits(positions: Iterable[int]) -> int:
+    """Return different positions as a set of bits."""
+    return sum(1 << position for position in positions)
+
+
+def _repeat(part: Part, minimum: int, maximum: int | None) -> Part:
+    """Return a part that repeats another; more repetitions than the name has characters add no positions."""
+    part = _cache_ends(part)
+
+    def find_ends(name: str, starts: int) -> int:
+        enough = len(name) + 1
+        current = starts
+        for _ in range(min(minimum, enough)):
+            current = part(name, current)
+        ends = current
+        for _ in range(enough if maximum is None else min(maximum - minimum, enough)):
+            current = part(name, current)
+            if not current & ~ends:
                 break
-            found |= now
-        return found
+            ends |= current
+        return ends
 
-    return ends
+    return find_ends
 
 
-def _cached(part: Part) -> Part:
-    """Cache a part by name and position: repetitions within repetitions stay polynomial."""
+def _cache_ends(part: Part) -> Part:
+    """Return a part that caches its ends by name and position: nested repetitions stay polynomial."""
     known: dict[int, int] = {}
     last: list[str] = []
 
-    def ends(name: str, starts: int) -> int:
+    def find_ends(name: str, starts: int) -> int:
         if last != [name]:
             last[:] = [name]
             known.clear()
-        found = 0
-        for place in _places(starts):
-            if place not in known:
-                known[place] = part(name, 1 << place)
-            found |= known[place]
-        return found
+        ends = 0
+        for position in _positions(starts):
+            if position not in known:
+                known[position] = part(name, 1 << position)
+            ends |= known[position]
+        return ends
 
-    return ends
+    return find_ends

@@ -62,7 +62,7 @@ def as_toml(name: str, value: Any) -> str:
 
 
 def _expand_joint_values(name: str, value: Any, joints: Any) -> Any:
-    """Return twelve values: one stands for all, and a table gives one for each part of a name, such as `hip`."""
+    """Return twelve values: one stands for all, and a table gives one for each part of a name, like `hip`."""
     if isinstance(value, dict) and isinstance(joints, list | tuple):
         values = []
         for joint in joints:

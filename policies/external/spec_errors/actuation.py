@@ -76,17 +76,27 @@ def change_signs(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
     leg_ids, link_ids = np.divmod(map_joints(spec.joints, robot).joint_ids, JOINTS_PER_LEG)
     is_right = np.array([robot.leg_names[leg].endswith("r") for leg in leg_ids])
     for legs, mask, links in _sign_choices(is_right):
-        turns = np.where(mask & np.isin(link_ids, links), -1.0, 1.0)
-        signs = turns if spec.signs is None else turns * spec.signs
         joints = f"{' and '.join(_LINKS[link] for link in links)}{legs}"
         changed_setting = f"the sign of {joints} the other way"
-        reversed_spec = replace(spec, signs=None if (signs == 1.0).all() else tuple(signs.tolist()))
+        turns = np.where(mask & np.isin(link_ids, links), -1.0, 1.0)
+        reversed_spec = _with_turned_signs(spec, turns)
         yield Correction(SIGNS, changed_setting, f"`signs` of {joints}", reversed_spec)
-        offset = spec.action_offset and tuple((turns * spec.action_offset + 0.0).tolist())
-        default_position = tuple((turns * spec.default_position + 0.0).tolist())
-        mirrored = replace(reversed_spec, default_position=default_position, action_offset=offset)
+        mirrored = _with_turned_zeros(reversed_spec, turns)
         keys = f"`signs` and `default_position` of {joints}"
         yield Correction(SIGNS, f"{changed_setting}, default position too", keys, mirrored, MIRRORED_PENALTY)
+
+
+def _with_turned_signs(spec: PolicySpec, turns: Floats) -> PolicySpec:
+    """Return the specification with signs multiplied by `turns`, (12,)."""
+    signs = turns if spec.signs is None else turns * spec.signs
+    return replace(spec, signs=None if (signs == 1.0).all() else tuple(signs.tolist()))
+
+
+def _with_turned_zeros(spec: PolicySpec, turns: Floats) -> PolicySpec:
+    """Return the specification with default position and action offset multiplied by `turns`, (12,)."""
+    offset = spec.action_offset and tuple((turns * spec.action_offset + 0.0).tolist())
+    default_position = tuple((turns * spec.default_position + 0.0).tolist())
+    return replace(spec, default_position=default_position, action_offset=offset)
 
 
 def _sign_choices(is_right: Mask) -> list[tuple[str, NDArray[np.bool_], tuple[int, ...]]]:

@@ -22,7 +22,7 @@ _OTHER_LEG = {SIDES: str.maketrans("lr", "rl"), ENDS: str.maketrans("fh", "hf")}
 
 
 def joint_order_in_words(joints: Names, robot: Robot) -> str:
-    """Return the order of joints as text, such as `FL FR RL RR by leg`.
+    """Return the order of joints as text, for example `FL FR RL RR by leg`.
 
     Args:
         joints: Names of the joints.
