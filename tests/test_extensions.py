@@ -23,6 +23,8 @@ from quad_env import extensions
 from quad_env.cli.command_line import UsageError
 from quad_env.extensions import Extension
 from tests.test_docs import PAGES, blocks, file_name
+from train.commands.run import parse
+from train.training_robots import make_robots
 
 FloatArray = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -174,6 +176,21 @@ def test_a_factory_that_raises_is_named(added) -> None:
         policies.make("mine")
     with pytest.raises(policies.PolicyError, match=r"policies none: expected a policies\.Policy, got NoneType"):
         policies.make("none")
+
+
+def test_training_rewards_the_terms_of_an_extension(added) -> None:
+    added(Extension(rewards={"mine": lambda state: state.height}))
+    words = ["--extension-rewards", "mine", "3", "--ppo.envs", "2", "--mixture", "flat", "1", "--threads", "1"]
+    config = parse([*words, "--ppo.rollout-steps", "2", "--ppo.minibatch", "4"])
+    robots = make_robots(config)
+    robots.reset(seed=[1, 2])
+    *_, infos = robots.step(np.tile(robots.single_action_space.low, (2, 1)))
+    heights = np.array([0.2, 0.7])
+    assert (infos["reward_mine"] > 3.0 * 0.01 * heights[0]).all()
+    assert (infos["reward_mine"] < 3.0 * 0.01 * heights[1]).all()
+    for wrong, message in ((["yours", "1"], "unknown term 'yours'"), (["mine", "1e9"], "weights are from")):
+        with pytest.raises(UsageError, match=message):
+            parse(["--extension-rewards", *wrong])
 
 
 HEIGHT = quad_env.ObservationTerm("trunk_height", 1, "m", 2.0, 1.0, lambda state: state.height)

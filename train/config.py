@@ -19,6 +19,7 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.registry import scenario
 from quad_env.sensing.height_scan import HeightScan
+from quad_env.task.rewards import user_rewards
 
 PolicyKind = Literal["residual", "end-to-end"]
 BaseName = Literal[
@@ -176,6 +177,8 @@ class TrainConfig:
     estimator: str = "complementary"
     """Estimator of gravity and velocity from the sensors, one of quad_env.ESTIMATORS: complementary or kalman."""
     rewards: RewardWeights = REWARDS
+    extension_rewards: tuple[tuple[str, float], ...] = ()
+    """Reward terms of installed extensions, each with its weight per second, such as height_error -2."""
     ppo: PpoConfig = dataclasses.field(default_factory=PpoConfig)
     validation: ValidationConfig = dataclasses.field(default_factory=ValidationConfig)
 
@@ -228,6 +231,7 @@ def check(config: TrainConfig) -> None:
         check_numbers(part, limits_of(part), group)
     terms = [term.name for term in dataclasses.fields(config.rewards)]
     check_numbers(config.rewards, dict.fromkeys(terms, (-MAX_REWARD_WEIGHT, MAX_REWARD_WEIGHT)), "rewards.")
+    _check_extension_rewards(config)
     if max(len(config.ppo.actor), len(config.ppo.critic)) > MAX_HIDDEN_LAYERS:
         raise UsageError(f"--ppo.actor and --ppo.critic must be at most {MAX_HIDDEN_LAYERS} widths")
     total = config.ppo.envs * config.ppo.rollout_steps
@@ -255,6 +259,19 @@ def _check_hardware_profile(config: TrainConfig) -> None:
         raise UsageError(
             f"{on_profile}: the profile has its own --actuator, --sensors and --estimator: leave these out"
         )
+
+
+def _check_extension_rewards(config: TrainConfig) -> None:
+    """Raise UsageError if a reward term of an extension is unknown or its weight cannot be used."""
+    names = [name for name, _ in config.extension_rewards]
+    if len(set(names)) < len(names):
+        raise UsageError("--extension-rewards: a term is given twice")
+    try:
+        terms = user_rewards(dict(config.extension_rewards))
+    except ValueError as error:
+        raise UsageError(f"--extension-rewards: {error}") from None
+    if any(abs(term.weight) > MAX_REWARD_WEIGHT for term in terms.values()):
+        raise UsageError(f"--extension-rewards: weights are from {-MAX_REWARD_WEIGHT:g} to {MAX_REWARD_WEIGHT:g}")
 
 
 def _check_mixture(config: TrainConfig) -> None:

@@ -339,5 +339,6 @@ def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1
         max_episode_steps=config.max_episode_steps,
         config=task,
         height_scan=base.height_scan,
+        rewards=dict(config.extension_rewards),
         **env_kwargs,
     )

@@ -175,7 +175,7 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
         ["push", "rough=0.1"] * 2,
     ),
 }
-ELSEWHERE = {"resume", "start", "rewards", "robot", "device", "sighted", "scan"} | {
+ELSEWHERE = {"resume", "start", "rewards", "extension_rewards", "robot", "device", "sighted", "scan"} | {
     *("ppo.envs", "ppo.rollout_steps", "ppo.minibatch", "ppo.epochs", "ppo.learning_rate", "ppo.gamma"),
     *("ppo.gae_lambda", "ppo.entropy", "ppo.log_std_init", "ppo.actor", "ppo.critic"),
 }
