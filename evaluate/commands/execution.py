@@ -1,4 +1,4 @@
-"""A plan carried out: every cell simulated and kept, then everything shown and written, even after Ctrl-C."""
+"""Executes a plan: simulate and store every cell, then print and write the results, also after Ctrl-C."""
 
 import shlex
 import sys
@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-# Everything that is needed to the end, so that no interrupt can come in the middle of an import.
+# All modules that are needed until the end, so that no interrupt comes in the middle of an import.
 import quad_env.envs.vector_env  # noqa: F401
 from evaluate.cells import PolicyScenarioResult, evaluation_seeds
-from evaluate.commands.looks import interim_analysis
+from evaluate.commands.interim_analysis import interim_analysis
 from evaluate.commands.options import PROGRAM
 from evaluate.commands.outputs import Show, write_results
 from evaluate.commands.plan import Plan
@@ -30,98 +30,145 @@ from quad_env.physics.simulators import MUJOCO, RELATIVE_STEP_TIME
 
 
 def execute(plan: Plan, show: Show = print_results) -> int:
-    """Run every cell and conclude, the outcome shown so; the exit code.
+    """Run every cell, then print and write the results.
 
-    Raises UsageError, FolderInUse, and after Ctrl-C a KeyboardInterrupt that says what is kept.
+    Args:
+        plan: Checked options.
+        show: Prints the results.
+
+    Returns:
+        The exit code. Raises UsageError, FolderInUse, and after Ctrl-C a KeyboardInterrupt with the saved part.
     """
     with exclusive_lock(plan.options.out):
         return _execute(plan, show)
 
 
 def _execute(plan: Plan, show: Show) -> int:
-    out, manifest = plan.options.out, plan.manifest
-    output_args = plan.options.baseline, show
+    """Run the plan while its folder is locked; return the exit code."""
+    out = plan.options.out
     if plan.options.resume and (run := read_run(out)).complete:
         print(f"{out} holds the whole run: nothing is left to simulate", file=sys.stderr)
-        write_results(run, out, *output_args)
+        write_results(run, out, plan.options.baseline, show)
         remove_chunks(out)
         return 0
-    if not plan.options.resume:  # else it was done as the run began
-        if is_unfinished(out):
-            print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
-        for each in plan.policies:
-            with show_waiting(f"trying whether {each.label} stands and walks"):
-                words = diagnosis.warning(each.policy, manifest.hardware.robot)
-            for line in (*diagnosis.remarks(each.policy), *([words] if words else ())):
-                print(f"warning: {each.label}: {line}", file=sys.stderr)
-    if (slower := RELATIVE_STEP_TIME[manifest.hardware.simulator]) > 1:
-        print(f"{manifest.hardware.simulator} takes about {slower:g} times as long as {MUJOCO}", file=sys.stderr)
-    store = ChunkStore(out, manifest, resumed=plan.options.resume)
+    if not plan.options.resume:
+        _print_warnings(plan)
+    simulator = plan.manifest.hardware.simulator
+    if (slower := RELATIVE_STEP_TIME[simulator]) > 1:
+        print(f"{simulator} takes about {slower:g} times as long as {MUJOCO}", file=sys.stderr)
+    store = ChunkStore(out, plan.manifest, resumed=plan.options.resume)
     run, interrupted = _simulate(plan, store)
     try:
         if run.cells:
-            write_results(run, out, *output_args)
+            write_results(run, out, plan.options.baseline, show)
     except Exception as error:
         if not launcher.is_out_of_memory(error):
             raise
         raise UsageError(f"{launcher.OUT_OF_MEMORY}; {_resume_hint(store)}") from error
-    if not interrupted:
-        remove_chunks(out)
-        return 0
-    parts = f"{len(run.cells)} finished parts of {len(manifest.cells)}"
-    parts += f", of {run.manifest.episodes} episodes each," * run.manifest.is_unsettled
-    kept = f"wrote the {parts}" if run.cells else "kept what was done"
-    raise KeyboardInterrupt(f"{kept} to {out}; go on with: {_resume_command(out)}")
+    if interrupted:
+        raise KeyboardInterrupt(_interrupt_message(plan, run))
+    remove_chunks(out)
+    return 0
+
+
+def _print_warnings(plan: Plan) -> None:
+    """Print warnings on an unfinished run in the folder, and on policies that do not stand or walk."""
+    out = plan.options.out
+    if is_unfinished(out):
+        print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
+    for labelled in plan.policies:
+        with show_waiting(f"trying whether {labelled.label} stands and walks"):
+            warning = diagnosis.warning(labelled.policy, plan.manifest.hardware.robot)
+        lines = list(diagnosis.remarks(labelled.policy))
+        if warning:
+            lines.append(warning)
+        for line in lines:
+            print(f"warning: {labelled.label}: {line}", file=sys.stderr)
+
+
+def _interrupt_message(plan: Plan, run: Run) -> str:
+    """Return the saved part of an interrupted run, and the command that continues it."""
+    saved = "kept what was done"
+    if run.cells:
+        saved = f"wrote the {len(run.cells)} finished parts of {len(plan.manifest.cells)}"
+        if run.manifest.is_unsettled:
+            saved += f", of {run.manifest.episodes} episodes each,"
+    return f"{saved} to {plan.options.out}; go on with: {_resume_command(plan.options.out)}"
 
 
 def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
-    """What was finished, in the order of the run, and whether the user interrupted. Raises UsageError."""
-    run, done, interrupted = Run(store.manifest, ()), list[PolicyScenarioResult](), False
+    """Simulate every cell.
+
+    Args:
+        plan: Checked options.
+        store: Store of the run's chunks.
+
+    Returns:
+        run: The finished cells, in the order of the run.
+        interrupted: True after Ctrl-C.
+
+    Raises:
+        UsageError: Memory, disk or a worker failed; with the command that continues the run.
+        KeyboardInterrupt: The user interrupted before the first chunk was saved.
+    """
+    run = Run(store.manifest, ())
+    finished: list[PolicyScenarioResult] = []
+    interrupted = False
     try:
         launcher.raise_on_interrupt()
         launcher.preallocate_blas_buffers()
         with Interrupt() as interrupt:
             while not run.complete:
                 if run.cells:
-                    more = min(each for each in looks(run.manifest.limit) if each > run.manifest.episodes)
-                    store.manifest, done = replace(run.manifest, episodes=more), []
-                done.extend(_cells(plan, store, interrupt))
-                run = _after_interim_analysis(_run(store.manifest, done), store.folder)
+                    episodes = min(each for each in looks(run.manifest.limit) if each > run.manifest.episodes)
+                    store.manifest = replace(run.manifest, episodes=episodes)
+                    finished = []
+                finished.extend(_cells(plan, store, interrupt))
+                run = _after_interim_analysis(_run(store.manifest, finished), store.folder)
     except KeyboardInterrupt:
         if not store.begun:
             raise
         interrupted = True
     except Exception as error:
-        if (words := _error_message(error, store)) is None:
+        message = _error_message(error, store)
+        if message is None:
             raise
-        raise UsageError(words) from error
-    return run if run.cells else _run(store.manifest, done), interrupted
+        raise UsageError(message) from error
+    return run if run.cells else _run(store.manifest, finished), interrupted
 
 
 def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[PolicyScenarioResult]:
-    """Every cell with the episodes of the store's manifest, as it is finished; progress is shown."""
-    made_with = store.manifest
-    with show_progress(len(made_with.cells)) as progress:
+    """Yield the cells with the episodes of the store's manifest as they are finished, and show the progress."""
+    manifest = store.manifest
+    with show_progress(len(manifest.cells)) as progress:
 
-        def report(policy: str, scenario: str, share: float) -> None:
+        def report(policy: str, scenario: str, fraction: float) -> None:
             interrupt.check()
-            progress(policy, scenario, share)
+            progress(policy, scenario, fraction)
 
-        threads, seeds = plan.options.threads, evaluation_seeds(made_with.seed, made_with.episodes)
-        pool = process_pool(threads, interrupt.check)
-        # Chunks as large as allowed, but something for every worker.
-        size = min(plan.options.at_once, -(-plan.manifest.episodes * len(plan.manifest.cells) // threads))
-        settings = RunSettings(threads, report, size, store, made_with.steps, pool, made_with.hardware)
+        threads = plan.options.threads
+        # Chunks as large as allowed, but at least one for every worker.
+        episodes_per_worker = -(-plan.manifest.episodes * len(plan.manifest.cells) // threads)
+        settings = RunSettings(
+            nthread=threads,
+            progress=report,
+            chunk_size=min(plan.options.at_once, episodes_per_worker),
+            store=store,
+            steps=manifest.steps,
+            executor=process_pool(threads, interrupt.check),
+            hardware=manifest.hardware,
+        )
+        seeds = evaluation_seeds(manifest.seed, manifest.episodes)
         yield from run_cells(plan.policies, plan.scenarios, seeds, settings)
 
 
-def _run(manifest: Manifest, done: Sequence[PolicyScenarioResult]) -> Run:
-    """What is done, in the order of the run."""
-    return Run(manifest, tuple(sorted(done, key=lambda cell: manifest.cells.index((cell.scenario, cell.policy)))))
+def _run(manifest: Manifest, cells: Sequence[PolicyScenarioResult]) -> Run:
+    """Return the finished cells in the order of the run."""
+    return Run(manifest, tuple(sorted(cells, key=lambda cell: manifest.cells.index((cell.scenario, cell.policy)))))
 
 
 def _after_interim_analysis(run: Run, folder: Path) -> Run:
-    """The run after a look, if it is one until settled, at its ranking: printed on stderr and kept in its manifest."""
+    """Analyse the ranking of a run --until settled, print it on stderr, and store in the manifest if the run ends."""
     if not run.manifest.is_unsettled:
         return run
     line, ended = interim_analysis(run.cells, run.manifest.limit)
@@ -132,7 +179,7 @@ def _after_interim_analysis(run: Run, folder: Path) -> Run:
 
 
 def _error_message(error: Exception, store: ChunkStore) -> str | None:
-    """A line for a user: why not everything was simulated, and what may be done; None for a fault of the program."""
+    """Return a line with the reason and the remedy; None for a fault of the program."""
     if launcher.is_out_of_memory(error):
         return f"{launcher.OUT_OF_MEMORY}; {_resume_hint(store)}"
     if isinstance(error, StoreError):
@@ -143,9 +190,10 @@ def _error_message(error: Exception, store: ChunkStore) -> str | None:
 
 
 def _resume_hint(store: ChunkStore) -> str:
-    """What a user may do after a failure."""
+    """Return the remedy after a failure."""
     return f"go on: {_resume_command(store.folder)}" if store.begun else "begin again, for nothing was done yet"
 
 
 def _resume_command(out: Path) -> str:
+    """Return the command that continues the run in the folder `out`."""
     return f"{PROGRAM} --resume --out {shlex.quote(str(out))}"

@@ -1,11 +1,11 @@
-"""The end of a comparison: the table on the terminal, then the files."""
+"""Outputs of a comparison: the table on the terminal, then the files."""
 
 import shlex
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-# Functions import the first three when they need them: here too, so that no interrupt comes in the middle of an import.
+# Functions import the first three when they need them. Importing them here too keeps interrupts out of the imports.
 import matplotlib.backends.backend_svg  # noqa: F401
 import matplotlib.figure  # noqa: F401
 import scipy.stats  # noqa: F401
@@ -23,69 +23,99 @@ from quad_env.cli.launcher import silence_stdout
 from quad_env.cli.progress import show_waiting
 
 Show = Callable[[Results, Console], None]
-"""Prints an outcome."""
+"""Prints results on a console."""
 
 
 class Terminal(Console):
-    """A console that stops printing, instead of ending the program, when its reader has gone."""
+    """Console that stops printing, instead of ending the program, when its reader has closed the pipe."""
 
     def on_broken_pipe(self) -> None:
-        """Print nothing more; the files are yet to be written."""
+        """Print nothing more; the files still have to be written."""
         self.quiet = True
         silence_stdout()
 
 
-def analysed(run: Run, baseline: str | None = None) -> Results:
-    """What the finished cells of a run show, measured against the baseline, by default the usual one."""
-    numbers, provenance = {"seed": run.manifest.seed, "episodes": run.manifest.episodes}, run.manifest.provenance()
-    return analyse(run.cells, **numbers, complete=run.complete, provenance=provenance, baseline=baseline)
+def analyse_run(run: Run, baseline: str | None = None) -> Results:
+    """Analyse the finished cells of a run.
+
+    Args:
+        run: A run, finished or not.
+        baseline: Policy to compare the others with; None for the default baseline.
+
+    Returns:
+        Results for tables and files.
+    """
+    return analyse(
+        run.cells,
+        seed=run.manifest.seed,
+        episodes=run.manifest.episodes,
+        complete=run.complete,
+        provenance=run.manifest.provenance(),
+        baseline=baseline,
+    )
 
 
 def write_results(run: Run, folder: Path, baseline: str | None = None, show: Show = print_results) -> None:
     """Print the table and write the files, the slowest last.
 
-    The table comes first and no failure keeps the rest from being tried: simulating took long. Raises UsageError, which
-    names what could not be written.
+    Each output is tried even if an earlier one fails, since the simulation took long.
+
+    Args:
+        run: A run, finished or not.
+        folder: Results folder.
+        baseline: Policy to compare the others with; None for the default baseline.
+        show: Prints the table.
+
+    Raises:
+        UsageError: An output could not be written.
     """
     with show_waiting("working out the results"):
-        results = analysed(run, baseline)
+        results = analyse_run(run, baseline)
     console = Terminal()
     say = partial(console.print, highlight=False, markup=False, soft_wrap=True)
-
-    def table() -> None:
-        show(results, console)
-        for line in list_warnings(results):
-            say(line)
-        if (found := next(select_failures(results), None)) is not None:
-            say(_to_replay(found[1], folder))
-
-    if failed := _run_writer("the table", table):
+    errors = _run_writer("the table", partial(_print_table, results, folder, console, show))
+    if errors:
         console.on_broken_pipe()
-    made_by, fingerprint = (command(run.manifest.options), run.manifest.date), run.manifest.fingerprint
-    for name, write in (
-        ("results.json", partial(write_json, results)),
-        *([] if run.stored else [("episodes.parquet", partial(write_parquet, run.cells, run=fingerprint))]),
-        ("report.html", partial(write_report, results, made_by=made_by)),
-    ):
+    for name, write in _file_writers(run, results):
         path = folder / name
         with show_waiting(f"writing {path}"):
-            unwritten = _run_writer(str(path), partial(write, path))
-        failed += unwritten or _run_writer("its name", partial(say, str(path)))
-    if failed:
-        raise UsageError(f"cannot write {'; '.join(failed)}; once it can be: python -m evaluate report {folder}")
+            file_errors = _run_writer(str(path), partial(write, path))
+        errors += file_errors or _run_writer("its name", partial(say, str(path)))
+    if errors:
+        raise UsageError(f"cannot write {'; '.join(errors)}; once it can be: python -m evaluate report {folder}")
+
+
+def _print_table(results: Results, folder: Path, console: Console, show: Show) -> None:
+    """Print the table, the warnings, and a command that replays a failure."""
+    say = partial(console.print, highlight=False, markup=False, soft_wrap=True)
+    show(results, console)
+    for line in list_warnings(results):
+        say(line)
+    if (failure := next(select_failures(results), None)) is not None:
+        say(_to_replay(failure[1], folder))
+
+
+def _file_writers(run: Run, results: Results) -> list[tuple[str, Callable[[Path], object]]]:
+    """Return file name and writer of each file; episodes.parquet is left as it is if the run was read from it."""
+    writers: list[tuple[str, Callable[[Path], object]]] = [("results.json", partial(write_json, results))]
+    if not run.stored:
+        writers.append(("episodes.parquet", partial(write_parquet, run.cells, run=run.manifest.fingerprint)))
+    made_by = (command(run.manifest.options), run.manifest.date)
+    writers.append(("report.html", partial(write_report, results, made_by=made_by)))
+    return writers
 
 
 def _to_replay(failure: Failure, folder: Path) -> str:
-    """Return how to replay a failure, and where all failures are listed."""
+    """Return the commands that replay a failure and list all failures."""
     replay = f"{PROGRAM} replay {shlex.quote(str(folder))}"
     shown = f"{failure.policy} fails in row {failure.row}: {replay} {failure.row} --page {failure.row}.html"
     return f"{shown}; all failures: {replay} --failed"
 
 
-def _run_writer(what: str, write: Callable[[], object]) -> list[str]:
-    """What went wrong, if anything."""
+def _run_writer(name: str, write: Callable[[], object]) -> list[str]:
+    """Return a text of the error of a writer; empty if it succeeds."""
     try:
         write()
     except OSError as error:
-        return [f"{what} ({error.strerror or error})"]
+        return [f"{name} ({error.strerror or error})"]
     return []

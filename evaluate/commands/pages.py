@@ -4,7 +4,7 @@ from collections.abc import Sized
 from pathlib import Path
 
 from evaluate.analysis.failures import PAGES_FOLDER, select_failures
-from evaluate.commands.outputs import analysed
+from evaluate.commands.outputs import analyse_run
 from evaluate.commands.replay import ReplayTarget, check_here, policy_of
 from evaluate.film.page import partial_progress, write_page
 from evaluate.records.store import Run
@@ -17,7 +17,7 @@ def make_pages(run: Run, folder: Path, trust: bool) -> None:
     simulated, and after Ctrl-C a KeyboardInterrupt that says what is kept."""
     if not run.complete:
         raise UsageError(f"--pages: {folder} holds an unfinished run; carry it on with --resume")
-    results, cells = analysed(run), {(cell.policy, cell.scenario.name): cell for cell in run.cells}
+    results, cells = analyse_run(run), {(cell.policy, cell.scenario.name): cell for cell in run.cells}
     wanted = {
         folder / PAGES_FOLDER / each.page: ReplayTarget(cells[each.policy, each.scenario], each.number)
         for _, each in select_failures(results)

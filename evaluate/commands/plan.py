@@ -9,7 +9,7 @@ from pathlib import Path
 import policies
 from evaluate import hardware
 from evaluate.cells import LabelledPolicy, load_labelled_policy
-from evaluate.commands.looks import check_ranked
+from evaluate.commands.interim_analysis import check_ranked
 from evaluate.commands.options import (
     DEFAULT_BATTERY,
     DEFAULT_POLICIES,

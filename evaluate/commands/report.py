@@ -31,7 +31,7 @@ class ReportOptions:
 def main(options: ReportOptions) -> int:
     """Run the command; the exit code. Raises UsageError."""
     from evaluate.cells import apply_success_rule
-    from evaluate.commands.outputs import Terminal, analysed, write_results
+    from evaluate.commands.outputs import Terminal, analyse_run, write_results
     from evaluate.commands.plan import check_baseline
     from evaluate.measures.outcomes import RULES, SUCCESS_RULE
     from evaluate.records.store import read_run, remove_chunks
@@ -49,7 +49,7 @@ def main(options: ReportOptions) -> int:
     if options.success is not None:
         rule = RULES[options.success]
         scored = replace(run, cells=tuple(apply_success_rule(cell, rule) for cell in run.cells))
-        print_results(analysed(scored, options.baseline), Terminal())
+        print_results(analyse_run(scored, options.baseline), Terminal())
         print(f"success by {rule.name}: {rule.description}; the files stay by {SUCCESS_RULE}")
         return 0
     try:
@@ -58,6 +58,6 @@ def main(options: ReportOptions) -> int:
             if run.complete:
                 remove_chunks(options.folder)
     except FolderInUse:
-        print_results(analysed(run, options.baseline), Terminal())
+        print_results(analyse_run(run, options.baseline), Terminal())
         print(f"{options.folder} belongs to a run that is going on, which writes the files itself", file=sys.stderr)
     return 0

@@ -99,7 +99,7 @@ def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: 
     """
     # Only now, so that --help and mistakes answer at once.
     from evaluate.commands.execution import execute
-    from evaluate.commands.outputs import analysed
+    from evaluate.commands.outputs import analyse_run
 
     baseline, robot = shipped.baseline, shipped.config.hardware.robot_model
     evaluation = Evaluation(
@@ -114,7 +114,7 @@ def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: 
         threads=options.threads,
     )
     execute(check(evaluation))
-    return analysed(read_run(options.out), baseline)
+    return analyse_run(read_run(options.out), baseline)
 
 
 def load_trained_run(folder: Path) -> TrainedRun:

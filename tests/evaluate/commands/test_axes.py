@@ -12,7 +12,7 @@ from evaluate.__main__ import main
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.cells import EpisodeChunk
 from evaluate.commands.options import EvaluateOptions
-from evaluate.commands.outputs import analysed
+from evaluate.commands.outputs import analyse_run
 from evaluate.records.episode_table import read_table, write_table
 from evaluate.records.manifest import read
 from evaluate.records.store import ChunkStore, read_run
@@ -36,7 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_table_fits_into_80_columns_and_shows_severities_and_rates(folder) -> None:
-    results = analysed(read_run(folder / "out"))
+    results = analyse_run(read_run(folder / "out"))
     (push,) = severity_axes(results.cells)
     assert tuple(level.severity for level in push.levels) == AXES["push"].levels
     console = Console(file=io.StringIO(), width=80)
