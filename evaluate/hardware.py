@@ -133,7 +133,7 @@ def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None)
         ValueError: A name is unknown (with the valid names), a robot cannot be loaded, an estimator has no sensors,
             or the simulator does not support the scenario or the hardware.
     """
-    from quad_env.actuation.models import actuator
+    from quad_env.actuation.models import find_actuator
     from quad_env.physics.simulators import check_simulator
     from quad_env.scenarios.scenario import Scenario
     from quad_env.sensing.estimators import check_estimator
@@ -145,7 +145,7 @@ def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None)
         raise ValueError(str(error)) from error
     if robot.source is not None:
         _print_warnings(robot)
-    motors = actuator(hardware.actuator)
+    motors = find_actuator(hardware.actuator)
     suite = sensor_suite(hardware.sensors)
     check_estimator(hardware.estimator, suite)
     check_simulator(hardware.simulator, scenario or Scenario("flat"), motors, suite is not None, readings=True)

@@ -15,8 +15,7 @@ from policies.mpc.policy import MpcWbc
 from policies.residual_bases import BASES, make_base
 from policies.safety import Safe, SafetyLimits
 from policies.summaries import SUMMARIES
-from quad_env.actuation.models import Actuator
-from quad_env.actuation.models import actuator as find_actuator
+from quad_env.actuation.models import Actuator, find_actuator
 from quad_env.extensions import check_new
 from quad_env.files.paths import missing_file
 from quad_env.files.text import format_exception

@@ -1,7 +1,8 @@
-"""Columns: a quantity as a float for one robot, or as an array (n,) for n robots; one formula serves both.
+"""Scalar-or-batch arithmetic: one formula runs on floats (one robot) and on arrays (n,), with the same bits.
 
-NumPy and Python round + - * / and sqrt alike, so a robot's bits are the same either way, in a batch of any size. Sums
-are taken in order, by `total`: NumPy's own adds pairwise, and Python's compensates.
+NumPy and Python round + - * / and sqrt equally, so the bits of a robot are the same either way, in a batch of any size.
+Sums are taken in order by `ordered_sum`: NumPy's own adds pairwise, and Python's compensates. Floats make the single
+environment about three times as fast as a batch of one.
 """
 
 import math
@@ -13,26 +14,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+"""Double-precision array."""
 Mask = NDArray[np.bool_]
+"""Array of bool."""
 EnvIndices = NDArray[np.intp]
-"""Places of some robots in a batch, (k,)."""
+"""Indices of some robots in a batch, (k,)."""
 EnvSelection = slice | EnvIndices
+"""Selection of robots in a batch."""
 ScalarOrBatch = TypeVar("ScalarOrBatch", float, Array)
+"""Float of one robot, or array (n,) of n robots."""
 Components = Sequence[ScalarOrBatch]
-"""k columns: a tuple, or an array (k, n) of n robots'."""
+"""k scalars or arrays (n,): a tuple, or an array (k, n)."""
 ComponentReader = Callable[[Array], Components[ScalarOrBatch]]
 """Takes the components of the selected robots out of the rows of all, (n, k)."""
 BoolOrMask = bool | Mask
-"""A column of truth values; combine them with `&` and `|`."""
+"""Bool of one robot, or mask (n,); combine them with `&` and `|`."""
 
 
 def to_components(rows: Array) -> Components[Array]:
-    """The columns in the rows (n, k) of n robots, as a new array (k, n)."""
+    """Return the components of the `rows`, (n, k), of n robots, as a new array (k, n)."""
     return cast("Components[Array]", rows.T.copy())
 
 
 def to_scalars(rows: Array) -> Components[float]:
-    """The columns in the only row (1, k) of one robot."""
+    """Return the components of the only row of `rows`, (1, k), as floats."""
     return tuple(rows.tolist()[0])
 
 
@@ -42,7 +47,7 @@ def component_reader(env_ids: EnvSelection | None) -> ComponentReader[Any]:
 
 
 def in_single_precision(vectors: Sequence[Components[ScalarOrBatch]]) -> NDArray[np.float32]:
-    """All columns of the vectors as one new array, (k,) or (k, n)."""
+    """Return all components of the `vectors` as one new array, (k,) or (k, n)."""
     if isinstance(vectors[0][0], float):
         flat: list[Any] = []
         for vector in vectors:
@@ -52,7 +57,7 @@ def in_single_precision(vectors: Sequence[Components[ScalarOrBatch]]) -> NDArray
 
 
 def ordered_sum(columns: Iterable[ScalarOrBatch]) -> ScalarOrBatch:
-    """Sum, from the first to the last."""
+    """Return the sum of `columns`, added from the first to the last."""
     out: Any = 0.0
     for column in columns:
         out += column  # 0.0 + column is a new array: none of `columns` changes
@@ -62,24 +67,24 @@ def ordered_sum(columns: Iterable[ScalarOrBatch]) -> ScalarOrBatch:
 def differences(
     x: Components[ScalarOrBatch], y: Components[ScalarOrBatch] | Sequence[float]
 ) -> Components[ScalarOrBatch]:
-    """xᵢ - yᵢ; `y` may be numbers."""
+    """Return xᵢ - yᵢ of the components of `x` and `y`; `y` may be numbers that hold for all robots."""
     return np.subtract(x.T, np.transpose(y)).T if isinstance(x, np.ndarray) else tuple(map(operator.sub, x, y))
 
 
 def sum_of_squares(x: Components[ScalarOrBatch]) -> ScalarOrBatch:
-    """Σ xᵢ²"""
+    """Return Σ xᵢ² of the components of `x`."""
     products: Iterable[ScalarOrBatch] = map(operator.mul, x, x)
     return ordered_sum(products)
 
 
 def sum_of_magnitudes(x: Components[ScalarOrBatch], y: Components[ScalarOrBatch]) -> ScalarOrBatch:
-    """Σ |xᵢ yᵢ|"""
+    """Return Σ |xᵢ yᵢ| of the components of `x` and `y`."""
     products: Iterable[ScalarOrBatch] = map(operator.mul, x, y)
     return ordered_sum(map(abs, products))
 
 
 def fraction_above(x: Components[ScalarOrBatch], bound: float) -> ScalarOrBatch:
-    """Share of the |xᵢ| above a bound."""
+    """Return the fraction of the |xᵢ| of `x` that exceed `bound`."""
     if isinstance(x, np.ndarray):
         return cast("ScalarOrBatch", np.count_nonzero(np.abs(x) > bound, axis=0) / len(x))
     # A list takes less time than a generator.
@@ -87,39 +92,39 @@ def fraction_above(x: Components[ScalarOrBatch], bound: float) -> ScalarOrBatch:
 
 
 def sqrt(x: ScalarOrBatch) -> ScalarOrBatch:
-    """Square root."""
+    """Return the square root."""
     return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
 
 
 def exp(x: ScalarOrBatch) -> ScalarOrBatch:
-    """Exponential; NumPy's for the float too, since the C library's differs in the last bit."""
+    """Return the exponential; NumPy's for a float too, since the C library's differs in the last bit."""
     return float(np.exp(x)) if isinstance(x, float) else np.exp(x)
 
 
 def clip(x: ScalarOrBatch, low: float, high: float) -> ScalarOrBatch:
-    """`x`, but at least `low` and at most `high`."""
+    """Return `x`, limited to the range from `low` to `high`."""
     return min(max(x, low), high) if isinstance(x, float) else np.clip(x, low, high)
 
 
 def clipped_index(x: ScalarOrBatch, last: int) -> Any:
-    """The whole part of `x`, which is not negative, but at most `last`: an index."""
+    """Return the integer part of `x`, which must not be negative, limited to `last`: an index."""
     return min(int(x), last) if isinstance(x, float) else np.minimum(x.astype(np.intp), last)
 
 
 def where(truth: Any, x: Any, y: Any) -> Any:
-    """`x` where it is true, else `y`."""
+    """Return `x` where `truth` is True, otherwise `y`."""
     if isinstance(truth, np.ndarray):
         return np.where(truth, x, y)
     return x if truth else y
 
 
 def any_true(truth: BoolOrMask) -> bool:
-    """Whether it is true of some robot."""
+    """Return True if `truth` is True for any robot."""
     return truth if isinstance(truth, bool) else bool(truth.any())
 
 
 def not_finite(x: Components[ScalarOrBatch]) -> BoolOrMask:
-    """Whether some xᵢ is infinite or NaN."""
+    """Return True if any component of `x` is infinite or NaN."""
     if isinstance(x, np.ndarray):
         return cast("Mask", ~np.isfinite(x).all(axis=0))
-    return not math.isfinite(sum(x))  # which no infinity and no NaN leaves finite
+    return not math.isfinite(sum(x))  # a sum with an infinity or NaN is not finite

@@ -1,7 +1,7 @@
-"""The environment in Gymnasium's registry, without loading Gymnasium.
+"""Registration of the environment with Gymnasium, without importing Gymnasium.
 
-Gymnasium takes a quarter of a second to load, and NumPy with it. A command that prints its help needs neither, and one
-that wants memory or Ctrl-C handled must say so before they load.
+The import of Gymnasium and NumPy takes a quarter of a second. A command that prints its help needs neither. A command
+that limits memory or handles Ctrl-C must do so before the import.
 """
 
 import sys
@@ -13,11 +13,13 @@ from types import ModuleType
 from typing import Any
 
 ENV_ID = "SimpleQuad-v0"
+"""Name of the environment in Gymnasium's registry."""
 MAX_EPISODE_STEPS = 1000
+"""Default time limit, control steps."""
 
 
 def register() -> None:
-    """Register the environment with Gymnasium: now where Gymnasium is loaded, else as soon as it is."""
+    """Register the environment with Gymnasium: now if Gymnasium is imported, otherwise right after its import."""
     if (gymnasium := sys.modules.get("gymnasium")) is not None:
         _add_to(gymnasium)
     else:
@@ -30,23 +32,33 @@ class _WithGymnasium(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Specification of Gymnasium, whose loading ends with the registration; None for every other module."""
+        """Return the specification of Gymnasium; its import then ends with the registration.
+
+        Args:
+            fullname: Name of the imported module.
+            path: Search path of its package.
+            target: Module that is reloaded, if any.
+
+        Returns:
+            The specification; None for every other module.
+        """
         if fullname != "gymnasium":
             return None
         sys.meta_path.remove(self)
-        found = find_spec(fullname)
-        if found is not None and found.loader is not None:
-            load = found.loader.exec_module
+        spec = find_spec(fullname)
+        if spec is not None and spec.loader is not None:
+            execute = spec.loader.exec_module
 
-            def load_and_register(module: ModuleType) -> None:
-                load(module)
+            def execute_and_register(module: ModuleType) -> None:
+                execute(module)
                 _add_to(module)
 
-            found.loader.exec_module = load_and_register  # type: ignore[method-assign]
-        return found
+            spec.loader.exec_module = execute_and_register  # type: ignore[method-assign]
+        return spec
 
 
 def _add_to(gymnasium: Any) -> None:
+    """Add the environment to Gymnasium's registry, unless it is there."""
     if ENV_ID not in gymnasium.registry:
         gymnasium.register(
             ENV_ID,

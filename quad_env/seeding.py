@@ -1,4 +1,4 @@
-"""Seeds: disjoint families keyed by purpose, and the independent random streams of each episode."""
+"""Seeds in disjoint families by purpose, and the independent random streams of each episode."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -8,14 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 PURPOSES = ("user", "training", "validation", "search", "evaluation")
+"""Purposes of seeds; each has a family of its own."""
 _FAMILY_BITS = 48
+"""Number of low bits of a seed that vary within a family."""
 
 
 def episode_seeds(purpose: str, seed: int, count: int) -> NDArray[np.int64]:
-    """Episode seeds of one purpose, shape (count,).
+    """Return episode seeds of one purpose.
 
-    The bits above the 48th hold the purpose, so that no seed of one purpose is ever one of another, whatever `seed`
-    says; the first purpose, "user", is left to the small integers that people type.
+    The bits above the 48th hold the purpose, so that the seeds of two purposes differ at every `seed`. The first
+    purpose, "user", has the small integers that people type.
+
+    Args:
+        purpose: One of `PURPOSES`.
+        seed: Seed of the family's sequence, >= 0.
+        count: Number of seeds, >= 0.
+
+    Returns:
+        Seeds, (count,).
+
+    Raises:
+        ValueError: An unknown purpose, or a negative seed or count.
     """
     if purpose not in PURPOSES:
         raise ValueError(f"unknown purpose {purpose!r}; valid: {', '.join(PURPOSES)}")
@@ -27,12 +40,12 @@ def episode_seeds(purpose: str, seed: int, count: int) -> NDArray[np.int64]:
 
 
 def fresh_seeds(count: int) -> list[int]:
-    """Seeds for envs that are given none, from the operating system's entropy."""
+    """Return `count` seeds from the operating system's entropy, for envs without a seed."""
     return [int(seed) for seed in np.random.SeedSequence().generate_state(count)]
 
 
 def _stream(number: int) -> "cached_property[np.random.Generator]":
-    """The stream of that number, made when it is first drawn from; a new kind shifts none of the others."""
+    """Return the random stream with that number, made on first use; further streams do not change the others."""
 
     def make(streams: "EpisodeStreams") -> np.random.Generator:
         seed = np.random.SeedSequence(streams.seed, spawn_key=(streams.episode, number))
@@ -42,39 +55,59 @@ def _stream(number: int) -> "cached_property[np.random.Generator]":
 
 
 class EpisodeStreams:
-    """Random generators of one episode, one for each kind of draw, so that none shifts another.
+    """Random generators of one episode, one per kind of draw, so that no kind changes another.
 
     Episode k after a seed is the seed's k-th child: `SeedSequence(seed, spawn_key=(k,))`.
+
+    Args:
+        seed: Seed of the robot.
+        episode: Index of the episode after the seed.
     """
 
     def __init__(self, seed: int, episode: int) -> None:
-        self.seed, self.episode = seed, episode
+        self.seed = seed
+        self.episode = episode
 
     start = _stream(0)
+    """Start state."""
     commands = _stream(1)
+    """Velocity commands."""
     pushes = _stream(2)
+    """Times and directions of pushes."""
     force = _stream(3)
     """Direction of the steady force."""
     payload = _stream(4)
-    """Place of the payload."""
+    """Position of the payload."""
     noise = _stream(5)
     """Noise on the observation."""
     dropouts = _stream(6)
+    """Times and joints of dropouts."""
     sensors = _stream(7)
     """Biases, offsets and noise of the sensors."""
     scan_noise = _stream(8)
     """Noise of the height scan."""
     randomisation = _stream(9)
-    """Figures of the robot and the ground, where these differ from episode to episode."""
+    """Domain randomisation of robot and ground."""
 
 
-def seeds_of(seed: int | Sequence[int], num_envs: int) -> list[Any]:
-    """A seed for each env; None, in a sequence, leaves that env's own."""
-    single = isinstance(seed, int | np.integer)
-    seeds = [int(seed) + i for i in range(num_envs)] if single else list(seed)  # type: ignore[arg-type]
+def assign_seeds(seed: int | Sequence[int], num_envs: int) -> list[Any]:
+    """Return a seed for each env.
+
+    Args:
+        seed: Env i gets seed + i; or one seed per env, None to keep the env's present seed.
+        num_envs: Number of envs.
+
+    Returns:
+        Seeds, num_envs of int or None.
+
+    Raises:
+        ValueError: A wrong number of seeds, or one that is no whole number of at least 0.
+    """
+    is_single = isinstance(seed, int | np.integer)
+    seeds = [int(seed) + i for i in range(num_envs)] if is_single else list(seed)  # type: ignore[arg-type]
     if len(seeds) != num_envs:
         raise ValueError(f"{len(seeds)} seeds for {num_envs} environments")
-    for each in seeds:
-        if each is not None and (isinstance(each, bool) or not isinstance(each, int | np.integer) or each < 0):
-            raise ValueError(f"a seed must be a whole number of at least 0, got {each!r}")
-    return [None if each is None else int(each) for each in seeds]
+    for value in seeds:
+        if value is not None and (isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0):
+            raise ValueError(f"a seed must be a whole number of at least 0, got {value!r}")
+    return [None if value is None else int(value) for value in seeds]

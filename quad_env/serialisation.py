@@ -1,4 +1,4 @@
-"""Settings of quad_env, such as scenarios, as JSON values and back: each dataclass is an object that names its type."""
+"""Settings of quad_env, for example scenarios, as JSON values and back; an object names the type of its dataclass."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -14,6 +14,7 @@ from quad_env.sensing.height_scan import HeightScan
 from quad_env.sensing.suite import Encoders, FootContact, Imu, JointTorque, SensorSuite
 
 TYPE = "type"
+"""Key of the type's name in an object."""
 _TYPE_BY_NAME: dict[str, Any] = {
     kind.__name__: kind
     for kind in (
@@ -25,11 +26,11 @@ _TYPE_BY_NAME: dict[str, Any] = {
         *(TaskConfig, FallRule, RewardWeights, HeightScan),
     )
 }
-"""Kinds of settings by bare name: results outlive the modules that these stand in today."""
+"""Settings types by class name, without the module: results stay readable when a type moves."""
 
 
 def to_json_values(value: Any) -> Any:
-    """JSON values of a dataclass of quad_env; ValueError for what is none."""
+    """Return the JSON values of a setting; raise ValueError for a `value` of another kind."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         kind = type(value)
         if _TYPE_BY_NAME.get(kind.__name__) is not kind:
@@ -43,32 +44,42 @@ def to_json_values(value: Any) -> Any:
     raise ValueError(f"a {type(value).__name__} cannot be written into a result")
 
 
-def from_plain(value: Any) -> Any:
-    """What `to_plain` was given, lists as tuples; ValueError for what it never gives. Runs no code but quad_env's.
+def from_json_values(value: Any) -> Any:
+    """Return the setting of JSON values of `to_json_values`, with tuples for lists; runs no code but quad_env's.
 
-    An object that does not name its type, as Gymnasium's `EnvSpec.to_json` writes it, is of the one with the fewest
-    fields that has those of the object: what has come since are defaults then.
+    An object without the name of its type, as Gymnasium's `EnvSpec.to_json` writes it, becomes the type with the fewest
+    fields that has all fields of the object. Fields that were added to the type later have their defaults.
+
+    Args:
+        value: JSON values.
+
+    Returns:
+        The setting.
+
+    Raises:
+        ValueError: The values are no setting of this version.
     """
     if isinstance(value, Mapping):
-        fields = {name: from_plain(entry) for name, entry in value.items() if name != TYPE}
+        fields = {name: from_json_values(entry) for name, entry in value.items() if name != TYPE}
         try:
-            return _kind(value)(**fields)
+            return _find_type(value)(**fields)
         except TypeError as error:
             raise ValueError(f"this version has no {value.get(TYPE)} of that kind ({error})") from error
-    return tuple(map(from_plain, value)) if isinstance(value, list) else value
+    return tuple(map(from_json_values, value)) if isinstance(value, list) else value
 
 
-def _kind(value: Mapping[str, Any]) -> Any:
-    """The type of an object."""
+def _find_type(value: Mapping[str, Any]) -> Any:
+    """Return the type of an object; raise ValueError if there is none."""
     if TYPE not in value:
-        fitting = [kind for kind in _TYPE_BY_NAME.values() if _names(kind).issuperset(value)]
+        fitting = [kind for kind in _TYPE_BY_NAME.values() if _field_names(kind).issuperset(value)]
         if not value or not fitting:
             raise ValueError(f"the {TYPE} of {dict(value)} is missing; valid: {', '.join(_TYPE_BY_NAME)}")
-        return min(fitting, key=lambda kind: len(_names(kind)))
+        return min(fitting, key=lambda kind: len(_field_names(kind)))
     if value[TYPE] not in _TYPE_BY_NAME:
         raise ValueError(f"{value[TYPE]} is no part of quad_env; valid: {', '.join(_TYPE_BY_NAME)}")
     return _TYPE_BY_NAME[value[TYPE]]
 
 
-def _names(kind: Any) -> set[str]:
+def _field_names(kind: Any) -> set[str]:
+    """Return the names of the fields of a dataclass."""
     return {field.name for field in dataclasses.fields(kind)}

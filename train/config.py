@@ -11,7 +11,7 @@ from evaluate import hardware
 from evaluate.hardware import HardwareConfig
 from policies.history import Inputs
 from policies.parameters import limits_of, parameter
-from quad_env.actuation.models import actuator
+from quad_env.actuation.models import find_actuator
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.config import RewardWeights
 from quad_env.physics.simulators import WARP, check_simulator
@@ -291,7 +291,9 @@ def _check_warp(config: TrainConfig) -> None:
         for name, share in config.mixture:
             if share:
                 each = scenario(name, config.hardware.robot_model)
-                check_simulator(WARP, each, actuator(config.actuator), sensors=config.sensors != HardwareConfig.sensors)
+                check_simulator(
+                    WARP, each, find_actuator(config.actuator), sensors=config.sensors != HardwareConfig.sensors
+                )
     except ValueError as error:
         raise UsageError(f"--device cuda: {error}") from None
 

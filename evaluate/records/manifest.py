@@ -17,7 +17,7 @@ from quad_env.files.reading import parse_json, read_bytes
 from quad_env.files.writing import write_atomically
 from quad_env.robots.registry import SUFFIXES
 from quad_env.scenarios.registry import Scenario
-from quad_env.serialisation import from_plain, to_json_values
+from quad_env.serialisation import from_json_values, to_json_values
 
 NAME = "manifest.json"
 FILES = ("results.json", "episodes.parquet", "report.html", NAME)
@@ -198,7 +198,7 @@ def _parse(path: Path) -> Manifest:
     if _is_changed(contents):
         raise UsageError(f"{path} has been changed since it was written: restore it, or run the evaluation again")
     values = {name: value for name, value in contents.items() if name not in ("schema", _SHA256)}
-    values["scenarios"] = from_plain(contents["scenarios"])
+    values["scenarios"] = from_json_values(contents["scenarios"])
     values["hardware"] = HardwareConfig(**contents["hardware"])
     return Manifest(**values)
 

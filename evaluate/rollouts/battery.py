@@ -23,7 +23,7 @@ from quad_env.scenarios.registry import (
     split,
 )
 from quad_env.scenarios.scenario import Scenario, with_hardware_profile
-from quad_env.serialisation import from_plain, to_json_values
+from quad_env.serialisation import from_json_values, to_json_values
 
 NOMINAL = ("flat", "push", "rough")
 """First scenarios of the quick battery."""
@@ -211,7 +211,7 @@ def _check(scenario: Scenario, file: str) -> None:
     if scenario.name in SCENARIOS or ":" in scenario.name or is_combination(scenario.name):
         raise ValueError(f"a scenario in {file} is called {scenario.name!r}, as one of quad_env's; call it differently")
     try:
-        is_restored = from_plain(to_json_values(scenario)) == scenario
+        is_restored = from_json_values(to_json_values(scenario)) == scenario
     except ValueError as error:
         raise ValueError(f"the scenario {scenario.name} in {file}: {error}") from error
     if not is_restored:

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from policies.base import Floats
-from quad_env.actuation.models import Actuator, actuator
+from quad_env.actuation.models import Actuator, find_actuator
 from quad_env.config import Bounds, NonNegative, Positive, Settings
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
@@ -35,7 +35,7 @@ class SafetyLimits(Settings):
     def of(cls, robot: str | Robot, which: str | Actuator = "ideal") -> "SafetyLimits":
         """The limits of a robot with an actuator, or that of a name; its bandwidth only makes torques smaller, and how
         hot its windings are a policy does not know."""
-        robot, servo = get_robot(robot), actuator(which)
+        robot, servo = get_robot(robot), find_actuator(which)
         if servo.curve is None:
             return cls(robot.rated_torque, delay=servo.delay)
         line = servo.curve.resolve(robot)

@@ -1,1 +1,1 @@
-"""Actuator models, and what they do between targets and joints at every physics step."""
+"""Actuators of the joints: parameters, models that run in every physics step, and hardware profiles."""

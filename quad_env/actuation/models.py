@@ -1,7 +1,7 @@
-"""What drives the joints, as values in physical units at the joint, behind the gear; `actuator=` of `make` chooses one.
+"""Actuators of the joints as values in physical units at the joint, behind the gear; see `actuator=` of `gym.make`.
 
-The ideal servo is limited by `Motors.torque_limit` alone and follows its target at once. Where an actuator and the
-`Motors` of a scenario limit the same thing, the weaker one holds; delays add up with `Latency`.
+The ideal servo is limited only by `Motors.torque_limit`, and follows its target at once. If an actuator and the
+`Motors` of a scenario limit the same quantity, the smaller limit holds; delays add up with `Latency`.
 """
 
 import math
@@ -15,29 +15,31 @@ from quad_env.config import Bounds, Fraction, Positive, Settings
 from quad_env.robots.robot import JOINTS, Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
 
-UNSETTLED = 0.01
-"""Share of a target's change that a lag has not made yet when it is taken to be over."""
-EachJoint = Positive | tuple[Positive, ...] | None
-"""A figure of all joints, of hip, thigh and calf, or of each of the twelve; None: the robot's own."""
+MAX_SETTLING_ERROR = 0.01
+"""Fraction of a target change that a first-order filter has not reached yet when it counts as settled."""
+JointValues = Positive | tuple[Positive, ...] | None
+"""One value for all joints, three for hip, thigh and calf, or twelve; None: the robot's own."""
 
 
 @dataclass(frozen=True)
 class TorqueSpeed(Settings):
-    """The torque-speed curve of a DC motor on a constant voltage: τ ≤ stall_torque · (1 − ω / no_load_speed), and the
-    same with both signs turned; a figure is one number for all joints, or three, of hip, thigh and calf, or twelve.
+    """Torque-speed curve of a DC motor at constant voltage: τ ≤ stall_torque · (1 − ω / no_load_speed).
 
-    The line is that of a winding of resistance R and motor constant K on a voltage of at most ±V: τ = K (v − K ω) / R
-    (MuJoCo DC Motor Model, equation 2). It goes on through all four quadrants: a motor that brakes could exceed the
-    stall torque, but the drive's current limit holds the torque within ±peak_torque. Above the speed without load the
-    motor can do nothing but brake, at least along the line.
+    The same holds with both signs reversed. A parameter is one number for all joints, three for hip, thigh and calf, or
+    twelve.
+
+    The line belongs to a winding of resistance R and motor constant K at a voltage v of at most ±V: τ = K (v − K ω) / R
+    (MuJoCo DC Motor Model, equation 2). It continues through all four quadrants. A braking motor could exceed the stall
+    torque, but the drive's current limit keeps the torque within ±peak_torque. Above the no-load speed the motor can
+    only brake, at least along the line.
     """
 
-    stall_torque: EachJoint = None
+    stall_torque: JointValues = None
     """N·m at standstill on the line; None: the robot's rated torque"""
-    no_load_speed: EachJoint = None
-    """rad/s at which no torque is left; None: the robot's rated speed"""
-    peak_torque: EachJoint = None
-    """N·m, the limit of the current, braking included; None: the stall torque, at most the robot's rated torque"""
+    no_load_speed: JointValues = None
+    """rad/s at which the torque is 0; None: the robot's rated speed"""
+    peak_torque: JointValues = None
+    """N·m, current limit, also while braking; None: the stall torque, at most the robot's rated torque"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -46,51 +48,60 @@ class TorqueSpeed(Settings):
                 raise ValueError(f"{name} is a number, or {JOINTS_PER_LEG} or {JOINTS} of them, got {value}")
 
     def resolve(self, robot: Robot) -> "ResolvedTorqueSpeed":
-        """The curves of that robot's motors."""
-        stall = _each(self.stall_torque, robot.rated_torque)
-        peak = np.minimum(stall, robot.rated_torque) if self.peak_torque is None else _each(self.peak_torque, 0.0)
-        return ResolvedTorqueSpeed(stall, _each(self.no_load_speed, robot.rated_speed), peak)
+        """Return the curves of the joints of a `robot`."""
+        stall = _per_joint(self.stall_torque, robot.rated_torque)
+        peak = np.minimum(stall, robot.rated_torque) if self.peak_torque is None else _per_joint(self.peak_torque, 0.0)
+        return ResolvedTorqueSpeed(stall, _per_joint(self.no_load_speed, robot.rated_speed), peak)
 
 
 class ResolvedTorqueSpeed(NamedTuple):
-    """The figures of a `TorqueSpeed` on a robot, each of shape (12,)."""
+    """Torque-speed curves of all joints of a robot; made by `TorqueSpeed.resolve`."""
 
     stall_torque: Array
-    """N·m"""
+    """(12,), N·m."""
     no_load_speed: Array
-    """rad/s"""
+    """(12,), rad/s."""
     peak_torque: Array
-    """N·m"""
+    """(12,), N·m."""
 
     @property
     def slope(self) -> Array:
-        """Torque lost per speed, K²/R, N·m·s/rad; the winding turns τ² / slope into heat, W."""
+        """Torque lost per speed, K²/R, (12,), N·m·s/rad; the winding turns τ² / slope into heat, W."""
         return self.stall_torque / self.no_load_speed
 
     def limits(self, speed: Array) -> tuple[Array, Array]:
-        """Least and largest torque at these joint speeds, rad/s, (…, 12), N·m."""
-        lost, peak = self.slope * speed, self.peak_torque
+        """Compute the torque limits at joint speeds.
+
+        Args:
+            speed: (..., 12), rad/s.
+
+        Returns:
+            lower: (..., 12), N·m.
+            upper: (..., 12), N·m.
+        """
+        lost = self.slope * speed
+        peak = self.peak_torque
         return (-self.stall_torque - lost).clip(-peak, peak), (self.stall_torque - lost).clip(-peak, peak)
 
 
-def _each(value: EachJoint, own: float) -> Array:
-    """That of each joint, (12,)."""
-    return np.resize(own if value is None else value, JOINTS).astype(np.float64)
+def _per_joint(value: JointValues, default: float) -> Array:
+    """Return the value of each joint, (12,); `default` for None."""
+    return np.resize(default if value is None else value, JOINTS).astype(np.float64)
 
 
 @dataclass(frozen=True)
 class Thermal(Settings):
-    """A winding that its own losses heat and that cools to its surroundings: one node, first order.
+    """A motor winding that its losses heat and that cools to its surroundings: one node, first order.
 
-    C dT/dt = τ² / slope − (T − ambient) / resistance, where C = time_constant / resistance and τ is the torque of each
-    physics step. The winding's resistance is taken to be constant.
+    C dT/dt = τ² / slope − (T − ambient) / resistance, with C = time_constant / resistance and the torque τ of each
+    physics step. The electrical resistance of the winding is constant.
 
-    From `derating` to `shutdown` the torque limit falls linearly to the share `derated` of itself; a motor that reaches
-    `shutdown` is switched off: its winding is open, it gives no torque and does not brake, until the end of the
-    episode, however much it cools, as drives of moteus and ODrive do. An episode starts at `ambient`.
+    From `derating` to `shutdown` the torque limit falls linearly to the fraction `derated` of itself. A motor that
+    reaches `shutdown` is switched off until the end of the episode, however much it cools, as drives of moteus and
+    ODrive do: its winding is open, so it neither drives nor brakes. An episode starts at `ambient`.
 
-    The default figures are those of a small leg motor whose case stays at ambient temperature: 1.07 K/W, 16.3 J/K, at
-    most 115 °C with a soft border of 15 °C below it (opensourceleg, `hardware/thermal.py`).
+    The defaults are a small leg motor with its case at ambient temperature: 1.07 K/W, 16.3 J/K, at most 115 °C, with a
+    soft limit 15 °C below (opensourceleg, `hardware/thermal.py`).
     """
 
     resistance: Positive = 1.07
@@ -104,7 +115,7 @@ class Thermal(Settings):
     shutdown: float = 115.0
     """°C at which the motor is switched off"""
     derated: Fraction = 0.5
-    """Share of the torque limit that is left just before; with 0 a motor hardly ever gets so hot"""
+    """Fraction of the torque limit just below `shutdown`; with 0 a motor hardly ever gets that hot"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -117,17 +128,17 @@ class Thermal(Settings):
 
 @dataclass(frozen=True)
 class Actuator(Settings):
-    """A joint's servo motor; every part is ideal unless it is given."""
+    """Servo motor of a joint; every part that is not given is ideal."""
 
     curve: TorqueSpeed | None = None
     """None: any torque within the limit at any speed"""
     bandwidth: Positive | None = None
-    """Hz, as `Motors.bandwidth`: a first-order lag of the target; None: no lag"""
+    """Hz, as `Motors.bandwidth`: first-order filter of the target; None: no filter"""
     delay: Annotated[float, Bounds("from 0 s to 1 s", 0.0, 1.0)] = 0.0
-    """s from a target's arrival at the drive to its effect, rounded to whole physics steps; at the start of an episode
-    the drive holds the home pose for so long"""
+    """s from the arrival of a target at the drive to its effect, rounded to whole physics steps; until the first target
+    takes effect in an episode, the drive holds the home pose"""
     thermal: Thermal | None = None
-    """None: a winding that stays cold; otherwise needs a curve, whose slope says what a torque costs"""
+    """None: a winding that stays cold; otherwise needs a curve, for the heat of a torque"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -135,31 +146,41 @@ class Actuator(Settings):
             raise ValueError("a thermal model needs a curve, from which the heat of a torque follows: give one")
 
     def target_weights(self, timestep: float, period: float) -> Array:
-        """Shares of the targets of a control period, of the one before and so on in what the motors go by on average
-        over it, (k,), sum 1; a motor goes by the lag's value at the start of each physics step. `timestep`, `period`: s
+        """Return the weights of the last targets in the mean target of the motors over a control period.
+
+        A motor follows the value of the filter at the start of each physics step.
+
+        Args:
+            timestep: Physics step, s.
+            period: Control period, s.
+
+        Returns:
+            Weights of the target of this control period, of the one before and so on, (k,), sum 1.
         """
-        steps, late = round(period / timestep), round(self.delay / timestep)
-        kept = 0.0 if self.bandwidth is None else math.exp(-timestep * 2 * math.pi * self.bandwidth)
-        settling = 0 if self.bandwidth is None else math.ceil(math.log(UNSETTLED) / math.log(kept))
-        count = math.ceil((late + settling) / steps) + 1
-        since = np.arange(count * steps) - late + (self.bandwidth is None)
-        reached = (1.0 - kept ** np.maximum(since, 0)).reshape(count, steps).mean(axis=1)
-        target_weights = np.diff(reached, prepend=0.0)
-        return cast("Array", target_weights / target_weights.sum())
+        steps = round(period / timestep)
+        delay_steps = round(self.delay / timestep)
+        decay = 0.0 if self.bandwidth is None else math.exp(-timestep * 2 * math.pi * self.bandwidth)
+        settling_steps = 0 if self.bandwidth is None else math.ceil(math.log(MAX_SETTLING_ERROR) / math.log(decay))
+        count = math.ceil((delay_steps + settling_steps) / steps) + 1
+        elapsed_steps = np.arange(count * steps) - delay_steps + (self.bandwidth is None)
+        response = (1.0 - decay ** np.maximum(elapsed_steps, 0)).reshape(count, steps).mean(axis=1)
+        weights = np.diff(response, prepend=0.0)
+        return cast("Array", weights / weights.sum())
 
 
 IDEAL = Actuator()
+"""Servo without limits other than the torque limit."""
 ACTUATORS = {
     "ideal": IDEAL,
     "torque_speed": Actuator(TorqueSpeed()),
     "motor": Actuator(TorqueSpeed(), bandwidth=66.0, delay=0.002, thermal=Thermal()),
 }
-"""By name. `motor`: 66 Hz is the torque bandwidth measured on a quasi-direct drive (Pérez-Díaz et al., 2024), 2 ms one
-cycle of a 500 Hz field bus."""
+"""Actuators by name. `motor`: 66 Hz is the torque bandwidth measured on a quasi-direct drive (Pérez-Díaz et al., 2024),
+2 ms is one cycle of a 500 Hz field bus."""
 
 
-def actuator(which: str | Actuator) -> Actuator:
-    """The actuator of that name, or the actuator itself; ValueError lists the valid names."""
+def find_actuator(which: str | Actuator) -> Actuator:
+    """Return the actuator called `which`, or the actuator itself; raise ValueError for an unknown name."""
     if isinstance(which, Actuator):
         return which
     if not isinstance(which, str) or which not in ACTUATORS:
@@ -168,5 +189,5 @@ def actuator(which: str | Actuator) -> Actuator:
 
 
 def min_limit(first: float | None, second: float | None) -> float | None:
-    """The smaller of two limits, of which None is no limit."""
+    """Return the smaller of the limits `first` and `second`; None is no limit."""
     return min((limit for limit in (first, second) if limit is not None), default=None)

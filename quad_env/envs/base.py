@@ -11,8 +11,7 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from quad_env.actuation.hardware import hardware_profile
-from quad_env.actuation.models import ACTUATORS, Actuator
-from quad_env.actuation.models import actuator as find_actuator
+from quad_env.actuation.models import ACTUATORS, Actuator, find_actuator
 from quad_env.actuation.runtime import make_action_delay
 from quad_env.columns import (
     Array,
@@ -42,7 +41,7 @@ from quad_env.sensing.estimators import COMPLEMENTARY, Estimator, check_estimato
 from quad_env.sensing.height_scan import HeightScan, make_scanner, table_with
 from quad_env.sensing.observation import make_observation_model
 from quad_env.sensing.suite import SensorSuite, sensor_suite
-from quad_env.serialisation import from_plain
+from quad_env.serialisation import from_json_values
 from quad_env.task.observations import ObservationTerm, user_terms
 from quad_env.task.rewards import reward_terms, step_weights, user_rewards
 from quad_env.task.terminations import fall_reason_code
@@ -343,7 +342,7 @@ class QuadEnvBase:
 
 def _to_setting(value: Any) -> Any:
     """Return the setting that a mapping stands for, or the value itself."""
-    return from_plain(value) if isinstance(value, Mapping) else value
+    return from_json_values(value) if isinstance(value, Mapping) else value
 
 
 def _check_task_config(config: Any) -> TaskConfig:

@@ -14,7 +14,7 @@ from quad_env.envs.base import EnvKwargs, QuadEnvBase, StepResult
 from quad_env.envs.vector_env import Observation
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.scenario import Scenario
-from quad_env.seeding import seeds_of
+from quad_env.seeding import assign_seeds
 
 RENDER_MODES = ("rgb_array", "human")
 
@@ -126,7 +126,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             ValueError: A seed or command of the wrong shape or kind, or a `reset_mask`.
         """
         mask, fixed_command = parse_reset_options(options, 1)
-        seed = None if seed is None else seeds_of([seed], 1)[0]
+        seed = None if seed is None else assign_seeds([seed], 1)[0]
         super().reset(seed=seed)
         if "reset_mask" in (options or ()):
             raise ValueError("options['reset_mask'] is for batches; a single environment always resets")

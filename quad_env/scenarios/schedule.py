@@ -9,7 +9,7 @@ from quad_env.columns import Array, EnvSelection, Mask
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.episode import EpisodeSample, PushPlan
 from quad_env.scenarios.scenario import Scenario
-from quad_env.seeding import fresh_seeds, seeds_of
+from quad_env.seeding import assign_seeds, fresh_seeds
 
 
 class EpisodeSchedule:
@@ -51,12 +51,12 @@ class EpisodeSchedule:
         """Set the seeds of the next episodes.
 
         Args:
-            seed: Seeds, see `seeding.seeds_of`; None changes nothing.
+            seed: Seeds, see `seeding.assign_seeds`; None changes nothing.
             mask: Robots that get a seed, (n,).
         """
         if seed is None:
             return
-        seeds = seeds_of(seed, len(self._seeds))
+        seeds = assign_seeds(seed, len(self._seeds))
         for i in np.flatnonzero(mask):
             if seeds[i] is not None:
                 self._seeds[i] = seeds[i]

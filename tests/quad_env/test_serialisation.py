@@ -3,13 +3,13 @@
 import pytest
 
 from quad_env.scenarios.axes import AXES
-from quad_env.serialisation import from_plain, to_json_values
+from quad_env.serialisation import from_json_values, to_json_values
 
 
 def test_every_scenario_is_written_down_and_read_back() -> None:
     for axis in AXES.values():
         for scenario in (axis.level(k + 1) for k in range(len(axis.levels))):
-            assert from_plain(to_json_values(scenario)) == scenario
+            assert from_json_values(to_json_values(scenario)) == scenario
 
 
 @pytest.mark.parametrize(
@@ -25,4 +25,4 @@ def test_every_scenario_is_written_down_and_read_back() -> None:
 )
 def test_nothing_but_settings_of_quad_env_is_made_from_a_file(value) -> None:
     with pytest.raises(ValueError, match=r"of that kind|no part of|is missing"):
-        from_plain(value)
+        from_json_values(value)

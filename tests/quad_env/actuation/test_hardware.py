@@ -15,7 +15,7 @@ from quad_env.physics.model import compile_model
 from quad_env.robots.registry import ROBOTS
 from quad_env.scenarios.disturbances import Motors
 from quad_env.scenarios.scenario import Scenario
-from quad_env.serialisation import from_plain, to_json_values
+from quad_env.serialisation import from_json_values, to_json_values
 from tests.robot_models import NEEDS_MODELS
 
 PER_JOINT = TorqueSpeed((20.0, 30.0, 40.0), (10.0, 20.0, 5.0), (15.0, 30.0, 35.0))
@@ -33,7 +33,7 @@ def test_three_figures_are_those_of_hip_thigh_and_calf_and_twelve_of_every_joint
     np.testing.assert_array_equal(limits(PER_JOINT, 32.0), np.tile((15.0, 30.0, 32.0), 4))
     np.testing.assert_array_equal(limits(TorqueSpeed(tuple(range(1, 13)))), np.arange(1.0, 13.0))
     np.testing.assert_array_equal(PER_JOINT.resolve(SIMPLE_QUAD).slope, np.tile((2.0, 1.5, 8.0), 4))
-    assert from_plain(to_json_values(Actuator(PER_JOINT))) == Actuator(PER_JOINT)
+    assert from_json_values(to_json_values(Actuator(PER_JOINT))) == Actuator(PER_JOINT)
 
 
 def test_each_joints_torque_lies_on_its_own_line_within_its_own_peak() -> None:

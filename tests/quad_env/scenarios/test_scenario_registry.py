@@ -16,7 +16,7 @@ from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.registry import scenario
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Slope
-from quad_env.serialisation import from_plain, to_json_values
+from quad_env.serialisation import from_json_values, to_json_values
 
 
 def test_a_combination_has_what_each_of_its_axes_sets() -> None:
@@ -38,7 +38,7 @@ def test_the_hardware_profile_is_asked_for_at_the_end_of_a_name(name: str) -> No
     found = scenario(f"{name}+hardware")
     assert found == replace(scenario(name), name=f"{name}+hardware", hardware=True)
     assert scenario(found.name) == found
-    assert from_plain(to_json_values(found)) == found
+    assert from_json_values(to_json_values(found)) == found
 
 
 @pytest.mark.parametrize("name", ["push", "push:4", "push=42", "payload=15+slope=10", "steady", "push+hardware"])
@@ -48,7 +48,7 @@ def test_domain_randomisation_is_asked_for_at_the_end_of_a_name(name: str) -> No
     profile = "+hardware" if name != plain else ""
     assert found == replace(scenario(name), name=f"{plain}+randomised{profile}", randomisation=DomainRandomisation())
     assert scenario(found.name) == found
-    assert from_plain(to_json_values(found)) == found
+    assert from_json_values(to_json_values(found)) == found
     assert battery.resolve_single(found.name) == found
 
 
@@ -70,7 +70,7 @@ def test_levels_of_randomised_scenarios_are_an_axis_of_their_own() -> None:
 def test_a_scenario_of_before_there_was_a_profile_has_none() -> None:
     written = to_json_values(scenario("push:3"))
     del written["hardware"], written["randomisation"]
-    assert from_plain(written) == scenario("push:3")
+    assert from_json_values(written) == scenario("push:3")
 
 
 def test_parts_of_one_thing_go_together() -> None:
