@@ -11,7 +11,7 @@ from live.view.loop import LiveView
 from live.view.requests import MAX_ROBOTS, MAX_SEED
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.launcher import raise_on_interrupt
-from quad_env.physics.rendering import shows_windows
+from quad_env.physics.rendering import has_display
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def main(options: ViewOptions) -> int:
         raise UsageError(f"--policy: {error}") from error
     with closing(driver), closing(LiveView(driver, options.port)) as view:
         print(f"open {view.server.url} (Ctrl-C ends it)", flush=True)
-        if options.browser and shows_windows():
+        if options.browser and has_display():
             threading.Thread(target=webbrowser.open, args=(view.server.url,), daemon=True).start()
         try:
             view.run()

@@ -1,4 +1,4 @@
-"""Arrows and balls that are drawn into a scene of MuJoCo, in the world frame."""
+"""Arrows and balls in the world frame, drawn into a scene of MuJoCo."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -9,23 +9,23 @@ import numpy as np
 from quad_env.columns import Components
 
 Colour = tuple[float, float, float, float]
-"""Red, green, blue and opacity, 0 … 1."""
-_SHORTEST = 1e-3
-"""m; shorter arrows are not drawn, for they have no direction."""
+"""Red, green, blue and opacity, each from 0 to 1."""
+_MIN_LENGTH = 1e-3
+"""m. Shorter arrows are not drawn, since they have no direction."""
 
 
 class Arrow(NamedTuple):
-    """From a point to another, (3) m each; where they are the same nothing is drawn."""
+    """Arrow between two points, world frame, (3), m; nothing is drawn if they coincide."""
 
     start: Components[float]
     end: Components[float]
     radius: float
-    """Of the shaft, m."""
+    """Radius of the shaft, m."""
     colour: Colour
 
 
 class Ball(NamedTuple):
-    """A ball that shines, with a name next to it."""
+    """Luminous ball with a label."""
 
     centre: Components[float]
     radius: float
@@ -34,19 +34,39 @@ class Ball(NamedTuple):
 
 
 def draw_marks(scene: mujoco.MjvScene, marks: Sequence[Arrow | Ball]) -> None:
-    """Add arrows and balls to a scene; they cast no shadow."""
+    """Add arrows and balls to a scene; they cast no shadow.
+
+    Args:
+        scene: Scene to draw into.
+        marks: Arrows and balls.
+    """
     for mark in marks:
-        geom, colour = scene.geoms[scene.ngeom], np.array(mark.colour, np.float32)
+        geom = scene.geoms[scene.ngeom]
         if isinstance(mark, Ball):
-            size, kind = np.full(3, mark.radius), mujoco.mjtGeom.mjGEOM_SPHERE
-            mujoco.mjv_initGeom(geom, kind, size, np.array(mark.centre), np.eye(3).ravel(), colour)
-            geom.label, geom.emission = mark.name, 0.6
-        else:
-            start, end, kind = np.array(mark.start), np.array(mark.end), mujoco.mjtGeom.mjGEOM_ARROW
-            if np.linalg.norm(end - start) < _SHORTEST:
-                continue
-            mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
-            mujoco.mjv_connector(geom, kind, mark.radius, start, end)
-            geom.size[2] *= 2.0  # of which MuJoCo draws half
+            _draw_ball(geom, mark)
+        elif not _draw_arrow(geom, mark):
+            continue
         geom.category = mujoco.mjtCatBit.mjCAT_DECOR
         scene.ngeom += 1
+
+
+def _draw_ball(geom: mujoco.MjvGeom, ball: Ball) -> None:
+    """Make a geom of a scene a ball."""
+    size = np.full(3, ball.radius)
+    colour = np.array(ball.colour, np.float32)
+    mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_SPHERE, size, np.array(ball.centre), np.eye(3).ravel(), colour)
+    geom.label = ball.name
+    geom.emission = 0.6
+
+
+def _draw_arrow(geom: mujoco.MjvGeom, arrow: Arrow) -> bool:
+    """Make a geom of a scene an arrow; return False for one that is too short to draw."""
+    start, end = np.array(arrow.start), np.array(arrow.end)
+    if np.linalg.norm(end - start) < _MIN_LENGTH:
+        return False
+    kind = mujoco.mjtGeom.mjGEOM_ARROW
+    colour = np.array(arrow.colour, np.float32)
+    mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
+    mujoco.mjv_connector(geom, kind, arrow.radius, start, end)
+    geom.size[2] *= 2.0  # MuJoCo draws half of it
+    return True

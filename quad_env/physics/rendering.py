@@ -17,38 +17,40 @@ from numpy.typing import NDArray
 
 from quad_env.physics.arrows import Arrow, Ball, draw_marks
 
-NEAR = 6.0
-"""Half-side of the square that is drawn, m; a whole height field is a million triangles."""
-STRAY = 2.5
-"""Largest distance of the target from the square's centre along an axis, m."""
+DRAWN_HALF_WIDTH = 6.0
+"""m. Half the side of the square of terrain that is drawn; a whole height field is a million triangles."""
+MAX_TARGET_OFFSET = 2.5
+"""m. Maximum distance of the target from the centre of the square along an axis, before the square is moved."""
 
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """Place of a free camera: on a sphere about the target."""
+    """Place of a free camera, on a sphere around its target."""
 
     azimuth: float = 120.0
-    """Direction in which it looks, about the vertical from world x, degrees."""
+    """Viewing direction, about the vertical from world x, degrees."""
     elevation: float = -18.0
-    """Above the horizontal, degrees: negative looks down."""
+    """Viewing direction above the horizontal, degrees; negative looks down."""
     distance: float = 2.2
-    """From the target, m."""
+    """Distance from the target, m."""
     target: tuple[float, float, float] = (0.0, 0.0, 0.3)
-    """World, m."""
+    """Target, world frame, (3), m."""
 
 
 class Camera:
-    """Off-screen renderer: one of the model's cameras, or without a name a free camera that each frame places.
+    """Off-screen renderer of one of the model's cameras, or of a free camera that is placed for each frame.
 
-    The thread that makes it draws with it and closes it.
+    The thread that makes it must draw with it and close it. Without EGL and without a display a RuntimeError is raised.
 
     Args:
-        model: of the simulation; a free camera draws a copy of it, without shadows and smooth edges, which cost a
-            processor three to six times as much.
+        model: Model of the simulation. A free camera draws a copy without shadows and smooth edges, which slow down a
+            processor three to six times.
+        width: Width of a frame, pixels.
+        height: Height of a frame, pixels.
+        camera: Name of a camera of the model; None for a free camera.
 
     Raises:
-        ValueError: the model has no such camera.
-        RuntimeError: nothing can be drawn here.
+        ValueError: The model has no camera of that name.
     """
 
     def __init__(
@@ -57,7 +59,7 @@ class Camera:
         names = [model.camera(i).name for i in range(model.ncam)]
         if camera is not None and camera not in names:
             raise ValueError(f"unknown camera {camera!r}; valid: {', '.join(names)}")
-        find_backend()
+        select_backend()
         self._camera = camera
         self._ground = TerrainPatch(model) if camera is None else None
         if self._ground is not None:
@@ -65,20 +67,23 @@ class Camera:
             model.vis.quality.offsamples = 0
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         self._size = height, width
-        # A free camera's begins with the first frame, once the ground is cut: to load all of it takes seconds.
+        # The renderer of a free camera is made with the first frame, from the cropped terrain: all of it takes seconds.
         self._renderer = None if camera is None else _Renderer(model, *self._size)
 
     def draw(
         self, data: mujoco.MjData, arrows: Sequence[Arrow | Ball] = (), *, viewpoint: Viewpoint | None = None
     ) -> NDArray[Any]:
-        """Frame (height, width, 3) uint8.
+        """Draw a frame.
 
         Args:
-            data: snapshot of the robot.
-            arrows: drawn into the frame, as are balls.
-            viewpoint: of a free camera.
+            data: Snapshot of the robot.
+            arrows: Arrows and balls to draw into the frame.
+            viewpoint: Place of a free camera.
+
+        Returns:
+            Frame, (height, width, 3) uint8.
         """
-        camera = self._camera or self._free(data, viewpoint or Viewpoint())
+        camera = self._camera or self._place_free_camera(data, viewpoint or Viewpoint())
         renderer = self._renderer
         assert renderer is not None
         renderer.update_scene(data, camera)
@@ -93,8 +98,8 @@ class Camera:
         if self._renderer is not None:
             self._renderer.close()
 
-    def _free(self, data: mujoco.MjData, viewpoint: Viewpoint) -> mujoco.MjvCamera:
-        """Camera at the viewpoint, with the ground about its target."""
+    def _place_free_camera(self, data: mujoco.MjData, viewpoint: Viewpoint) -> mujoco.MjvCamera:
+        """Return the camera at a viewpoint, after moving the drawn terrain to its target."""
         assert self._ground is not None
         is_cut = self._ground.recenter(viewpoint.target)
         if self._renderer is None:
@@ -103,13 +108,19 @@ class Camera:
             self._renderer.upload(self._ground.height_field)
         self._ground.move(data)
         camera = mujoco.MjvCamera()
-        camera.azimuth, camera.elevation = viewpoint.azimuth, viewpoint.elevation
-        camera.distance, camera.lookat[:] = viewpoint.distance, viewpoint.target
+        camera.azimuth = viewpoint.azimuth
+        camera.elevation = viewpoint.elevation
+        camera.distance = viewpoint.distance
+        camera.lookat[:] = viewpoint.target
         return camera
 
 
 class TerrainPatch:
-    """A copy of a model whose height field, if it has one, is cut to a square about a point."""
+    """Copy of a model with its height field, if it has one, cropped to a square around a point.
+
+    Args:
+        model: The whole model.
+    """
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._whole = model
@@ -121,97 +132,122 @@ class TerrainPatch:
 
     @property
     def height_field(self) -> int:
-        """Number of the height field in the model."""
+        """Index of the height field in the model."""
         return int(self.model.geom_dataid[self._geom])
 
     def recenter(self, target: tuple[float, float, float]) -> bool:
-        """Cut the square about that point, world, m, where it is too far from the present one; whether it was cut."""
+        """Crop the terrain around the `target`, world frame, m, if it is far from the centre; True if cropped."""
         if self._geom is None:
             return False
-        place = np.array(target[:2])
-        if self._centre is not None and np.abs(place - self._centre).max() <= STRAY:
+        target_xy = np.array(target[:2])
+        if self._centre is not None and np.abs(target_xy - self._centre).max() <= MAX_TARGET_OFFSET:
             return False
-        self._cut(place)
+        self._crop(target_xy)
         return True
 
     def move(self, data: mujoco.MjData) -> None:
-        """Put the square where it belongs in a snapshot of the whole model."""
+        """Put the cropped terrain at its place in `data`, a snapshot of the whole model."""
         if self._geom is not None:
             data.geom_xpos[self._geom, :2] = self._centre
 
-    def _cut(self, target: NDArray[np.float64]) -> None:
-        """Keep the samples of the height field about that point, world, m: rows lie along y, columns along x."""
-        whole, cut, field = self._whole, self.model, self.height_field
+    def _crop(self, target: NDArray[np.float64]) -> None:
+        """Keep the samples of the height field around a point, world frame, (2), m.
+
+        Rows of the height field lie along y, columns along x.
+        """
+        whole = self._whole
+        field = self.height_field
         counts = np.array((whole.hfield_ncol[field], whole.hfield_nrow[field]))
         half = whole.hfield_size[field, :2]
-        at = whole.geom_pos[self._geom, :2]
+        position = whole.geom_pos[self._geom, :2]
         spacing = 2.0 * half / (counts - 1)
-        kept = np.minimum(counts, 2 * np.maximum(1, np.round(NEAR / spacing).astype(int)) + 1)
-        first = np.clip(np.round((target - at + half) / spacing).astype(int) - kept // 2, 0, counts - kept)
+        kept = np.minimum(counts, 2 * np.maximum(1, np.round(DRAWN_HALF_WIDTH / spacing).astype(int)) + 1)
+        nearest = np.round((target - position + half) / spacing).astype(int)
+        first = np.clip(nearest - kept // 2, 0, counts - kept)
+        self._write_samples(field, counts, first, kept)
+        self.model.hfield_size[field, :2] = spacing * (kept - 1) / 2.0
+        self._centre = position - half + spacing * (first + (kept - 1) / 2.0)
+
+    def _write_samples(
+        self, field: int, counts: NDArray[np.int_], first: NDArray[np.int_], kept: NDArray[np.int_]
+    ) -> None:
+        """Write `kept` samples along x and y from the `first` on into the height field of the copy, of `counts`."""
+        whole = self._whole
+        cropped = self.model
         start = int(whole.hfield_adr[field])
         heights = whole.hfield_data[start : start + counts.prod()].reshape(counts[::-1])
-        (column, row), (columns, rows) = first, kept
-        part = heights[row : row + rows, column : column + columns]
-        cut.hfield_data[start : start + part.size] = part.ravel()
-        cut.hfield_nrow[field] = rows
-        cut.hfield_ncol[field] = columns
-        cut.hfield_size[field, :2] = spacing * (kept - 1) / 2.0
-        self._centre = at - half + spacing * (first + (kept - 1) / 2.0)
+        column, row = first
+        columns, rows = kept
+        samples = heights[row : row + rows, column : column + columns]
+        cropped.hfield_data[start : start + samples.size] = samples.ravel()
+        cropped.hfield_nrow[field] = rows
+        cropped.hfield_ncol[field] = columns
 
 
 class _Renderer(mujoco.Renderer):  # type: ignore[misc]
-    """MuJoCo's renderer, for models whose height field changes."""
+    """MuJoCo's renderer, for models with a height field that changes."""
 
     def upload(self, field: int) -> None:
-        """Draw that height field as it is in the model now."""
+        """Upload the height field with the index `field` again, after it has changed in the model."""
         if self._gl_context:
             self._gl_context.make_current()
         mujoco.mjr_uploadHField(self.model, self._mjr_context, field)
 
 
 class Window:
-    """MuJoCo's passive viewer; needs a display."""
+    """Window of MuJoCo's passive viewer; needs a display.
+
+    Args:
+        model: Model of the simulation.
+
+    Raises:
+        RuntimeError: There is no display.
+    """
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        if not shows_windows():
+        if not has_display():
             raise RuntimeError("render_mode='human' needs a display; use 'rgb_array', or start a virtual display")
         from mujoco import viewer
 
-        self._model, self._shown = model, mujoco.MjData(model)
-        others = set(threading.enumerate())
+        self._model = model
+        self._shown = mujoco.MjData(model)
+        other_threads = set(threading.enumerate())
         self._viewer = viewer.launch_passive(model, self._shown, show_left_ui=False, show_right_ui=False)
         self._viewer.cam.type = mujoco.mjtCamera.mjCAMERA_TRACKING
         self._viewer.cam.trackbodyid = model.body("base_link").id
         self._viewer.cam.distance = 2.5
-        self._threads = set(threading.enumerate()) - others
+        self._threads = set(threading.enumerate()) - other_threads
 
     def draw(self, data: mujoco.MjData) -> None:
-        """Show the snapshot."""
+        """Show `data`, a snapshot of the robot."""
         with self._viewer.lock():
-            self._shown.qpos[:], self._shown.qvel[:], self._shown.time = data.qpos, data.qvel, data.time
+            self._shown.qpos[:] = data.qpos
+            self._shown.qvel[:] = data.qvel
+            self._shown.time = data.time
             mujoco.mj_forward(self._model, self._shown)
         self._viewer.sync()
 
     def close(self) -> None:
-        """Close the window; its thread has ended then, which otherwise crashes a process that ends before it."""
+        """Close the window and wait for its threads; a process that ends before them would crash."""
         self._viewer.close()
         for thread in self._threads:
             thread.join()
 
 
-def shows_windows() -> bool:
-    """Whether there is a display."""
+def has_display() -> bool:
+    """Return True if there is a display."""
     return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def find_backend() -> None:
-    """Have MuJoCo draw with EGL where there is no display, unless MUJOCO_GL says otherwise, which it reads only when it
-    is imported.
+def select_backend() -> None:
+    """Let MuJoCo draw with EGL if there is no display, unless MUJOCO_GL names another backend.
+
+    MuJoCo reads MUJOCO_GL only when it is imported, so its module is reloaded.
 
     Raises:
-        RuntimeError: there is no EGL.
+        RuntimeError: EGL is not installed.
     """
-    if shows_windows():
+    if has_display():
         return
     if "MUJOCO_GL" not in os.environ:
         try:

@@ -80,7 +80,7 @@ def test_a_display_and_a_choice_are_left_alone(monkeypatch: pytest.MonkeyPatch) 
     """Where there is a display, MuJoCo's own choice stands."""
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     monkeypatch.setenv("DISPLAY", ":0")
-    rendering.find_backend()
+    rendering.select_backend()
     assert "MUJOCO_GL" not in os.environ
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from quad_env.physics.model import compile_model
-from quad_env.physics.rendering import NEAR, TerrainPatch
+from quad_env.physics.rendering import DRAWN_HALF_WIDTH, TerrainPatch
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField
@@ -55,6 +55,6 @@ def test_the_drawn_surface_is_that_of_the_terrain(name: str, tmp_path: Path) -> 
         assert ground.recenter((*target, 0.0)) or corner != (0.0, 0.0)
         ground.move(data)
         for _ in range(20):
-            x, y = np.clip(target + rng.uniform(-0.7, 0.7, 2) * NEAR / 2.0, -0.999 * half, 0.999 * half)
+            x, y = np.clip(target + rng.uniform(-0.7, 0.7, 2) * DRAWN_HALF_WIDTH / 2.0, -0.999 * half, 0.999 * half)
             expected = float(terrain.height(np.array(x), np.array(y)))
             assert drawn_height(ground, data, x, y) == pytest.approx(expected, abs=2e-3)
