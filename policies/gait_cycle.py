@@ -1,4 +1,4 @@
-"""Gaits: one clock, and for each leg a phase offset and the share of the cycle that it stands.
+"""Gait cycle: one clock, and for each leg a phase offset and a duty factor.
 
 A leg's cycle starts with its swing, as in the source document: swing while its phase is below 2π(1 - duty), stance
 after that. Legs are ordered fl, fr, hl, hr.
@@ -18,17 +18,17 @@ TURN = 2.0 * np.pi
 
 
 class LegCycle(NamedTuple):
-    """Where each leg is in its cycle; arrays of one shape, (..., 4) from `Gait.legs`."""
+    """State of each leg in its cycle; arrays of one shape, (..., 4) from `Gait.legs`."""
 
     swing: NDArray[np.bool_]
     """True while the foot is in the air."""
     progress: Floats
-    """How far through its swing or its stance the leg is, from 0 up to 1."""
+    """Progress of the leg's swing or stance, from 0 up to 1."""
 
 
 @dataclass(frozen=True)
 class Gait:
-    """A periodic footfall pattern."""
+    """Periodic footfall pattern."""
 
     offsets: tuple[float, ...]
     """Phase of each leg ahead of the clock, rad, order fl, fr, hl, hr."""
@@ -41,41 +41,58 @@ class Gait:
 
     @cached_property
     def has_flight(self) -> bool:
-        """Whether there is a time in the cycle at which no foot is on the ground."""
+        """True if the cycle has a time without a foot on the ground."""
         starts = np.sort(leg_phases(0.0, self.offsets)) / TURN
         return bool(np.diff(starts, append=starts[0] + 1.0).max() > self.duty + 1e-9)
 
     def legs(self, phase: ArrayLike) -> LegCycle:
-        """Each leg's place in its cycle at a global phase in rad; (...) gives (..., 4)."""
+        """Return the cycle of each leg, (..., 4), at a global `phase`, (...), rad."""
         return leg_cycles(leg_phases(phase, self.offsets), self.duty)
 
 
 def leg_cycles(phases: Floats, duty: Floats | float) -> LegCycle:
-    """Place in its cycle of a leg at a phase of its own, in [0, 2π) rad; shape of the phases."""
-    fraction, swing_share = phases / TURN, 1.0 - duty
+    """Return the cycle of legs with their own `phases`, in [0, 2π) rad, and a `duty` factor; shape of the phases."""
+    fraction = phases / TURN
+    swing_share = 1.0 - duty
     swing = fraction < swing_share
     return LegCycle(swing, np.where(swing, fraction / swing_share, (fraction - swing_share) / duty))
 
 
 def smoothstep(progress: Floats) -> Floats:
-    """Share of the way, 0 to 1, at a progress of 0 to 1, elementwise: the cubic that begins and ends level."""
+    """Interpolate from 0 to 1 at a progress of 0 … 1 by the cubic that begins and ends level."""
     return progress * progress * (3.0 - 2.0 * progress)
 
 
 def leg_phases(phase: ArrayLike, offsets: ArrayLike) -> Floats:
-    """Phase of each leg, in [0, 2π) rad; shape (..., 4) for a global phase of shape (...)."""
+    """Return the phase of each leg, (..., 4), in [0, 2π) rad, from a global `phase`, (...), and `offsets`, (4,)."""
     return (np.asarray(phase, dtype=np.float64)[..., None] + np.asarray(offsets, dtype=np.float64)) % TURN
 
 
 def advance_phase(phase: Floats, frequency: Floats | float, period: float) -> Floats:
-    """The clock one tick of `period` s later at `frequency` Hz, in [0, 2π) rad; the document's φ <- φ + 2πf·dt."""
+    """Advance a clock by one step: φ <- φ + 2πf·dt, as in the source document.
+
+    Args:
+        phase: Phase φ, rad.
+        frequency: Frequency f, Hz.
+        period: Time step dt, s.
+
+    Returns:
+        Phase, in [0, 2π) rad.
+    """
     return (phase + TURN * frequency * period) % TURN
 
 
 def map_command(gains: Any, forward: Floats, lateral: Floats, yaw_rate: Floats) -> tuple[Floats, Floats, Floats]:
-    """Forward and lateral velocity, m/s, and yaw rate, rad/s, to ask of a gait so that the robot achieves those given.
+    """Map a velocity to the input of a gait at which the robot achieves it.
 
-    `gains` are a gait's parameters, among them those of its command map, `forward_gain` … `yaw_per_lateral`.
+    Args:
+        gains: Parameters of the gait, with the fields of `policies.parameters.CommandMap`.
+        forward: Forward velocity, m/s.
+        lateral: Lateral velocity, m/s.
+        yaw_rate: Yaw rate, rad/s.
+
+    Returns:
+        Forward velocity, m/s, lateral velocity, m/s, and yaw rate, rad/s, for the gait.
     """
     return (
         gains.forward_gain * forward + gains.forward_bias,
@@ -85,11 +102,11 @@ def map_command(gains: Any, forward: Floats, lateral: Floats, yaw_rate: Floats) 
 
 
 TROT_OFFSETS = (0.0, np.pi, np.pi, 0.0)
-"""Diagonal pairs, as the document prints: fl and hr together, fr and hl half a cycle later."""
+"""Diagonal pairs, as in the source document: fl and hr together, fr and hl half a cycle later."""
 WALK_OFFSETS = (0.0, np.pi, 0.5 * np.pi, 1.5 * np.pi)
 """Four beats a quarter of a cycle apart, hl, fl, hr, fr: each hind foot just before the fore foot ahead."""
 PACE_OFFSETS = (0.0, np.pi, 0.0, np.pi)
-"""The legs of one side together, those of the other half a cycle later."""
+"""The legs of one side together, the legs of the other side half a cycle later."""
 BOUND_OFFSETS = (0.0, 0.0, np.pi, np.pi)
 """The fore legs together, the hind legs half a cycle later."""
 PRONK_OFFSETS = (0.0, 0.0, 0.0, 0.0)

@@ -25,8 +25,8 @@ class PolicyStack(Policy):
         blocks: Number of equal blocks of rows.
         replace_nonfinite: Replace targets that are not finite by finite ones, so that a network that overflows falls.
         idle_when_fallen: Do not ask a member while all its robots lie on the ground. They get the home pose.
-        robot: Robot of the stack; that of the first member by default. Needed if the members command different servo
-            gains.
+        robot: Robot of the stack; the robot of the first member by default. Needed if the members command
+            different servo gains.
     """
 
     name = "stack"
@@ -43,6 +43,7 @@ class PolicyStack(Policy):
         first = members[0]
         super().__init__(robot=first.robot if robot is None else robot, control_period=first.control_period)
         self.height_scan = first.height_scan
+        self.observations = first.observations
         self.observations = first.observations
         self._members = members
         self._blocks = blocks

@@ -1,4 +1,4 @@
-"""Policies that hold a pose: what a learner begins from that is to have no gait for a base."""
+"""Policies that hold a pose: the bases of a learner without a gait."""
 
 from functools import cached_property
 
@@ -9,18 +9,18 @@ from policies.base import Actions, Floats, Policy, to_actions
 from policies.legs.kinematics import joint_targets
 
 CROUCH_HEIGHT = 0.62
-"""Hips of the crouch above the centres of the feet, in lengths of a leg."""
+"""Height of the hips above the centres of the feet in a crouch, in leg lengths."""
 
 
 class Stand(Policy):
-    """Home pose, always."""
+    """Holds the home pose."""
 
     name = "stand"
     stiff_servos = True
 
     @cached_property
     def pose(self) -> Floats:
-        """Joint angles that it holds, rad, (12,)."""
+        """Joint angles of the pose, (12,), rad."""
         return self.robot.home_pose
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
@@ -28,13 +28,13 @@ class Stand(Policy):
 
 
 class Crouch(Stand):
-    """Knees bent, the feet under the thigh joints, always: low enough for every leg to reach out to all sides."""
+    """Holds a pose with bent knees and the feet under the thigh joints, so low that legs can reach out to all sides."""
 
     name = "crouch"
 
     @cached_property
     def pose(self) -> Floats:
-        """Joint angles that it holds, rad, (12,)."""
+        """Joint angles of the pose, (12,), rad."""
         outboard = self.robot.side * self.robot.hip_offset
         joints: Floats = joint_targets(self.robot, 0.0, outboard[None], -CROUCH_HEIGHT * self.robot.leg_length)[0]
         return joints

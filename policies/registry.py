@@ -66,7 +66,7 @@ _MODEL_BASED = (*(name for name, base in BASES.items() if base.is_model_based), 
 
 
 def names() -> tuple[str, ...]:
-    """Return the names that `make` knows, sorted: built-in policies and those of extensions."""
+    """Return the names that `make` knows, sorted: built-in policies and policies of extensions."""
     return tuple(sorted((*MAKERS, *check_new("policies", MAKERS))))
 
 
@@ -103,7 +103,7 @@ def make(
         control_period: The environment's `dt`, s.
         actuator: The environment's actuator. Model-based policies and the limits of the safety layer use it.
         sensors: The environment's sensors. Model-based policies compensate the delay of the encoders.
-        **options: Further arguments of the policy's factory, such as `parameters`.
+        **options: Further arguments of the policy's factory, for example `parameters`.
 
     Returns:
         The policy, for one robot until `reset`.
@@ -126,7 +126,7 @@ def resolve(
 
     Args:
         name_or_path: A name as `make` takes it, the folder of a bundle or training run, or a reference that
-            `ExternalPolicy` takes, such as `my_file.py:MyPolicy`.
+            `ExternalPolicy` takes, for example `my_file.py:MyPolicy`.
         robot: As in `make`.
         control_period: As in `make`, s.
         actuator: As in `make`.
@@ -138,7 +138,7 @@ def resolve(
         The policy, for one robot until `reset`.
 
     Raises:
-        PolicyError: There is no such policy, or it cannot be loaded.
+        PolicyError: There is no policy of that name, or it cannot be loaded.
     """
     reference = str(name_or_path)
     robot = get_robot(robot)

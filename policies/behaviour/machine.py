@@ -1,4 +1,4 @@
-"""The state machine: which behaviour each of n robots is in, by the transition table and nothing else."""
+"""State machine of the behaviours, driven by the transition table alone."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,16 +10,26 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 _SOURCE = np.zeros((len(TRANSITIONS), len(State)), np.bool_)
-for _number, _row in enumerate(TRANSITIONS):
-    _SOURCE[_number, list(_row.sources)] = True
-_TARGET = np.array([row.target for row in TRANSITIONS], np.int8)
+"""True where a transition applies to a state, (transitions, states)."""
+for _number, _transition in enumerate(TRANSITIONS):
+    _SOURCE[_number, list(_transition.sources)] = True
+_TARGET = np.array([transition.target for transition in TRANSITIONS], np.int8)
+"""State after each transition, (transitions,)."""
 
 
 class BehaviourMachine(PerRobotState):
-    """States of n robots. `request` asks, `observe` looks and lets happen what happens by itself."""
+    """States of n robots. `request` asks for a behaviour, `observe` takes the transitions that need no request.
+
+    `Behaviour` holds one.
+
+    Args:
+        start: State after a reset.
+        robot: Robot.
+        period: Time between two calls of `observe`, s.
+    """
 
     ticks: NDArray[np.int64] = per_robot(0)
-    """Control steps that each robot has been in its state, (n,)."""
+    """Control steps since each robot entered its state, (n,)."""
     _state: NDArray[np.int8] = per_robot()
     _changed: Mask = per_robot(True)
     _holds: Mask = per_robot(np.zeros(len(GUARDS), np.bool_))
@@ -35,13 +45,23 @@ class BehaviourMachine(PerRobotState):
         return self._state.copy()
 
     def take_changes(self) -> Mask:
-        """Robots that entered a state since this was last asked, (n,)."""
-        changed, self._changed = self._changed, np.zeros_like(self._changed)
+        """Return True for robots that entered a state since the last call, (n,)."""
+        changed = self._changed
+        self._changed = np.zeros_like(changed)
         return changed
 
     def request(self, name: str, mask: ArrayLike | None = None) -> Mask:
-        """Ask the robots of `mask`, (n,) bool, or all, for a behaviour; the mask of those to which the table does not
-        allow it under the conditions of the latest observation. ValueError for a name or mask that does not exist.
+        """Ask some robots for a behaviour.
+
+        Args:
+            name: One of REQUESTS.
+            mask: Robots, (n,) bool; all by default.
+
+        Returns:
+            True for robots that the table does not allow it, under the conditions of the latest observation, (n,).
+
+        Raises:
+            ValueError: The name is unknown.
         """
         if name not in REQUESTS:
             raise ValueError(f"unknown request {name!r}; valid: {', '.join(REQUESTS)}")
@@ -49,21 +69,25 @@ class BehaviourMachine(PerRobotState):
         return asked & ~self._take(name, asked)
 
     def observe(self, observation: NDArray[np.float32]) -> None:
-        """One control step: look at the observations (n, k) and let happen what happens by itself."""
+        """Count a control step, and take the transitions without a request that an `observation`, (n, k), triggers."""
         self.ticks += 1
         holds = conditions(self._robot, self._period, observation, self._state, self.ticks)
         self._holds = np.stack([holds[guard] for guard in GUARDS], axis=1)
         self._take("", np.ones(len(self._state), np.bool_))
 
     def _take(self, request: str, asked: Mask) -> Mask:
-        """Let each robot asked take the first row of that request that applies to it; those that took one, (n,)."""
+        """Take the first transition of a request that applies to each of the `asked` robots.
+
+        Returns:
+            True for robots that took one, (n,).
+        """
         taken = np.full(len(self._state), -1, np.int64)
-        for number, row in reversed([*enumerate(TRANSITIONS)]):
-            if row.request != request:
+        for number, transition in reversed([*enumerate(TRANSITIONS)]):
+            if transition.request != request:
                 continue
             applies = asked & _SOURCE[number][self._state]
-            if row.guard:
-                applies &= self._holds[:, GUARDS.index(row.guard)]
+            if transition.guard:
+                applies &= self._holds[:, GUARDS.index(transition.guard)]
             taken[applies] = number
         moving: Mask = taken >= 0
         self._state[moving] = _TARGET[taken[moving]]

@@ -1,4 +1,4 @@
-"""Motions of the legs with an end: each gives the targets of the robots in it, and can restart them."""
+"""Motions of the legs: damping, a controlled stop, and sequences of poses like the jump."""
 
 from abc import ABC, abstractmethod
 from typing import Any
@@ -16,70 +16,104 @@ Floating = NDArray[np.floating[Any]]
 
 
 class Motion(PerRobotState, ABC):
-    """Joint targets over time for n robots; one robot's depend on its own starts and readings alone."""
+    """Joint targets over time for n robots. The targets of a robot depend on its own starts and readings alone.
+
+    Args:
+        robot: Robot.
+        control_period: Time between two calls of `targets`, s.
+    """
 
     _target: Floats = per_robot()
     _ticks: NDArray[np.int64] = per_robot(0)
 
     def __init__(self, robot: Robot, control_period: float) -> None:
-        """`control_period`: time between two calls of `targets`, s."""
         self._robot = robot
         self._period = control_period
         super().__init__(_target=robot.home_pose)
 
     def start(self, mask: Mask, joints: Floats) -> None:
-        """Start the motion of those robots from their joint angles (k, 12), rad."""
-        self._target[mask], self._ticks[mask] = joints, 0
+        """Start the motion of the robots in the `mask`, (n,), from their `joints`, (k, 12), rad."""
+        self._target[mask] = joints
+        self._ticks[mask] = 0
 
     @abstractmethod
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
-        """One control step of the robots `rows`, (k,): targets (k, 12), rad, for those robots' observations (k, m)."""
+        """Compute the joint targets of some robots for one control step.
+
+        Args:
+            rows: Indices of the robots, (k,).
+            observation: Their observation, (k, m).
+            joints: Their joint angles, (k, 12), rad.
+
+        Returns:
+            Joint targets, (k, 12), rad.
+        """
 
 
 def interpolate_toward(
     current: Floats, goal: Floats, elapsed: Floating, duration: ArrayLike, control_period: float
 ) -> Floats:
-    """The next target on the way to `goal` (k, 12), which takes `duration` s, `elapsed` s of which are over."""
-    steps_left = np.maximum((np.asarray(duration) - elapsed) / control_period, 0.0) + 1.0
-    nearer: Floats = current + (goal - current) / steps_left[:, None]
-    return nearer
+    """Interpolate joints toward a goal.
+
+    Args:
+        current: Current targets, (k, 12), rad.
+        goal: Targets at the end, (k, 12), rad.
+        elapsed: Time since the start, (k,), s.
+        duration: Duration of the whole way, (k,), s.
+        control_period: Control period, s.
+
+    Returns:
+        Targets of the next control step, (k, 12), rad.
+    """
+    remaining_steps = np.maximum((np.asarray(duration) - elapsed) / control_period, 0.0) + 1.0
+    target: Floats = current + (goal - current) / remaining_steps[:, None]
+    return target
 
 
 class Damp(Motion):
-    """Targets at the joints themselves: of the servo only its damping is left, and the robot sinks slowly."""
+    """Damping: targets at the joint angles, so that only the damping of the servos is left and the robot sinks slowly."""
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
-        """The joints."""
+        """Return the `joints` of the robots in `rows`, without a use of the `observation`."""
         return joints
 
 
 LOWERING_SPEED = 0.2
-"""Speed of the trunk in a controlled stop, m/s; a stop faster than 0.3 would not count as controlled."""
+"""m/s. Speed of the trunk in a controlled stop; over 0.3 m/s a stop does not count as controlled."""
 FOLDING_SPEED = 4.0
-"""Fastest change of a joint target in a controlled stop, rad/s."""
+"""rad/s. Largest rate of a joint target in a controlled stop."""
 STOP_HEIGHT = 0.2
-"""Hip joints above the feet's centres at the end of a controlled stop, m: as low as the knees fold, and no fall."""
+"""m. Hip joints above the feet's centres at the end of a controlled stop: as low as the knees fold without a fall."""
 STOP_OUTWARD = 0.04
-"""Feet outward of a hanging leg's place, m."""
+"""m. Distance of the feet outward of a hanging leg."""
 
 
 class Stop(Motion):
-    """A controlled stop: feet below the hips, trunk lowered slowly, then held there."""
+    """Controlled stop: feet below the hips, trunk lowered slowly, then held at its height."""
 
     _height: Floats = per_robot(0.0)
 
     def start(self, mask: Mask, joints: Floats) -> None:
-        """Begin with those robots' joints."""
+        """Start the motion of the robots in the `mask`, (n,), from their `joints`, (k, 12), rad."""
         super().start(mask, joints)
         self._height[mask] = np.nan
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
-        """Targets of those robots."""
+        """Compute the joint targets of some robots; see `Motion.targets`.
+
+        Args:
+            rows: Indices of the robots, (k,).
+            observation: Their observation, (k, m).
+            joints: Their joint angles, (k, 12), rad.
+
+        Returns:
+            Joint targets, (k, 12), rad.
+        """
         robot = self._robot
-        present = leg_height(robot, observation[:, OBSERVATION["projected_gravity"]], joints)
-        present = present - robot.foot_depth + robot.hip_rise
-        height = np.where(np.isnan(self._height[rows]), present, self._height[rows])
-        height = np.maximum(height - LOWERING_SPEED * self._period, np.minimum(STOP_HEIGHT, present))
+        measured = leg_height(robot, observation[:, OBSERVATION["projected_gravity"]], joints)
+        measured = measured - robot.foot_depth + robot.hip_rise
+        height = np.where(np.isnan(self._height[rows]), measured, self._height[rows])
+        height = np.maximum(height - LOWERING_SPEED * self._period, np.minimum(STOP_HEIGHT, measured))
         self._height[rows] = height
         y = robot.hip_offset * robot.side + STOP_OUTWARD * robot.side
         goal = joint_targets(robot, 0.0, y, -height[:, None])
@@ -89,11 +123,17 @@ class Stop(Motion):
 
 
 def jump_keyframes(robot: Robot) -> tuple[tuple[float, float, float, float], ...]:
-    """Crouch, thrust, flight and landing, stand: every foot ahead of its hip, m, hip above the foot's centre, m, way
-    there, s, time there, s.
+    """Return the keyframes of the jump: crouch, thrust, flight and landing, stand.
 
-    From a random search for the least pitch at 0.165 m of rise or more: knees that all bend backward turn the trunk,
-    and the feet behind the hips at take-off make up for part of it.
+    They come from a random search for the smallest pitch at 0.165 m of rise or more. Knees that all bend backward turn
+    the trunk, and the feet behind the hips at take-off compensate part of it.
+
+    Args:
+        robot: Robot.
+
+    Returns:
+        For each keyframe: feet ahead of the hips, m, hips above the feet's centres, m, duration of the way, s, and
+        duration of the hold, s.
     """
     return (
         (0.007, 0.377, 0.35, 0.1),
@@ -104,21 +144,39 @@ def jump_keyframes(robot: Robot) -> tuple[tuple[float, float, float, float], ...
 
 
 class PoseSequence(Motion):
-    """Poses (p, 12), rad, by the clock: from the joints at the start to each in its `durations`, s, and there for its
-    `holds`, s."""
+    """Sequence of poses on a clock.
+
+    Args:
+        robot: Robot.
+        control_period: Time between two calls of `targets`, s.
+        poses: Joint angles of p poses, (p, 12), rad.
+        durations: Duration of the way to each pose, (p,), s.
+        holds: Duration of the hold of each pose, (p,), s.
+    """
 
     def __init__(
         self, robot: Robot, control_period: float, poses: Floats, durations: ArrayLike, holds: ArrayLike
     ) -> None:
         super().__init__(robot, control_period)
-        self._poses, self._durations = poses, np.asarray(durations)
+        self._poses = poses
+        self._durations = np.asarray(durations)
         self._begins = np.concatenate(([0.0], np.cumsum(self._durations + holds)[:-1]))
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
-        """Targets of those robots."""
+        """Compute the joint targets of some robots; see `Motion.targets`.
+
+        Args:
+            rows: Indices of the robots, (k,).
+            observation: Their observation, (k, m).
+            joints: Their joint angles, (k, 12), rad.
+
+        Returns:
+            Joint targets, (k, 12), rad.
+        """
         time = self._ticks[rows] * self._period
         frame = np.searchsorted(self._begins, time + 1e-9, side="right") - 1
-        elapsed, duration = time - self._begins[frame], self._durations[frame]
+        elapsed = time - self._begins[frame]
+        duration = self._durations[frame]
         target = interpolate_toward(self._target[rows], self._poses[frame], elapsed, duration, self._period)
         self._target[rows] = target
         self._ticks[rows] += 1
@@ -126,17 +184,17 @@ class PoseSequence(Motion):
 
 
 HOLD_TIME = 0.4
-"""From the joints' pose to the home pose, s."""
+"""s. Duration of the way to the home pose."""
 
 
 def make_hold(robot: Robot, control_period: float) -> PoseSequence:
-    """The home pose, approached within `HOLD_TIME`."""
+    """Make the motion to the home pose of a `robot` within HOLD_TIME, at a `control_period`, s."""
     return PoseSequence(robot, control_period, robot.home_pose[None], [HOLD_TIME], [0.0])
 
 
 def make_jump(robot: Robot, control_period: float) -> PoseSequence:
-    """Keyframes by the clock; the joint servos take the landing."""
+    """Make the jump of a `robot` at a `control_period`, s: keyframes on a clock; the joint servos absorb the landing."""
     forwards, heights, durations, holds = np.transpose(jump_keyframes(robot))
-    pairs = zip(forwards, heights, strict=True)
-    feet = [[(forward, side * robot.hip_offset, -height) for side in robot.side] for forward, height in pairs]
+    frames = zip(forwards, heights, strict=True)
+    feet = [[(forward, side * robot.hip_offset, -height) for side in robot.side] for forward, height in frames]
     return PoseSequence(robot, control_period, joint_angles(robot, feet).reshape(len(feet), -1), durations, holds)

@@ -1,4 +1,4 @@
-"""The behaviours as a policy: the machine says what each robot does, a motion or a gait does it."""
+"""Behaviours as a policy: a state machine selects the behaviour of each robot, and a motion or a gait performs it."""
 
 from typing import Unpack
 
@@ -15,23 +15,26 @@ from policies.trot.open_loop import Trot
 from quad_env import OBSERVATION
 
 WALKING_SPEED = 0.6
-"""Fastest that a walking robot is asked for, m/s; a running one is asked for the command."""
-RUN_ABOVE, WALK_BELOW = 0.7, 0.5
-"""Commanded speeds at which a robot that follows the command begins and ceases to run, m/s."""
+"""m/s. Largest planar speed of a walking robot; a running one follows the command."""
+RUN_ABOVE = 0.7
+"""m/s. Commanded speed above which a robot that follows the command runs."""
+WALK_BELOW = 0.5
+"""m/s. Commanded speed below which a running robot walks again."""
 MOVE_ABOVE = 0.02
-"""Command, m/s or rad/s, above which it walks; below, it stands."""
+"""m/s or rad/s. Command above which a robot walks; below, it stands."""
 BLEND_TIME = 0.2
-"""From the targets before to a gait's, s."""
+"""s. Duration of the blend from the targets of the last behaviour to the targets of the gait."""
 
 _COMMAND = OBSERVATION["command"]
 
 
 class Behaviour(Policy):
-    """n robots, each in one `State`: ask with `request`, read `state`.
+    """Behaviours of n robots, each in one `State`: ask for one with `request`, and read `state`.
 
     Args:
-        start: state after a reset.
-        follow: ask for stand, walk and run by the commanded velocity; for others, requests alone count.
+        start: State after a reset.
+        follow: Request stand, walk and run from the commanded velocity. Without it only `request` changes the state.
+        **kwargs: See `Policy`.
     """
 
     name = "behaviour"
@@ -39,9 +42,10 @@ class Behaviour(Policy):
     _targets: Floats = per_robot()
     _was_moving: Mask = per_robot(False)
 
-    def __init__(self, start: State = State.STAND, follow: bool = True, **made_for: Unpack[PolicyKwargs]) -> None:
-        super().__init__(**made_for)
-        robot, control_period = self.robot, self.control_period
+    def __init__(self, start: State = State.STAND, follow: bool = True, **kwargs: Unpack[PolicyKwargs]) -> None:
+        super().__init__(**kwargs)
+        robot = self.robot
+        control_period = self.control_period
         self._gait = Trot(robot=robot, control_period=control_period)
         self._follow = follow
         self.machine = BehaviourMachine(start, robot, control_period)
@@ -59,7 +63,7 @@ class Behaviour(Policy):
         return self.machine.state
 
     def request(self, name: str, mask: ArrayLike | None = None) -> Mask:
-        """Ask for a behaviour; see `BehaviourMachine.request`."""
+        """Ask the robots in the `mask` for the behaviour `name`; see `BehaviourMachine.request`."""
         return self.machine.request(name, mask)
 
     def _allocate(self, num_envs: int) -> None:
@@ -73,7 +77,7 @@ class Behaviour(Policy):
     def _act(self, observation: NDArray[np.float32]) -> Actions:
         self.machine.observe(observation)
         if self._follow:
-            self._ask_for_what_the_command_needs(observation)
+            self._request_from_command(observation)
         state, changed = self.machine.state, self.machine.take_changes()
         rows = observation.astype(np.float64)
         joints = rows[:, OBSERVATION["joint_position"]] + self.robot.home_pose
@@ -82,7 +86,7 @@ class Behaviour(Policy):
             within = state == behaviour
             if within.any():
                 if (entering := within & changed).any():
-                    # From the targets before, so that a change of behaviour is no jerk.
+                    # From the last targets, so that a change of behaviour is smooth.
                     motion.start(entering, self._targets[entering])
                 members = np.flatnonzero(within)
                 targets[members] = motion.targets(members, rows[members], joints[members])
@@ -90,7 +94,7 @@ class Behaviour(Policy):
         return to_actions(self.robot, targets)
 
     def _gait_targets(self, observation: NDArray[np.float32], state: NDArray[np.int8]) -> Floats:
-        """Targets of the robots that walk or run, (n, 12), blended from those before; of the others the former ones."""
+        """Return the targets of the robots that walk or run, (n, 12), rad, blended; the last targets of the others."""
         moving = (state == State.WALK) | (state == State.RUN)
         starting = moving & ~self._was_moving
         self._was_moving = moving
@@ -107,8 +111,10 @@ class Behaviour(Policy):
         blended = self._targets + (gait - self._targets) * np.where(state == State.WALK, share, 1.0)[:, None]
         return np.where(moving[:, None], blended, self._targets)
 
-    def _ask_for_what_the_command_needs(self, observation: NDArray[np.float32]) -> None:
-        command, state = observation[:, _COMMAND].astype(np.float64), self.machine.state
+    def _request_from_command(self, observation: NDArray[np.float32]) -> None:
+        """Request stand, walk or run from the commanded velocity."""
+        command = observation[:, _COMMAND].astype(np.float64)
+        state = self.machine.state
         speed = np.sqrt(command[:, 0] ** 2 + command[:, 1] ** 2)
         moving = (np.abs(command) > MOVE_ABOVE).any(axis=1)
         wanted = {
@@ -122,7 +128,7 @@ class Behaviour(Policy):
 
 
 def limit_to_walking_speed(command: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Commands (n, 3) with the planar velocity shortened to the walking speed."""
+    """Limit the planar velocity of commands, (n, 3), to WALKING_SPEED."""
     speed = np.sqrt(command[:, 0] ** 2 + command[:, 1] ** 2)
     share = np.minimum(1.0, np.float32(WALKING_SPEED) / np.maximum(speed, np.float32(1e-6)))
     return np.concatenate((command[:, :2] * share[:, None], command[:, 2:]), axis=1)

@@ -1,4 +1,4 @@
-"""The behaviours, every way from one to another as a table, and the conditions on observations that guard these."""
+"""Behaviours, the table of transitions between them, and the conditions on observations that guard transitions."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -15,7 +15,7 @@ from quad_env.robots.robot import Robot
 
 
 class State(IntEnum):
-    """What a robot is doing; it does exactly one of these at a time."""
+    """Behaviour of a robot; it is in exactly one at a time."""
 
     STAND = 0
     WALK = 1
@@ -29,17 +29,20 @@ class State(IntEnum):
 
 @dataclass(frozen=True)
 class Transition:
-    """One row; of the rows that apply at once the first is taken."""
+    """Row of the transition table. If several rows apply, the first is taken."""
 
     sources: tuple[State, ...]
+    """States that it starts from."""
     request: str
-    """The request that it answers; empty for one that happens by itself."""
+    """Request that triggers it; empty if it needs none."""
     guard: str
-    """One of `conditions` that must hold; empty for none."""
+    """Entry of `conditions` that must hold; empty for none."""
     target: State
+    """State that it ends in."""
 
 
 ON_ITS_LEGS = (State.STAND, State.WALK, State.RUN, State.JUMP)
+"""States of an upright robot."""
 
 TRANSITIONS = (
     Transition((State.WALK,), "stand", "", State.STAND),
@@ -56,35 +59,37 @@ TRANSITIONS = (
 )
 
 REQUESTS = tuple(dict.fromkeys(row.request for row in TRANSITIONS if row.request))
-"""What may be asked for."""
+"""Names of the requests."""
 GUARDS = tuple(dict.fromkeys(row.guard for row in TRANSITIONS if row.guard))
-"""Conditions that the table looks at."""
+"""Names of the conditions in the table."""
 
 TIME_LIMIT: dict[State, float] = {State.JUMP: 3.0, State.FALL: 0.5, State.RECOVER: 8.0}
-"""s in a state after which it is `late`; in the others it never is."""
+"""s. Time in a state after which the condition `late` holds; in other states it never does."""
 
 TOPPLING_TILT = np.deg2rad(60.0)
-"""Tilt past which a robot on its legs counts itself lost and goes limp: 10° before the fall rule, `FallRule.tilt`."""
+"""rad. Tilt beyond which an upright robot gives up and goes limp: 10° before the fall rule, `FallRule.tilt`."""
 _FALL_RULE = FallRule()
 HOME_TILT = np.deg2rad(10.0)
-"""Tilt up to which a robot may be in its home pose; whether it stands is for `evaluate.measures.at_rest` to say."""
+"""rad. Tilt up to which a robot may be in its home pose; `evaluate.measures.at_rest` decides whether it stands."""
 POSE_TOLERANCE = 0.15
-"""Distance of each joint from the home pose, rad; a servo under the robot's weight gives 0.02."""
-STILL_LINEAR, STILL_ANGULAR = 0.3, 0.5
-"""Trunk speeds below which a robot is still, m/s and rad/s."""
+"""rad. Distance of each joint from the home pose; a servo under the robot's weight sags by 0.02."""
+STILL_LINEAR = 0.3
+"""m/s. Speed of the trunk along each axis below which a robot is still."""
+STILL_ANGULAR = 0.5
+"""rad/s. Angular velocity of the trunk about each axis below which a robot is still."""
 SETTLED_ANGULAR = 1.5
-"""Turning speed below which a fall is over, rad/s."""
+"""rad/s. Angular velocity of the trunk about each axis below which a fall is over."""
 MINIMUM_TIME = 0.1
-"""s in a state before a fall, a jump or a getting up may be over."""
+"""s. Shortest time in a state before a fall, a jump or a recovery may be over."""
 JUMP_TIME = 0.9
-"""s after which a jump that was made has landed."""
+"""s. Time in the state after which a jump may have landed."""
 
 _NEVER = 2**62
 
 
 @cache
 def _limit_ticks(control_period: float) -> NDArray[np.int64]:
-    """Control steps in each state after which a robot is late."""
+    """Return the control steps in each state after which the condition `late` holds."""
     return np.array([round(TIME_LIMIT[state] / control_period) if state in TIME_LIMIT else _NEVER for state in State])
 
 
@@ -95,7 +100,18 @@ def conditions(
     state: NDArray[np.int8],
     ticks: NDArray[np.int64],
 ) -> dict[str, Mask]:
-    """Name -> whether it holds, for observations (n, k), states (n,) and control steps spent in them (n,)."""
+    """Evaluate the conditions of the transition table.
+
+    Args:
+        robot: Robot.
+        control_period: Control period, s.
+        observation: Observation, (n, k).
+        state: State of each robot, (n,).
+        ticks: Control steps in the state, (n,).
+
+    Returns:
+        True for robots that meet the condition, (n,), for each condition by name.
+    """
     rows = observation.astype(np.float64)
     gravity = rows[:, OBSERVATION["projected_gravity"]]
     joints = rows[:, OBSERVATION["joint_position"]]
@@ -115,5 +131,6 @@ def conditions(
 
 
 def _largest(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the largest magnitude of each row, (n,)."""
     magnitude: NDArray[np.float64] = np.abs(values).max(axis=1)
     return magnitude

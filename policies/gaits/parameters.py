@@ -1,4 +1,4 @@
-"""The gaits by name: footfall pattern and numbers of each, and frequency and duty factor by the speed asked for."""
+"""Gaits by name: footfall patterns and parameters, and their frequency and duty factor at a commanded velocity."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -14,7 +14,7 @@ from quad_env.robots.similarity import LATERAL_LENGTH
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PARAMETERS_FILE = Path(__file__).with_name("gaits.json")
-"""The searched parameters of each gait."""
+"""File of the searched parameters of each gait."""
 
 OFFSETS = {
     "bound": BOUND_OFFSETS,
@@ -23,18 +23,18 @@ OFFSETS = {
     "trot": TROT_OFFSETS,
     "walk": WALK_OFFSETS,
 }
-"""Phase of each leg ahead of the clock, rad, order fl, fr, hl, hr, by the name of the gait that steps."""
+"""Phase of each leg ahead of the clock, rad, order fl, fr, hl, hr, of each gait that steps."""
 STAND = "stand"
 GAITS = (*OFFSETS, STAND)
-"""The names of all gaits."""
+"""Names of all gaits."""
 
 UNLIMITED = 10.0
-"""A limit of commands that none reaches, m/s or rad/s."""
+"""m/s or rad/s. Limit for a command that has none; no command reaches it."""
 
 
 @dataclass(frozen=True)
 class GaitParameters(CommandMap):
-    """Numbers of one gait; a robot that changes gait goes through all values between."""
+    """Parameters of one gait; a robot that changes gait goes through all values in between."""
 
     frequency: float = parameter(3.0, limits=(0.05, 50.0), unit="Hz")
     """Gait cycles a second at rest, Hz."""
@@ -49,19 +49,19 @@ class GaitParameters(CommandMap):
     step_height: float = parameter(0.08, limits=(0.0, 2.0), unit="m")
     """Lift of the foot at mid-swing, m."""
     stance_width: float = parameter(0.5, limits=(0.005, 10.0), unit=LATERAL_LENGTH)
-    """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
+    """Distance between the lines of the left and the right feet, m; at 0.5 the legs hang straight down."""
     stance_shift: float = parameter(0.0, limits=(-2.0, 2.0), unit="m ahead")
     """Middle of the strides ahead of the hip joints, m."""
     bounce: float = parameter(0.0, limits=(0.0, 2.0))
-    """How far each hip is thrown up while its leg swings, per free flight of that time."""
+    """Height that each hip is thrown up while its leg swings, per free flight of the same time."""
     sway: float = parameter(0.0, limits=(-2.0, 2.0), unit="m")
-    """How far the trunk leans over to the side of the standing feet while those of the other side swing, m."""
+    """Displacement of the trunk towards the standing feet while the feet of the other side swing, m."""
     stance_load: float = parameter(0.8, limits=(0.0, 3.0))
-    """Share of its mean load whose give in the joint servos the targets of a standing leg make up for."""
+    """Share of a standing leg's mean load that the joint targets compensate the sag of the servos for."""
     servo_lead: float = parameter(0.01, limits=(0.0, 1.0), unit="s")
-    """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
+    """Lead of the targets along the tangent of the path, s; it compensates the lag of the joint servos."""
     forward_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="m/s")
-    """Fastest forward command that the gait follows, m/s; asked for more it goes the same way more slowly: `slowed`."""
+    """Fastest forward command, m/s; a faster one is scaled down, see `limit_command`."""
     backward_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="m/s")
     """Fastest backward command, m/s."""
     lateral_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="m/s")
@@ -71,11 +71,15 @@ class GaitParameters(CommandMap):
 
 
 NO_LIMITS = dict.fromkeys(("forward_limit", "backward_limit", "lateral_limit", "yaw_limit"), UNLIMITED)
-"""Limits of the commands, by field name: ahead, back, sideways and turning, in that order."""
-MIN_FREQUENCY, MAX_FREQUENCY = 0.3, 15.0
-"""Bounds of the frequency at any speed, Hz."""
-MIN_DUTY, MAX_DUTY = 0.1, 0.95
-"""Bounds of the duty factor at any speed."""
+"""Unlimited commands, by field name: forward, backward, lateral and yaw, in this order."""
+MIN_FREQUENCY = 0.3
+"""Hz. Lower bound of the frequency at any speed."""
+MAX_FREQUENCY = 15.0
+"""Hz. Upper bound of the frequency at any speed."""
+MIN_DUTY = 0.1
+"""Lower bound of the duty factor at any speed."""
+MAX_DUTY = 0.95
+"""Upper bound of the duty factor at any speed."""
 
 NAMES = tuple(field.name for field in fields(GaitParameters))
 INDEX = {name: column for column, name in enumerate(NAMES)}
@@ -83,7 +87,10 @@ INDEX = {name: column for column, name in enumerate(NAMES)}
 
 
 def stand_parameters(robot: Robot) -> GaitParameters:
-    """Parameters of standing in the home pose; until the robot has come to rest it steps in place as in a walk."""
+    """Return the parameters of standing in the home pose.
+
+    Until the robot has come to rest it steps in place as in a walk.
+    """
     return GaitParameters(
         frequency=2.5,
         frequency_rise=0.0,
@@ -96,25 +103,52 @@ def stand_parameters(robot: Robot) -> GaitParameters:
 
 
 def froude_number(robot: Robot, command: Floats, body_height: Floats) -> Floats:
-    """Froude number v²/(g·h) of the fastest hip at a velocity command (n, 3) on legs of `body_height` (n,), m; (n,)."""
+    """Compute the Froude number v²/(g·h) of the fastest hip.
+
+    Args:
+        robot: Robot.
+        command: Velocity command, (n, 3), m/s and rad/s.
+        body_height: Height of the hips above the feet, (n,), m.
+
+    Returns:
+        Froude number, (n,).
+    """
     hip_radius = float(np.hypot(robot.hip_positions[0, 0], robot.hip_positions[0, 1]))
     speed = np.sqrt(command[:, 0] * command[:, 0] + command[:, 1] * command[:, 1]) + hip_radius * np.abs(command[:, 2])
     return speed * speed / (GRAVITY * body_height)
 
 
 def limit_command(values: Floats, command: Floats) -> Floats:
-    """The velocity commands (n, 3) that robots with parameters (n, len(NAMES)) follow: beyond the ellipsoid whose half
-    axes are the gait's limits they go the same way, and turn as tightly, on its surface.
+    """Limit velocity commands to the ellipsoid with the limits of the gait as half axes.
+
+    A command outside of it is scaled to its surface, so that the direction and the turning radius stay.
+
+    Args:
+        values: Parameters, (n, len(NAMES)).
+        command: Velocity commands, (n, 3), m/s and rad/s.
+
+    Returns:
+        Limited commands, (n, 3).
     """
     forward, backward, lateral, yaw = (values[:, INDEX[name]] for name in NO_LIMITS)
     ahead = command[:, 0] / np.where(command[:, 0] < 0.0, backward, forward)
-    sideways, turning = command[:, 1] / lateral, command[:, 2] / yaw
+    sideways = command[:, 1] / lateral
+    turning = command[:, 2] / yaw
     size = np.sqrt(ahead * ahead + sideways * sideways + turning * turning)
     return command / np.maximum(size, 1.0)[:, None]
 
 
 def gait_timing(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, Floats]:
-    """Frequency, Hz, and duty factor, each (n,), by parameters (n, len(NAMES)) at a velocity command (n, 3)."""
+    """Compute frequency and duty factor at a commanded velocity.
+
+    Args:
+        robot: Robot.
+        values: Parameters, (n, len(NAMES)).
+        command: Velocity command, (n, 3), m/s and rad/s.
+
+    Returns:
+        Frequency, (n,), Hz, and duty factor, (n,).
+    """
     column = INDEX
     pace = np.sqrt(np.minimum(froude_number(robot, command, values[:, column["body_height"]]), 1.0))
     frequency = values[:, column["frequency"]] + values[:, column["frequency_rise"]] * pace
@@ -123,17 +157,20 @@ def gait_timing(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, 
 
 
 def parameter_row(parameters: GaitParameters) -> Floats:
-    """The parameters as one row, (len(NAMES),)."""
+    """Return the parameters as an array, (len(NAMES),)."""
     return np.array([getattr(parameters, name) for name in NAMES], dtype=np.float64)
 
 
 def searched_parameters(robot: Robot = SIMPLE_QUAD) -> dict[str, GaitParameters]:
-    """SimpleQuad's outcome of the searches, from PARAMETERS_FILE, for the robot, by gait that steps. Raises PolicyError
-    where it is damaged."""
+    """Load the searched parameters of each gait that steps, scaled to a `robot`.
 
-    def decoded(gaits: dict[str, Any]) -> dict[str, GaitParameters]:
+    PolicyError if PARAMETERS_FILE is damaged.
+    """
+
+    def decode(gaits: dict[str, Any]) -> dict[str, GaitParameters]:
         if set(gaits) != set(OFFSETS):
             raise ValueError(f"it has {', '.join(gaits)} instead of {', '.join(OFFSETS)}")
         return {name: from_json(GaitParameters, values) for name, values in gaits.items()}
 
-    return {name: scaled_parameters(each, robot) for name, each in read_parameters(PARAMETERS_FILE, decoded).items()}
+    parameters = read_parameters(PARAMETERS_FILE, decode)
+    return {name: scaled_parameters(gait_parameters, robot) for name, gait_parameters in parameters.items()}

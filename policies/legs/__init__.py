@@ -1,1 +1,1 @@
-"""Legs and the ground below them: kinematics, foot paths, footholds, contacts."""
+"""Legs and the ground below them: kinematics, foot paths, ground plane, level frame."""

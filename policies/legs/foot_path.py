@@ -1,4 +1,4 @@
-"""Paths of feet: over one cycle relative to the body, as dimensionless shapes of a leg's progress, and to a foothold.
+"""Foot paths: dimensionless shapes of a leg's progress through its cycle, and swing trajectories to a foothold.
 
 A stride carries the foot from +1/2 to -1/2 of its length at constant speed in stance, and back in swing. The swing
 leaves the ground with the velocity that the stance ended with and lands with the velocity that the next one starts
@@ -12,10 +12,17 @@ from quad_env.config import GRAVITY
 
 
 def stride_displacement(cycle: LegCycle, duty: float) -> Floats:
-    """Displacement along the stride, in stride lengths; +0.5 at touch-down, -0.5 at lift-off; shape of the cycle.
+    """Compute the displacement of a foot along its stride, in stride lengths.
 
-    In swing the cubic with u(0) = -1/2, u(1) = 1/2 and the stance's own slope at both ends: per unit of swing progress
-    that slope is -r, with r = (swing time)/(stance time).
+    In swing it is the cubic with u(0) = -1/2, u(1) = 1/2 and the slope of the stance at both ends. Per unit of swing
+    progress this slope is -r, with r = (swing time)/(stance time).
+
+    Args:
+        cycle: Leg cycle.
+        duty: Duty factor.
+
+    Returns:
+        +0.5 at touch-down, -0.5 at lift-off; shape of the cycle.
     """
     t = cycle.progress
     ratio = (1.0 - duty) / duty
@@ -24,34 +31,46 @@ def stride_displacement(cycle: LegCycle, duty: float) -> Floats:
 
 
 def swing_lift(cycle: LegCycle) -> Floats:
-    """Height above the ground, in step heights: 0 in stance, 1 at mid-swing, level at both ends; shape of the cycle."""
+    """Compute the height of a foot in step heights: 0 in stance, 1 at mid-swing, level at both ends of the swing."""
     t = cycle.progress
     arc = 4.0 * t * (1.0 - t)
     return np.where(cycle.swing, arc * arc, 0.0)
 
 
 def load_fraction(cycle: LegCycle) -> Floats:
-    """Share of its load that a foot carries: 0 in swing, 1 for most of the stance; shape of the cycle."""
+    """Compute the share of its load that a foot carries: 0 in swing, 1 for most of the stance."""
     t = cycle.progress
     edge = (2.0 * t - 1.0) ** 2
     return np.where(cycle.swing, 0.0, 1.0 - edge * edge)
 
 
 def cycloid(progress: Floats) -> tuple[Floats, Floats]:
-    """Share of the way over the ground and of the step height at a swing progress from 0 to 1; shapes of `progress`.
+    """Compute a cycloid: t - sin(2πt)/2π forward and sin²(πt) up, so that the foot lifts off and lands at rest.
 
-    t - sin(2πt)/2π forward and sin²(πt) up: the foot leaves the ground and lands on it at rest.
+    Args:
+        progress: Progress t of the swing, 0 … 1.
+
+    Returns:
+        Share of the way over the ground, and share of the step height; shapes of `progress`.
     """
     turn = 2.0 * np.pi * progress
     return progress - np.sin(turn) / (2.0 * np.pi), 0.5 - 0.5 * np.cos(turn)
 
 
 def hip_bounce(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce: Floats) -> Floats:
-    """Height of a hip about its mean course over a cycle, m: thrown up by the stance and caught by the next one.
+    """Compute the height of a hip above its mean over a cycle: the stance throws it up, and the next one catches it.
 
     With `bounce` 1 the hip flies freely in swing, g·t·(T - t)/2, and its stance dips along a half-sine that takes up
-    and gives back the same speed, gT/2; a smaller `bounce` scales both. Times in s, shapes to broadcast with the
-    cycle's.
+    and gives back the same speed, gT/2. A smaller `bounce` scales both.
+
+    Args:
+        cycle: Leg cycle.
+        swing_time: Duration T of a swing, s; broadcasts with the cycle.
+        stance_time: Duration of a stance, s; broadcasts with the cycle.
+        bounce: Scale, 0 … 1; broadcasts with the cycle.
+
+    Returns:
+        Height, m.
     """
     t = cycle.progress
     fall = 0.5 * GRAVITY * bounce * swing_time
@@ -62,6 +81,16 @@ def hip_bounce(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce:
 
 
 def cubic_swing(start: Floats, end: Floats, slope: Floats, progress: Floats) -> Floats:
-    """Cubic from start to end that leaves and arrives with the same slope, per unit of progress: the ground's."""
+    """Interpolate from start to end by a cubic with the same slope at both ends.
+
+    Args:
+        start: Value at progress 0.
+        end: Value at progress 1.
+        slope: Slope at both ends per unit of progress; for a foot, the velocity of the ground.
+        progress: Progress, 0 … 1.
+
+    Returns:
+        Value at the progress.
+    """
     t = progress
     return start + smoothstep(t) * (end - start) + slope * (t * (1.0 - t) * (1.0 - 2.0 * t))

@@ -1,4 +1,4 @@
-"""The ground as the feet have met it: where each foot last stood, and the plane through these footprints.
+"""Ground plane through the footprints, the places where the feet last stood.
 
 Everything is in the level frame (see `policies.legs.level_frame`), legs along the first axis: arrays of shape (4, n).
 """
@@ -10,43 +10,65 @@ from policies.legs.level_frame import Vector
 from quad_env.columns import ordered_sum
 
 MAX_SLOPE = 1.2
-"""Largest slope that a fit gives, m/m."""
-_NARROW = 1e-6
-"""Added to the spread of the footprints, m²: what would make a plane of footprints on one line."""
+"""m/m. Largest slope of a fit in each direction."""
+_SPREAD_REGULARISATION = 1e-6
+"""m². Added to the spread of the footprints, so that footprints on a line also define a plane."""
 
 Plane = tuple[Floats, Floats, Floats]
-"""Height at the trunk's x, y (relative to the trunk's centre, m) and rise per metre forward and to the left; (n,)."""
+"""Height below the trunk's centre, relative to it, m, and rise per metre forward and to the left; each (n,)."""
 
 
 def advect_footprints(prints: Floats, velocity: Vector | Floats, yaw_rate: Floats, period: float) -> Floats:
-    """Footprints, (3, 4, n), m, one period of `period` s later: they pass under a trunk that moves and turns."""
+    """Move footprints under a trunk that moves and turns.
+
+    Args:
+        prints: Footprints, (3, 4, n), m.
+        velocity: Velocity of the trunk, (3, n), m/s.
+        yaw_rate: Yaw rate of the trunk, (n,), rad/s.
+        period: Time step, s.
+
+    Returns:
+        Footprints after the time step, (3, 4, n), m.
+    """
     x, y, _ = prints
-    forward, lateral, passed = velocity[0], velocity[1], np.empty_like(prints)
-    passed[0], passed[1], passed[2] = forward - yaw_rate * y, lateral + yaw_rate * x, velocity[2]
-    return prints - period * passed
+    passing = np.empty_like(prints)
+    passing[0] = velocity[0] - yaw_rate * y
+    passing[1] = velocity[1] + yaw_rate * x
+    passing[2] = velocity[2]
+    return prints - period * passing
 
 
 def fit_plane(prints: Floats) -> Plane:
-    """Least-squares plane through the footprints."""
+    """Fit the least-squares plane through the footprints, (3, 4, n), m."""
     legs = prints.swapaxes(0, 1)
-    mean_x, mean_y, mean_z = mean = 0.25 * ordered_sum(legs)
-    apart = legs - mean
-    xx, yy, xy, xz, yz = ordered_sum(apart[:, [0, 1, 0, 0, 1]] * apart[:, [0, 1, 1, 2, 2]])
-    xx, yy = xx + _NARROW, yy + _NARROW
-    determinant = np.maximum(xx * yy - xy * xy, _NARROW * _NARROW)
+    mean = 0.25 * ordered_sum(legs)
+    centred = legs - mean
+    xx, yy, xy, xz, yz = ordered_sum(centred[:, [0, 1, 0, 0, 1]] * centred[:, [0, 1, 1, 2, 2]])
+    xx = xx + _SPREAD_REGULARISATION
+    yy = yy + _SPREAD_REGULARISATION
+    determinant = np.maximum(xx * yy - xy * xy, _SPREAD_REGULARISATION * _SPREAD_REGULARISATION)
     forward = ((xz * yy - yz * xy) / determinant).clip(-MAX_SLOPE, MAX_SLOPE)
     lateral = ((yz * xx - xz * xy) / determinant).clip(-MAX_SLOPE, MAX_SLOPE)
-    return mean_z - forward * mean_x - lateral * mean_y, forward, lateral
+    return mean[2] - forward * mean[0] - lateral * mean[1], forward, lateral
 
 
 def plane_height(plane: Plane, x: Floats, y: Floats) -> Floats:
-    """Height of the plane there, relative to the trunk's centre, m; shapes that broadcast with (n,)."""
+    """Compute the height of the plane relative to the trunk's centre.
+
+    Args:
+        plane: Plane.
+        x: Forward coordinate, m; broadcasts with (n,).
+        y: Lateral coordinate, m; broadcasts with (n,).
+
+    Returns:
+        Height, m.
+    """
     height, forward, lateral = plane
-    there: Floats = height + forward * x + lateral * y
-    return there
+    height_at_point: Floats = height + forward * x + lateral * y
+    return height_at_point
 
 
 def height_above_plane(plane: Plane, prints: Floats) -> Floats:
-    """Height of each footprint above the plane, m, (4, n)."""
+    """Compute the height of the footprints `prints`, (3, 4, n), above the `plane`, (4, n), m."""
     height: Floats = prints[2] - plane_height(plane, prints[0], prints[1])
     return height

@@ -1,4 +1,4 @@
-"""The level frame: origin at the trunk's centre, x along the trunk's heading, z up.
+"""Level frame: origin at the trunk's centre, x along the trunk's heading, z up.
 
 It is the contract's heading frame with a vertical axis. Vectors are tuples of three arrays that broadcast, or arrays
 (3, …).
@@ -17,35 +17,40 @@ _NO_HEADING = 1e-6
 
 
 class LevelFrame(NamedTuple):
-    """Attitude of the trunk: the world's up direction in the base frame, each of shape (n,)."""
+    """Attitude of the trunk as the world's up direction in the base frame, and its transform to the level frame.
+
+    `level_frame` makes one from the gravity vector. Each field is (n,).
+    """
 
     up_x: Floats
     """Rise of the trunk's x axis: positive with the nose up."""
     up_y: Floats
     """Rise of the trunk's y axis: positive with the left side up."""
     up_z: Floats
+    """Cosine of the tilt."""
     level_x: Floats
     """Length of the horizontal part of the trunk's x axis."""
 
     @property
     def roll(self) -> Floats:
-        """Turn about +x, rad: positive with the left side up; (n,)."""
+        """Roll about +x, (n,), rad; positive with the left side up."""
         return np.arctan2(self.up_y, self.up_z)
 
     @property
     def pitch(self) -> Floats:
-        """Turn about +y, rad: positive with the nose down; (n,)."""
+        """Pitch about +y, (n,), rad; positive with the nose down."""
         pitch: Floats = -np.arcsin(self.up_x.clip(-1.0, 1.0))
         return pitch
 
     def to_level(self, vector: Vector | Floats) -> Vector:
-        """A base-frame vector in the level frame.
+        """Rotate a `vector` from the base frame to the level frame.
 
-        The level axes in the base frame are z = up, y = up × x / |up × x| and x = y × z.
+        The axes of the level frame in the base frame are z = up, y = up × x / |up × x| and x = y × z.
         """
         x, y, z = vector
         length = self.level_x
-        across, rise = self.up_y / length, self.up_z / length
+        across = self.up_y / length
+        rise = self.up_z / length
         return (
             length * x - self.up_x * (across * y + rise * z),
             rise * y - across * z,
@@ -54,6 +59,6 @@ class LevelFrame(NamedTuple):
 
 
 def level_frame(projected_gravity: Floats) -> LevelFrame:
-    """The frame of unit gravity vectors in the base frame, (3, n)."""
+    """Return the level frame of unit gravity vectors in the base frame, (3, n)."""
     up_x, up_y, up_z = -projected_gravity
     return LevelFrame(up_x, up_y, up_z, np.maximum(np.sqrt(up_y * up_y + up_z * up_z), _NO_HEADING))

@@ -1,1 +1,1 @@
-"""The diagonal trot, open loop and with feedback, and the accounts of the searches for their parameters."""
+"""Diagonal trot, open loop and with feedback, and the accounts of the searches for their parameters."""

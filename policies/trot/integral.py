@@ -1,7 +1,7 @@
-"""The trot with integral action: its command is corrected by what the robot has so far fallen short of it.
+"""Trot with integral action: the integral of the velocity error is added to the command that the trot follows.
 
-The trot looks at nothing but the command, so that a slope, a steady force, a load or a slippery floor carry the robot
-off it for good. Here the integral of the velocity error is added to the command that the trot follows.
+The trot has no other input than the command, so that a slope, a steady force, a load or a slippery floor cause a
+lasting velocity error. The integral removes it.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -26,19 +26,22 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class IntegralParameters(TrotParameters):
-    """The trot's, and those of the integral, whose defaults were chosen by hand on search episodes."""
+    """Parameters of the trot and of the integral. Defaults of the integral were chosen by hand on search episodes."""
 
     integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
-    """Change of the followed velocity per velocity error, 1/s."""
+    """Rate of the velocity correction per velocity error, 1/s."""
     yaw_integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
-    """Change of the followed yaw rate per error, 1/s."""
+    """Rate of the yaw-rate correction per yaw-rate error, 1/s."""
     settling_time: float = parameter(0.3, limits=(0.01, 100.0), search=(0.05, 1.0), unit="s")
-    """Time constant with which the robot is expected to take up a new command, s: until then it makes no error."""
+    """Time constant of the expected response to a new command, s; the error is relative to this response."""
     largest_error: float = parameter(0.5, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m/s")
-    """Velocity error that is counted at most, m/s: beyond is a push or a fall, no bias. The same number of SimpleQuad's
-    yaw rate, rad/s."""
+    """Largest velocity error that counts, m/s: a larger one is a push or a fall, and no bias.
+
+    The limit of SimpleQuad's yaw-rate error has the same number, rad/s."""
     largest_correction: float = parameter(0.8, limits=(0.0, 100.0), search=(0.2, 2.0), unit="m/s")
-    """Of each velocity, m/s: the same number of SimpleQuad's yaw rate, rad/s."""
+    """Largest correction of each velocity, m/s.
+
+    The limit of SimpleQuad's yaw-rate correction has the same number, rad/s."""
 
 
 SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
@@ -48,17 +51,21 @@ SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
     "yaw_gain": (0.8, 1.8),
     "yaw_per_lateral": (-0.8, 0.2),
 }
-"""With those of the command map, which the trot's search fits."""
+"""Bounds of a search, also for the command map, which the search of the trot fits."""
 FILE = ParameterFile(Path(__file__).with_name("trot_integral.json"), IntegralParameters)  # TROT_INTEGRAL.md
 
 
 def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:
-    """The parameters in force, see `ParameterFile`; of a robot whose trot alone was searched, with that trot's. Raises
-    PolicyError where they are missing or damaged."""
-    found, folder = FILE.load_for_robot(robot), models_folder(robot)
+    """Return the parameters of a `robot`, see `ParameterFile`.
+
+    If only its trot was searched, they have the searched parameters of the trot. PolicyError if the file is missing or
+    damaged.
+    """
+    parameters = FILE.load_for_robot(robot)
+    folder = models_folder(robot)
     if (folder / FILE.path.name).is_file() or not (folder / TROT_FILE.path.name).is_file():
-        return found
-    return replace(found, **asdict(searched_parameters(robot)))
+        return parameters
+    return replace(parameters, **asdict(searched_parameters(robot)))
 
 
 class TrotIntegral(Trot):
@@ -73,22 +80,30 @@ class TrotIntegral(Trot):
         return integral_parameters(self.robot)
 
     @cached_property
-    def _each(self) -> Floats:
-        """Of a number of m/s and of rad/s, which are not alike on other robots than SimpleQuad."""
+    def _limit_scale(self) -> Floats:
+        """Factors from the limits to m/s and rad/s, (3,); they are 1 on SimpleQuad."""
         return np.array([1.0, 1.0, scale_to_robot(self.robot, 1.0, "rad/s") / scale_to_robot(self.robot, 1.0, "m/s")])
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        command = observation[:, OBSERVATION["command"]].astype(np.float64)
-        p, period = self.parameters, self.control_period
-        self._expected = self._expected + (command - self._expected) * lowpass_gain(period, p.settling_time)
-        terms = (OBSERVATION[name] for name in ("projected_gravity", "linear_velocity", "angular_velocity"))
-        gravity, velocity, turn = (observation[:, term].T.astype(np.float64) for term in terms)
-        forward, lateral, _ = level_frame(gravity).to_level(velocity)
-        error = self._expected - np.stack((forward, lateral, -(gravity * turn).sum(axis=0)), axis=-1)
-        largest, most = p.largest_error * self._each, p.largest_correction * self._each
-        counted = np.clip(error, -largest, largest)
+        p = self.parameters
+        error = self._velocity_error(observation)
+        max_error = p.largest_error * self._limit_scale
+        max_correction = p.largest_correction * self._limit_scale
+        counted = np.clip(error, -max_error, max_error)
         gains = np.array([p.integral_gain, p.integral_gain, p.yaw_integral_gain])
-        self._integral = np.clip(self._integral + period * gains * counted, -most, most)
+        integral = self._integral + self.control_period * gains * counted
+        self._integral = np.clip(integral, -max_correction, max_correction)
         corrected = observation.copy()
         corrected[:, OBSERVATION["command"]] += self._integral.astype(np.float32)
         return super()._act(corrected)
+
+    def _velocity_error(self, observation: NDArray[np.float32]) -> Floats:
+        """Update the expected velocity, and return the error relative to it, (n, 3), m/s and rad/s."""
+        command = observation[:, OBSERVATION["command"]].astype(np.float64)
+        gain = lowpass_gain(self.control_period, self.parameters.settling_time)
+        self._expected = self._expected + (command - self._expected) * gain
+        terms = (OBSERVATION[name] for name in ("projected_gravity", "linear_velocity", "angular_velocity"))
+        gravity, velocity, angular_velocity = (observation[:, term].T.astype(np.float64) for term in terms)
+        forward, lateral, _ = level_frame(gravity).to_level(velocity)
+        yaw_rate = -(gravity * angular_velocity).sum(axis=0)
+        return self._expected - np.stack((forward, lateral, yaw_rate), axis=-1)

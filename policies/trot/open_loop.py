@@ -1,7 +1,7 @@
-"""A diagonal trot that follows a velocity command: the baseline, and the base of the residual.
+"""Diagonal trot that follows a velocity command: the baseline, and the base of the residual.
 
-Each standing foot moves against the velocity that the body is to have at that foot, -(v + ω × r), so that forward,
-lateral and turning commands are one formula; each swing brings it back. It looks at nothing but the command.
+Each stance foot moves against the commanded velocity of the body at that foot, -(v + ω × r), so that forward, lateral
+and turning commands are one formula. Each swing brings it back. The command is its only input.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions, GaitedPolicy, flat_joints, to_actions
-from policies.gait_cycle import TROT_OFFSETS, Floats, Gait, map_command
+from policies.gait_cycle import TROT_OFFSETS, Floats, Gait, LegCycle, map_command
 from policies.legs.foot_path import load_fraction, stride_displacement, swing_lift
 from policies.legs.kinematics import compensate_servo_load, leg_angles
 from policies.memory import initialize_state, per_robot
@@ -24,7 +24,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class TrotParameters(CommandMap):
-    """What the search tunes."""
+    """Parameters of the trot, which a search tunes."""
 
     frequency: float = parameter(2.8, limits=(0.1, 50.0), search=(2.0, 3.1), unit="Hz")
     """Gait cycles a second, Hz."""
@@ -35,21 +35,21 @@ class TrotParameters(CommandMap):
     step_height: float = parameter(0.07, limits=(-1.0, 1.0), search=(0.03, 0.14), unit="m")
     """Lift of the foot at mid-swing, m."""
     stance_width: float = parameter(0.54, limits=(-10.0, 10.0), search=(0.4, 0.72), unit=LATERAL_LENGTH)
-    """Between the left and the right feet's lines, m; 0.5 has the legs hang straight down."""
+    """Distance between the lines of the left and the right feet, m; at 0.5 the legs hang straight down."""
     stance_shift: float = parameter(-0.02, limits=(-1.0, 1.0), search=(-0.1, 0.05), unit="m ahead")
     """Middle of the strides ahead of the hip joints, m."""
     servo_lead: float = parameter(0.01, limits=(-1.0, 1.0), search=(0.0, 0.05), unit="s")
-    """How far the targets run ahead of the path along its tangent, s: makes up for the lag of the joint servo."""
+    """Lead of the targets along the tangent of the path, s; it compensates the lag of the joint servos."""
     stance_load: float = parameter(50.0, limits=(-1e5, 1e5), search=(0.0, 90.0), unit="N")
-    """Ground force on a standing foot whose give in the joint servos the targets make up for, N."""
+    """Ground force on a stance foot that the joint targets compensate the sag of the servos for, N."""
     blend_time: float = parameter(0.3, limits=(1e-3, 100.0), unit="s")
-    """From the home pose to the gait at the start of an episode, s."""
+    """Duration of the blend from the home pose to the gait at the start of an episode, s."""
     turn_lead: float = parameter(0.06, limits=(-10.0, 10.0), search=(0.0, 0.2), unit="s")
-    """How far ahead the gait's velocity is turned at the commanded yaw rate, s: in a curve the body lags behind."""
+    """Lead of the gait's velocity in a curve, at the commanded yaw rate, s: the body lags behind."""
     linear_acceleration: float = parameter(14.0, limits=(1e-3, 1e6), search=(2.0, 20.0), unit="m/s²")
-    """Fastest change of the forward and of the lateral command that the gait follows, m/s²."""
+    """Largest rate of the forward and of the lateral command that the gait follows, m/s²."""
     yaw_acceleration: float = parameter(16.0, limits=(1e-3, 1e6), search=(3.0, 40.0), unit="rad/s²")
-    """Fastest change of the yaw rate command that the gait follows, rad/s²."""
+    """Largest rate of the yaw-rate command that the gait follows, rad/s²."""
 
 
 SEARCH_RANGES = search_ranges_of(TrotParameters)
@@ -57,12 +57,18 @@ FILE = ParameterFile(Path(__file__).with_name("trot.json"), TrotParameters, "tro
 
 
 def searched_parameters(robot: Robot = SIMPLE_QUAD) -> TrotParameters:
-    """The robot's parameters, see `ParameterFile.in_force`."""
+    """Return the parameters of a robot, see `ParameterFile.load_for_robot`."""
     return FILE.load_for_robot(robot)
 
 
 class Trot(GaitedPolicy):
-    """Command-following trot; steps in place at zero command."""
+    """Command-following trot; steps in place at zero command.
+
+    Args:
+        parameters: Parameters; the searched ones by default.
+        robot: See `Policy`.
+        control_period: See `Policy`.
+    """
 
     name = "trot"
     _command: Floats = per_robot(np.zeros(3))
@@ -83,6 +89,7 @@ class Trot(GaitedPolicy):
         initialize_state(self, _joints=self.robot.home_pose)
 
     def _searched(self) -> TrotParameters:
+        """Return the default parameters of the robot."""
         return searched_parameters(self.robot)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
@@ -96,13 +103,13 @@ class Trot(GaitedPolicy):
         return to_actions(self.robot, joints + self.parameters.servo_lead * velocity)
 
     def _follow(self, command: Floats) -> None:
-        """Move the command that the gait follows towards the one given, no faster than its limits."""
+        """Move the command that the gait follows towards the given one, within its acceleration limits."""
         p = self.parameters
         reach = self.control_period * np.array([p.linear_acceleration, p.linear_acceleration, p.yaw_acceleration])
         self._command = self._command + np.clip(command - self._command, -reach, reach)
 
     def _gait_velocity(self, command: Floats) -> Floats:
-        """The velocity to ask of the gait so that the robot achieves the commanded one; shape (n, 3)."""
+        """Return the input of the gait at which the robot achieves the commanded velocity, (n, 3)."""
         p = self.parameters
         yaw_rate = command[:, 2]
         forward = command[:, 0] - p.turn_lead * yaw_rate * command[:, 1]
@@ -110,18 +117,24 @@ class Trot(GaitedPolicy):
         return np.stack(map_command(p, forward, lateral, yaw_rate), axis=-1)
 
     def _targets(self, phase: Floats, velocity: Floats) -> Floats:
-        """Joint targets (n, 12) in rad for a phase (n,) and a gait velocity (n, 3)."""
-        p, robot = self.parameters, self.robot
+        """Return the joint targets, (n, 12), rad, at a phase, (n,), and a velocity of the gait, (n, 3)."""
+        robot = self.robot
         cycle = self._gait.legs(phase)
-        foot_x = robot.hip_positions[:, 0] + p.stance_shift
-        foot_y = robot.side * (p.stance_width / 2.0)
-        forward, lateral, yaw_rate = velocity[:, 0:1], velocity[:, 1:2], velocity[:, 2:3]
-        # While a foot stands it passes under the body at -(v + ω × r), r from the trunk's centre to the foot.
+        x, y = self._foot_positions(cycle, velocity)
+        z = self.parameters.step_height * swing_lift(cycle) - self.parameters.body_height
+        hip, thigh, calf = leg_angles(robot, x, y, z)
+        force = load_fraction(cycle) * self.parameters.stance_load
+        return flat_joints(np.stack(compensate_servo_load(robot, hip, thigh, calf, x, y, force), axis=-1))
+
+    def _foot_positions(self, cycle: LegCycle, velocity: Floats) -> tuple[Floats, Floats]:
+        """Return the feet along x and y in their hip frames, each (n, 4), m."""
+        p = self.parameters
+        foot_x = self.robot.hip_positions[:, 0] + p.stance_shift
+        foot_y = self.robot.side * (p.stance_width / 2.0)
+        forward, lateral, yaw_rate = np.split(velocity, 3, axis=1)
+        # A stance foot passes under the body at -(v + ω × r), r from the trunk's centre to the foot.
         stance_time = p.duty / p.frequency
         along = stride_displacement(cycle, p.duty) * stance_time
         x = p.stance_shift + along * (forward - yaw_rate * foot_y)
-        y = (foot_y - robot.hip_positions[:, 1]) + along * (lateral + yaw_rate * foot_x)
-        z = p.step_height * swing_lift(cycle) - p.body_height
-        hip, thigh, calf = leg_angles(robot, x, y, z)
-        force = load_fraction(cycle) * p.stance_load
-        return flat_joints(np.stack(compensate_servo_load(robot, hip, thigh, calf, x, y, force), axis=-1))
+        y = (foot_y - self.robot.hip_positions[:, 1]) + along * (lateral + yaw_rate * foot_x)
+        return x, y

@@ -1,8 +1,8 @@
-"""An upright trot on compliant servos that learned policies correct: a trajectory for them to modulate.
+"""Upright trot on compliant servos that learned policies correct: a trajectory for them to modulate.
 
 It is the trot with integral action, with parameters chosen by hand: tall, slow for a trot that does not balance, and
-on servos that yield at impacts. What it says to the network is when each foot is to swing, how high, and how tall the
-robot is to stand (A. Iscen et al., Policies Modulating Trajectory Generators, 2018).
+on servos that yield at impacts. It tells the network when each foot swings, how high, and how tall the robot stands
+(A. Iscen et al., Policies Modulating Trajectory Generators, 2018).
 """
 
 from dataclasses import dataclass
@@ -18,21 +18,27 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class ReferenceParameters(IntegralParameters):
-    """The integral trot's, chosen by hand, and the servo gains."""
+    """Parameters of the integral trot, chosen by hand, and the servo gains."""
 
     body_height: float = parameter(0.34, limits=(0.01, 5.0), unit="m")
     """Hip joints above the centres of the standing feet, m; as much of the leg for every robot."""
     stiffness: float = parameter(150.0, limits=(1e-9, 1e9), unit="N·m")
-    """Of the servos, N·m/rad."""
+    """Stiffness of the servos, N·m/rad."""
     damping: float = parameter(7.5, limits=(1e-9, 1e9), unit="N·m·s")
-    """Of the servos, N·m·s/rad."""
+    """Damping of the servos, N·m·s/rad."""
 
 
 FILE = ParameterFile(Path(__file__).with_name("trot_reference.json"), ReferenceParameters)
 
 
 class TrotReference(TrotIntegral):
-    """The integral trot as a reference trajectory; steps in place at zero command."""
+    """Integral trot as a reference trajectory; steps in place at zero command.
+
+    Args:
+        parameters: Parameters; from the file by default.
+        robot: See `Policy`.
+        control_period: See `Policy`.
+    """
 
     name = "trot_reference"
     stiff_servos = False
@@ -45,7 +51,8 @@ class TrotReference(TrotIntegral):
         robot: str | Robot = SIMPLE_QUAD,
         control_period: float = CONTROL_PERIOD,
     ) -> None:
-        given = get_robot(robot)
-        chosen = parameters if parameters is not None else FILE.load_for_robot(given)
-        own = given if given.servo_fixed else given.with_servo(chosen.stiffness, chosen.damping)
-        super().__init__(chosen, robot=own, control_period=control_period)
+        robot = get_robot(robot)
+        parameters = parameters if parameters is not None else FILE.load_for_robot(robot)
+        if not robot.servo_fixed:
+            robot = robot.with_servo(parameters.stiffness, parameters.damping)
+        super().__init__(parameters, robot=robot, control_period=control_period)
