@@ -153,7 +153,7 @@ def resolve(
             trust=trust,
             **options,
         )
-        return Safe(policy, SafetyLimits.of(robot, actuator))
+        return Safe(policy, SafetyLimits.for_robot(robot, actuator))
     if is_reference(reference):
         return ExternalPolicy(reference, robot=robot, control_period=control_period, trust=trust)
     suite = sensor_suite(sensors)

@@ -1,4 +1,4 @@
-"""Behaviours of the robot as explicit states with explicit transitions, and the motions that they run."""
+"""Behaviours of the robot as explicit states with explicit transitions, and their motions."""
 
 from policies.behaviour.machine import BehaviourMachine
 from policies.behaviour.policy import Behaviour

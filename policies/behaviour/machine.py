@@ -76,11 +76,7 @@ class BehaviourMachine(PerRobotState):
         self._take("", np.ones(len(self._state), np.bool_))
 
     def _take(self, request: str, asked: Mask) -> Mask:
-        """Take the first transition of a request that applies to each of the `asked` robots.
-
-        Returns:
-            True for robots that took one, (n,).
-        """
+        """Take the first transition of a `request` that applies to each of the `asked` robots; return their mask."""
         taken = np.full(len(self._state), -1, np.int64)
         for number, transition in reversed([*enumerate(TRANSITIONS)]):
             if transition.request != request:

@@ -71,7 +71,7 @@ def interpolate_toward(
 
 
 class Damp(Motion):
-    """Damping: targets at the joint angles, so that only the damping of the servos is left and the robot sinks slowly."""
+    """Damping: with targets at the joint angles the servos only damp, and the robot sinks slowly."""
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
         """Return the `joints` of the robots in `rows`, without a use of the `observation`."""
@@ -193,7 +193,7 @@ def make_hold(robot: Robot, control_period: float) -> PoseSequence:
 
 
 def make_jump(robot: Robot, control_period: float) -> PoseSequence:
-    """Make the jump of a `robot` at a `control_period`, s: keyframes on a clock; the joint servos absorb the landing."""
+    """Make the jump of a `robot` at a `control_period`, s; the joint servos absorb the landing."""
     forwards, heights, durations, holds = np.transpose(jump_keyframes(robot))
     frames = zip(forwards, heights, strict=True)
     feet = [[(forward, side * robot.hip_offset, -height) for side in robot.side] for forward, height in frames]

@@ -1,9 +1,9 @@
-"""Getting up from any pose: a sequence of key poses, chosen by which way gravity points.
+"""Recovery from any pose: a sequence of key poses that depends on the direction of gravity.
 
-Lying, the robot gathers its legs and waits so until it lies on its back, since a kick from the side seldom succeeds; if
-it comes to rest on its side it rocks: it gathers the legs as if the other side were the lower. From its back it rolls
-over the lower side by swinging all legs at once, and lands on bent legs. Upright it tucks them under its hips and
-stands up. Whenever it is lost on the way it begins again, after a kick that failed over the other side.
+A lying robot gathers its legs and waits until it lies on its back, since a kick from the side seldom succeeds. If it
+comes to rest on its side it rocks: it gathers the legs as if the other side were the lower. From its back it rolls over
+the lower side by swinging all legs at once, and lands on bent legs. Upright it tucks them under its hips and stands up.
+If it fails on the way it starts again, after a failed kick over the other side.
 """
 
 from dataclasses import dataclass
@@ -21,17 +21,22 @@ from quad_env.robots.robot import Robot
 
 
 class Phase(IntEnum):
-    """Where a robot is in getting up."""
+    """Phase of the recovery."""
 
     SETTLE = 0
-    """Joints damped."""
+    """Joints are damped."""
     GATHER = 1
+    """Legs are gathered."""
     ROCK = 2
     """Still gathered, neither on its back nor upright, or after a kick that failed."""
     KICK = 3
+    """All legs swing, and the robot rolls over."""
     LAND = 4
+    """Legs are bent for the landing."""
     TUCK = 5
+    """Legs are tucked under the hips."""
     STAND = 6
+    """Legs move to the home pose."""
 
 
 Legs = tuple[float, float, float, float, float, float]
@@ -40,7 +45,7 @@ Legs = tuple[float, float, float, float, float, float]
 
 @dataclass(frozen=True)
 class RecoveryParameters:
-    """The outcome of a search; a leg is lower if it is on the side that gravity pulls to."""
+    """Parameters of the recovery, found by a search. A leg is lower if it is on the side that gravity points to."""
 
     gather_lower: Legs = (-0.4307, -0.9243, -1.5535, -0.161, -1.3987, -0.0802)
     gather_upper: Legs = (-0.1346, -1.0368, -1.4206, 0.18, -0.6586, -2.0105)
@@ -49,12 +54,12 @@ class RecoveryParameters:
     land: Legs = (0.3966, 0.728, -1.6909, 0.4828, 1.075, -1.9985)
     tuck: Legs = (0.3108, 1.2458, -2.3518, 0.3277, 1.3659, -2.3119)
     gather_blend: float = 0.204
-    """Blend from the pose before, s; the other blends too."""
+    """Duration of the blend from the last pose, s; the same for the other blends."""
     land_blend: float = 0.1454
     tuck_blend: float = 0.3537
     stand_blend: float = 0.3717
     gather_time: float = 0.3422
-    """In the phase, s; the other times too."""
+    """Duration of the phase, s; the same for the other times."""
     kick_time: float = 0.75
     """Longest time in the phase, s."""
     land_time: float = 0.2227
@@ -64,38 +69,51 @@ class RecoveryParameters:
     lost: float = 0.2974
     """Cosine of the tilt at which landing, tucking or standing has failed."""
     caught: float = 7.0765
-    """Turning speed below which a kicked robot is ready to land, rad/s."""
+    """Angular velocity about each axis below which a kicked robot is ready to land, rad/s."""
     kick_minimum: float = 0.0507
-    """s of kicking before it may have succeeded."""
+    """Shortest duration of a kick that has succeeded, s."""
     upright: float = 0.5215
     """Cosine of the tilt up to which no kick is needed."""
 
 
-SETTLE_TIME, SETTLE_MINIMUM = 0.1, 0.05
-"""Longest and shortest wait for a fallen robot to lie still, s."""
+SETTLE_TIME = 0.1
+"""s. Longest wait until a fallen robot lies still."""
+SETTLE_MINIMUM = 0.05
+"""s. Shortest wait until a fallen robot lies still."""
 SETTLED_TURNING = 2.5
-"""Turning speed below which it lies still, rad/s."""
-ROCK_BLEND, ROCK_TIME = 0.05, 0.3
-"""s"""
+"""rad/s. Angular velocity about each axis below which a fallen robot lies still."""
+ROCK_BLEND = 0.05
+"""s. Duration of the blend to the pose of the phase ROCK."""
+ROCK_TIME = 0.3
+"""s. Duration of the phase ROCK."""
 FLAT = -0.95
-"""Cosine of the tilt beyond which it lies on its back."""
+"""Cosine of the tilt below which a robot lies on its back."""
 KICK_BLEND = 0.01
-"""A kick is as fast as the servos are, s."""
-STRANDED_AFTER, STRANDED_TURNING = 0.4, 0.5
-"""A kicked robot that turns no faster than that, rad/s, after that time, s, has not got over."""
+"""s. Duration of the blend to the kick, so short that the servos limit it."""
+STRANDED_AFTER = 0.4
+"""s. Time after which a kicked robot that hardly turns has failed."""
+STRANDED_TURNING = 0.5
+"""rad/s. Angular velocity about each axis below which a kicked robot hardly turns."""
 STAND_TIME = 0.75
-"""A robot that leans after that time begins again, one whose legs are not in the home pose tucks them again, s."""
+"""s. Time in the phase STAND after which a leaning robot starts again, and one with misplaced legs tucks them again."""
 LEVEL = 0.9
-"""Cosine of the tilt up to which it does not lean."""
+"""Cosine of the tilt down to which a robot does not lean."""
 
 
 class Recovery(Motion):
-    """Getting up from any pose."""
+    """Recovery from any pose.
+
+    `Behaviour` holds one.
+
+    Args:
+        robot: Robot.
+        control_period: Time between two calls of `targets`, s.
+    """
 
     phase: NDArray[np.int64] = per_robot(0)
     """`Phase` of each robot, (n,)."""
     _left_lower: NDArray[np.int64] = per_robot(0)
-    """Whether its left side is the lower one."""
+    """1 if the left side of a robot is the lower one, else 0, (n,)."""
 
     def __init__(self, robot: Robot, control_period: float) -> None:
         super().__init__(robot, control_period)
@@ -109,12 +127,21 @@ class Recovery(Motion):
         )
 
     def start(self, mask: Mask, joints: Floats) -> None:
-        """Begin with those robots' joints."""
+        """Start the recovery of the robots in the `mask`, (n,), from their `joints`, (k, 12), rad."""
         super().start(mask, joints)
         self.phase[mask] = Phase.SETTLE
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
-        """Targets of those robots."""
+        """Compute the joint targets of some robots; see `Motion.targets`.
+
+        Args:
+            rows: Indices of the robots, (k,).
+            observation: Their observation, (k, m).
+            joints: Their joint angles, (k, 12), rad.
+
+        Returns:
+            Joint targets, (k, 12), rad.
+        """
         self._ticks[rows] += 1
         before = self.phase[rows]
         phase = self._next(rows, observation)
@@ -128,36 +155,68 @@ class Recovery(Motion):
         return target
 
     def _next(self, rows: NDArray[np.intp], observation: Floats) -> NDArray[np.int64]:
-        """Phase of each of those robots from now on, (k,)."""
-        p, phase, time = self._p, self.phase[rows], self._ticks[rows] * self._period
+        """Return the next phase of some robots, (k,), and update their lower sides."""
+        phase = self.phase[rows]
         gravity = observation[:, OBSERVATION["projected_gravity"]]
-        up = -gravity[:, 2]
         turning = np.abs(observation[:, OBSERVATION["angular_velocity"]]).max(axis=1)
+        misplaced = np.abs(observation[:, OBSERVATION["joint_position"]]).max(axis=1) > POSE_TOLERANCE
+        time = self._ticks[rows] * self._period
+        over = time >= self._times[phase]
+        following = self._next_phase(phase, time, -gravity[:, 2], turning, misplaced)
+        rocked_flat = over & (phase == Phase.ROCK) & (-gravity[:, 2] < FLAT)
+        rocking_still = over & (phase == Phase.GATHER) & (following == Phase.ROCK) & (turning < STRANDED_TURNING)
+        gathering_again = (following == Phase.GATHER) & (phase != Phase.GATHER)
+        side = self._left_lower[rows]
+        lower_side = np.where(gathering_again, gravity[:, 1] >= 0.0, side)
+        self._left_lower[rows] = np.where(rocked_flat | rocking_still, 1 - side, lower_side)
+        return following
+
+    def _next_phase(
+        self, phase: NDArray[np.int64], time: Floats, up: Floats, turning: Floats, misplaced: Mask
+    ) -> NDArray[np.int64]:
+        """Return the next phase of some robots, (k,).
+
+        Args:
+            phase: Current phase, (k,).
+            time: Time in the phase, (k,), s.
+            up: Cosine of the tilt, (k,).
+            turning: Largest angular velocity about an axis, (k,), rad/s.
+            misplaced: True for robots with joints away from the home pose, (k,).
+
+        Returns:
+            Phases, (k,).
+        """
+        p = self._p
         over = time >= self._times[phase]
         settled = (phase == Phase.SETTLE) & (over | ((turning < SETTLED_TURNING) & (time >= SETTLE_MINIMUM)))
-        gathered, rocked = over & (phase == Phase.GATHER), over & (phase == Phase.ROCK)
+        gathered = over & (phase == Phase.GATHER)
+        rocked = over & (phase == Phase.ROCK)
+        stood = over & (phase == Phase.STAND)
         kicked = (phase == Phase.KICK) & (time > p.kick_minimum)
         righted = kicked & (up > p.righted) & (turning < p.caught)
         stranded = kicked & ~righted & (over | ((turning < STRANDED_TURNING) & (time > STRANDED_AFTER)))
-        misplaced = np.abs(observation[:, OBSERVATION["joint_position"]]).max(axis=1) > POSE_TOLERANCE
-        stood = over & (phase == Phase.STAND)
         lost = ((phase >= Phase.LAND) & (up < p.lost)) | (stood & (up < LEVEL))
-        flat, upright = up < FLAT, (settled | gathered | rocked) & (up > p.upright)
+        upright = (settled | gathered | rocked) & (up > p.upright)
         following = phase.copy()
         following[stranded | gathered] = Phase.ROCK
-        following[gathered & flat] = Phase.KICK
+        following[gathered & (up < FLAT)] = Phase.KICK
         following[righted] = Phase.LAND
         following[over & (phase == Phase.TUCK)] = Phase.STAND
         following[settled | rocked | lost] = Phase.GATHER
         following[upright | (~lost & ((stood & misplaced) | (over & (phase == Phase.LAND))))] = Phase.TUCK
-        mirrored = (rocked & flat) | (gathered & (following == Phase.ROCK) & (turning < STRANDED_TURNING))
-        anew, side = (following == Phase.GATHER) & (phase != Phase.GATHER), self._left_lower[rows]
-        self._left_lower[rows] = np.where(mirrored, 1 - side, np.where(anew, gravity[:, 1] >= 0.0, side))
         return following
 
 
 def key_poses(robot: Robot, p: RecoveryParameters) -> Floats:
-    """Joint angles of each phase, SETTLE's meaningless, with the right and the left side lower, (7, 2, 12), rad."""
+    """Return the joint angles of each phase, with the right and with the left side lower.
+
+    Args:
+        robot: Robot.
+        p: Parameters.
+
+    Returns:
+        Joint angles, (7, 2, 12), rad; the entry of SETTLE is not used.
+    """
     home = tuple(robot.home_pose.reshape(-1, 2, 3)[:, 0].ravel())  # of a front and of a hind leg
     lower = (home, p.gather_lower, p.gather_lower, p.kick_lower, p.land, p.tuck, home)
     upper = (home, p.gather_upper, p.gather_upper, p.kick_upper, p.land, p.tuck, home)

@@ -1,4 +1,4 @@
-"""A brace: all feet down, wide and low, so that a robot that was pushed slides to rest instead of tripping."""
+"""Brace: all feet down, wide and low, so that a pushed robot slides to rest instead of tripping."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,23 +11,36 @@ from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
 HEIGHT = 0.13
-"""Trunk's centre above the centres of the feet, m."""
-LENGTH, WIDTH = 0.6, 0.8
-"""Between the front and the hind, and the left and the right feet, m; the hips' range ends before that."""
+"""m. Trunk's centre above the centres of the feet."""
+LENGTH = 0.6
+"""m. Distance between the front and the hind feet."""
+WIDTH = 0.8
+"""m. Distance between the left and the right feet; the range of the hips ends before it."""
 DAMPING = 0.04
-"""Turn of the feet's plane per turning speed of the trunk, s; the legs of a trunk that does not turn are rigid."""
-SHORTEST_DROP = 0.08
-"""Least distance of a foot below the trunk's centre, m."""
-REST_SPEED, REST_TURNING, REST_TILT = 0.5, 1.5, np.deg2rad(30.0)
-"""Speed, turning rate and tilt of the trunk of a robot that has come to rest: m/s, rad/s about each axis, rad."""
+"""s. Rotation of the plane of the feet per angular velocity of the trunk; without one the legs are rigid."""
+MIN_DROP = 0.08
+"""m. Smallest distance of a foot below the trunk's centre."""
+REST_SPEED = 0.5
+"""m/s. Speed of the trunk along each axis below which a robot is at rest."""
+REST_TURNING = 1.5
+"""rad/s. Angular velocity of the trunk about each axis below which a robot is at rest."""
+REST_TILT = np.deg2rad(30.0)
+"""rad. Tilt of the trunk below which a robot is at rest."""
 REST_TIME = 0.1
-"""s at rest before the robot gets up."""
+"""s. Time at rest before the robot gets up."""
 RELEASE_TIME = 0.15
-"""From the brace to the policy's targets, s."""
+"""s. Duration of the blend from the brace to the policy's targets."""
 
 
 class Brace(PerRobotState):
-    """How far each robot is braced while a fall is being caught: wholly until it is at rest, then less and less."""
+    """Share of the brace in the targets of each robot: 1 until it is at rest, and then falling to 0.
+
+    `Safe` holds one.
+
+    Args:
+        robot: Robot.
+        control_period: Time between two calls of `advance`, s.
+    """
 
     share: Floats = per_robot(1.0)
     """Share of the brace in the targets, (n,)."""
@@ -35,13 +48,21 @@ class Brace(PerRobotState):
     _released: Mask = per_robot(False)
 
     def __init__(self, robot: Robot, control_period: float) -> None:
-        """`control_period`: time between two calls of `advance`, s."""
         self._robot = robot
         self._period = control_period
         super().__init__()
 
     def advance(self, catching: Mask, alarm: Mask, observation: Floats) -> Mask:
-        """One control step of the robots that are being caught; which of them, (n,), follow their policy again."""
+        """Advance the robots in the mode CATCH by a control step.
+
+        Args:
+            catching: Robots in the mode CATCH, (n,).
+            alarm: Robots with a predicted fall, (n,).
+            observation: Observation, (n, m).
+
+        Returns:
+            True for robots that follow their policy again, (n,).
+        """
         self._rest_steps = np.where(catching & is_at_rest(observation), self._rest_steps + 1, 0)
         rested = self._rest_steps >= round(REST_TIME / self._period)
         self._released = catching & (rested | (self._released & ~alarm))
@@ -49,14 +70,24 @@ class Brace(PerRobotState):
         return self._released & (self.share <= 0.0)
 
     def blend(self, rows: NDArray[np.intp], targets: Floats, observation: Floats) -> Floats:
-        """Targets (k, 12) of the robots `rows`, (k,): their policy's, turned into the brace as far as is due."""
+        """Blend the targets of the policy with the brace.
+
+        Args:
+            rows: Indices of the robots, (k,).
+            targets: Joint targets of the policy, (k, 12), rad.
+            observation: Observation of the robots, (k, m).
+
+        Returns:
+            Joint targets, (k, 12), rad.
+        """
         weight = smoothstep(self.share[rows])[:, None]
         return targets + weight * (brace_targets(self._robot, observation) - targets)
 
 
 def is_at_rest(observation: Floats) -> Mask:
-    """Whether the trunk is slow and upright, (n,), by observations (n, m)."""
-    velocity, turning = observation[:, OBSERVATION["linear_velocity"]], observation[:, OBSERVATION["angular_velocity"]]
+    """Return True for robots with a slow and upright trunk, (n,), from an observation, (n, m)."""
+    velocity = observation[:, OBSERVATION["linear_velocity"]]
+    turning = observation[:, OBSERVATION["angular_velocity"]]
     upright = -observation[:, OBSERVATION["projected_gravity"]][:, 2] > np.cos(REST_TILT)
     slow = (np.abs(velocity) < REST_SPEED).all(axis=1) & (np.abs(turning) < REST_TURNING).all(axis=1)
     at_rest: Mask = upright & slow
@@ -64,11 +95,14 @@ def is_at_rest(observation: Floats) -> Mask:
 
 
 def brace_targets(robot: Robot, observation: Floats) -> Floats:
-    """Joint targets (k, 12), rad, of observations (k, m)."""
+    """Compute the joint targets of the brace, (k, 12), rad, of a `robot` with an `observation`, (k, m)."""
     turning = observation[:, OBSERVATION["angular_velocity"]]
-    roll, pitch = DAMPING * turning[:, 0:1], DAMPING * turning[:, 1:2]
-    hip_x, hip_y = robot.hip_positions[:, 0], robot.hip_positions[:, 1]
-    x, y = np.sign(hip_x) * (LENGTH / 2.0), robot.side * (WIDTH / 2.0)
+    roll = DAMPING * turning[:, 0:1]
+    pitch = DAMPING * turning[:, 1:2]
+    hip_x = robot.hip_positions[:, 0]
+    hip_y = robot.hip_positions[:, 1]
+    x = np.sign(hip_x) * (LENGTH / 2.0)
+    y = robot.side * (WIDTH / 2.0)
     # A side that rises shortens its legs.
-    z = np.minimum(roll * y - pitch * x - HEIGHT, -SHORTEST_DROP)
+    z = np.minimum(roll * y - pitch * x - HEIGHT, -MIN_DROP)
     return joint_targets(robot, x - hip_x, y - hip_y, z)

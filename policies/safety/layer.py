@@ -1,4 +1,4 @@
-"""A safety layer around any policy: failures end in a controlled stop, falls are caught, limits are kept."""
+"""Safety layer around any policy: failures end in a controlled stop, falls are caught, limits are kept."""
 
 from enum import IntEnum
 
@@ -15,48 +15,50 @@ from quad_env.files.text import format_exception
 
 
 class Mode(IntEnum):
-    """Who moves a robot."""
+    """Source of a robot's targets."""
 
     FOLLOW = 0
-    """The policy."""
+    """Policy."""
     CATCH = 1
-    """The brace, until the robot is at rest, and back to the policy from there: a fall was predicted."""
+    """Brace after a predicted fall, until the robot is at rest and follows its policy again."""
     STOP = 2
     """Controlled stop, until a reset."""
     DAMP = 3
-    """Joints damped: too far over, or stopped at once by request."""
+    """Damped joints: the robot is too far over, or was stopped at once by request."""
 
 
 TOO_FAR_OVER = "too far over"
+"""Reason of a mode that a large tilt caused."""
 
 MAX_TILT = np.deg2rad(65.0)
-"""Tilt past which no fall is caught and no stop is under control any more: 5° before the fall rule, `FallRule.tilt`."""
+"""rad. Tilt beyond which no fall can be caught and no stop controlled: 5° before the fall rule, `FallRule.tilt`."""
 FALL_ALARM_DEVIATION = 0.8866
-"""Velocity deviation, m/s, above which a fall is predicted: 0.2 m/s above the largest in an hour of the undisturbed
-trot."""
+"""m/s. Velocity deviation above which a fall is predicted.
+
+It is 0.2 m/s above the largest deviation in an hour of the undisturbed trot."""
 RESPONSE_TIME = 0.25
-"""Lag of a walking robot behind its command, s."""
+"""s. Time constant of a walking robot's response to its command."""
 RECENT_TIME = 0.1
-"""Time constant of the velocity of late, s: what a robot gains more slowly is no push."""
+"""s. Time constant of the recent velocity: a slower change of velocity is not a push."""
 
 
 class Safe(Policy):
-    """`policy` as long as it does well; read `mode` and `reason`.
+    """Policy within the safety layer; read `mode` and `reason`.
 
     Args:
-        policy: what to guard.
-        limits: of every target.
+        policy: Policy.
+        limits: Limits of every target; the limits of the robot with ideal actuators by default.
     """
 
     reason: NDArray[np.object_] = per_robot(np.array("", object))
-    """Why each robot came into its mode, (n,) of text; empty at the start."""
+    """Reason of each robot's mode, (n,) of text; empty at the start."""
     _mode: NDArray[np.int8] = per_robot(np.int8(Mode.FOLLOW))
     _entered: Mask = per_robot(False)
     _targets: Floats = per_robot()
     _reference: Floats = per_robot(np.zeros(2))
-    """The planar velocity that a robot following its commands has about now, (n, 2), m/s: the command, lagged."""
-    _recent: Floats = per_robot(np.zeros(2))
-    """The planar velocity of late, (n, 2), m/s."""
+    """Planar velocity of a robot that responds to its command with RESPONSE_TIME, (n, 2), m/s."""
+    _recent_velocity: Floats = per_robot(np.zeros(2))
+    """Planar velocity, low-pass filtered with RECENT_TIME, (n, 2), m/s."""
 
     def __init__(self, policy: Policy, limits: SafetyLimits | None = None) -> None:
         super().__init__(robot=policy.robot, control_period=policy.control_period)
@@ -64,7 +66,7 @@ class Safe(Policy):
         self.name = f"safe:{policy.name}"
         self.height_scan = policy.height_scan
         self.observations = policy.observations
-        self._limits = limits or SafetyLimits.of(self.robot)
+        self._limits = limits or SafetyLimits.for_robot(self.robot)
         self._motions: dict[Mode, Motion] = {
             Mode.STOP: Stop(self.robot, self.control_period),
             Mode.DAMP: Damp(self.robot, self.control_period),
@@ -84,15 +86,20 @@ class Safe(Policy):
 
     @property
     def stopped(self) -> NDArray[np.bool_]:
-        """Which robots it has taken from the policy to stop them, (n,)."""
+        """True for robots that the layer has stopped, (n,)."""
         return np.isin(self._mode, (Mode.STOP, Mode.DAMP))
 
     def emergency_stop(self, mask: ArrayLike | None = None, *, damp: bool = False) -> None:
-        """Stop those robots, all without a mask, from their next action on until a reset: under control, or damped."""
+        """Stop some robots from their next action on, until a reset.
+
+        Args:
+            mask: Robots, (n,) bool; all by default.
+            damp: Damp the joints at once instead of a controlled stop.
+        """
         self._enter(validate_mask(mask, self.num_envs), Mode.DAMP if damp else Mode.STOP, "emergency stop requested")
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Restart the layer and its policy for `num_envs` robots; exceptions of the policy pass through."""
+        """Reset layer and policy for `num_envs` robots with a `seed`; exceptions of the policy pass through."""
         super().reset(num_envs, seed)
         self.policy.reset(num_envs, seed)
 
@@ -122,12 +129,12 @@ class Safe(Policy):
         return to_actions(self.robot, self._targets)
 
     def _policy_targets(self, observation: NDArray[np.float32]) -> Floats:
-        """Targets (n, 12) of the policy for the robots that follow it; the others keep theirs."""
+        """Return the targets of the policy, (n, 12), rad; robots that do not follow it keep their last targets."""
         targets = self._targets.copy()
         following = self._mode <= Mode.CATCH
         if following.any():
             try:
-                answer = self.policy.act(self._slowed(observation))
+                answer = self.policy.act(self._slow_command(observation))
             except Exception as error:
                 self._enter(following, Mode.STOP, f"policy raised {format_exception(error)}")
             else:
@@ -135,7 +142,7 @@ class Safe(Policy):
         return targets
 
     def _accept(self, answer: object, following: Mask, targets: Floats) -> None:
-        """Put what the policy answered for the following robots into `targets`, if it is good."""
+        """Copy a valid answer of the policy for the following robots into `targets`, or stop them."""
         if not isinstance(answer, np.ndarray) or answer.shape != targets.shape or answer.dtype.kind != "f":
             self._enter(following, Mode.STOP, "policy returned targets of a wrong shape or type")
             return
@@ -145,22 +152,24 @@ class Safe(Policy):
         if not finite.all():
             self._enter(following & ~finite, Mode.STOP, "policy returned non-finite targets")
 
-    def _slowed(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The observation, the command nearer to zero as far as a robot is braced."""
+    def _slow_command(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the observation with the commands of braced robots scaled down."""
         catching = self._mode == Mode.CATCH
         if not catching.any():
             return observation
         observation = observation.copy()
-        left = (1.0 - self._brace.share[catching]).astype(np.float32)
-        observation[catching, OBSERVATION["command"]] *= left[:, None]
+        scale = (1.0 - self._brace.share[catching]).astype(np.float32)
+        observation[catching, OBSERVATION["command"]] *= scale[:, None]
         return observation
 
     def _update_mode(self, rows: Floats) -> None:
-        """Catch where a fall is predicted, follow again where it is at rest or past catching."""
+        """Catch robots with a predicted fall, and release robots that are at rest or cannot be caught."""
         velocity, command = (rows[:, OBSERVATION[name]][:, :2] for name in ("linear_velocity", "command"))
         self._reference = self._reference + (command - self._reference) * (self.control_period / RESPONSE_TIME)
-        alarm = velocity_deviation(velocity, self._reference, self._recent) > FALL_ALARM_DEVIATION
-        self._recent = self._recent + (velocity - self._recent) * (self.control_period / RECENT_TIME)
+        alarm = velocity_deviation(velocity, self._reference, self._recent_velocity) > FALL_ALARM_DEVIATION
+        self._recent_velocity = self._recent_velocity + (velocity - self._recent_velocity) * (
+            self.control_period / RECENT_TIME
+        )
         tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(MAX_TILT)
         predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted
         if predicted.any():
@@ -173,16 +182,27 @@ class Safe(Policy):
         self._enter(tilted & (self._mode == Mode.STOP), Mode.DAMP, TOO_FAR_OVER)
 
     def _enter(self, mask: Mask, mode: Mode, reason: str) -> None:
+        """Set the mode of the masked robots."""
         self._mode[mask] = mode
         self._entered |= mask
         self.reason[mask] = reason
 
 
 def velocity_deviation(velocity: Floats, reference: Floats, recent: Floats) -> Floats:
-    """Planar speed off both the reference and the velocity of late, m/s, (n, 2) each: the lesser of the two, (n,).
+    """Compute the smaller of a velocity's distances from its reference and from the recent velocity.
 
-    The first alone would take a gait that does not reach its command for a push, the second alone a change of command.
+    The first alone would detect a push in a gait that does not reach its command, the second alone in a change of
+    command.
+
+    Args:
+        velocity: Planar velocity, (n, 2), m/s.
+        reference: Reference, (n, 2), m/s.
+        recent: Recent velocity, (n, 2), m/s.
+
+    Returns:
+        Distance, (n,), m/s.
     """
-    off, jump = velocity - reference, velocity - recent
-    squared = np.minimum(off[:, 0] ** 2 + off[:, 1] ** 2, jump[:, 0] ** 2 + jump[:, 1] ** 2)
+    error = velocity - reference
+    change = velocity - recent
+    squared = np.minimum(error[:, 0] ** 2 + error[:, 1] ** 2, change[:, 0] ** 2 + change[:, 1] ** 2)
     return np.sqrt(squared)

@@ -18,45 +18,75 @@ Limit = Annotated[float | Floats, Bounds("more than 0", sys.float_info.min, inf)
 
 @dataclass(frozen=True)
 class SafetyLimits(Settings):
-    """Limits of all joints or, (12,), of each; `of` gives a robot's."""
+    """Limits of all joints, or of each joint, (12,); `for_robot` returns the limits of a robot."""
 
     torque: Limit
-    """Servo torque predicted for the moment that a command takes effect, N·m, of a joint at rest."""
+    """Largest servo torque of a joint at rest, predicted for the time at which a target takes effect, N·m."""
     target_rate: Positive = 60.0
-    """Change of a target, rad/s; the trot's swing reaches 35."""
+    """Largest rate of a target, rad/s; the swing of the trot reaches 35."""
     joint_speed: Positive = 30.0
-    """A joint that turns faster, rad/s, is braked: its target may not lie further along."""
+    """Speed beyond which a joint is braked, rad/s: its target may not lie ahead of it."""
     no_load_speed: Limit = inf
-    """Joint speed, rad/s, towards which the torque that drives a joint on falls to zero, linearly."""
+    """Joint speed at which the driving torque has fallen linearly to zero, rad/s."""
     delay: NonNegative = 0.0
-    """From a command to its effect, s: the joint turns on for so long."""
+    """Time from a target to its effect, s; the joint is assumed to keep its speed."""
 
     @classmethod
-    def of(cls, robot: str | Robot, which: str | Actuator = "ideal") -> "SafetyLimits":
-        """The limits of a robot with an actuator, or that of a name; its bandwidth only makes torques smaller, and how
-        hot its windings are a policy does not know."""
-        robot, servo = get_robot(robot), find_actuator(which)
+    def for_robot(cls, robot: str | Robot, which: str | Actuator = "ideal") -> "SafetyLimits":
+        """Return the limits of a robot.
+
+        The bandwidth of an actuator only makes torques smaller, and a policy does not know the temperature of its
+        windings. So neither has an effect.
+
+        Args:
+            robot: Robot or its name.
+            which: Actuator or its name.
+
+        Returns:
+            The limits.
+        """
+        robot = get_robot(robot)
+        servo = find_actuator(which)
+
         if servo.curve is None:
             return cls(robot.rated_torque, delay=servo.delay)
         line = servo.curve.resolve(robot)
         return cls(line.peak_torque, no_load_speed=line.no_load_speed, delay=servo.delay)
 
+    @classmethod
+    def of(cls, robot: str | Robot, which: str | Actuator = "ideal") -> "SafetyLimits":
+        """Call `for_robot(robot, which)`. Deprecated name."""
+        return cls.for_robot(robot, which)
+
     def limit_targets(
         self, robot: Robot, period: float, targets: Floats, previous: Floats, joints: Floats, speeds: Floats
     ) -> Floats:
-        """The targets nearest to those given, (n, 12) rad, that keep the limits; joints and speeds are the present
-        ones, `previous` the targets of `period` s ago.
+        """Return the nearest targets that keep the limits.
 
-        The torque limit comes last but for the joint range: it holds even where that means a jump of the target.
+        The torque limit comes last but for the joint range: it holds even if that means a jump of the target.
+
+        Args:
+            robot: Robot.
+            period: Control period, s.
+            targets: Joint targets, (n, 12), rad.
+            previous: Targets one control period ago, (n, 12), rad.
+            joints: Current joint angles, (n, 12), rad.
+            speeds: Current joint speeds, (n, 12), rad/s.
+
+        Returns:
+            Joint targets, (n, 12), rad.
         """
         reach = self.target_rate * period
         targets = np.clip(targets, previous - reach, previous + reach)
         targets = np.where(speeds > self.joint_speed, np.minimum(targets, joints), targets)
         targets = np.where(speeds < -self.joint_speed, np.maximum(targets, joints), targets)
         # A servo's torque is stiffness (target - angle) - damping · speed, and may lie anywhere within its limits.
-        damping, stiffness, share = robot.servo_damping * speeds, robot.servo_stiffness, speeds / self.no_load_speed
-        backward, forward = (self.torque * np.clip(1.0 + sign * share, 0.0, 1.0) for sign in (1.0, -1.0))
-        low, high = (damping - backward) / stiffness, (damping + forward) / stiffness
-        then = joints + self.delay * speeds
-        targets = then + np.clip(targets - then, low, high)
+        damping_torque = robot.servo_damping * speeds
+        share = speeds / self.no_load_speed
+        backward = self.torque * np.clip(1.0 + share, 0.0, 1.0)
+        forward = self.torque * np.clip(1.0 - share, 0.0, 1.0)
+        low = (damping_torque - backward) / robot.servo_stiffness
+        high = (damping_torque + forward) / robot.servo_stiffness
+        effect_joints = joints + self.delay * speeds
+        targets = effect_joints + np.clip(targets - effect_joints, low, high)
         return np.clip(targets, robot.joint_lower, robot.joint_upper)

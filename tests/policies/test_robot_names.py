@@ -22,7 +22,7 @@ MAKERS: dict[str, Callable[..., object]] = {
     kind.__name__: kind
     for kind in (
         *(policies.Trot, policies.Stand, policies.Behaviour, Document, TrotIntegral, TrotFeedback, Gaits),
-        *(Mpc, MpcWbc, SightedMpcWbc, TrotReference, quad_env.HomePoseSpace, SafetyLimits.of),
+        *(Mpc, MpcWbc, SightedMpcWbc, TrotReference, quad_env.HomePoseSpace, SafetyLimits.for_robot),
     )
 } | {
     "make": partial(policies.make, "trot"),

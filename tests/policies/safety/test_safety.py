@@ -121,7 +121,7 @@ def test_limited_targets_ask_for_no_torque_above_the_limit_and_stay_in_range(tar
 def test_the_limits_of_a_weaker_actuator_follow_its_torque_speed_line_and_its_delay():
     """By hand: 40 N·m and 10 rad/s leave a joint at 5 rad/s 20 N·m to drive it on and all 40 to brake it; 0.01 s on
     it has turned by 0.05 rad. A target is (torque + 10 · 5) / 300 from there."""
-    limits = SafetyLimits.of(SIMPLE_QUAD, Actuator(TorqueSpeed(40.0, 10.0), delay=0.01))
+    limits = SafetyLimits.for_robot(SIMPLE_QUAD, Actuator(TorqueSpeed(40.0, 10.0), delay=0.01))
     joints, speeds, far = np.zeros((1, 12)), np.full((1, 12), 5.0), np.full((1, 12), 2.0)
     thigh = (0, 1)
     assert limits.limit_targets(SIMPLE_QUAD, CONTROL_PERIOD, far, far, joints, speeds)[thigh] == pytest.approx(
@@ -141,7 +141,7 @@ def test_the_safety_layer_of_a_run_knows_the_actuator_of_its_robots(tmp_path):
     limits = plan.policies[0].policy._limits
     assert (np.unique(limits.torque), np.unique(limits.no_load_speed), limits.delay) == (100.0, 10.0, 0.0)
     assert SafetyLimits.of(SIMPLE_QUAD) == SafetyLimits(SIMPLE_QUAD.rated_torque)
-    assert SafetyLimits.of(SIMPLE_QUAD, "motor").delay == 0.002
+    assert SafetyLimits.for_robot(SIMPLE_QUAD, "motor").delay == 0.002
 
 
 def test_targets_change_no_faster_than_the_limit_and_not_further_along_a_joint_that_is_too_fast():

@@ -160,7 +160,7 @@ def test_reference_lags_the_command_and_the_velocity_of_late_the_robots_by_their
     policy = Safe(Noting())
     for name, time, seen in (
         ("_reference", RESPONSE_TIME, {"command": (1.0, -2.0, 0.0)}),
-        ("_recent", RECENT_TIME, {"velocity": (1.0, -2.0, 0.0)}),
+        ("_recent_velocity", RECENT_TIME, {"velocity": (1.0, -2.0, 0.0)}),
     ):
         policy.reset(1)
         for _ in range(round(time / CONTROL_PERIOD)):
