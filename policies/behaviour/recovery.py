@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import Floats, Mask
-from policies.behaviour.motion import Motion, interpolate_toward
+from policies.behaviour.motion import Floating, Motion, interpolate_toward
 from policies.behaviour.transitions import POSE_TOLERANCE
 from policies.memory import per_robot
 from quad_env import OBSERVATION
@@ -172,7 +172,7 @@ class Recovery(Motion):
         return following
 
     def _next_phase(
-        self, phase: NDArray[np.int64], time: Floats, up: Floats, turning: Floats, misplaced: Mask
+        self, phase: NDArray[np.int64], time: Floating, up: Floats, turning: Floats, misplaced: Mask
     ) -> NDArray[np.int64]:
         """Return the next phase of some robots, (k,).
 

@@ -106,4 +106,5 @@ class TrotIntegral(Trot):
         gravity, velocity, angular_velocity = (observation[:, term].T.astype(np.float64) for term in terms)
         forward, lateral, _ = level_frame(gravity).to_level(velocity)
         yaw_rate = -(gravity * angular_velocity).sum(axis=0)
-        return self._expected - np.stack((forward, lateral, yaw_rate), axis=-1)
+        error: Floats = self._expected - np.stack((forward, lateral, yaw_rate), axis=-1)
+        return error
