@@ -167,9 +167,8 @@ class Safe(Policy):
         velocity, command = (rows[:, OBSERVATION[name]][:, :2] for name in ("linear_velocity", "command"))
         self._reference = self._reference + (command - self._reference) * (self.control_period / RESPONSE_TIME)
         alarm = velocity_deviation(velocity, self._reference, self._recent_velocity) > FALL_ALARM_DEVIATION
-        self._recent_velocity = self._recent_velocity + (velocity - self._recent_velocity) * (
-            self.control_period / RECENT_TIME
-        )
+        change = velocity - self._recent_velocity
+        self._recent_velocity = self._recent_velocity + change * (self.control_period / RECENT_TIME)
         tilted = -rows[:, OBSERVATION["projected_gravity"]][:, 2] < np.cos(MAX_TILT)
         predicted = (self._mode == Mode.FOLLOW) & alarm & ~tilted
         if predicted.any():
