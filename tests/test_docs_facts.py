@@ -24,7 +24,7 @@ from evaluate.measures import outcomes, tracking
 from evaluate.statistics import intervals, sequential
 from live import session
 from live.ros import bridge, node
-from live.view import driver, painter
+from live.view import controller, render_thread
 from policies import residual
 from policies.behaviour.transitions import TIME_LIMIT
 from quad_env import SIMPLE_QUAD, CommandRanges, FallRule, RewardWeights, TaskConfig
@@ -142,9 +142,9 @@ FACTS: list[Fact] = [
     ),
     ("docs/other_software.md", f"authority={NUMBER}.` maps", lambda: [AUTHORITY]),
     ("docs/view.md", f"joint targets blend within {NUMBER} s", lambda: [session.POLICY_BLEND_TIME]),
-    ("docs/view.md", f"direction relative to the robot, impulse, over {NUMBER} s", lambda: [driver.PUSH_TIME]),
+    ("docs/view.md", f"direction relative to the robot, impulse, over {NUMBER} s", lambda: [controller.PUSH_TIME]),
     ("docs/view.md", f"yellow: mean velocity over {NUMBER} s", lambda: [scene.VELOCITY_WINDOW]),
-    ("docs/view.md", f"plainly and small, {NUMBER} × {NUMBER}", lambda: [painter.WIDTH, painter.HEIGHT]),
+    ("docs/view.md", f"plainly and small, {NUMBER} × {NUMBER}", lambda: [render_thread.WIDTH, render_thread.HEIGHT]),
     ("docs/view.md", f"up to {NUMBER} million pixels", lambda: [files.MAX_PIXELS / 1e6]),
     (
         "docs/view.md",

@@ -10,14 +10,14 @@ from quad_env.files.paths import missing_file
 __all__ = ["CHECKS", "DESCRIPTION_CHECKS", "DoctorOptions", "main"]
 
 CHECKS = (
-    DoctorCheck("walks", "live.walking:walks", ("stands",)),
-    DoctorCheck("policy", "live.walking:policy", ("walks", "walking")),
+    DoctorCheck("walks", "live.walking_checks:walks", ("stands",)),
+    DoctorCheck("policy", "live.walking_checks:policy", ("walks", "walking")),
 )
 """They follow those of `quad_env.doctor`; the second is for runs with a policy."""
 DESCRIPTION_CHECKS = (
-    DoctorCheck("description", "live.walking:description", ("stands",)),
-    DoctorCheck("standing", "live.walking:standing", ("description",)),
-    DoctorCheck("walking", "live.walking:walking", ("standing",)),
+    DoctorCheck("description", "live.walking_checks:description", ("stands",)),
+    DoctorCheck("standing", "live.walking_checks:standing", ("description",)),
+    DoctorCheck("walking", "live.walking_checks:walking", ("standing",)),
 )
 """Between them, for a policy from another project."""
 

@@ -11,7 +11,7 @@ from live.commands.episode import EpisodeOptions
 from live.recording.recorder import check_recordable, recorder_for
 from live.ros import interpreter
 from live.ros.bridge import Bridge, JointTargetPolicy
-from live.ros.link import RosProcess
+from live.ros.ros_process import RosProcess
 from live.session import Session
 from policies.base import Policy
 from quad_env.cli.interrupt import Interrupt

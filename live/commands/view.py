@@ -6,7 +6,7 @@ from contextlib import closing
 from dataclasses import dataclass
 
 from live.commands.episode import Command, EpisodeOptions
-from live.view.driver import ViewController
+from live.view.controller import ViewController
 from live.view.loop import LiveView
 from live.view.requests import MAX_ROBOTS, MAX_SEED
 from quad_env.cli.command_line import UsageError

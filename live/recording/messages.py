@@ -10,8 +10,8 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.typesys import Stores, get_typestore
 
-from live.imu import TrunkImu
 from live.recording.link_frames import IMU_LINK, TRUNK, Floats, LinkFrame, RecordingSchema, rotations
+from live.trunk_imu import TrunkImu
 from quad_env.config import FALL_REASONS
 
 STANDARD_TOPICS = {

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.rollouts.observers import Step
-from live.imu import TrunkImu
-from live.ros.link import Packet
 from live.ros.node import IMU, JOINT_STATE_PERIOD, JOINT_STATES, JOINT_TARGETS, RESET, VELOCITY
+from live.ros.ros_process import Packet
 from live.session import Session
+from live.trunk_imu import TrunkImu
 from policies.base import Actions, Floats, Mask, Policy, to_actions
 from quad_env.config import COMMAND_BOUND, FALL_REASONS
 from quad_env.robots.robot import Robot

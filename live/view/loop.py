@@ -5,8 +5,8 @@ import queue
 import time
 from collections.abc import Sequence
 
-from live.view.driver import ViewController
-from live.view.painter import RenderThread
+from live.view.controller import ViewController
+from live.view.render_thread import RenderThread
 from live.view.requests import Request, RequestError, parse
 from live.view.server import Server
 from quad_env.cli.command_line import UsageError

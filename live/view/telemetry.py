@@ -9,7 +9,7 @@ from evaluate.film.scene import Scene, heading_angle
 from evaluate.rollouts.observers import Step
 from live.session import Session
 from live.view.outcome import EpisodeOutcome
-from live.view.picture import Orbit, RenderRequest
+from live.view.render_request import Orbit, RenderRequest
 from policies.base import Policy
 from quad_env.task.rewards import REWARD
 

@@ -7,7 +7,7 @@ import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
 from live.commands.doctor import DESCRIPTION_CHECKS
-from live.walking import describe_spec
+from live.walking_checks import describe_spec
 from policies.external.readers import write_toml
 from policies.external.spec import PolicySpec
 from policies.external.spec_errors import actuation

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from evaluate.hardware import HardwareConfig
-from live.view.driver import ViewController
+from live.view.controller import ViewController
 from live.view.requests import Request
 from quad_env import SIMPLE_QUAD
 from quad_env.__main__ import main

@@ -8,7 +8,7 @@ from contextlib import closing
 
 import pytest
 
-from live.view.driver import ViewController
+from live.view.controller import ViewController
 from live.view.loop import LiveView
 from live.view.requests import Request
 

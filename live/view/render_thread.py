@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from live.view.picture import RenderRequest
+from live.view.render_request import RenderRequest
 from quad_env.physics.rendering import Camera
 
 JPEG_QUALITY = 80

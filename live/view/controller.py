@@ -14,7 +14,7 @@ from evaluate.film.scene import heading_angle
 from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.rollouts import battery
 from live.session import Session
-from live.view.picture import Orbit, RenderRequest
+from live.view.render_request import Orbit, RenderRequest
 from live.view.requests import Request
 from live.view.telemetry import Telemetry, rounded
 from policies.base import PolicyError

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from live.view.driver import MAX_EVENTS, ViewController
+from live.view.controller import MAX_EVENTS, ViewController
 from live.view.requests import REQUESTS, Request
 from live.view.telemetry import MAX_ROWS
 from policies.base import PolicyError

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from live.view.driver import ViewController
-from live.view.painter import HEIGHT, WIDTH, RenderThread
-from live.view.picture import DISTANCES, STEEPEST, Orbit
+from live.view.controller import ViewController
+from live.view.render_request import DISTANCES, STEEPEST, Orbit
+from live.view.render_thread import HEIGHT, WIDTH, RenderThread
 from quad_env.cli.real_time_rate import RealTimeRate
 
 
