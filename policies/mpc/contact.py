@@ -1,11 +1,13 @@
-"""Contact estimated without sensors in the feet: the force on each foot, other pushes, and the friction.
+"""Contact forces, external wrench and friction, estimated from joint torques.
 
-Over the last control period the equations of motion hold on average. What the motion needed less what the servos gave
-is the ground's: the leg joints' part gives the force on each foot, and what these forces leave of the trunk's part is
-the wrench of a push, a load or the wind. A momentum observer in its simplest form; see De Luca and Mattone, "Sensorless
-robot collision detection and hybrid force/motion control", ICRA 2005.
+Over the last control period the equations of motion hold on average. The generalised force that the motion needed, less
+the torques of the servos, is the one of the environment. Its part on the joints of a leg gives the force on its foot.
+The part on the trunk that these forces leave unexplained is the wrench of a push, a load or the wind. It is a momentum
+observer in its simplest form; see De Luca and Mattone, "Sensorless robot collision detection and hybrid force/motion
+control", ICRA 2005.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,54 +25,97 @@ from quad_env.physics.dynamics import DynamicsTerms
 from quad_env.physics.rotations import cross
 from quad_env.robots.robot import Robot
 
-LARGEST_WRENCH = np.array([80.0, 80.0, 400.0, 15.0, 15.0, 15.0])
-"""That is taken for a wrench, N and N·m."""
-MAX_UPWARD_FORCE = 40.0
-"""The same upward, N: loads press."""
-IMPACT_FORCE = 300.0
-"""Force of a foot, N, from which a control period is an impact, too short for any other estimate."""
-FIRM_CONTACT_FORCE = 30.0
-"""Force of a foot that stands firmly, N; a robot that does not stand on two such feet, tilted or in the air, may touch
-the ground with whatever it likes."""
-MAX_UPDATE_TILT = 0.2
-"""Largest tilt, rad, at which what no foot explains is believed."""
-INITIAL_WEIGHT = 5.0
-"""Looks that the first one counts as: until there are many the wrench is their mean, whatever the time constants."""
-CONTACT_MARGIN_PER_STIFFNESS = 0.03
-"""Force of a foot per stiffness of the servos, N per N·m/rad, that noise of the joints' readings feigns: so much above
-the touch force a foot in the air has to press to be taken to stand, for it would be predicted to stop at once."""
-ENCODED_LOAD_TIME = 0.15
-"""Least time constant of the vertical force of noisy joints, s."""
-ZERO_TIME, LARGEST_ZERO = 1.0, 0.03
-"""Time constant with which the encoders' zeros are taken in while a foot is in the air, s, and bound of a look, rad."""
-FRICTION_SAFETY_FACTOR = 0.7
-"""Of the friction that a slip has shown, what is relied on: the pyramid's edges reach that much further."""
-MIN_FRICTION = 0.05
-"""Friction that is always relied on."""
-SLIP_UPDATE_GAIN = 0.3
-"""Of what a slip shows, what is taken in within a control period."""
-_DAMPING = 1e-4
-"""Added to the squared Jacobian of a leg, m²: a straight leg shows no force along itself."""
+
+@dataclass(frozen=True)
+class ContactEstimatorConstants:
+    """Bounds and time constants of the contact estimates that are not searched."""
+
+    max_wrench: tuple[float, ...] = (80.0, 80.0, 400.0, 15.0, 15.0, 15.0)
+    """Largest external wrench, N and N·m."""
+    max_upward_force: float = 40.0
+    """Largest upward external force, N: loads press."""
+    impact_force: float = 300.0
+    """Force of a foot from which a control period is an impact, too short for any other estimate, N."""
+    firm_contact_force: float = 30.0
+    """Force of a foot that stands firmly, N. Without two of these the robot is tilted or in the air, and may touch the
+    ground with any of its parts."""
+    max_update_tilt: float = 0.2
+    """Largest tilt at which the wrench is updated, rad."""
+    initial_weight: float = 5.0
+    """Weight of the initial wrench, zero, in samples; until there are many samples the wrench is their mean."""
+    contact_margin_per_stiffness: float = 0.03
+    """Apparent force of a foot by noise of the joint readings, N per N·m/rad of servo stiffness. A foot in the air has
+    to press by this much above the touch force: a false contact would be predicted to stop at once."""
+    min_encoder_load_time: float = 0.15
+    """Shortest time constant of the vertical force with encoders, s."""
+    encoder_offset_time: float = 1.0
+    """Time constant of the encoder offsets, while a foot is in the air, s."""
+    max_encoder_offset: float = 0.03
+    """Largest encoder offset of a sample, rad."""
+    friction_safety_factor: float = 0.7
+    """Factor on the friction seen in a slip: the edges of the friction pyramid reach further than its sides."""
+    min_friction: float = 0.05
+    """Smallest assumed friction."""
+    slip_update_gain: float = 0.3
+    """Fraction of the change that a slip shows which is taken up per control period."""
+    damping: float = 1e-4
+    """Added to the squared Jacobian of a leg, m²: a straight leg shows no force along itself."""
+
+
+CONSTANTS = ContactEstimatorConstants()
+MAX_WRENCH = np.array(CONSTANTS.max_wrench)
+
+
+class PeriodMotion(NamedTuple):
+    """Mean motion of n robots over the last control period; with encoders over the last two."""
+
+    acceleration: Floats
+    """Generalised acceleration, (n, 18)."""
+    angle: Floats
+    """Joint angles, (n, 12), rad."""
+    speed: Floats
+    """Joint speeds, (n, 12), rad/s."""
+    targets: Floats
+    """Joint targets, (n, 12), rad."""
 
 
 class ContactEstimator(PerRobotState):
-    """Contact estimates of n robots, updated at every control period."""
+    """Estimates contact forces, external wrench and friction of n robots, once per control period.
+
+    Args:
+        robot: Robot with the servo gains.
+        parameters: Thresholds and time constants.
+        period: Control period, s.
+        actuator: Drives of the joints.
+        encoders: True: joint speeds are differences of two encoder angles, so means over a control period.
+    """
 
     wrench: Floats = per_robot(np.zeros(6))
-    """Smoothed, that no foot explains: force in the level frame, N, and moment about the trunk's centre in the base
-    frame, N·m, (n, 6)."""
+    """Filtered external wrench on the trunk, the load included, (n, 6): force in the level frame, N, moment about the
+    trunk centre in the base frame, N·m."""
     friction_estimate: Floats = per_robot()
-    """Friction that is relied on, (n,)."""
+    """Friction coefficient that the controller assumes, (n,)."""
     in_contact: Mask = per_robot(np.ones(4, np.bool_))
     """Feet that surely touch the ground, (n, 4)."""
     encoder_offsets: Floats = per_robot(np.zeros(12))
-    """What encoders show of joints at zero, (n, 12), rad: without it the servos give more than legs in the air need."""
-    _known: Mask = per_robot(False)
-    _before: Floats = per_robot(np.zeros(18 + 12 + 12))
-    _trunk: Floats = per_robot(np.zeros(6))
-    _looks: Floats = per_robot(0.0)
+    """Encoder readings at a joint angle of zero, (n, 12), rad. With an offset the servos give a torque that legs in the
+    air do not need."""
+    _has_last: Mask = per_robot(False)
+    """Robots with a last reading, (n,)."""
+    _last_velocity: Floats = per_robot(np.zeros(18))
+    """Last generalised velocity, (n, 18)."""
+    _last_angles: Floats = per_robot(np.zeros(12))
+    """Last joint angles, (n, 12), rad."""
+    _last_targets: Floats = per_robot(np.zeros(12))
+    """Last joint targets, (n, 12), rad."""
+    _last_trunk_acceleration: Floats = per_robot(np.zeros(6))
+    """Last trunk acceleration, (n, 6), m/s² and rad/s²."""
+    _sample_count: Floats = per_robot(0.0)
+    """Samples in the wrench, (n,)."""
     _was_sliding: Mask = per_robot(np.zeros(4, np.bool_))
-    _sliding: Mask = per_robot(np.zeros(4, np.bool_))
+    """Loaded feet that slid in the last step, (n, 4)."""
+    _had_slipped: Mask = per_robot(np.zeros(4, np.bool_))
+    """Feet that slid in the last step and were still loaded one step later, (n, 4)."""
 
     def __init__(
         self,
@@ -81,142 +126,247 @@ class ContactEstimator(PerRobotState):
         *,
         encoders: bool = False,
     ) -> None:
-        self._parameters, self._period, self._encoders = parameters, period, encoders
+        c = CONSTANTS
+        self._parameters = parameters
+        self._period = period
+        self._encoders = encoders
         self._servos = ServoModel(robot, actuator, period)
-        p, self._zero_share = parameters, lowpass_gain(period, ZERO_TIME)
-        self._unsure = CONTACT_MARGIN_PER_STIFFNESS * float(np.max(robot.servo_stiffness)) * encoders
-        self._shares = np.full(6, lowpass_gain(period, p.disturbance_time))
-        self._shares[2] = lowpass_gain(period, max(p.load_time, ENCODED_LOAD_TIME) if encoders else p.load_time)
-        super().__init__(friction_estimate=p.friction)
+        self._offset_gain = lowpass_gain(period, c.encoder_offset_time)
+        self._contact_margin = c.contact_margin_per_stiffness * float(np.max(robot.servo_stiffness)) * encoders
+        load_time = max(parameters.load_time, c.min_encoder_load_time) if encoders else parameters.load_time
+        self._wrench_gains = np.full(6, lowpass_gain(period, parameters.disturbance_time))
+        self._wrench_gains[2] = lowpass_gain(period, load_time)
+        super().__init__(friction_estimate=parameters.friction)
 
     def remove_encoder_offsets(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The observations, (n, k), less what the encoders are known to show at zero."""
+        """Return the observations, (n, k), without the estimated encoder offsets."""
         if not self._encoders:
             return observation
-        out = observation.copy()
-        out[:, OBSERVATION["joint_position"]] -= self.encoder_offsets
-        return out
+        corrected = observation.copy()
+        corrected[:, OBSERVATION["joint_position"]] -= self.encoder_offsets
+        return corrected
 
     def estimate(self, motion: MotionState, weight: Floats, in_mid_swing: Mask | bool = False) -> Floats:
-        """Forces of the feet over the last control period, level frame, (n, 4, 3), N; and renew `wrench` and `grip`.
+        """Estimate the contact forces, and update wrench, contacts, encoder offsets and friction.
 
-        `weight`: of the bodies' loads, as a wrench, (n, 6); `away`: feet in mid-swing by the gait, (n, 4).
+        Args:
+            motion: State at the time of the readings, with the targets that led to it and the load.
+            weight: Gravity wrench of the loads, which are part of the dynamics, (n, 6), N and N·m.
+            in_mid_swing: Feet that the gait has in mid-swing, (n, 4): they are not in contact.
+
+        Returns:
+            Forces of the feet over the last control period, level frame, (n, 4, 3), N.
         """
-        forces, wrench = self._solve_contact_forces(motion, in_mid_swing)
-        up = forces[..., 2]
-        firm = (up > FIRM_CONTACT_FORCE).sum(axis=1) >= 2
-        telling = firm & (up.max(axis=1) < IMPACT_FORCE) & (np.abs(motion.tilt).max(axis=1) < MAX_UPDATE_TILT)
-        bounded = (wrench + weight).clip(-LARGEST_WRENCH, LARGEST_WRENCH)
-        bounded[:, 2] = np.minimum(bounded[:, 2], MAX_UPWARD_FORCE)
-        # What pushes stays where it is in the world while the level frame turns with the robot.
-        turned = self._period * motion.angular_velocity[:, 2]
-        cosine, sine, (x, y) = np.cos(turned), np.sin(turned), self.wrench[:, :2].T.copy()
-        self.wrench[:, 0], self.wrench[:, 1] = cosine * x + sine * y, cosine * y - sine * x
-        shares = warm_start_gain(self._shares, INITIAL_WEIGHT + self._looks[:, None])
-        self.wrench += np.where(telling[:, None], shares, 0.0) * (bounded - self.wrench)
-        self._looks += telling
+        forces, unexplained = self._solve_contact_forces(motion, in_mid_swing)
+        self._turn_wrench(self._period * motion.angular_velocity[:, 2])
+        self._update_wrench(unexplained + weight, self._is_informative(motion, forces[..., 2]))
         self._estimate_friction(forces, motion.foot_velocity)
         return forces
 
-    def _solve_contact_forces(self, motion: MotionState, in_mid_swing: Mask | bool) -> tuple[Floats, Floats]:
-        """Forces of the feet, (n, 4, 3), N, and the wrench that they leave unexplained, (n, 6); renews `touching`
-        and, on encoders, `zeros`.
+    def _is_informative(self, motion: MotionState, normal_forces: Floats) -> Mask:
+        """Return True for robots whose unexplained wrench is external, (n,).
 
-        Speeds of encoders are means over a period: a difference of two is the joints' mean acceleration over both
-        periods, and so are the forces.
+        They stand on two firm feet, nearly level, without an impact. `normal_forces`: (n, 4), N.
         """
-        period, bodies, now = self._period, motion.bodies, motion.generalised_velocity
-        state = np.concatenate((now, motion.joint_position, motion.targets), axis=1)
-        before = np.where(self._known[:, None], self._before, state)
-        self._before, self._known = state, np.ones_like(self._known)
-        acceleration = (now - before[:, :18]) / period
-        # The level frame has turned with the robot.
-        acceleration[:, 0] -= motion.angular_velocity[:, 2] * now[:, 1]
-        acceleration[:, 1] += motion.angular_velocity[:, 2] * now[:, 0]
-        last, self._trunk = self._trunk, acceleration[:, :6].copy()
-        faster, targets = period / 12.0 * (now[:, 6:] - before[:, 6:18]), motion.targets
+        c = CONSTANTS
+        stands_firmly = (normal_forces > c.firm_contact_force).sum(axis=1) >= 2
+        no_impact = normal_forces.max(axis=1) < c.impact_force
+        is_level = np.abs(motion.tilt).max(axis=1) < c.max_update_tilt
+        informative: Mask = stands_firmly & no_impact & is_level
+        return informative
+
+    def _turn_wrench(self, yaw: Floats) -> None:
+        """Turn the force against the `yaw` of the level frame, (n,), rad: a push keeps its direction in the world."""
+        cosine = np.cos(yaw)
+        sine = np.sin(yaw)
+        x, y = self.wrench[:, :2].T.copy()
+        self.wrench[:, 0] = cosine * x + sine * y
+        self.wrench[:, 1] = cosine * y - sine * x
+
+    def _update_wrench(self, sample: Floats, informative: Mask) -> None:
+        """Take a sample of the external wrench, (n, 6), into the mean of the informative robots, (n,)."""
+        bounded = sample.clip(-MAX_WRENCH, MAX_WRENCH)
+        bounded[:, 2] = np.minimum(bounded[:, 2], CONSTANTS.max_upward_force)
+        gains = warm_start_gain(self._wrench_gains, CONSTANTS.initial_weight + self._sample_count[:, None])
+        self.wrench += np.where(informative[:, None], gains, 0.0) * (bounded - self.wrench)
+        self._sample_count += informative
+
+    def _solve_contact_forces(self, motion: MotionState, in_mid_swing: Mask | bool) -> tuple[Floats, Floats]:
+        """Solve for the contact forces and the wrench that they leave unexplained; update contacts and offsets.
+
+        M q̈ + h - τ = Σ Jᵢᵀ fᵢ + w: the joint rows of each leg give fᵢ, the trunk rows w.
+
+        Args:
+            motion: State at the time of the readings, with the targets that led to it.
+            in_mid_swing: Feet that are not in contact, (n, 4).
+
+        Returns:
+            forces: Of the feet, level frame, (n, 4, 3), N.
+            unexplained: Wrench on the trunk, (n, 6), N and N·m.
+        """
+        bodies = motion.bodies
+        period_motion = self._period_motion(motion)
+        needed = np.matmul(bodies.inertia, period_motion.acceleration[..., None])[..., 0] + bodies.bias_force
+        needed[:, 6:] -= self._servos.torque(period_motion.targets, period_motion.angle, period_motion.speed)
+        jacobians = bodies.leg_jacobians
+        squares = np.matmul(jacobians, jacobians.swapaxes(2, 3)) + CONSTANTS.damping * np.eye(3)
+        projected = np.matmul(jacobians, needed[:, 6:].reshape(-1, 4, 3, 1))
+        forces = np.linalg.solve(squares, projected)[..., 0]
+        threshold = self._parameters.touch_force + np.where(self.in_contact, 0.0, self._contact_margin)
+        self.in_contact = (forces[..., 2] > threshold) & np.logical_not(in_mid_swing)
         if self._encoders:
-            angle, speed = before[:, 18:30] + faster, 0.5 * (now[:, 6:] + before[:, 6:18])
-            targets = 0.5 * (targets + before[:, 30:])
-            acceleration[:, :6] = 0.5 * (acceleration[:, :6] + last)
-        else:  # the mean of the cubic between both angles with both speeds
-            angle = 0.5 * (motion.joint_position + before[:, 18:30]) - faster
-            speed = (motion.joint_position - before[:, 18:30]) / period
-        needed = np.matmul(bodies.inertia, acceleration[..., None])[..., 0] + bodies.bias_force
-        needed[:, 6:] -= self._servos.torque(targets, angle, speed)
-        legs = bodies.leg_jacobians
-        squares = np.matmul(legs, legs.swapaxes(2, 3)) + _DAMPING * np.eye(3)
-        aims = np.matmul(legs, needed[:, 6:].reshape(-1, 4, 3, 1))
-        forces = np.linalg.solve(squares, aims)[..., 0]
-        least = self._parameters.touch_force + np.where(self.in_contact, 0.0, self._unsure)
-        self.in_contact = (forces[..., 2] > least) & np.logical_not(in_mid_swing)
-        if self._encoders:
-            shown = np.clip(needed[:, 6:] / self._servos.stiffness, -LARGEST_ZERO, LARGEST_ZERO)
-            self.encoder_offsets += np.where(np.repeat(self.in_contact, 3, axis=1), 0.0, self._zero_share * shown)
-        # The ground does not pull: that is a joint at its limit, or two links that touch. Noise pulls as it presses.
+            self._update_encoder_offsets(needed[:, 6:])
+        # The ground does not pull: a joint at its limit or two links that touch do. Noise pulls as often as it presses.
         pressing = np.where(forces[..., 2:] < 0.0, 0.0, forces)
         explaining = forces if self._encoders else pressing
-        of_trunk = bodies.jacobians[..., :6].reshape(len(now), 12, 6).swapaxes(1, 2)
-        wrench = needed[:, :6] - np.matmul(of_trunk, explaining.reshape(len(now), 12, 1))[..., 0]
-        return np.where(self.in_contact[..., None], forces, 0.0) if self._encoders else pressing, wrench
+        count = len(forces)
+        trunk_jacobians = bodies.jacobians[..., :6].reshape(count, 12, 6).swapaxes(1, 2)
+        unexplained = needed[:, :6] - np.matmul(trunk_jacobians, explaining.reshape(count, 12, 1))[..., 0]
+        if self._encoders:
+            return np.where(self.in_contact[..., None], forces, 0.0), unexplained
+        return pressing, unexplained
+
+    def _period_motion(self, motion: MotionState) -> PeriodMotion:
+        """Return the mean motion since the last readings, and store the present ones.
+
+        Encoder speeds are means over a period. A difference of two is the mean acceleration over both periods, and the
+        forces are means over both.
+        """
+        period = self._period
+        velocity = motion.generalised_velocity
+        last_velocity = self._or_last(velocity, self._last_velocity)
+        last_angles = self._or_last(motion.joint_position, self._last_angles)
+        last_targets = self._or_last(motion.targets, self._last_targets)
+        self._last_velocity = velocity
+        self._last_angles = motion.joint_position
+        self._last_targets = motion.targets
+        self._has_last = np.ones_like(self._has_last)
+
+        acceleration = (velocity - last_velocity) / period
+        # The level frame has turned with the robot.
+        acceleration[:, 0] -= motion.angular_velocity[:, 2] * velocity[:, 1]
+        acceleration[:, 1] += motion.angular_velocity[:, 2] * velocity[:, 0]
+        last_trunk_acceleration = self._last_trunk_acceleration
+        self._last_trunk_acceleration = acceleration[:, :6].copy()
+        curvature = period / 12.0 * (velocity[:, 6:] - last_velocity[:, 6:])
+        if not self._encoders:
+            # Mean of the cubic through both angles with both speeds.
+            return PeriodMotion(
+                acceleration=acceleration,
+                angle=0.5 * (motion.joint_position + last_angles) - curvature,
+                speed=(motion.joint_position - last_angles) / period,
+                targets=motion.targets,
+            )
+        acceleration[:, :6] = 0.5 * (acceleration[:, :6] + last_trunk_acceleration)
+        return PeriodMotion(
+            acceleration=acceleration,
+            angle=last_angles + curvature,
+            speed=0.5 * (velocity[:, 6:] + last_velocity[:, 6:]),
+            targets=0.5 * (motion.targets + last_targets),
+        )
+
+    def _or_last(self, present: Floats, last: Floats) -> Floats:
+        """Return the last values, (n, k), or the present ones of robots without a last reading."""
+        return np.where(self._has_last[:, None], last, present)
+
+    def _update_encoder_offsets(self, unexplained_torque: Floats) -> None:
+        """Take the torques, (n, 12), N·m, that legs in the air do not need into the encoder offsets."""
+        largest = CONSTANTS.max_encoder_offset
+        sample = np.clip(unexplained_torque / self._servos.stiffness, -largest, largest)
+        in_stance = np.repeat(self.in_contact, 3, axis=1)
+        self.encoder_offsets += np.where(in_stance, 0.0, self._offset_gain * sample)
 
     def _estimate_friction(self, forces: Floats, velocity: Floats) -> None:
-        """Take the ratio of the forces of a foot that slides for the friction; forget it slowly."""
+        """Lower the friction estimate to the force ratio of sliding feet; let it return slowly.
+
+        A foot slides if it moves, is still loaded one step later, which a foot that lifts off is not, and does so in
+        two steps in a row: a foot that lands slides for a moment. `forces`: (n, 4, 3), N; `velocity`: (n, 4, 3), m/s.
+        """
         p = self._parameters
-        speed, across = np.hypot(velocity[..., 0], velocity[..., 1]), np.hypot(forces[..., 0], forces[..., 1])
-        pressed = forces[..., 2] > 2.0 * p.touch_force
-        sliding = pressed & self._was_sliding
-        self._was_sliding = pressed & (
-            speed > p.slip_speed
-        )  # and still presses at the next look: one that lifts does not
-        sliding, self._sliding = sliding & self._sliding, sliding  # a foot that lands slides for a moment
-        ratio = np.where(sliding, across / np.maximum(forces[..., 2], 1e-9), 0.0).max(axis=1)
-        shown = np.maximum(FRICTION_SAFETY_FACTOR * ratio, MIN_FRICTION)
-        slips = sliding.any(axis=1) & (shown < self.friction_estimate)
-        self.friction_estimate = self.friction_estimate + np.where(
-            slips, SLIP_UPDATE_GAIN * (shown - self.friction_estimate), 0.0
-        )
+        c = CONSTANTS
+        speed = np.hypot(velocity[..., 0], velocity[..., 1])
+        tangential_force = np.hypot(forces[..., 0], forces[..., 1])
+        is_loaded = forces[..., 2] > 2.0 * p.touch_force
+        has_slipped = is_loaded & self._was_sliding
+        self._was_sliding = is_loaded & (speed > p.slip_speed)
+        is_sliding = has_slipped & self._had_slipped
+        self._had_slipped = has_slipped
+        ratio = np.where(is_sliding, tangential_force / np.maximum(forces[..., 2], 1e-9), 0.0).max(axis=1)
+        seen = np.maximum(c.friction_safety_factor * ratio, c.min_friction)
+        is_lower = is_sliding.any(axis=1) & (seen < self.friction_estimate)
+        change = c.slip_update_gain * (seen - self.friction_estimate)
+        self.friction_estimate = self.friction_estimate + np.where(is_lower, change, 0.0)
         self.friction_estimate += self._period / p.grip_memory * (p.friction - self.friction_estimate)
 
 
 def wrench_to_acceleration(bodies: DynamicsTerms, rotation: Floats, wrench: Floats) -> Floats:
-    """Linear and angular acceleration of each robot as one rigid body by such wrenches, (n, 6), m/s² and rad/s²."""
+    """Return the acceleration of each robot as a single rigid body under a wrench.
+
+    Args:
+        bodies: Dynamics of n robots.
+        rotation: From the base to the level frame, (n, 3, 3).
+        wrench: Force in the level frame, N, and moment about the trunk centre in the base frame, N·m, (n, 6).
+
+    Returns:
+        Linear and angular acceleration, level frame, (n, 6), m/s² and rad/s².
+    """
     force = wrench[:, :3]
-    turn = np.matmul(rotation, wrench[:, 3:, None]) - cross(bodies.com_position, force)[..., None]
-    angular = np.linalg.solve(bodies.rotational_inertia, turn)[..., 0]
+    moment = np.matmul(rotation, wrench[:, 3:, None]) - cross(bodies.com_position, force)[..., None]
+    angular = np.linalg.solve(bodies.rotational_inertia, moment)[..., 0]
     return np.concatenate((force / bodies.mass[:, None], angular), axis=1)
 
 
 MAX_LATE_CONTACT_PHASE = 0.5
-"""Share of a stance up to which a foot in the air is still on its way down; later the gait goes on without it."""
-LIFTOFF_PHASE, EARLY_CONTACT_PHASE = 0.1, 0.6
-"""Share of a swing up to which a foot may still be on the ground, and from which on it may land."""
+"""Stance progress up to which a foot in the air is still lowered; later the gait goes on without it."""
+LIFTOFF_PHASE = 0.1
+"""Swing progress up to which a foot may still be on the ground."""
+EARLY_CONTACT_PHASE = 0.6
+"""Swing progress from which a foot may land early."""
 
 
 class ContactState(NamedTuple):
-    """Which feet stand, and why; (n, 4)."""
+    """Contact state of the feet of n robots, (n, 4) each."""
 
     stance: Mask
-    """That bear the robot now."""
+    """Feet that bear the robot."""
     late: Mask
-    """That should stand and have not touched the ground yet."""
+    """Feet that the gait has in stance and that have not touched the ground yet."""
     landed: Mask
-    """Whose places show the ground."""
+    """Feet whose positions show the ground."""
 
 
 def contact_states(
-    p: ModelParameters, cycle: LegCycle, earlier: LegCycle, force: Floats, new: Mask, *, flies: bool
+    p: ModelParameters,
+    cycle: LegCycle,
+    cycle_at_measurement: LegCycle,
+    normal_forces: Floats,
+    is_first_step: Mask,
+    *,
+    flies: bool,
 ) -> ContactState:
-    """Contacts by the gait now and `earlier`, when the estimated vertical forces of the feet, (n, 4), N, acted.
+    """Classify the feet by the gait and by their contact forces.
 
-    `new`: robots without an estimate yet, (n,); `flies`: whether all feet may be in the air together.
+    Args:
+        p: Force thresholds.
+        cycle: Gait cycle of the legs now, (n, 4).
+        cycle_at_measurement: Gait cycle at the time of the forces, (n, 4).
+        normal_forces: Estimated vertical forces of the feet, (n, 4), N.
+        is_first_step: Robots without an estimate yet, (n,): they follow the gait.
+        flies: True if the gait has a time without stance feet.
+
+    Returns:
+        Stance, late and landed feet.
     """
-    old = ~new[:, None]
-    in_contact = force > p.touch_force
-    late = ~cycle.swing & ~earlier.swing & ~in_contact & (cycle.progress < MAX_LATE_CONTACT_PHASE) & old
-    early = cycle.swing & earlier.swing & (force > p.early_force) & (earlier.progress > EARLY_CONTACT_PHASE)
-    stance = (~cycle.swing & ~late) | early
+    has_estimate = ~is_first_step[:, None]
+    in_contact = normal_forces > p.touch_force
+    gait_stance = ~cycle.swing
+    may_be_late = gait_stance & ~cycle_at_measurement.swing & (cycle.progress < MAX_LATE_CONTACT_PHASE)
+    late = may_be_late & ~in_contact & has_estimate
+    may_be_early = cycle.swing & cycle_at_measurement.swing & (cycle_at_measurement.progress > EARLY_CONTACT_PHASE)
+    early = may_be_early & (normal_forces > p.early_force)
+    stance = (gait_stance & ~late) | early
     if not flies:
-        # Something has to bear the robot, even in the plan of one that is thrown up.
-        stance = np.where(stance.any(axis=1, keepdims=True), stance, ~cycle.swing)
-    return ContactState(stance, late, (~cycle.swing & in_contact & ~late) | early | ~old)
+        # Some feet have to bear the robot, also in the plan of one that is thrown up.
+        stance = np.where(stance.any(axis=1, keepdims=True), stance, gait_stance)
+    landed = (gait_stance & in_contact & ~late) | early | ~has_estimate
+    return ContactState(stance, late, landed)

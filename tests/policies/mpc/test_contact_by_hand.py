@@ -104,7 +104,7 @@ def test_a_wrench_is_at_first_a_mean_and_then_taken_in_by_its_time() -> None:
     np.testing.assert_allclose(sense.wrench, wrench / 5.0)
     sense.estimate(at(), np.zeros((2, 6)))
     np.testing.assert_allclose(sense.wrench, wrench * (0.2 + 0.8 / 6.0))
-    sense._looks[:] = 1000.0
+    sense._sample_count[:] = 1000.0
     sense.wrench[:] = 0.0
     sense.estimate(at(), np.zeros((2, 6)))
     np.testing.assert_allclose(sense.wrench, wrench * ([0.01, 0.01, 0.05, 0.01, 0.01, 0.01]))
@@ -139,7 +139,7 @@ def test_a_robot_that_does_not_stand_firmly_tells_nothing_and_the_other_does(sil
     sense.estimate(at(projected_gravity=gravity), np.zeros((2, 6)))
     np.testing.assert_allclose(sense.wrench[0], 2.0)
     np.testing.assert_array_equal(sense.wrench[1], 0.0)
-    assert sense._looks.tolist() == [1.0, 0.0]
+    assert sense._sample_count.tolist() == [1.0, 0.0]
 
 
 def slid(ratios: list[float], speed: float = 0.5, up: float = 80.0, looks: int = 3, **fields: float) -> np.ndarray:
