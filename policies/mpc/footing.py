@@ -1,4 +1,4 @@
-"""Where the feet of a robot under model-predictive control go; level frame, arrays (n, 4, …)."""
+"""Footholds, swing trajectories and the terrain plane of the model-based controllers; level frame."""
 
 import math
 from collections.abc import Callable
@@ -18,93 +18,117 @@ from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 
 MAX_FOOTHOLD_OFFSET = 0.35
-"""Farthest that a foothold is off its neutral point, m."""
-LARGEST_SHIFT = 0.2
-"""Farthest that a lasting force shifts the feet, m."""
-HIP_ANGLE = 0.42
+"""Largest distance of a foothold from its nominal position, m."""
+MAX_LEAN_SHIFT = 0.2
+"""Largest shift of the footholds against a lasting force, m."""
+MAX_HIP_ANGLE = 0.42
 """Largest angle of a hip at a foothold, rad: short of its limit."""
 MAX_SLOPE = 0.6
-"""Largest slope that is believed, m/m."""
-ROUGHNESS_TIME = 1.0
-"""Time constant with which the roughness of the ground is taken in, s."""
-CROUCH = 0.05
-"""How much lower than planned a trunk may be when a foot lands, m."""
+"""Largest believed slope, m/m."""
+ROUGHNESS_FILTER_TIME = 1.0
+"""Time constant of the roughness of the ground, s."""
+CROUCH_MARGIN = 0.05
+"""Height that a trunk may have lost when a foot lands, m."""
 
 _PHASE_STEP = 1e-3
-"""Progress of a swing over which its speed is taken."""
+"""Finite-difference step of the swing progress."""
 _ROTATE_90 = np.array([-1.0, 1.0])
-"""(y, x) times this is (x, y) turned by a quarter."""
+"""(y, x) times this is (x, y) turned by 90 degrees."""
 
 Terrain = Callable[[Floats, Floats, Floats], Floats]
-"""What feet swing over: height, m, that a swing starts its lift from, by x, y and the swing's progress, (n, 4) each."""
+"""Height of the terrain under a swing, m, by x, y, m, and the progress of the swing, (n, 4) each."""
 
 
 class TerrainPlane(NamedTuple):
-    """The ground under n robots: height under the trunk's centre relative to it, and rise per metre; (n,)."""
+    """Plane under n robots, level frame."""
 
     height: Floats
+    """Below the trunk centre, relative to it, (n,), m."""
     forward: Floats
+    """Rise per metre forward, (n,)."""
     lateral: Floats
+    """Rise per metre to the left, (n,)."""
 
     def at(self, x: Floats, y: Floats) -> Floats:
-        """Height there, m, (n, 4)."""
+        """Return the height of the plane at x and y, (n, 4) each, m; (n, 4), m."""
         return plane_height((self.height[:, None], self.forward[:, None], self.lateral[:, None]), x, y)
 
 
 class TerrainEstimator(PerRobotState):
-    """Where the feet of n robots stood last, and the ground that this shows.
+    """Last footprints of n robots, and the terrain plane through them.
 
     Args:
-        slope_time: time constant with which the slope is taken in, s.
-        period: of control, s.
+        slope_time: Time constant of the slope, s.
+        period: Control period, s.
     """
 
     slope: Floats = per_robot(np.zeros(2), axis=1)
-    """Rise per metre forward and to the left, (2, n)."""
+    """Filtered rise per metre forward and to the left, (2, n)."""
     roughness: Floats = per_robot(0.0)
-    """Largest distance of a footprint from the plane through them, smoothed, (n,), m."""
+    """Filtered largest distance of a footprint from the plane through them, (n,), m."""
     footprints: Floats = per_robot(np.zeros((3, 4)), axis=2)
-    """Of the footprints now, level frame, (3, 4, n), m."""
+    """Positions of the last footprints, level frame, (3, 4, n), m."""
 
     def __init__(self, slope_time: float, period: float) -> None:
-        self._share, self._period = lowpass_gain(period, slope_time), period
+        self._slope_gain = lowpass_gain(period, slope_time)
+        self._roughness_gain = lowpass_gain(period, ROUGHNESS_FILTER_TIME)
+        self._period = period
         super().__init__()
 
     def ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
-        """The plane of the slope that the footprints have shown for a while, at the footprints' mean height.
+        """Update the footprints, and return the plane of the filtered slope at their mean height.
 
-        `landed`: feet that show the ground now, (n, 4).
+        Args:
+            state: State of n robots.
+            landed: Feet whose positions show the ground, (n, 4).
+
+        Returns:
+            Terrain plane.
         """
-        former = advect_footprints(self.footprints, state.velocity.T, state.angular_velocity[:, 2], self._period)
-        self.footprints = footprints = np.where(landed.T, state.bodies.feet.T, former)
-        _, *slope = plane = fit_plane(footprints)
-        apart = np.abs(height_above_plane(plane, footprints)).max(axis=0)
-        self.roughness += lowpass_gain(self._period, ROUGHNESS_TIME) * (apart - self.roughness)
-        turned = self._period * state.angular_velocity[:, 2] * np.array((self.slope[1], -self.slope[0]))
-        self.slope = self.slope + turned  # with the level frame, which turns with the robot
-        self.slope = self.slope + self._share * (np.clip(slope, -MAX_SLOPE, MAX_SLOPE) - self.slope)
+        yaw_rate = state.angular_velocity[:, 2]
+        carried_along = advect_footprints(self.footprints, state.velocity.T, yaw_rate, self._period)
+        self.footprints = np.where(landed.T, state.bodies.feet.T, carried_along)
+        plane = fit_plane(self.footprints)
+        distance = np.abs(height_above_plane(plane, self.footprints)).max(axis=0)
+        self.roughness += self._roughness_gain * (distance - self.roughness)
+        # The slope turns against the level frame, which turns with the robot.
         forward, lateral = self.slope
-        under_the_trunk = 0.25 * ordered_sum(height_above_plane((np.zeros(len(landed)), forward, lateral), footprints))
-        return TerrainPlane(under_the_trunk, forward, lateral)
+        self.slope = self.slope + self._period * yaw_rate * np.array((lateral, -forward))
+        measured_slope = np.clip(plane[1:], -MAX_SLOPE, MAX_SLOPE)
+        self.slope = self.slope + self._slope_gain * (measured_slope - self.slope)
+        forward, lateral = self.slope
+        heights = height_above_plane((np.zeros(len(landed)), forward, lateral), self.footprints)
+        return TerrainPlane(0.25 * ordered_sum(heights), forward, lateral)
 
 
 def ground_velocity(state: MotionState, yaw_rate: Floats) -> Floats:
-    """Velocity of the ground under trunks that turn at a yaw rate, (n,), rad/s, at their feet, (n, 4, 2), m/s."""
+    """Return the velocity of the ground relative to the trunk at the feet, (n, 4, 2), m/s.
+
+    Args:
+        state: State of n robots.
+        yaw_rate: Yaw rate of the trunks, (n,), rad/s.
+    """
     return -point_velocity(state, yaw_rate, state.bodies.feet)
 
 
-def point_velocity(state: MotionState, yaw_rate: Floats, places: Floats) -> Floats:
-    """Velocity, (n, 4, 2), m/s, of places, (n, 4, 2 or 3), m, that go with bodies and turn at (n,) rad/s."""
-    turned = yaw_rate[:, None, None] * (places[..., 1::-1] * _ROTATE_90)
-    velocity: Floats = state.bodies.com_velocity[:, None, :2] + turned
+def point_velocity(state: MotionState, yaw_rate: Floats, positions: Floats) -> Floats:
+    """Return the horizontal velocity of points fixed to the trunk, (n, 4, 2), m/s.
+
+    Args:
+        state: State of n robots.
+        yaw_rate: Yaw rate of the trunks, (n,), rad/s.
+        positions: From the trunk centre, level frame, (n, 4, 2 or 3), m.
+    """
+    by_yaw = yaw_rate[:, None, None] * (positions[..., 1::-1] * _ROTATE_90)
+    velocity: Floats = state.bodies.com_velocity[:, None, :2] + by_yaw
     return velocity
 
 
 @cache
 def nominal_footholds(robot: Robot, p: ModelParameters) -> Floats:
-    """Footholds in place relative to the centre of mass, (4, 2), m."""
-    before = np.sign(robot.hip_positions[:, 0])
-    return np.stack((before * p.length / 2.0 + p.shift, robot.side * p.width / 2.0), axis=-1)
+    """Return the footholds of a robot at rest relative to the centre of mass, (4, 2), m, by length, width and shift."""
+    fore_or_hind = np.sign(robot.hip_positions[:, 0])
+    return np.stack((fore_or_hind * p.length / 2.0 + p.shift, robot.side * p.width / 2.0), axis=-1)
 
 
 def footholds(
@@ -115,24 +139,35 @@ def footholds(
     stance_time: Floats,
     height: float,
 ) -> Floats:
-    """Footholds, (n, 4, 2), m: under the body halfway through the stance, further out by the velocity error, and to
-    where they bear a lasting acceleration `pushed`, (n, 2), m/s².
+    """Plan footholds (Raibert heuristic).
 
-    `stance_time`: (n,), s; `height` that the trunk is to have above the ground, m.
+    A foothold is under the body halfway through its stance, further out by the velocity error, and shifted to where
+    it balances a lasting acceleration.
+
+    Args:
+        robot: Robot of the feet.
+        p: Gait and gains.
+        motion: State of n robots.
+        disturbance_acceleration: Lasting, level frame, (n, 2), m/s².
+        stance_time: Duration of a stance, (n,), s.
+        height: Reference height of the trunk above the ground, m.
+
+    Returns:
+        Footholds, level frame, (n, 4, 2), m; at most MAX_FOOTHOLD_OFFSET from nominal, within the range of the hips.
     """
-    velocity, centre, command = motion.bodies.com_velocity, motion.bodies.com_position, motion.command
-    shift = (p.lean_gain * height / GRAVITY * disturbance_acceleration).clip(-LARGEST_SHIFT, LARGEST_SHIFT)
-    place = nominal_footholds(robot, p) + (centre[:, :2] + shift)[:, None]
-    reach = 0.5 * stance_time[:, None, None] * point_velocity(motion, command[:, 2], place)
-    reach = reach + p.step_gain * (velocity[:, :2] - command[:, :2])[:, None]
-    size = np.hypot(reach[..., 0], reach[..., 1])
-    foothold_positions: Floats = (
-        place + reach * np.minimum(1.0, MAX_FOOTHOLD_OFFSET / np.maximum(size, 1e-9))[..., None]
-    )
+    bodies = motion.bodies
+    command = motion.command
+    lean_shift = (p.lean_gain * height / GRAVITY * disturbance_acceleration).clip(-MAX_LEAN_SHIFT, MAX_LEAN_SHIFT)
+    nominal = nominal_footholds(robot, p) + (bodies.com_position[:, :2] + lean_shift)[:, None]
+    offset = 0.5 * stance_time[:, None, None] * point_velocity(motion, command[:, 2], nominal)
+    offset = offset + p.step_gain * (bodies.com_velocity[:, :2] - command[:, :2])[:, None]
+    distance = np.hypot(offset[..., 0], offset[..., 1])
+    scale = np.minimum(1.0, MAX_FOOTHOLD_OFFSET / np.maximum(distance, 1e-9))
+    positions: Floats = nominal + offset * scale[..., None]
     below_hip = robot.hip_positions[:, 1] + robot.side * robot.hip_offset
-    wide = (height - CROUCH) * math.tan(HIP_ANGLE)
-    foothold_positions[..., 1] = foothold_positions[..., 1].clip(below_hip - wide, below_hip + wide)
-    return foothold_positions
+    hip_range = (height - CROUCH_MARGIN) * math.tan(MAX_HIP_ANGLE)
+    positions[..., 1] = positions[..., 1].clip(below_hip - hip_range, below_hip + hip_range)
+    return positions
 
 
 def swing_trajectory(
@@ -143,27 +178,49 @@ def swing_trajectory(
     progress: Floats,
     time: Floats,
     period: float,
-    ground: Terrain,
+    terrain: Terrain,
 ) -> tuple[Floats, Floats, Floats]:
-    """Place, velocity and acceleration of feet at that progress, (n, 4), of a swing from `start` to `aim`, (n, 4, 2),
-    relative to the trunk; (n, 4, 3) each, m, m/s, m/s².
+    """Return position, velocity and acceleration of swing feet relative to the trunk.
 
-    It leaves and lands with the velocity of the ground, `passing`, (n, 4, 2), m/s, and ends a little below it. `time`:
-    of a swing, (n,), s; the acceleration is the mean one over a control period from now on.
+    A swing lifts off and lands with the velocity of the ground, and ends `landing_depth` below it. The acceleration is
+    the mean over the next control period.
+
+    Args:
+        p: Step height and landing depth.
+        start: Position at lift-off, level frame, (n, 4, 2), m.
+        foothold_positions: Position at touch-down, level frame, (n, 4, 2), m.
+        passing: Velocity of the ground relative to the trunk, (n, 4, 2), m/s.
+        progress: Of the swing, 0 to 1, (n, 4).
+        time: Duration of a swing, (n,), s.
+        period: Control period, s.
+        terrain: Terrain under the swing.
+
+    Returns:
+        position: (n, 4, 3), m.
+        velocity: (n, 4, 3), m/s.
+        acceleration: (n, 4, 3), m/s².
     """
-    slope = passing * time[:, None, None]
-    step = (period / time)[:, None]
+    end_slope = passing * time[:, None, None]
+    progress_step = (period / time)[:, None]
 
-    def at(t: Floats) -> Floats:
-        place = cubic_swing(start, foothold_positions, slope, t[..., None])
+    def position_at(t: Floats) -> Floats:
+        horizontal = cubic_swing(start, foothold_positions, end_slope, t[..., None])
         arc = 4.0 * t * (1.0 - t)
-        z = ground(place[..., 0], place[..., 1], t) + p.step_height * arc * arc - p.landing_depth * smoothstep(t)
-        return np.concatenate((place, z[..., None]), axis=-1)
+        terrain_height = terrain(horizontal[..., 0], horizontal[..., 1], t)
+        z = terrain_height + p.step_height * arc * arc - p.landing_depth * smoothstep(t)
+        return np.concatenate((horizontal, z[..., None]), axis=-1)
 
-    times = [t + apart for apart in (_PHASE_STEP, -_PHASE_STEP) for t in (progress, progress + step)]
-    places = at(np.array((progress, *times)))
-    state, then = (places[1:3] - places[3:]) / (2.0 * _PHASE_STEP * time[:, None, None])
-    return places[0], state, (then - state) / period
+    later = progress + progress_step
+    samples = (
+        progress,
+        progress + _PHASE_STEP,
+        later + _PHASE_STEP,
+        progress + -_PHASE_STEP,
+        later + -_PHASE_STEP,
+    )
+    positions = position_at(np.array(samples))
+    velocity, later_velocity = (positions[1:3] - positions[3:]) / (2.0 * _PHASE_STEP * time[:, None, None])
+    return positions[0], velocity, (later_velocity - velocity) / period
 
 
 def moment_arms(
@@ -171,21 +228,33 @@ def moment_arms(
     foothold_positions: Floats,
     centre: Floats,
     velocity: Floats,
-    stands: Mask,
-    since: Floats,
+    stance: Mask,
+    time_in_stance: Floats,
     times: Floats,
     z: Floats,
 ) -> Floats:
-    """Feet from the centre of mass over a horizon of N steps, (n, N, 4, 3), m.
+    """Predict the vectors from the centre of mass to the feet over a horizon of N steps.
 
-    A foot that stands stays where it is while the body goes on at `velocity`, (n, 2); one that lands stays at `aim`.
-    `stands`: (n, N, 4); `since`: time since the landing, (n, N, 4), s; `times`: middle of each step, (N,), s; `z`: the
-    ground below the centre of mass where the feet stand, m, of a shape that broadcasts to (n, N, 4).
+    A foot that stays in stance keeps its position while the body moves on; a foot that lands stays at its foothold.
+
+    Args:
+        feet: Present positions, level frame, (n, 4, 3), m.
+        foothold_positions: Next footholds, level frame, (n, 4, 2), m.
+        centre: Centre of mass, level frame, (n, 3), m.
+        velocity: Horizontal velocity of the centre of mass, (n, 2), m/s.
+        stance: Stance feet in each step, (n, N, 4).
+        time_in_stance: Time since the touch-down, (n, N, 4), s.
+        times: Middle of each step, (N,), s.
+        z: Height of the ground under the feet above the centre of mass, m, of a shape that broadcasts to (n, N, 4).
+
+    Returns:
+        (n, N, 4, 3), m.
     """
-    lasting = np.logical_and.accumulate(stands, axis=1)[..., None]
-    away = velocity[:, None, None]
-    stood = feet[:, None, :, :2] - away * times[:, None, None]
-    landed = foothold_positions[:, None] - away * np.where(stands, since, 0.0)[..., None]
-    found = np.empty((*stands.shape, 3))
-    found[..., :2], found[..., 2] = np.where(lasting, stood, landed) - centre[:, None, None, :2], z
-    return found
+    stays_in_stance = np.logical_and.accumulate(stance, axis=1)[..., None]
+    velocity_by_step = velocity[:, None, None]
+    standing = feet[:, None, :, :2] - velocity_by_step * times[:, None, None]
+    landed = foothold_positions[:, None] - velocity_by_step * np.where(stance, time_in_stance, 0.0)[..., None]
+    arms = np.empty((*stance.shape, 3))
+    arms[..., :2] = np.where(stays_in_stance, standing, landed) - centre[:, None, None, :2]
+    arms[..., 2] = z
+    return arms
