@@ -14,26 +14,28 @@ if __name__ == "__main__":  # before the imports that take time
 
 from quad_env.cli.program import Command, Program
 
-_EVERY = {
+_ALL_COMMANDS = {
     "info": Command("quad_env.info", "robot, spaces, actuators and sensors of the environment"),
     "describe": Command(
-        "quad_env.describe", "what a robot's model says of its legs, joints and servos, and whether the robot stands"
+        "quad_env.describe", "legs, joints and servos of a robot's model, and a test that the robot stands"
     ),
     "doctor": Command(
         "live.commands.doctor" if launcher.IS_CLONE else "quad_env.doctor.command",
-        "what is wrong with the installation, a robot or a policy, and what to do about it",
+        "faults of the installation, a robot or a policy, with their remedies",
     ),
-    "scenarios": Command(
-        "quad_env.scenarios.listing", "every scenario: what happens in it, its severities, and how to write them"
+    "scenarios": Command("quad_env.scenarios.listing", "all scenarios: their events, severities and notation"),
+    "policies": Command(
+        "live.commands.policies", "the policies by name, their kinds, and the training of the trained ones"
     ),
-    "policies": Command("live.commands.policies", "the policies by name, what each is, what was trained on what"),
     "view": Command("live.commands.view", "robots in the browser, to watch, steer and push"),
     "film": Command("live.commands.film", "an episode as a film, policies side by side"),
     "record": Command("live.commands.record", "an episode as an MCAP file"),
     "ros": Command("live.commands.ros", "the simulated robot as a ROS node, in real time"),
 }
-COMMANDS = {name: each for name, each in _EVERY.items() if launcher.IS_CLONE or each.module.startswith("quad_env.")}
-MISSING = [name for name in _EVERY if name not in COMMANDS]
+COMMANDS = {
+    name: each for name, each in _ALL_COMMANDS.items() if launcher.IS_CLONE or each.module.startswith("quad_env.")
+}
+MISSING = [name for name in _ALL_COMMANDS if name not in COMMANDS]
 CLONE = "in a clone of the project alone: git clone it, then pip install -e ."
 ELSEWHERE = {"dataset": "now `python examples/clients/minari_dataset.py`"} | dict.fromkeys(MISSING, CLONE)
 NOTE = f"  {', '.join(MISSING)}: {CLONE}" if MISSING else ""

@@ -1,6 +1,6 @@
-"""Description of a robot's model, and whether the robot stands; `python -m quad_env describe`.
+"""Description of a robot's model, and a check that the robot stands; `python -m quad_env describe`.
 
-A short file of the robot's figures can be written, for changes by hand.
+A short file of the robot's parameters can be written, for changes by hand.
 """
 
 import json
@@ -37,11 +37,11 @@ class DescribeOptions:
     picture: Path | None = None
     """Picture of the standing robot to write, PNG."""
     toml: Path | None = None
-    """File of the robot's figures to write, TOML, for changes by hand."""
+    """File of the robot's parameters to write, TOML, for changes by hand."""
 
 
 def main(options: DescribeOptions) -> int:
-    """Run the command; the exit code. Raises UsageError."""
+    """Run the command and return the exit code. Raises UsageError."""
     try:
         robot = get_robot(options.robot)
         print(escape_control_characters("\n".join(text(robot))))
@@ -51,33 +51,45 @@ def main(options: DescribeOptions) -> int:
         if options.picture is not None:
             draw(robot, options.picture)
             print(f"written: {options.picture}")
-        found = stands(DoctorSubject(robot))
+        finding = stands(DoctorSubject(robot))
     except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:
         model, toml = Path(options.robot), options.toml
         if toml is not None and model.suffix in (".xml", ".urdf") and model.is_file() and not toml.exists():
             write_toml(toml, model, None)
             print(f"written, with the figures still to be given: {toml}", file=sys.stderr)
         raise UsageError(str(error)) from error
-    if found.result != "ok":
-        raise UsageError(f"{found.observed}: {found.cause}; remedy: {found.remedy}")
-    print(f"It stands: {found.observed}.")
+    if finding.result != "ok":
+        raise UsageError(f"{finding.observed}: {finding.cause}; remedy: {finding.remedy}")
+    print(f"It stands: {finding.observed}.")
     return 0
 
 
 def text(robot: Robot) -> Iterator[str]:
-    """Lines about the model."""
+    """Yield the lines about the robot's model."""
+    yield from _size_lines(robot)
+    yield from _remark_lines(robot)
+    yield from joint_table(robot)
+    yield "Angles, rad, are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
+
+
+def _size_lines(robot: Robot) -> Iterator[str]:
+    """Yield lines about mass, legs, trunk and servos."""
     yield f"{robot.name}: {robot.mass:.1f} kg, {robot.num_joints} joints, from {robot.mjcf}"
     yield (
         f"legs         {', '.join(robot.leg_names)}: thigh {robot.thigh_length:.3f} m, calf {robot.calf_length:.3f} m, "
         f"foot {robot.foot_radius:.3f} m; knees bend {_knees(robot)}"
     )
-    place = ", ".join(f"{value:.2f}" for value in robot.trunk_centre)
-    centre = "" if np.allclose(robot.trunk_centre, 0.0, atol=5e-3) else f" about ({place}) m"
+    position = ", ".join(f"{value:.2f}" for value in robot.trunk_centre)
+    centre = "" if np.allclose(robot.trunk_centre, 0.0, atol=5e-3) else f" about ({position}) m"
     size = " × ".join(f"{size:.2f}" for size in robot.trunk_size)
     yield f"trunk        {size} m{centre}, {robot.home_height:.3f} m high"
     yield (f"servos       {robot.servo}, at most {robot.rated_torque:g} N·m, rated speed {robot.rated_speed:.1f} rad/s")
     if robot.joint_damping_line:
         yield f"{'':12} {robot.joint_damping_line}"
+
+
+def _remark_lines(robot: Robot) -> Iterator[str]:
+    """Yield remarks on the user's model, and warnings."""
     if robot.locked_joints:
         yield f"joints       held at their reference: {', '.join(robot.locked_joints)}"
     if robot.imported:
@@ -85,20 +97,18 @@ def text(robot: Robot) -> Iterator[str]:
     if (line := overlap_remark(robot)) is not None:
         yield f"overlap      {line}"
     yield from (f"warning      {line}" for line in (*find_contradictions(robot), *find_warnings(robot)))
-    yield from joint_table(robot)
-    yield "Angles, rad, are zero with the legs straight down; hips turn about +x, thighs and calves about +y."
 
 
 def _knees(robot: Robot) -> str:
-    """Which way the knees bend, leg by leg where they differ."""
-    ways = ["backward" if direction < 0 else "forward" for direction in robot.knee_direction]
-    if len(set(ways)) == 1:
-        return ways[0]
-    return ", ".join(f"{way} ({leg})" for leg, way in zip(robot.leg_names, ways, strict=True))
+    """Return the bend directions of the knees in words, leg by leg where they differ."""
+    directions = ["backward" if direction < 0 else "forward" for direction in robot.knee_direction]
+    if len(set(directions)) == 1:
+        return directions[0]
+    return ", ".join(f"{direction} ({leg})" for leg, direction in zip(robot.leg_names, directions, strict=True))
 
 
 def draw(robot: Robot, picture: Path) -> None:
-    """Write a picture of the robot that stands."""
+    """Write a picture of the standing `robot` to the file `picture`, as PNG."""
     from PIL import Image
 
     from quad_env.envs.env import SimpleQuadEnv
@@ -111,15 +121,22 @@ def draw(robot: Robot, picture: Path) -> None:
 
 
 def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:
-    """Write a robot's figures, all of them inferred or, without a robot, all still to be given."""
+    """Write a robot's parameters as TOML.
+
+    Args:
+        path: File to write.
+        mjcf: The robot's MJCF or URDF.
+        robot: The robot; None for a file with empty parameters, as comments.
+    """
     lines = [f"mjcf = {json.dumps(Path(os.path.relpath(mjcf, path.parent)).as_posix())}"]
-    lines += [f"# {figure} =" for figure in GIVEN_PARAMETERS] if robot is None else _figures(robot)
+    lines += [f"# {name} =" for name in GIVEN_PARAMETERS] if robot is None else _parameter_lines(robot)
     path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 
 
-def _figures(robot: Robot) -> Iterator[str]:
+def _parameter_lines(robot: Robot) -> Iterator[str]:
+    """Yield the parameters of a robot to the last digit: they give the same robot again."""
     yield f"name = {json.dumps(robot.name)}"
-    for figure in GIVEN_PARAMETERS:
-        value = np.asarray(getattr(robot, figure))
-        alike = figure != "home_pose" and np.ptp(value) == 0.0
-        yield f"{figure} = {(value.flat[0] if alike else value).tolist()}"  # to the last digit: the same robot
+    for name in GIVEN_PARAMETERS:
+        values = np.asarray(getattr(robot, name))
+        is_uniform = name != "home_pose" and np.ptp(values) == 0.0
+        yield f"{name} = {(values.flat[0] if is_uniform else values).tolist()}"

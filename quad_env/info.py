@@ -1,6 +1,6 @@
 """The environment as text: the robot, spaces, actuators and sensors; `python -m quad_env info`."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from importlib.metadata import version
 
@@ -18,18 +18,21 @@ from quad_env.task.observations import observation_table
 
 
 def main(options: RobotOptions) -> int:
-    """Run the command; the exit code. Raises UsageError."""
+    """Run the command and return the exit code. Raises UsageError."""
     print(text(parse_robot(options.robot)))
     return 0
 
 
 def text(robot: Robot = SIMPLE_QUAD) -> str:
-    """Everything, in parts with a line between."""
-    return "\n\n".join("\n".join(part) for part in (_head(robot), _action(robot), _observation(robot), _rest()))
+    """Return the description of the environment with a robot, in sections with an empty line between them."""
+    sections = (_overview(robot), _action(robot), _observation(robot), _options())
+    return "\n\n".join("\n".join(section) for section in sections)
 
 
-def _head(robot: Robot) -> Iterator[str]:
-    task, steps = TaskConfig(), quad_env.MAX_EPISODE_STEPS
+def _overview(robot: Robot) -> Iterator[str]:
+    """Yield lines about robot, joints, hardware and time."""
+    task = TaskConfig()
+    steps = quad_env.MAX_EPISODE_STEPS
     yield f"{quad_env.ENV_ID}  quad_env {quad_env.__version__}, MuJoCo {version('mujoco')}"
     yield (
         f"robot        {robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, "
@@ -39,20 +42,27 @@ def _head(robot: Robot) -> Iterator[str]:
     yield f"joints       {joints}"
     actuator, sensors, estimator = hardware_profile(robot)
     if actuator.curve is not None:
-        _, *figures = actuator.curve.resolve(robot)
-        speed, torque = (" to ".join(f"{each:g}" for each in sorted({*map(float, of)})) for of in figures)
+        _, speeds, torques = actuator.curve.resolve(robot)
+        speed = _format_range(speeds)
+        torque = _format_range(torques)
         yield f"+hardware    at most {torque} N·m, {speed} rad/s without load;"
         yield f"             targets {1000.0 * actuator.delay:g} ms late, sensors {sensors}, estimator {estimator}"
     yield f"time         control at {task.control_rate:g} Hz, episodes of {steps / task.control_rate:g} s"
 
 
+def _format_range(values: Iterable[float]) -> str:
+    """Return the different values of joints in ascending order, `20 to 30`."""
+    return " to ".join(f"{value:g}" for value in sorted({*map(float, values)}))
+
+
 def _action(robot: Robot) -> Iterator[str]:
+    """Yield lines about the action space."""
     yield f"action       float32, shape ({robot.num_joints},): target joint angles, rad"
     yield from joint_table(robot)
 
 
 def joint_table(robot: Robot) -> Iterator[str]:
-    """Limits and home pose of its joints, rad."""
+    """Yield a table of the joints of `robot` with limits and home pose, rad."""
     rows = zip(robot.joint_names, robot.joint_lower, robot.home_pose, robot.joint_upper, strict=True)
     width = max(16, *(len(name) + 1 for name in robot.joint_names))
     yield f"  {'joint':{width}}{'lower':>7}{'home':>7}{'upper':>7}"
@@ -60,6 +70,7 @@ def joint_table(robot: Robot) -> Iterator[str]:
 
 
 def _observation(robot: Robot) -> Iterator[str]:
+    """Yield lines about the observation space, a line a term."""
     table = observation_table(robot)
     yield f"observation  float32, shape ({table.size},)"
     for term in table.terms:
@@ -67,7 +78,8 @@ def _observation(robot: Robot) -> Iterator[str]:
         yield f"  {f'{part.start}:{part.stop}':7}{term.name:20}±{term.bound:<7g}{term.unit}"
 
 
-def _rest() -> Iterator[str]:
+def _options() -> Iterator[str]:
+    """Yield lines about reward, falls and the options of `make`."""
     yield "reward       weighted sum"
     yield from (f"  {weight:<+9g}{name}" for name, weight in asdict(TaskConfig().reward_weights).items())
     yield f"falls        rule {FALL_RULE}: {', '.join(FALL_REASONS[1:])}"

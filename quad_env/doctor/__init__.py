@@ -1,1 +1,1 @@
-"""Finds what is wrong with an installation, a robot or a policy, root causes first, and names the remedies."""
+"""Diagnosis of an installation, a robot or a policy: faults with their causes and remedies, root causes first."""

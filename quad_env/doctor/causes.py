@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from quad_env.doctor.check import DoctorSubject
-from quad_env.doctor.stance import LARGEST_LAG, Stance, make_standing_env, measure_stance
+from quad_env.doctor.stance import LIMITS, Stance, make_standing_env, measure_stance
 from quad_env.robots.model_remarks import body_names
 from quad_env.robots.part_names import ATTACH_PREFIX, RENAMED_PREFIX
 from quad_env.robots.plausibility import MAX_LEG_LENGTH
@@ -31,7 +31,7 @@ Mend = Callable[[Any], None]
 
 @dataclass(frozen=True)
 class Suspect:
-    """Possible cause of a failed stand."""
+    """Possible cause of a failed stand, with its remedy; made by `_suspects`."""
 
     cause: str
     remedy: str
@@ -41,7 +41,7 @@ class Suspect:
     """The robot after the remedy; None if it is unchanged."""
 
     def helps(self, robot: Robot) -> bool:
-        """Return whether the robot stands after the remedy."""
+        """Return True if the robot stands after the remedy."""
         env = make_standing_env(self.robot or robot)
         if self.apply_remedy is not None:
             self.apply_remedy(env.simulation)
@@ -50,7 +50,16 @@ class Suspect:
 
 
 def diagnose(subject: DoctorSubject, stance: Stance) -> tuple[str, str]:
-    """Return cause and remedy of a robot that does not stand."""
+    """Return the cause of a failed stand and its remedy.
+
+    Args:
+        subject: The robot as the user named it.
+        stance: Result of its stance test.
+
+    Returns:
+        cause: In words.
+        remedy: In words.
+    """
     robot = stance.robot
     suspects = list(_suspects(subject, stance))
     for suspect in suspects:
@@ -62,7 +71,7 @@ def diagnose(subject: DoctorSubject, stance: Stance) -> tuple[str, str]:
     if stance.is_overloaded:
         cause = "masses are too large (grams for kilograms?), or the largest torque is too small"
         return cause, f"mass of the bodies in {robot.mjcf}, or rated_torque in {subject.figures}"
-    if not stance.diverged and _is_held(stance):
+    if not stance.diverged and _holds_targets(stance):
         cause = "in the home pose the feet are not below the centre of mass, or a mass is not where it should be"
         return cause, f"home_pose in {subject.figures}, or masses in {robot.mjcf}; describe --picture shows it"
     also = "".join(f"; {suspect.cause}" for suspect in suspects)
@@ -70,15 +79,22 @@ def diagnose(subject: DoctorSubject, stance: Stance) -> tuple[str, str]:
     return cause, f"masses, inertias, joints and home_pose in {robot.mjcf}; describe --picture shows it"
 
 
-def _is_held(stance: Stance) -> bool:
-    """Return whether the joints hold their targets at rest: the pose or the masses are wrong, not the servos."""
+def _holds_targets(stance: Stance) -> bool:
+    """Return True if the joints hold their targets at rest: the pose or the masses are wrong, not the servos."""
     return stance.fault is not None and stance.fault.startswith("it does not stand")
 
 
 def _suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
     """Yield possible causes, the likeliest first."""
     robot = stance.robot
-    yield from _gains(subject, stance)
+    yield from _gain_suspects(subject, stance)
+    yield from _inertia_suspects(robot)
+    yield from _joint_suspects(robot)
+    yield from _contact_suspects(robot, stance)
+
+
+def _inertia_suspects(robot: Robot) -> Iterator[Suspect]:
+    """Yield the implausible inertias of the links."""
     inertias = find_unlikely_inertias(robot)
     if inertias:
         names = _some([each.name for each in inertias])
@@ -94,11 +110,9 @@ def _suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
                 _expanded(simulation, "body_inertia")[:, each.body] = 0.2 * each.max_moment
 
         yield Suspect(cause, remedy, reduce_inertias)
-    yield from _joint_suspects(robot)
-    yield from _contacts(robot, stance)
 
 
-def _gains(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
+def _gain_suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
     """Yield scaled gains of SimpleQuad where others are in force."""
     robot = stance.robot
     if stance.is_overloaded:
@@ -109,12 +123,12 @@ def _gains(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
     if (np.abs(in_force / proposed - 1.0) < GAIN_TOLERANCE).all():
         return
     other = robot.with_servo(float(stiffness), float(damping))
-    lags = not stance.diverged and stance.lag > LARGEST_LAG
-    if lags:
+    is_soft = not stance.diverged and stance.tracking_error > LIMITS.tracking_error
+    if is_soft:
         cause = f"a stiffness of {robot.servo_stiffness.min():g} N·m/rad is too little for {robot.mass:.3g} kg"
     else:
-        of = f"a stiffness of {robot.servo_stiffness.max():g} N·m/rad"
-        cause = f"a damping of {robot.servo_damping.min():g} N·m·s/rad is too little for {of}"
+        stiffest = f"a stiffness of {robot.servo_stiffness.max():g} N·m/rad"
+        cause = f"a damping of {robot.servo_damping.min():g} N·m·s/rad is too little for {stiffest}"
     remedy = f"servo_stiffness = {stiffness} and servo_damping = {damping} or so in {subject.figures}"
     yield Suspect(cause, remedy, robot=other)
 
@@ -147,26 +161,26 @@ def _self_contact_pairs(env: Any) -> list[tuple[str, str]]:
     measure_stance(env)
     model = env.model
     bodies = model.geom_bodyid[env.data.contact.geom]
-    own = bodies[(bodies > 0).all(axis=1)]
-    pairs = sorted({(int(min(pair)), int(max(pair))) for pair in own})
-    theirs = body_names(env.robot) if pairs else {}
-    return [(_name(model, one, theirs), _name(model, other, theirs)) for one, other in pairs]
+    self_contacts = bodies[(bodies > 0).all(axis=1)]
+    pairs = sorted({(int(min(pair)), int(max(pair))) for pair in self_contacts})
+    file_names = body_names(env.robot) if pairs else {}
+    return [(_name(model, one, file_names), _name(model, other, file_names)) for one, other in pairs]
 
 
 def _in_words(pairs: list[tuple[str, str]]) -> str:
     return _some([" and ".join(pair) for pair in pairs])
 
 
-def _contacts(robot: Robot, stance: Stance) -> Iterator[Suspect]:
+def _contact_suspects(robot: Robot, stance: Stance) -> Iterator[Suspect]:
     """Yield bodies of the robot in self-contact at the end of its stand."""
     pairs = [] if stance.diverged else _self_contact_pairs(make_standing_env(robot))
     if not pairs:
         return
 
     def remove_self_contacts(simulation: Any) -> None:
-        its_own = simulation.model.geom_bodyid > 0
+        is_robot_geom = simulation.model.geom_bodyid > 0
         for field in ("geom_contype", "geom_conaffinity"):
-            _expanded(simulation, field)[:, its_own] &= GROUND_BIT
+            _expanded(simulation, field)[:, is_robot_geom] &= GROUND_BIT
 
     cause = f"bodies of the robot press against each other: {_in_words(pairs)}"
     rules = "".join(f'<exclude body1="{one}" body2="{other}"/>' for one, other in pairs)
@@ -175,10 +189,13 @@ def _contacts(robot: Robot, stance: Stance) -> Iterator[Suspect]:
 
 def _rounded(gain: float) -> str:
     """Round a gain to the number that is tried and proposed."""
-    return f"{gain:.3g}" if gain < 1.0 else f"{gain:.1f}" if gain < 100.0 else f"{gain:.0f}"
+    if gain < 1.0:
+        return f"{gain:.3g}"
+    return f"{gain:.1f}" if gain < 100.0 else f"{gain:.0f}"
 
 
 def _expanded(simulation: Any, field: str) -> Any:
+    """Return a field of the model with a row per robot of the simulation."""
     return simulation.batch.expand(field)
 
 
@@ -188,9 +205,11 @@ def _some(names: list[str]) -> str:
 
 
 def _joint_name(model: Any, joint: int) -> str:
+    """Return the name of a joint; the free joint has the first six degrees of freedom."""
     return str(model.joint(joint).name) if model.jnt_dofadr[joint] >= 6 else "the free joint"
 
 
-def _name(model: Any, body: int, theirs: dict[str, str]) -> str:
+def _name(model: Any, body: int, file_names: dict[str, str]) -> str:
+    """Return the name of a body in the user's file, else its name in the scene without prefixes."""
     name = str(model.body(body).name)
-    return theirs.get(name, name.removeprefix(ATTACH_PREFIX).removeprefix(RENAMED_PREFIX))
+    return file_names.get(name, name.removeprefix(ATTACH_PREFIX).removeprefix(RENAMED_PREFIX))

@@ -1,4 +1,7 @@
-"""Checks, what they examine and what they find; a check is left out where one that it needs has found a problem."""
+"""Checks of the doctor, their subject and their findings.
+
+A check is left out if a check that it needs has found a problem.
+"""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -12,14 +15,14 @@ from quad_env.robots.robot import Robot
 
 @dataclass(frozen=True)
 class DoctorSubject:
-    """The robot, and perhaps the policy, that a run of checks examines."""
+    """The robot, and perhaps the policy, that checks examine; made by the commands `doctor` and `describe`."""
 
     robot_source: str | Robot = "simple_quad"
     """Name of a robot, path of its MJCF, URDF or TOML, or the robot itself."""
     policy: str | None = None
     """Policy by name or path."""
     trust: bool = False
-    """Whether it may be loaded from a file in which code can be hidden."""
+    """True if the policy may be loaded from a file that can hide code."""
 
     @property
     def name(self) -> str:
@@ -32,19 +35,19 @@ class DoctorSubject:
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot. Raises what reading it does."""
+        """The robot, read at the first access; raises ModelError, FileNotFoundError or ModuleNotFoundError."""
         return get_robot(self.robot_source)
 
     @cached_property
     def env(self) -> Any:
-        """A single environment with it, servos as our controllers command them, falls ignored. Raises ValueError."""
+        """A single environment with the robot and its stiff servos that ignores falls; raises ValueError."""
         from quad_env.envs.env import SimpleQuadEnv
 
         return SimpleQuadEnv(robot=self.robot.with_stiff_servos, terminate_on_fall=False)
 
     @property
     def figures(self) -> str:
-        """Place where the figures of the robot can be given, in words."""
+        """File that can give parameters of the robot, in words."""
         if self.name.endswith(".toml"):
             return self.name
         return f"a TOML (python -m quad_env describe {self.name} --toml mine.toml)"
@@ -52,45 +55,46 @@ class DoctorSubject:
 
 @dataclass(frozen=True)
 class Finding:
-    """Result of a check."""
+    """Result of a check; made by `ok`, `problem` or the check itself."""
 
     result: Literal["ok", "warning", "problem", "left out"]
     """A warning needs no repair, a problem does."""
     observed: str
-    """Observation, one line."""
+    """Observation on one line."""
     cause: str = ""
-    """Likely cause; of warnings and problems."""
+    """Likely cause; empty unless the result is a warning or problem."""
     remedy: str = ""
-    """What to do; of warnings and problems."""
+    """Remedy; empty unless the result is a warning or problem."""
     details: tuple[str, ...] = ()
-    """More of what was seen, a line each."""
+    """Further observations, a line each."""
 
 
-def ok(seen: str) -> Finding:
-    """Finding of a check without fault."""
-    return Finding("ok", seen)
+def ok(observed: str) -> Finding:
+    """Return the finding of a check without fault."""
+    return Finding("ok", observed)
 
 
-def problem(seen: str, cause: str, remedy: str) -> Finding:
-    """Finding that needs repair."""
-    return Finding("problem", seen, cause, remedy)
+def problem(observed: str, cause: str, remedy: str) -> Finding:
+    """Return a finding that needs repair, with the text `observed`, its likely `cause` and its `remedy`."""
+    return Finding("problem", observed, cause, remedy)
 
 
 @dataclass(frozen=True)
 class DoctorCheck:
-    """One check by name."""
+    """A check by name; the commands `doctor` of this package and of `live` have lists of them."""
 
     name: str
+    """Name in the report."""
     place: str
-    """Module and function of a Subject, `quad_env.doctor.model:model`; loaded late, since it may not load."""
+    """Module and function that takes the subject, `quad_env.doctor.model:model`; imported late, since it may fail."""
     needs: tuple[str, ...] = ()
-    """Checks that have to succeed first, since this one would only find their problems again."""
+    """Names of checks that have to succeed first: this one would only find their problems again."""
 
     def run(self, subject: DoctorSubject) -> Finding:
-        """Finding of the check; an unexpected error is a problem too."""
+        """Return the finding of the check; an unexpected error is a problem too."""
         module, _, function = self.place.partition(":")
         try:
-            found: Finding = getattr(import_module(module), function)(subject)
+            finding: Finding = getattr(import_module(module), function)(subject)
         except ModuleNotFoundError as error:
             return problem(
                 f"{error.name} is not installed", "a package is missing", "pip install -U simple-quad, or -e ."
@@ -98,17 +102,27 @@ class DoctorCheck:
         except Exception as error:
             text = " ".join(str(error).split()) or type(error).__name__
             return problem(text, f"{type(error).__name__} in the check itself", "report it, with this line")
-        return found
+        return finding
 
 
 def run_checks(checks: Iterable[DoctorCheck], subject: DoctorSubject) -> Iterator[tuple[str, Finding]]:
-    """Name and finding of each check, in their order; one whose needs are not met is left out."""
-    broken: set[str] = set()
+    """Yield name and finding of each check.
+
+    A check is left out if one of its needs has a problem or is left out.
+
+    Args:
+        checks: Checks in their order.
+        subject: Robot and policy.
+
+    Yields:
+        Name of the check, and its finding.
+    """
+    failed: set[str] = set()
     for check in checks:
-        if missing := [name for name in check.needs if name in broken]:
+        if missing := [name for name in check.needs if name in failed]:
             finding = Finding("left out", f"not before {' and '.join(missing)}")
         else:
             finding = check.run(subject)
         if finding.result in ("problem", "left out"):
-            broken.add(check.name)
+            failed.add(check.name)
         yield check.name, finding

@@ -1,4 +1,4 @@
-"""Find what is wrong with the installation, a robot or a policy: each check is printed as it ends, then a summary."""
+"""Find faults of the installation, a robot or a policy: each check is printed as it ends, then a summary."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -15,6 +15,7 @@ from quad_env.files.text import escape_control_characters
 from quad_env.robots.registry import ROBOTS, parse_robot
 
 HERE = "quad_env.doctor"
+"""Package of the modules with the checks."""
 CHECKS = (
     DoctorCheck("packages", f"{HERE}.installation:packages"),
     DoctorCheck("mujoco", f"{HERE}.installation:mujoco", ("packages",)),
@@ -26,7 +27,7 @@ CHECKS = (
     DoctorCheck("stands", f"{HERE}.stance_check:stands", ("joints",)),
     DoctorCheck("plausible", f"{HERE}.model:plausible", ("stands",)),
 )
-"""In the order in which one depends on another: the first problem is the one to repair."""
+"""Checks in the order of their dependence: the first problem is the one to repair."""
 NO_CLONE = "walking and policies were not examined: they need a clone of the project"
 
 
@@ -45,34 +46,39 @@ class DoctorOptions:
 
 
 def main(options: DoctorOptions) -> int:
-    """Run the checks of this package; the exit code. Raises UsageError."""
+    """Run the checks of this package and return the exit code. Raises UsageError."""
     if options.policy is not None or options.write is not None:
         raise UsageError("policies come with a clone of the project, not with quad_env alone: no --policy, no --write")
     return run(options, None)
 
 
-def run(options: DoctorOptions, of_policies: tuple[DoctorCheck, ...] | None) -> int:
-    """Run the checks; 0 where there is no problem, 1 where there is one. Raises UsageError.
+def run(options: DoctorOptions, policy_checks: tuple[DoctorCheck, ...] | None) -> int:
+    """Run the checks and print their findings. An unknown robot raises UsageError.
 
-    `of_policies` are the checks that need policies, None where this package is installed alone.
+    Args:
+        options: Options of the command.
+        policy_checks: Checks that need policies; None where this package is installed alone.
+
+    Returns:
+        0 without a problem, 1 with one.
     """
     if options.robot not in ROBOTS and not Path(options.robot).is_file():
         parse_robot(options.robot)  # raises
     subject = DoctorSubject(options.robot, options.policy, options.trust)
     counts = Counter[str]()
-    for name, found in run_checks((*CHECKS, *(of_policies or ())), subject):
-        counts[found.result] += 1
-        print(escape_control_characters("\n".join(_lines(name, found))), flush=True)
+    for name, finding in run_checks((*CHECKS, *(policy_checks or ())), subject):
+        counts[finding.result] += 1
+        print(escape_control_characters("\n".join(_lines(name, finding))), flush=True)
     faults = [with_count(counts[kind], kind) for kind in ("problem", "warning") if counts[kind]]
     others = [f"{counts[kind]} {kind}" for kind in ("ok", "left out") if counts[kind]]
-    print(", ".join(faults + others) + (f"; {NO_CLONE}" if of_policies is None else ""))
+    print(", ".join(faults + others) + (f"; {NO_CLONE}" if policy_checks is None else ""))
     return int(counts["problem"] > 0)
 
 
-def _lines(name: str, found: Finding) -> Iterator[str]:
-    """The observation, and cause and remedy where there are any."""
-    yield f"{found.result:9} {name:11} {found.observed}"
-    yield from (f"{'':22}{line}" for line in found.details)
-    if found.remedy:
-        yield f"{'':22}cause:  {found.cause}"
-        yield f"{'':22}remedy: {found.remedy}"
+def _lines(name: str, finding: Finding) -> Iterator[str]:
+    """Yield the lines of a finding: observation, details, and cause and remedy if there are any."""
+    yield f"{finding.result:9} {name:11} {finding.observed}"
+    yield from (f"{'':22}{line}" for line in finding.details)
+    if finding.remedy:
+        yield f"{'':22}cause:  {finding.cause}"
+        yield f"{'':22}remedy: {finding.remedy}"

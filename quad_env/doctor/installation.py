@@ -1,4 +1,4 @@
-"""Whether the packages are those that the project asks for, MuJoCo loads, and pictures can be drawn."""
+"""Checks of the installation: required packages, MuJoCo, and OpenGL for pictures."""
 
 import contextlib
 import os
@@ -24,21 +24,21 @@ if env.render().std() < 1.0:
     raise SystemExit("Error: the frame is empty")
 env.close()
 """
-"""Draws a frame: a program of its own, since a broken OpenGL may end a whole process."""
+"""Program that draws a frame, in a process of its own: a broken OpenGL may end a whole process."""
 
 
 def packages(_: DoctorSubject) -> Finding:
-    """Whether the packages that every command needs are there, in versions that fit."""
-    asked = map(Requirement, metadata.requires(PROJECT) or ())
-    needed = [each for each in asked if not each.marker or each.marker.evaluate({"extra": ""})]
-    if wrong := [fault for each in needed if (fault := _fault(each))]:
+    """Check that the packages that every command needs are installed in valid versions."""
+    requirements = map(Requirement, metadata.requires(PROJECT) or ())
+    needed = [each for each in requirements if not each.marker or each.marker.evaluate({"extra": ""})]
+    if faults := [fault for each in needed if (fault := _fault(each))]:
         cause = "not installed into this environment, or changed by another package"
-        return problem("; ".join(wrong), cause, f"pip install -U {PROJECT}, or pip install -U -e . in a clone")
+        return problem("; ".join(faults), cause, f"pip install -U {PROJECT}, or pip install -U -e . in a clone")
     return ok(f"Python {platform.python_version()}, {len(needed)} packages, MuJoCo {metadata.version('mujoco')}")
 
 
 def _fault(needed: Requirement) -> str | None:
-    """What is wrong with it, in words; None for nothing."""
+    """Return the fault of a required package in words; None without one."""
     try:
         version = metadata.version(needed.name)
     except metadata.PackageNotFoundError:
@@ -49,38 +49,40 @@ def _fault(needed: Requirement) -> str | None:
 
 
 def mujoco(_: DoctorSubject) -> Finding:
-    """Whether MuJoCo loads, with its batch of simulations."""
+    """Check that MuJoCo loads, with its batch of simulations."""
     try:
-        import_module("quad_env.physics.simulation")  # imports of MuJoCo what all commands do
-    except Exception as error:  # whatever a backend of OpenGL, or a library of the system, raises
-        seen = f"MuJoCo does not load: {' '.join(str(error).split())}"
+        import_module("quad_env.physics.simulation")  # imports the parts of MuJoCo that all commands import
+    except Exception as error:  # an OpenGL backend or a system library can raise anything
+        observed = f"MuJoCo does not load: {' '.join(str(error).split())}"
         if chosen := os.environ.get("MUJOCO_GL"):
             cause = f"MUJOCO_GL={chosen}, which MuJoCo reads as it loads, asks for what is not here"
-            return problem(seen, cause, "unset MUJOCO_GL, or set it to egl")
-        return problem(seen, "its wheel is for another system, or is damaged", "pip install --force-reinstall mujoco")
+            return problem(observed, cause, "unset MUJOCO_GL, or set it to egl")
+        return problem(
+            observed, "its wheel is for another system, or is damaged", "pip install --force-reinstall mujoco"
+        )
     return ok("MuJoCo loads, with its batch")
 
 
 def opengl(_: DoctorSubject) -> Finding:
-    """Whether a frame is drawn, in another process."""
+    """Check that a frame is drawn, in another process."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = sys.executable, "-c", DRAW
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment) as run:
         stderr = _stderr_in_time(run)
     if stderr is None:
-        seen = f"no frame within {RENDER_TIMEOUT:g} s, without the time in which other programs had the processor"
+        observed = f"no frame within {RENDER_TIMEOUT:g} s, without the time in which other programs had the processor"
         return problem(
-            seen, "OpenGL, or a driver behind it, waits for ever", "see what `MUJOCO_GL=egl` gives, or osmesa"
+            observed, "OpenGL, or a driver behind it, waits for ever", "see what `MUJOCO_GL=egl` gives, or osmesa"
         )
     if run.returncode == 0:
         return ok("a frame is drawn")
-    said = stderr.decode(errors="replace").splitlines()
-    errors = [line for line in said if line and not line[0].isspace() and "Error" in line]
-    return _broken((errors or [f"drawing ends the process with {run.returncode}"])[-1].partition(". ")[0])
+    lines = stderr.decode(errors="replace").splitlines()
+    errors = [line for line in lines if line and not line[0].isspace() and "Error" in line]
+    return _drawing_problem((errors or [f"drawing ends the process with {run.returncode}"])[-1].partition(". ")[0])
 
 
 def _stderr_in_time(run: "subprocess.Popen[bytes]") -> bytes | None:
-    """Return the stderr of a process; None if it does not end within PATIENCE, and is killed."""
+    """Return the stderr of a process; None for a process that is killed after RENDER_TIMEOUT."""
     clock = RunClock(run.pid)
     while clock.elapsed() < RENDER_TIMEOUT:
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -89,10 +91,11 @@ def _stderr_in_time(run: "subprocess.Popen[bytes]") -> bytes | None:
     return None
 
 
-def _broken(seen: str) -> Finding:
+def _drawing_problem(error: str) -> Finding:
+    """Return the finding for a failed drawing with the last line of its `error`."""
     if sys.platform != "linux":
-        return problem(seen, "the system gives no OpenGL", "run it in a desktop session, with its graphics driver")
+        return problem(error, "the system gives no OpenGL", "run it in a desktop session, with its graphics driver")
     cause = "EGL, the display or a driver behind it is missing"
     if chosen := os.environ.get("MUJOCO_GL"):
         cause = f"MUJOCO_GL={chosen} asks for a backend that does not work here"
-    return problem(f"no picture can be drawn: {seen}", cause, f"MUJOCO_GL=egl draws without a display; {INSTALL}")
+    return problem(f"no picture can be drawn: {error}", cause, f"MUJOCO_GL=egl draws without a display; {INSTALL}")

@@ -1,4 +1,4 @@
-"""Whether the robot's model loads and is plausible, and its joints are mirrored left and right."""
+"""Checks of the robot's model: it loads and is plausible, and its left and right joints mirror each other."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,119 +14,143 @@ from quad_env.robots.plausibility import find_warnings
 from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG, ModelError
 
-NARROWEST, WIDEST, MARGIN = 0.1, 8.01 * np.pi, 0.03
-"""Of a joint's range, and from its home pose to an end of it, rad; ANYmal's joints have ranges of three turns."""
-UNLIKE = 0.2
+MIN_RANGE = 0.1
+"""rad. Least range of a joint."""
+MAX_RANGE = 8.01 * np.pi
+"""rad. Largest range of a joint; ANYmal's joints have ranges of three turns."""
+MIN_MARGIN = 0.03
+"""rad. Least distance of the home pose from an end of the range."""
+MIRROR_TOLERANCE = 0.2
 """Largest difference between a left and a right leg in an angle, rad; Boston Dynamics' Spot has 0.05 in a limit."""
 
 
 def model(subject: DoctorSubject) -> Finding:
-    """Whether the robot can be read, compiled and put on our ground."""
+    """Check that the robot can be read, compiled and put into the scene."""
     log_to_console()
     try:
         robot = subject.robot
         compiled = robot.model
     except ModuleNotFoundError as error:
-        what, _, remedy = str(error).rpartition(": ")
-        return problem(what or str(error), "its model comes with a package that is optional", remedy)
+        fault, _, remedy = str(error).rpartition(": ")
+        return problem(fault or str(error), "its model comes with a package that is optional", remedy)
     except (ModelError, OSError, ValueError) as error:
         cause = "the model or a file that it names is not there or has a fault, or a figure is missing"
         remedy = f"repair what the line names, in {subject.name}, or give the figure in {subject.figures}"
         return problem(" ".join(str(error).split()), cause, remedy)
-    broken = [name for name in DIGEST_FIELDS if not np.isfinite(getattr(compiled, name)).all()]
-    if broken:
+    fields = [name for name in DIGEST_FIELDS if not np.isfinite(getattr(compiled, name)).all()]
+    if fields:
         cause = "a NaN in the MJCF, or an overflow as MuJoCo works out masses and inertias"
-        return problem(
-            f"{robot.name} has no finite {', '.join(broken)}", cause, f"correct these numbers in {robot.mjcf}"
-        )
-    held = f"; held at their reference: {', '.join(robot.locked_joints)}" if robot.locked_joints else ""
+        observed = f"{robot.name} has no finite {', '.join(fields)}"
+        return problem(observed, cause, f"correct these numbers in {robot.mjcf}")
+    return _describe_model(robot)
+
+
+def _describe_model(robot: Robot) -> Finding:
+    """Return the finding for a valid model, with omitted parts and overlaps as details."""
+    locked = f"; held at their reference: {', '.join(robot.locked_joints)}" if robot.locked_joints else ""
     trunk = f"trunk {robot.home_height:.2f} m high"
-    omitted = omission_lines(robot.user_model, robot.keeps_contact) if robot.imported else ()
-    details = [f"{heading}: {text}" for heading, text in omitted]
+    omissions = omission_lines(robot.user_model, robot.keeps_contact) if robot.imported else ()
+    details = [f"{heading}: {text}" for heading, text in omissions]
     if (line := overlap_remark(robot)) is not None:
         details.append(line)
-    seen = f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, {trunk}{held}"
-    return replace(ok(seen), details=tuple(details))
+    observed = f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints, {trunk}{locked}"
+    return replace(ok(observed), details=tuple(details))
 
 
 def plausible(subject: DoctorSubject) -> Finding:
-    """Whether the robot's size, motors and servos are those of a real robot."""
-    if found := list(find_warnings(subject.robot)):
+    """Check that the robot's size, motors and servos are plausible."""
+    if warnings := list(find_warnings(subject.robot)):
         cause = "a placeholder that was never filled in, or a model in other units than metres, kilograms and radians"
         remedy = f"correct them in {subject.robot.mjcf}, or give them in {subject.figures}"
-        return Finding("warning", "; ".join(found), cause, remedy)
+        return Finding("warning", "; ".join(warnings), cause, remedy)
     return ok("size, motors and servos are in proportion to the weight")
 
 
 def names(subject: DoctorSubject) -> Finding:
     """Check that the joints are at the places that their names say."""
     robot = subject.robot
-    if found := next(find_contradictions(robot), None):
-        seen, _, remedy = found.partition("; ")
+    if line := next(find_contradictions(robot), None):
+        observed, _, remedy = line.partition("; ")
         cause = "the model's trunk frame is turned or mirrored, or legs are named wrongly"
-        return Finding("warning", seen, cause, f"{remedy}; in {robot.mjcf}")
+        return Finding("warning", observed, cause, f"{remedy}; in {robot.mjcf}")
     return ok("the joints are where their names say")
 
 
 def limits(subject: DoctorSubject) -> Finding:
-    """Whether the joints' ranges are those of a leg, alike left and right, with the home pose well inside."""
+    """Check the joint ranges: plausible for a leg, mirrored left and right, with the home pose well inside."""
     robot = subject.robot
-    lower, upper, home = robot.joint_lower, robot.joint_upper, robot.home_pose
-    spans, names = upper - lower, robot.joint_names
-    if wide := [name for name, span in zip(names, spans, strict=True) if span > WIDEST]:
-        seen = f"{_some(wide)} can turn by {spans.max():.0f} rad"
+    margins = np.minimum(robot.home_pose - robot.joint_lower, robot.joint_upper - robot.home_pose)
+    if (finding := _range_problem(robot)) is not None:
+        return finding
+    if tight := [name for name, margin in zip(robot.joint_names, margins, strict=True) if margin < MIN_MARGIN]:
+        observed = f"in the home pose {_some(tight)} is at the end of its range"
+        remedy = f"{_correct('range', robot)}, or home_pose in {subject.figures}"
+        return problem(observed, "limits or home pose are wrong", remedy)
+    if (finding := _mirror_problem(robot)) is not None:
+        return finding
+    ranges = robot.joint_upper - robot.joint_lower
+    return ok(f"ranges of {ranges.min():.1f} … {ranges.max():.1f} rad, home pose {margins.min():.2f} rad inside")
+
+
+def _range_problem(robot: Robot) -> Finding | None:
+    """Return the problem of joints with too wide or too narrow ranges; None without one."""
+    ranges = robot.joint_upper - robot.joint_lower
+    if wide := [name for name, value in zip(robot.joint_names, ranges, strict=True) if value > MAX_RANGE]:
+        observed = f"{_some(wide)} can turn by {ranges.max():.0f} rad"
         cause = 'limits in degrees where the MJCF\'s compiler has angle="radian"'
-        return problem(seen, cause, _correct("range", robot))
-    if narrow := [name for name, span in zip(names, spans, strict=True) if span < NARROWEST]:
-        seen = f"{_some(narrow)} can turn by {spans.min():.3f} rad only"
+        return problem(observed, cause, _correct("range", robot))
+    if narrow := [name for name, value in zip(robot.joint_names, ranges, strict=True) if value < MIN_RANGE]:
+        observed = f"{_some(narrow)} can turn by {ranges.min():.3f} rad only"
         cause = "limits in radians where the MJCF's compiler reads degrees, its default, or a wrong range"
-        return problem(seen, cause, _correct('range, or write <compiler angle="radian"/> if it is in radians', robot))
-    margin = np.minimum(home - lower, upper - home)
-    if tight := [name for name, left in zip(names, margin, strict=True) if left < MARGIN]:
-        seen = f"in the home pose {_some(tight)} is at the end of its range"
-        return problem(
-            seen, "limits or home pose are wrong", f"{_correct('range', robot)}, or home_pose in {subject.figures}"
-        )
+        remedy = _correct('range, or write <compiler angle="radian"/> if it is in radians', robot)
+        return problem(observed, cause, remedy)
+    return None
+
+
+def _mirror_problem(robot: Robot) -> Finding | None:
+    """Return the problem of ranges that do not mirror each other left and right; None without one."""
+    lower = robot.joint_lower
+    upper = robot.joint_upper
     for left, right in _pairs(robot):
         if len(set(_knees(robot, left, right))) > 1:  # which `joints` reports
             continue
-        mirrored = np.array([-upper[right][0], *lower[right][1:]]), np.array([-lower[right][0], *upper[right][1:]])
-        for own, other in zip(mirrored, (lower[left], upper[left]), strict=True):
-            if len(off := np.flatnonzero(np.abs(own - other) > UNLIKE)):
-                both = f"{names[left][off[0]]} and {names[right][off[0]]}"
-                return problem(
-                    f"the ranges of {both} do not mirror each other", "a range is wrong", _correct("range", robot)
-                )
-    return ok(f"ranges of {spans.min():.1f} … {spans.max():.1f} rad, home pose {margin.min():.2f} rad inside")
+        mirrored_lower = np.array([-upper[right][0], *lower[right][1:]])
+        mirrored_upper = np.array([-lower[right][0], *upper[right][1:]])
+        for mirrored, limits_left in ((mirrored_lower, lower[left]), (mirrored_upper, upper[left])):
+            if len(off := np.flatnonzero(np.abs(mirrored - limits_left) > MIRROR_TOLERANCE)):
+                both = f"{robot.joint_names[left][off[0]]} and {robot.joint_names[right][off[0]]}"
+                observed = f"the ranges of {both} do not mirror each other"
+                return problem(observed, "a range is wrong", _correct("range", robot))
+    return None
 
 
 def joints(subject: DoctorSubject) -> Finding:
-    """Whether the knees of left and right legs bend the same way, and their home poses mirror each other."""
+    """Check that knees of left and right legs bend the same way, and that their home poses mirror each other."""
     robot = subject.robot
     for left, right in _pairs(robot):
         if len(set(_knees(robot, left, right))) > 1:
-            seen = f"{robot.joint_names[left][-1]} and {robot.joint_names[right][-1]} bend opposite ways"
+            observed = f"{robot.joint_names[left][-1]} and {robot.joint_names[right][-1]} bend opposite ways"
             cause = "the axis of one of them has the wrong sign, or its range has"
-            return problem(seen, cause, f"turn its axis or exchange and negate its range in {robot.mjcf}")
+            return problem(observed, cause, f"turn its axis or exchange and negate its range in {robot.mjcf}")
         mirrored = robot.home_pose[right] * (-1.0, 1.0, 1.0)
-        if (np.abs(robot.home_pose[left] - mirrored) > UNLIKE).any():
-            seen = "left and right legs do not mirror each other in the home pose"
+        if (np.abs(robot.home_pose[left] - mirrored) > MIRROR_TOLERANCE).any():
+            observed = "left and right legs do not mirror each other in the home pose"
             cause = "an angle of the home pose has the wrong sign or the wrong place"
-            return problem(seen, cause, f"home_pose in {subject.figures}")
+            return problem(observed, cause, f"home_pose in {subject.figures}")
     return ok("signs and home pose agree left and right")
 
 
 def _some(names: list[str]) -> str:
-    """`fl_calf_joint`, or `fl_calf_joint and 3 more`."""
+    """Return `fl_calf_joint`, or `fl_calf_joint and 3 more`."""
     return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
 
-def _correct(what: str, robot: Robot) -> str:
-    return f"correct {what} in {robot.mjcf}"
+def _correct(attribute: str, robot: Robot) -> str:
+    return f"correct {attribute} in {robot.mjcf}"
 
 
 def _pairs(robot: Robot) -> Iterator[tuple[slice, slice]]:
-    """Joints of the left and of the right leg, fore and hind."""
+    """Yield the joints of the left and of the right leg, fore and hind."""
     corners = robot.in_leg_order(range(4))
     starts = [JOINTS_PER_LEG * corners.index(corner) for corner in range(4)]
     fore_left, fore_right, hind_left, hind_right = (slice(start, start + JOINTS_PER_LEG) for start in starts)
@@ -134,5 +158,5 @@ def _pairs(robot: Robot) -> Iterator[tuple[slice, slice]]:
 
 
 def _knees(robot: Robot, *parts: slice) -> list[float]:
-    """Ways in which the knees of legs bend."""
+    """Return the knee directions of the legs with these joints."""
     return [float(robot.knee_direction[part.start // JOINTS_PER_LEG]) for part in parts]

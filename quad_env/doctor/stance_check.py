@@ -6,7 +6,7 @@ from quad_env.doctor.stance import measure_stance
 
 
 def stands(subject: DoctorSubject) -> Finding:
-    """Whether the joints hold their targets under the robot's weight and come to rest, and the robot stands."""
+    """Check that the robot stands: the joints hold their targets under its weight and come to rest."""
     env = subject.env
     robot = env.robot
     stance = measure_stance(env)

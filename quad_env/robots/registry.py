@@ -71,11 +71,7 @@ class _RobotRegistry(Mapping[str, Robot]):
 def extension_robots() -> dict[str, Any]:
     """Return the robots of extensions by name: robots, paths of models, or functions that return either.
 
-    Returns:
-        The robots of extensions by name: robots, paths of models, or functions that return either.
-
-    Raises:
-        ValueError: An entry has a built-in name.
+    An entry with a built-in name raises ValueError.
     """
     return check_new("robots", BUILTIN)
 

@@ -139,7 +139,7 @@ def test_a_robot_turned_round_is_the_same_in_its_own_terms(tmp_path: Path) -> No
     rng = np.random.default_rng(0)
     state = np.tile((1.0, 0.0, 0.0, 0.0), (5, 1)), *(rng.normal(0.0, 0.3, (5, n)) for n in (3, 3, 12, 12))
     plain, turned = (Dynamics(robot).compute(*state) for robot in robots)
-    for name in ("inertia", "bias_force", "feet", "jacobians", "centre"):
+    for name in ("inertia", "bias_force", "feet", "jacobians", "com_position"):
         np.testing.assert_allclose(getattr(plain, name), getattr(turned, name), atol=1e-9, err_msg=name)
     for limits in ("joint_lower", "joint_upper", "home_pose"):
         np.testing.assert_allclose(getattr(robots[0], limits), getattr(robots[1], limits), atol=1e-9)
