@@ -1,1 +1,1 @@
-"""What is fast and what it costs: every figure a ratio or a median of one interleaved run."""
+"""Benchmarks of speed and cost; every figure is a ratio or a median of one interleaved run."""

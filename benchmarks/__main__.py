@@ -18,10 +18,10 @@ class AllOptions(OutputOptions):
 
 
 def measure(options: AllOptions) -> BenchmarkResult:
-    """One measurement after the other, at the sizes that the bars are for."""
+    """Run one measurement after the other, at the sizes for which the requirements hold."""
     quick = options.quick
     scenario, envs = vector_env.REFERENCE
-    outcomes = {
+    results = {
         "single_env": single_env.measure(single_env.SingleEnvOptions(quick=quick)),
         "vector_env": vector_env.measure(vector_env.VectorEnvOptions(quick=quick, envs=(envs,), scenarios=(scenario,))),
         "physics": physics.measure(physics.PhysicsOptions(quick=quick, settings=(SHIPPED, ORIGINAL_SETTINGS))),
@@ -29,10 +29,10 @@ def measure(options: AllOptions) -> BenchmarkResult:
         "startup": startup.measure(startup.StartupOptions(quick=quick)),
     }
     return BenchmarkResult(
-        {name: outcome.figures for name, outcome in outcomes.items()},
-        (),
-        tuple(check for outcome in outcomes.values() for check in outcome.checks),
-        unmeasured=tuple(name for name, bar in BARS.items() if bar.command not in outcomes),
+        figures={name: result.figures for name, result in results.items()},
+        tables=(),
+        checks=tuple(check for result in results.values() for check in result.checks),
+        unmeasured=tuple(name for name, requirement in BARS.items() if requirement.command not in results),
     )
 
 

@@ -1,16 +1,17 @@
-"""`python -m benchmarks.policies`: what an action costs, and whether one robot's loops keep their time.
+"""`python -m benchmarks.policies`: the cost of an action, and the duration of one robot's loops.
 
-The last table has percentiles of single calls: a robot's control loop has 10 ms, its joint loop 2 ms. They are of wall
-time and of processor time: other work on the machine lengthens the first most.
+The last table has percentiles of single calls: a robot's control loop has 10 ms, its joint loop 2 ms. They are in wall
+time and in processor time: other work on the machine lengthens the first most.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import gymnasium as gym
 import mujoco
 import numpy as np
+from rich.table import Table
 
 import policies
 from benchmarks.support import bare
@@ -22,8 +23,11 @@ from quad_env.cli.command_line import check_numbers
 from quad_env.cli.launcher import launch
 
 PERCENTILE = 99.9
+"""Percentile of the duration of single calls that has a limit, %."""
 JOINT_LOOP = "one mj_step of 2 ms"
+"""Name of the timed physics step."""
 Clock = Callable[[], float]
+"""Returns the time, s."""
 
 
 @dataclass(frozen=True)
@@ -41,41 +45,59 @@ class PoliciesOptions(MeasurementOptions):
 
 
 def measure(options: PoliciesOptions) -> BenchmarkResult:
-    """Means at each size, then the percentiles."""
+    """Measure the mean cost of an action at each number of robots, then percentiles of single calls."""
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 2), steps=2, calls=10)
     check_numbers(options, {"steps": (1, 10**6)})
-    costs = {n: _time_actions(n, options) for n in options.envs}
-    calls, processor = _time_single_calls(options, time.perf_counter), _time_single_calls(options, time.process_time)
-    means = make_table("µs a robot and control step", "policy", *(f"n = {n}" for n in options.envs))
+    costs = {num_envs: _time_actions(num_envs, options) for num_envs in options.envs}
+    wall_times = _time_single_calls(options, time.perf_counter)
+    processor_times = _time_single_calls(options, time.process_time)
+    wall_percentiles = {name: _percentile(values) * 1e3 for name, values in wall_times.items()}
+    slowest = max(value for name, value in wall_percentiles.items() if name != JOINT_LOOP)
+    return BenchmarkResult(
+        figures={
+            "seconds_per_robot_step": costs,
+            "percentile_ms": wall_percentiles,
+            "processor_percentile_ms": {name: _percentile(values) * 1e3 for name, values in processor_times.items()},
+        },
+        tables=(_means_table(costs, options), _percentiles_table(wall_times, processor_times)),
+        checks=(
+            check_requirement("control step", slowest),
+            check_requirement("joint step", wall_percentiles[JOINT_LOOP]),
+        ),
+    )
+
+
+def _means_table(costs: Mapping[int, Mapping[str, Floats]], options: PoliciesOptions) -> Table:
+    """Create the table of the mean cost of an action by policy and number of robots."""
+    rows = make_table("µs a robot and control step", "policy", *(f"n = {num_envs}" for num_envs in options.envs))
     for name in options.policies:
-        means.add_row(name, *(format_quartiles(compute_quartiles(costs[n][name]).scaled(1e6)) for n in options.envs))
-    shares = 50.0, 99.0, PERCENTILE
+        quartiles = (compute_quartiles(costs[num_envs][name]).scaled(1e6) for num_envs in options.envs)
+        rows.add_row(name, *map(format_quartiles, quartiles))
+    return rows
+
+
+def _percentiles_table(wall_times: Mapping[str, Floats], processor_times: Mapping[str, Floats]) -> Table:
+    """Create the table of percentiles of single calls, in wall time and in processor time."""
+    shares = (50.0, 99.0, PERCENTILE)
     heads = [f"{share:g} %{clock}" for clock in ("", ", processor time") for share in shares]
-    tails = make_table("One robot, a call, ms: percentiles and the largest", "", *heads, "largest")
-    for name, values in calls.items():
-        row = (*np.percentile(values, shares), *np.percentile(processor[name], shares), values.max())
-        tails.add_row(name, *(f"{value * 1e3:.3f}" for value in row))
-    worst = {name: _percentile(values) * 1e3 for name, values in calls.items()}
-    slowest = max(value for name, value in worst.items() if name != JOINT_LOOP)
-    checks = (check_requirement("control step", slowest), check_requirement("joint step", worst[JOINT_LOOP]))
-    figures = {
-        "seconds_per_robot_step": costs,
-        "percentile_ms": worst,
-        "processor_percentile_ms": {name: _percentile(values) * 1e3 for name, values in processor.items()},
-    }
-    return BenchmarkResult(figures, (means, tails), checks)
+    rows = make_table("One robot, a call, ms: percentiles and the largest", "", *heads, "largest")
+    for name, values in wall_times.items():
+        figures = (*np.percentile(values, shares), *np.percentile(processor_times[name], shares), values.max())
+        rows.add_row(name, *(f"{figure * 1e3:.3f}" for figure in figures))
+    return rows
 
 
 def _percentile(values: Floats) -> float:
+    """Return the PERCENTILE of some durations."""
     return float(np.percentile(values, PERCENTILE))
 
 
 def _time_actions(num_envs: int, options: PoliciesOptions) -> dict[str, Floats]:
-    """Seconds a robot and action of each policy, (rounds,)."""
+    """Time the actions of each policy, s per robot and action, (rounds,)."""
     steps = options.steps
 
-    def subject(name: str) -> TimedFunction:
+    def timed_function(name: str) -> TimedFunction:
         policy = policies.resolve(name)
         observations, _ = gym.make_vec(ENV_ID, num_envs, height_scan=policy.height_scan).reset(seed=0)
         policy.reset(num_envs)
@@ -88,12 +110,12 @@ def _time_actions(num_envs: int, options: PoliciesOptions) -> dict[str, Floats]:
 
         return act
 
-    subjects = {name: subject(name) for name in options.policies}
-    return interleave(subjects, options.rounds, f"policies, {num_envs} robots")
+    timed_functions = {name: timed_function(name) for name in options.policies}
+    return interleave(timed_functions, options.rounds, f"policies, {num_envs} robots")
 
 
 def _time_single_calls(options: PoliciesOptions, clock: Clock) -> dict[str, Floats]:
-    """Seconds of single calls for one robot, (calls,): each policy's, a control step of the whole, a joint loop's."""
+    """Time single calls for one robot, s, (calls,): actions, a whole control step, and a physics step."""
     start = bare.make_initial_states("flat", 1)
     data = bare.BareLoop(start).data
 
@@ -106,12 +128,12 @@ def _time_single_calls(options: PoliciesOptions, clock: Clock) -> dict[str, Floa
     calls = {f"{name}, action": action(name) for name in options.policies}
     calls["trot, action and env.step"] = _control_step()
     calls[JOINT_LOOP] = lambda: mujoco.mj_step(start.model, data)
-    subjects = {name: _timed(call, clock) for name, call in calls.items()}
-    return interleave(subjects, options.calls, f"policies, single calls, {clock.__name__}")
+    timed_functions = {name: _timed(call, clock) for name, call in calls.items()}
+    return interleave(timed_functions, options.calls, f"policies, single calls, {clock.__name__}")
 
 
 def _control_step() -> Callable[[], object]:
-    """One control step of one robot; an episode's end, once in a thousand, is among them."""
+    """Return a function that runs one control step of one robot, with an episode's end once in a thousand."""
     env, policy = gym.make(ENV_ID), policies.make("trot")
     observation, _ = env.reset(seed=0)
     policy.reset()
@@ -127,12 +149,14 @@ def _control_step() -> Callable[[], object]:
 
 
 def _timed(call: Callable[[], object], clock: Clock) -> TimedFunction:
-    def subject() -> float:
+    """Return a function that times one call."""
+
+    def timed_call() -> float:
         begin = clock()
         call()
         return clock() - begin
 
-    return subject
+    return timed_call
 
 
 main = make_command(PoliciesOptions, measure, "benchmarks.policies", __doc__)

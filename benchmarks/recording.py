@@ -1,7 +1,7 @@
-"""`python -m benchmarks.recording`: how much longer an episode takes when it is recorded.
+"""`python -m benchmarks.recording`: the additional duration of an episode with a recording.
 
-The same episode of one robot is simulated without and with a recording, in turns. The processor's time is that of the
-process that simulates; the time until the file is closed has the start of the process that writes in it, and its end.
+The same episode of one robot is simulated without and with a recording, in turns. The processor time is measured in the
+process that simulates. The time until the file is closed includes start and end of the process that writes.
 """
 
 import tempfile
@@ -25,7 +25,9 @@ from quad_env.cli.command_line import check_numbers
 from quad_env.cli.launcher import launch
 
 FILES = {"MCAP": "walk.mcap"}
+"""Format of a recording -> name of its file."""
 CLOCKS = ("wall", "processor", "until closed")
+"""Durations of a recorded episode."""
 
 
 @dataclass(frozen=True)
@@ -41,49 +43,54 @@ class RecordingOptions(MeasurementOptions):
 
 
 def measure(options: RecordingOptions) -> BenchmarkResult:
-    """A row for each policy and kind of file: time with it by time without it."""
+    """Compare the duration of an episode with and without recording, for each policy and format."""
     if options.quick:
         options = replace(options, rounds=1, seconds=0.2)
     check_numbers(options, {"seconds": (0.1, 3600.0)})
-    rows = make_table(f"{options.seconds:g} s recorded by not recorded, time", "policy", "", *CLOCKS, "least wall")
+    title = f"{options.seconds:g} s recorded by not recorded, time"
+    rows = make_table(title, "policy", "", *CLOCKS, "least wall")
     seconds: dict[str, dict[str, dict[str, Floats]]] = {}
-    walls: list[float] = []
+    wall_ratios: list[float] = []
     for name in options.policies:
         seconds[name] = _seconds(name, options)
-        plain = seconds[name]["none"]
+        unrecorded = seconds[name]["none"]
         for kind in FILES:
-            taken = seconds[name][kind]
-            ratios = [speed_ratio(plain[clock], taken[clock]) for clock in CLOCKS]
-            least = float(taken["wall"].min() / plain["wall"].min())
+            recorded = seconds[name][kind]
+            ratios = [speed_ratio(unrecorded[clock], recorded[clock]) for clock in CLOCKS]
+            least = float(recorded["wall"].min() / unrecorded["wall"].min())
             rows.add_row(name, kind, *map(format_quartiles, ratios), f"{least:.2f}")
-            walls.append(ratios[0].median)
-    return BenchmarkResult({"seconds": seconds}, (rows,), (check_requirement("recording", max(walls)),))
+            wall_ratios.append(ratios[0].median)
+    return BenchmarkResult({"seconds": seconds}, (rows,), (check_requirement("recording", max(wall_ratios)),))
 
 
 def _seconds(name: str, options: RecordingOptions) -> dict[str, dict[str, Floats]]:
-    """Kind of file, or `none` -> clock -> seconds, (rounds,)."""
+    """Return format, or `none` -> clock -> durations, s, (rounds,)."""
     steps = round(options.seconds / CONTROL_PERIOD)
     policy = policies.resolve(name)
-    taken: dict[str, list[tuple[float, ...]]] = {}
+    durations: dict[str, list[tuple[float, ...]]] = {}
 
-    def subject(kind: str) -> TimedFunction:
+    def timed_function(kind: str) -> TimedFunction:
         def walk() -> float:
-            begin, processor = time.perf_counter(), time.process_time()
+            begin = time.perf_counter()
+            processor_begin = time.process_time()
             with _recording(FILES.get(kind), policy) as observers:
                 roll_out(policy, "flat", np.array([0]), *observers, steps=steps, terminate_on_fall=False)
-                wall, busy = time.perf_counter() - begin, time.process_time() - processor
-            taken.setdefault(kind, []).append((wall, busy, time.perf_counter() - begin))
+                wall = time.perf_counter() - begin
+                processor = time.process_time() - processor_begin
+            durations.setdefault(kind, []).append((wall, processor, time.perf_counter() - begin))
             return wall
 
         return walk
 
-    interleave({kind: subject(kind) for kind in ("none", *FILES)}, options.rounds, f"recording, {name}")
-    columns = {kind: np.transpose(each[-options.rounds :]) for kind, each in taken.items()}
-    return {kind: dict(zip(CLOCKS, each, strict=True)) for kind, each in columns.items()}
+    timed_functions = {kind: timed_function(kind) for kind in ("none", *FILES)}
+    interleave(timed_functions, options.rounds, f"recording, {name}")
+    columns = {kind: np.transpose(rows[-options.rounds :]) for kind, rows in durations.items()}
+    return {kind: dict(zip(CLOCKS, values, strict=True)) for kind, values in columns.items()}
 
 
 @contextmanager
 def _recording(file: str | None, policy: Policy) -> Iterator[tuple[Observer, ...]]:
+    """Provide the observers of a recording; none without a file."""
     if file is None:
         yield ()
         return

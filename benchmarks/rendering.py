@@ -16,6 +16,7 @@ from quad_env import ENV_ID
 from quad_env.cli.launcher import launch
 
 REFERENCE = "flat"
+"""Scenario of the requirement."""
 SCENARIOS = (REFERENCE, "stairs", "rough")
 
 
@@ -28,26 +29,27 @@ class RenderingOptions(MeasurementOptions):
 
 
 def measure(options: RenderingOptions) -> BenchmarkResult:
-    """One table; the grounds take turns."""
+    """Measure the frame rate on each ground, in turns."""
     if options.quick:
         options = replace(options, rounds=1, frames=1)
     envs = {name: gym.make(ENV_ID, scenario=name, render_mode="rgb_array") for name in SCENARIOS}
     for env in envs.values():
         env.reset(seed=0)
-    subjects = {name: _timed_frames(env, options.frames) for name, env in envs.items()}
-    seconds = interleave(subjects, options.rounds, "rendering")
+    timed_functions = {name: _timed_frames(env, options.frames) for name, env in envs.items()}
+    seconds = interleave(timed_functions, options.rounds, "rendering")
     for env in envs.values():
         env.close()
     rates = {name: compute_quartiles(1 / values) for name, values in seconds.items()}
     rows = make_table("Rendering, 640 x 480", "ground", "frames a second of processor time")
     for name, rate in rates.items():
         rows.add_row(name, format_quartiles(rate, 1))
-    return BenchmarkResult(
-        {"frames_a_second": rates}, (rows,), (check_requirement("rendering", rates[REFERENCE].median),)
-    )
+    check = check_requirement("rendering", rates[REFERENCE].median)
+    return BenchmarkResult({"frames_a_second": rates}, (rows,), (check,))
 
 
 def _timed_frames(env: gym.Env, frames: int) -> TimedFunction:
+    """Return a function that times some frames, processor time per frame, s."""
+
     def draw() -> float:
         begin = time.process_time()
         for _ in range(frames):

@@ -9,7 +9,7 @@ import gymnasium as gym
 from benchmarks.support import bare
 from benchmarks.support.bars import check_requirement
 from benchmarks.support.command import BenchmarkResult, MeasurementOptions, format_quartiles, make_command, make_table
-from benchmarks.support.measure import compute_quartiles, difference, interleave, speed_ratio
+from benchmarks.support.measure import Floats, compute_quartiles, difference, interleave, speed_ratio
 from quad_env import ENV_ID, MAX_EPISODE_STEPS
 from quad_env.cli.command_line import check_numbers
 from quad_env.cli.launcher import launch
@@ -27,10 +27,27 @@ class SingleEnvOptions(MeasurementOptions):
 
 
 def measure(options: SingleEnvOptions) -> BenchmarkResult:
-    """Both walk the same steps from the same state."""
+    """Compare the environment with a bare loop over the same steps from the same state."""
     if options.quick:
         options = replace(options, rounds=1, steps=20)
     check_numbers(options, {"steps": (1, MAX_EPISODE_STEPS)})
+    seconds = _time_both(options)
+    environment = seconds["gym.make"]
+    physics = seconds["bare mj_step loop"]
+    ratio = speed_ratio(environment, physics)
+    overhead = difference(environment, physics).scaled(1e6)
+    rows = make_table("Single env", "", "µs a control step", "control steps/s")
+    for name, values in seconds.items():
+        quartiles = compute_quartiles(values)
+        rows.add_row(name, format_quartiles(quartiles.scaled(1e6), 1), f"{1 / quartiles.median:,.0f}")
+    rows.add_row("ratio of speeds", format_quartiles(ratio), "")
+    rows.add_row("overhead, µs", format_quartiles(overhead, 1), "")
+    figures = {"seconds_per_step": seconds, "ratio": ratio, "overhead_us": overhead}
+    return BenchmarkResult(figures, (rows,), (check_requirement("single_env", ratio.median),))
+
+
+def _time_both(options: SingleEnvOptions) -> dict[str, Floats]:
+    """Time environment and bare loop in turns, s per control step, (rounds,)."""
     actions = bare.record_actions(options.steps, robot=options.robot)
     loop = bare.BareLoop(bare.make_initial_states("flat", 1, options.robot))
     env = gym.make(ENV_ID, robot=options.robot)
@@ -43,25 +60,14 @@ def measure(options: SingleEnvOptions) -> BenchmarkResult:
         loop.restart()
         return loop.run(actions)
 
-    subjects = {"gym.make": environment, "bare mj_step loop": physics}
-    seconds = interleave(subjects, options.rounds, "single env")
+    timed_functions = {"gym.make": environment, "bare mj_step loop": physics}
+    seconds = interleave(timed_functions, options.rounds, "single env")
     env.close()
-    ours, limit = seconds["gym.make"], seconds["bare mj_step loop"]
-    ratio, overhead = speed_ratio(ours, limit), difference(ours, limit).scaled(1e6)
-    rows = make_table("Single env", "", "µs a control step", "control steps/s")
-    for name, values in seconds.items():
-        rows.add_row(
-            name,
-            format_quartiles(compute_quartiles(values).scaled(1e6), 1),
-            f"{1 / compute_quartiles(values).median:,.0f}",
-        )
-    rows.add_row("ratio of speeds", format_quartiles(ratio), "")
-    rows.add_row("overhead, µs", format_quartiles(overhead, 1), "")
-    figures = {"seconds_per_step": seconds, "ratio": ratio, "overhead_us": overhead}
-    return BenchmarkResult(figures, (rows,), (check_requirement("single_env", ratio.median),))
+    return seconds
 
 
 def _run(step: Callable[[bare.Actions], object], actions: bare.Actions) -> float:
+    """Time the control steps of some actions, s per step."""
     begin = time.perf_counter()
     for action in actions:
         step(action)

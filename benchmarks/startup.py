@@ -16,8 +16,9 @@ from evaluate.records.provenance import REPOSITORY
 from quad_env.cli.launcher import launch
 
 FORBIDDEN_MODULES = ("gymnasium", "mujoco", "torch")
-"""What `import quad_env` must not load."""
-IMPORT_QUAD_ENV, IMPORT_GYMNASIUM = "import quad_env, gymnasium", "import gymnasium"
+"""Modules that `import quad_env` must not load."""
+IMPORT_QUAD_ENV = "import quad_env, gymnasium"
+IMPORT_GYMNASIUM = "import gymnasium"
 MAKE = "gym.make after it"
 HELP_COMMANDS = ("python -m evaluate --help", "python -m train --help")
 _TIMED = "import time; begin = time.perf_counter(); {code}; print(time.perf_counter() - begin)"
@@ -31,38 +32,38 @@ _LOADED = f"import sys, quad_env; print(*(name for name in {FORBIDDEN_MODULES} i
 
 @dataclass(frozen=True)
 class StartupOptions(MeasurementOptions):
-    """Seconds from nothing to what a user asked for."""
+    """Durations of imports, first environment and help."""
 
     rounds: int = 7
     """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
 
 
 def measure(options: StartupOptions) -> BenchmarkResult:
-    """One table; the ratio is that of the two imports."""
+    """Measure imports, first environment and help; the ratio compares the two imports."""
     if options.quick:
         options = replace(options, rounds=1)
-    subjects: dict[str, TimedFunction] = {name: _time_inside(code) for name, code in _CODE.items()}
-    subjects |= {name: _time_outside(name) for name in HELP_COMMANDS}
+    timed_functions: dict[str, TimedFunction] = {name: _time_inside(code) for name, code in _CODE.items()}
+    timed_functions |= {name: _time_outside(name) for name in HELP_COMMANDS}
     warm_up = 0 if options.quick else 1  # the first reads from the disk
-    seconds = interleave(subjects, options.rounds, "start-up", warm_up)
+    seconds = interleave(timed_functions, options.rounds, "start-up", warm_up)
     loaded = _python("-c", _LOADED).split()
     rows = make_table("Start-up, fresh interpreters", "", "s")
     for name, values in seconds.items():
         rows.add_row(name, format_quartiles(compute_quartiles(values), 3))
     ratio = compute_quartiles(seconds[IMPORT_QUAD_ENV] / seconds[IMPORT_GYMNASIUM])
     rows.add_row(f"{IMPORT_QUAD_ENV} / {IMPORT_GYMNASIUM}", format_quartiles(ratio))
-    slower = max(compute_quartiles(seconds[name]).median for name in HELP_COMMANDS)
+    slower_help = max(compute_quartiles(seconds[name]).median for name in HELP_COMMANDS)
     checks = (
         check_requirement("import", ratio.median),
         check_requirement("loaded", len(loaded)),
-        check_requirement("help", slower),
+        check_requirement("help", slower_help),
     )
     figures = {"seconds": seconds, "import_ratio": ratio, "loaded_by_quad_env": loaded}
     return BenchmarkResult(figures, (rows,), checks)
 
 
 def _python(*arguments: str) -> str:
-    """What a fresh interpreter prints in the root of the repository. OSError if it fails."""
+    """Return the output of a fresh interpreter in the root of the repository. Raises OSError if it fails."""
     run = subprocess.run([sys.executable, *arguments], cwd=REPOSITORY, capture_output=True, text=True, check=False)
     if run.returncode:
         raise OSError(f"python {' '.join(arguments)} failed: {(run.stderr.splitlines() or ['no message'])[-1]}")
@@ -70,10 +71,13 @@ def _python(*arguments: str) -> str:
 
 
 def _time_inside(code: str) -> TimedFunction:
+    """Return a function that times code within a fresh interpreter."""
     return lambda: float(_python("-c", code))
 
 
 def _time_outside(command: str) -> TimedFunction:
+    """Return a function that times a command as a user waits for it."""
+
     def wait() -> float:
         begin = time.perf_counter()
         _python(*command.split()[1:])

@@ -1,16 +1,17 @@
-"""`python -m benchmarks.training`: PPO as `python -m train` runs it, against the native physics of the same robots.
+"""`python -m benchmarks.training`: PPO as `python -m train` runs it, against the native physics.
 
-Both are of the same control steps: the time that MuJoCo's `Batch.step` takes in training is what a learner would need
-whose base, network, observations, rewards, resets and updates cost nothing.
+Both are measured over the same control steps of the same robots. The time of MuJoCo's `Batch.step` in training is the
+duration for a learner with free base, network, observations, rewards, resets and updates.
 """
 
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from rich.table import Table
 from stable_baselines3.common.logger import configure
 
 from benchmarks.support.bars import check_requirement
@@ -23,12 +24,12 @@ from train.run import make_env
 from train.sb3.ppo import make_ppo
 
 REFERENCE = DEFAULTS["residual"]
-"""Settings that the bar is for."""
+"""Settings of the requirement."""
 
 
 @dataclass(frozen=True)
 class TrainingOptions(MeasurementOptions):
-    """One round is a rollout and its update; robots, scenarios and network are those of `python -m train`."""
+    """One round is a rollout and its update; robots, scenarios and network are the defaults of `python -m train`."""
 
     robot: str = REFERENCE.robot
     """Name of the robot, or path of its MJCF, URDF or TOML."""
@@ -41,7 +42,7 @@ class TrainingOptions(MeasurementOptions):
 
 
 def measure(options: TrainingOptions) -> BenchmarkResult:
-    """Learner steps a second, those of the physics alone, and where the rest of the time goes."""
+    """Measure the learner's speed, the speed of the physics alone, and the shares of the other parts."""
     defaults = replace(DEFAULTS["residual"], base=options.base)
     ppo = replace(defaults.ppo, envs=options.envs)
     if options.quick:
@@ -50,63 +51,85 @@ def measure(options: TrainingOptions) -> BenchmarkResult:
     config = replace(defaults, robot=options.robot, ppo=ppo, threads=1)
     seconds = time_rollouts(config, options.rounds)
     steps = ppo.envs * ppo.rollout_steps
-    whole = np.sum(list(seconds.values()), axis=0)
-    ratio = compute_quartiles(seconds["physics"] / whole)
+    total = np.sum(list(seconds.values()), axis=0)
+    ratio = compute_quartiles(seconds["physics"] / total)
+    speed = compute_quartiles(steps / total).median
+    physics_speed = compute_quartiles(steps / seconds["physics"]).median
+    figures: dict[str, Any] = {"ratio": ratio, "steps/s": speed, "physics steps/s": physics_speed}
+    checks = (check_requirement("training", ratio.median),) if _is_reference(options) else ()
+    note = f"{speed:,.0f} learner steps a second; {physics_speed:,.0f} with the physics alone."
+    return BenchmarkResult(figures, (_parts_table(seconds, total, steps),), checks, (note,))
+
+
+def _is_reference(options: TrainingOptions) -> bool:
+    """Return whether the requirement holds for these options."""
+    measured = (options.robot, options.base, options.envs)
+    return measured == (REFERENCE.robot, REFERENCE.base, REFERENCE.ppo.envs)
+
+
+def _parts_table(seconds: Mapping[str, Floats], total: Floats, steps: int) -> Table:
+    """Create the table of the parts of a rollout and its update."""
     rows = make_table("Training on one thread, one rollout and its update", "part", "share of the time", "µs a step")
-    for part, taken in seconds.items():
-        rows.add_row(
-            part,
-            format_quartiles(compute_quartiles(taken / whole)),
-            format_quartiles(compute_quartiles(1e6 * taken / steps), 1),
-        )
-    speed, limit = (compute_quartiles(steps / taken).median for taken in (whole, seconds["physics"]))
-    note = f"{speed:,.0f} learner steps a second; {limit:,.0f} with the physics alone."
-    figures: dict[str, Any] = {"ratio": ratio, "steps/s": speed, "physics steps/s": limit}
-    required_figures = (options.robot, options.base, options.envs) == (
-        REFERENCE.robot,
-        REFERENCE.base,
-        REFERENCE.ppo.envs,
-    )
-    checks = (check_requirement("training", ratio.median),) if required_figures else ()
-    return BenchmarkResult(figures, (rows,), checks, (note,))
+    for part, values in seconds.items():
+        share = format_quartiles(compute_quartiles(values / total))
+        rows.add_row(part, share, format_quartiles(compute_quartiles(1e6 * values / steps), 1))
+    return rows
 
 
 def time_rollouts(config: TrainConfig, rounds: int) -> dict[str, Floats]:
-    """Seconds of each part in each of so many rollouts, (rounds,), after a first one that does not count."""
-    env, true_step = make_env(config), Simulation._step_physics
+    """Time the parts of each rollout, after a first one that does not count.
+
+    Args:
+        config: Training configuration.
+        rounds: Number of rollouts.
+
+    Returns:
+        Part -> durations, s, (rounds,).
+    """
+    durations = _time_learning(config, rounds)
+    robots_without_physics = durations["robots"] - durations["physics"]
+    network = durations["whole"] - durations["robots"] - durations["update"]
+    return {
+        "physics": durations["physics"],
+        "robots without it": robots_without_physics,
+        "network in the rollout": network,
+        "update": durations["update"],
+    }
+
+
+def _time_learning(config: TrainConfig, rounds: int) -> dict[str, Floats]:
+    """Time physics, robots, update and the whole of each rollout, s, (rounds,)."""
+    env = make_env(config)
+    true_step = Simulation._step_physics
     model = make_ppo(config, env)
     model.set_logger(configure(format_strings=[]))
-    watch = Stopwatch()
-    Simulation._step_physics = watch.timed("physics", true_step)  # type: ignore[method-assign]
-    env.step_wait = watch.timed("robots", env.step_wait)  # type: ignore[method-assign]
-    model.train = watch.timed("update", model.train)  # type: ignore[method-assign]
-    learn = watch.timed("whole", model.learn)
-    taken = []
+    stopwatch = Stopwatch()
+    Simulation._step_physics = stopwatch.timed("physics", true_step)  # type: ignore[method-assign]
+    env.step_wait = stopwatch.timed("robots", env.step_wait)  # type: ignore[method-assign]
+    model.train = stopwatch.timed("update", model.train)  # type: ignore[method-assign]
+    learn = stopwatch.timed("whole", model.learn)
+    rows = []
     try:
         with progress_bar("training", rounds + 1) as advance:
             for _ in range(rounds + 1):
-                watch.seconds.clear()
+                stopwatch.seconds.clear()
                 learn(1, reset_num_timesteps=False)
-                taken.append(dict(watch.seconds))
+                rows.append(dict(stopwatch.seconds))
                 advance()
     finally:
         Simulation._step_physics = true_step  # type: ignore[method-assign]
         env.close()
-    physics, robots, update, whole = (
-        np.array([each[part] for each in taken[1:]]) for part in ("physics", "robots", "update", "whole")
-    )
-    rest = whole - robots - update
-    return {"physics": physics, "robots without it": robots - physics, "network in the rollout": rest, "update": update}
+    return {part: np.array([row[part] for row in rows[1:]]) for part in ("physics", "robots", "update", "whole")}
 
 
 class Stopwatch:
-    """Seconds that calls took, by the name they were timed under."""
+    """Total duration of calls, by the name under which they are timed."""
 
     def __init__(self) -> None:
         self.seconds = defaultdict[str, float](float)
 
     def timed(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        """The function, its time counted."""
+        """Return the `function` with its duration added under `name`."""
 
         def call(*args: Any, **kwargs: Any) -> Any:
             begin = time.perf_counter()

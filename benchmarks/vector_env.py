@@ -1,20 +1,23 @@
-"""`python -m benchmarks.vector_env`: the whole of the batch's `step` against a bare `Batch.step` of the same robots.
+"""`python -m benchmarks.vector_env`: the vector environment's `step` against a bare `Batch.step`.
 
-Both walk from the same states with the same actions, on as many threads. The costs of rare events are
-added to every step: a thousandth of a reset for the end of an episode, and twice that for the commands drawn each 5 s,
-since a reset draws one. With `--threads 1` the column steps/s is the speed of one processor core, without a policy.
+Both walk the same robots from the same states with the same actions, on the same number of threads. The costs of rare
+events are added to every step: a thousandth of a reset for the end of an episode, and twice that for the commands drawn
+every 5 s, since a reset draws one. With `--threads 1` the column steps/s is the speed of one processor core, without a
+policy.
 """
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from rich.table import Table
 
 import policies
 from benchmarks.support import bare
-from benchmarks.support.bars import check_requirement
+from benchmarks.support.bars import RequirementCheck, check_requirement
 from benchmarks.support.command import BenchmarkResult, MeasurementOptions, format_quartiles, make_command, make_table
 from benchmarks.support.measure import (
     Advance,
@@ -34,9 +37,9 @@ from quad_env.cli.launcher import launch
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 REFERENCE = ("flat", 1024)
-"""Scenario and number of robots that the bar is for."""
+"""Scenario and number of robots of the requirement."""
 TIMED_RESETS = 5
-"""Resets that are timed (count)."""
+"""Number of timed resets."""
 
 
 @dataclass(frozen=True)
@@ -61,68 +64,88 @@ class VectorEnvOptions(MeasurementOptions):
 
 @dataclass(frozen=True)
 class VectorEnvTiming:
-    """One size on one scenario."""
+    """Timing of one number of robots on one scenario. The fields are keys of the JSON file."""
 
     seconds: dict[str, Floats]
-    """Per robot and control step, (rounds,): of the environment with its share of resets, and of the bare batch."""
+    """Durations per robot and control step, s, (rounds,): of the environment with its share of resets, and of the bare
+    batch."""
     reset_us: Quartiles
-    """Of one robot, µs."""
+    """Duration of a reset, µs per robot."""
     ratio: Quartiles
+    """Speed of the environment over the speed of the bare batch."""
     overhead_us: Quartiles
+    """Additional duration of an environment step, µs per robot."""
 
 
 def measure(options: VectorEnvOptions) -> BenchmarkResult:
-    """A table with a row for each scenario and size."""
+    """Time each scenario at each number of robots."""
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 3), scenarios=("flat", "rough"), robot_steps=1, warm_up=1)
     if unknown := set(options.scenarios) - set(SCENARIOS):
         raise UsageError(f"--scenarios: unknown {', '.join(sorted(unknown))}; valid: {', '.join(SCENARIOS)}")
-    results = {}
-    parts = [(name, n) for name in options.scenarios for n in options.envs]
+    timings = {}
+    parts = [(name, num_envs) for name in options.scenarios for num_envs in options.envs]
     with progress_bar("vector env", len(parts)) as advance:
-        for name, n in parts:
-            results[name, n] = time_vector_env(name, n, options, advance)
+        for name, num_envs in parts:
+            timings[name, num_envs] = time_vector_env(name, num_envs, options, advance)
+    reference = timings.get(REFERENCE)
+    checks: tuple[RequirementCheck, ...] = ()
+    if reference is not None:
+        checks = (check_requirement("vector_env", reference.ratio.median, reference.overhead_us.median),)
+    figures = {f"{name} {num_envs}": timing for (name, num_envs), timing in timings.items()}
+    return BenchmarkResult(figures, (_timings_table(timings, options),), checks)
+
+
+def _timings_table(timings: Mapping[tuple[str, int], VectorEnvTiming], options: VectorEnvOptions) -> Table:
+    """Create the table of all timings."""
     rows = make_table(
         f"Vector env, {with_count(options.threads, 'thread')}, control steps of 10 ms of all robots together",
         *("scenario, robots", "ratio", "overhead, µs", "steps/s", "bare steps/s"),
     )
-    for (name, n), result in results.items():
-        rates = (f"{1 / compute_quartiles(values).median:,.0f}" for values in result.seconds.values())
-        rows.add_row(f"{name}, {n}", format_quartiles(result.ratio), format_quartiles(result.overhead_us, 1), *rates)
-    reference = results.get(REFERENCE)
-    checks = (
-        (check_requirement("vector_env", reference.ratio.median, reference.overhead_us.median),) if reference else ()
-    )
-    figures = {f"{name} {n}": result for (name, n), result in results.items()}
-    return BenchmarkResult(figures, (rows,), checks)
+    for (name, num_envs), timing in timings.items():
+        rates = (f"{1 / compute_quartiles(values).median:,.0f}" for values in timing.seconds.values())
+        ratio = format_quartiles(timing.ratio)
+        rows.add_row(f"{name}, {num_envs}", ratio, format_quartiles(timing.overhead_us, 1), *rates)
+    return rows
 
 
 def time_vector_env(name: str, num_envs: int, options: VectorEnvOptions, advance: Advance) -> VectorEnvTiming:
-    """Environment and bare batch, a control step each in turns."""
+    """Time environment and bare batch, in turns of one control step.
+
+    Args:
+        name: Scenario.
+        num_envs: Number of robots.
+        options: Options of the command.
+        advance: Called when this part is done.
+
+    Returns:
+        Durations and their comparison.
+    """
     start = bare.make_initial_states(name, num_envs, options.robot)
-    robots = bare.BareBatch(start, options.threads)
-    walkers = TrotEnv(name, start, options.threads, options.robot)
+    batch = bare.BareBatch(start, options.threads)
+    env = TrotEnv(name, start, options.threads, options.robot)
     for _ in range(options.warm_up):
-        walkers.step()
-        robots.run(walkers.action[None])
+        env.step()
+        batch.run(env.action[None])
     rounds = min(max(options.robot_steps // num_envs, options.rounds), MAX_EPISODE_STEPS - options.warm_up - 1)
-    timed_functions = {"environment": walkers.step, "bare": lambda: robots.run(walkers.action[None])}
+    timed_functions = {"environment": env.step, "bare": lambda: batch.run(env.action[None])}
     seconds = interleave(timed_functions, rounds)
-    reset = interleave({"reset": walkers.reset}, TIMED_RESETS)["reset"]
-    walkers.env.close()
+    reset = interleave({"reset": env.reset}, TIMED_RESETS)["reset"]
+    env.env.close()
     advance()
-    amortized_reset = 1 / MAX_EPISODE_STEPS + start.dt / CommandRanges().interval
-    whole, limit = seconds["environment"] + amortized_reset * float(np.median(reset)), seconds["bare"]
+    resets_per_step = 1 / MAX_EPISODE_STEPS + start.dt / CommandRanges().interval
+    environment = seconds["environment"] + resets_per_step * float(np.median(reset))
+    physics = seconds["bare"]
     return VectorEnvTiming(
-        {"environment": whole, "bare": limit},
-        compute_quartiles(reset).scaled(1e6),
-        speed_ratio(whole, limit),
-        difference(whole, limit).scaled(1e6),
+        seconds={"environment": environment, "bare": physics},
+        reset_us=compute_quartiles(reset).scaled(1e6),
+        ratio=speed_ratio(environment, physics),
+        overhead_us=difference(environment, physics).scaled(1e6),
     )
 
 
 class TrotEnv:
-    """The environment's batch under the trot, from the given start."""
+    """Vector environment under the trot, from given initial states."""
 
     def __init__(self, name: str, start: bare.InitialStates, threads: int, robot: str = SIMPLE_QUAD.name) -> None:
         count = len(start.seeds)
@@ -132,12 +155,12 @@ class TrotEnv:
         )
         self._policy.reset(count)
         self.observation, _ = self.env.reset(seed=list(start.seeds))  # type: ignore[arg-type]
-        """Latest, (n, k)."""
+        """Latest observation, (n, k)."""
         self.action: bare.Actions = np.zeros((count, SIMPLE_QUAD.num_joints), np.float32)
-        """Actions of the latest step, (n, 12) rad."""
+        """Actions of the latest step, (n, 12), rad."""
 
     def step(self) -> float:
-        """Seconds a robot that `step` took, without the policy."""
+        """Time the environment's `step`, without the policy, s per robot."""
         self.action = self._policy.act(self.observation)
         begin = time.perf_counter()
         self.observation, _, terminated, truncated, _ = self.env.step(self.action)
@@ -147,7 +170,7 @@ class TrotEnv:
         return seconds / len(self.action)
 
     def reset(self) -> float:
-        """Seconds a robot that a reset of all of them takes."""
+        """Time a reset of all robots, s per robot."""
         begin = time.perf_counter()
         self.env.reset()
         return (time.perf_counter() - begin) / len(self.action)

@@ -1,8 +1,7 @@
 """`python -m benchmarks.view`: the live view in a headless browser, on this machine's processors.
 
-The browser draws in software, without graphics hardware. A residual policy walks ahead; real
-time is the simulation's own, frames are those that the page has drawn. With `--seconds 3600` the growth is that of an
-hour.
+The browser draws in software, without graphics hardware. A residual policy walks ahead. Real time is measured by the
+simulation; frames are counted when the page has drawn them. With `--seconds 3600` the growth is measured over an hour.
 """
 
 import re
@@ -28,12 +27,16 @@ from quad_env.cli.progress import show_bar
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = ("--no-sandbox", "--no-first-run", "--disable-background-networking", "--disable-sync")
 SOFTWARE = ("--enable-unsafe-swiftshader",)
-WARM_UP, LONG_WARM_UP = 5.0, 60.0
-"""s before anything counts; of a watch of ten minutes and more, whose growth is of interest, the latter."""
+WARM_UP = 5.0
+"""s. Time before the measurement."""
+LONG_WARM_UP = 60.0
+"""s. Time before a measurement of LONG_RUN or more, which is about the growth of memory."""
 LONG_RUN = 600.0
+"""s. Shortest duration of a long run."""
 SAMPLE_PERIOD = 1.0
-"""s between two readings."""
+"""s. Time between two readings."""
 SIZE = {"width": 1280, "height": 900}
+"""pixels. Size of the browser's window."""
 
 
 @dataclass(frozen=True)
@@ -49,86 +52,111 @@ class ViewOptions(OutputOptions):
 
 
 def measure(options: ViewOptions) -> BenchmarkResult:
-    """Watch the view for that long."""
+    """Watch the live view for the given time."""
     if options.quick:
         options = ViewOptions(quick=True, seconds=4.0, scenario=options.scenario, policy=options.policy)
     with _browser() as browser:
-        own = _watch(browser, options)
+        figures = _watch(browser, options)
     rows = make_table("Live view in a headless browser", "viewer", "x real time", "frames/s", "first frame, s")
-    rows.add_row("quad_env view", f"{own['real_time']:.2f}", f"{own['frames']:.1f}", f"{own['first_frame']:.1f}")
+    rows.add_row(
+        "quad_env view", f"{figures['real_time']:.2f}", f"{figures['frames']:.1f}", f"{figures['first_frame']:.1f}"
+    )
     growth = make_table(f"Growth over {options.seconds:g} s", "of", "at first", "at last", "share")
     for name in ("simulation, MiB", "page, MiB"):
-        first, last = own[name]
+        first, last = figures[name]
         growth.add_row(name, f"{first:.1f}", f"{last:.1f}", f"{last / first - 1.0:+.1%}")
     checks = (
-        check_requirement("view real time", own["real_time"]),
-        check_requirement("view frames", own["frames"]),
-        check_requirement("view first frame", own["first_frame"]),
+        check_requirement("view real time", figures["real_time"]),
+        check_requirement("view frames", figures["frames"]),
+        check_requirement("view first frame", figures["first_frame"]),
     )
-    return BenchmarkResult({"view": own}, (rows, growth), checks)
+    return BenchmarkResult({"view": figures}, (rows, growth), checks)
 
 
 def _watch(browser: Any, options: ViewOptions) -> dict[str, Any]:
-    words = ["--policy", *options.policy, "--scenario", options.scenario, "--command", "0.5", "0", "0"]
-    begun = time.perf_counter()
-    with _process("-m", "quad_env", "view", *words, "--port", "0", "--no-browser") as view:
-        assert view.stdout is not None
-        address = re.search(r"http://\S+", line := view.stdout.readline())
-        if address is None:
-            raise UsageError(f"the view did not start: {line}")
-        page = browser.new_page(viewport=SIZE)
-        page.goto(address.group())
-        page.locator("#frame[data-frames]").wait_for(timeout=60_000)
-        first_frame = time.perf_counter() - begun
+    """Start the view, open it in the browser and take readings."""
+    arguments = ["--policy", *options.policy, "--scenario", options.scenario, "--command", "0.5", "0", "0"]
+    begin = time.perf_counter()
+    with _process("-m", "quad_env", "view", *arguments, "--port", "0", "--no-browser") as view:
+        page = _open_page(browser, view)
+        first_frame = time.perf_counter() - begin
         page.wait_for_timeout(1000 * (LONG_WARM_UP if options.seconds >= LONG_RUN else WARM_UP))
-        memory, speeds, start, frames = [_memory(view.pid, page)], [], time.perf_counter(), _frames(page)
-        with show_bar("watching") as progress:
-            while (passed := time.perf_counter() - start) < options.seconds:
-                page.wait_for_timeout(1000 * SAMPLE_PERIOD)
-                speeds.append(float(page.locator("#rate").inner_text().split()[0]))
-                progress(min(1.0, passed / options.seconds))
-        rate = (_frames(page) - frames) / (time.perf_counter() - start)
-        memory.append(_memory(view.pid, page))
+        first_memory = _memory(view.pid, page)
+        speed, frame_rate = _sample(page, options.seconds)
+        last_memory = _memory(view.pid, page)
         page.close()
     return {
-        "real_time": float(np.mean(speeds)),
-        "frames": rate,
+        "real_time": speed,
+        "frames": frame_rate,
         "first_frame": first_frame,
-        "simulation, MiB": [simulation for simulation, _ in memory],
-        "page, MiB": [heap for _, heap in memory],
+        "simulation, MiB": [first_memory[0], last_memory[0]],
+        "page, MiB": [first_memory[1], last_memory[1]],
     }
 
 
+def _open_page(browser: Any, view: subprocess.Popen[str]) -> Any:
+    """Open the address that the view prints, and wait for the first frame."""
+    assert view.stdout is not None
+    line = view.stdout.readline()
+    address = re.search(r"http://\S+", line)
+    if address is None:
+        raise UsageError(f"the view did not start: {line}")
+    page = browser.new_page(viewport=SIZE)
+    page.goto(address.group())
+    page.locator("#frame[data-frames]").wait_for(timeout=60_000)
+    return page
+
+
+def _sample(page: Any, seconds: float) -> tuple[float, float]:
+    """Watch the page for that time; return the mean speed over real time, and the frame rate, 1/s."""
+    speeds = []
+    start = time.perf_counter()
+    first_frames = _frames(page)
+    with show_bar("watching") as progress:
+        while (passed := time.perf_counter() - start) < seconds:
+            page.wait_for_timeout(1000 * SAMPLE_PERIOD)
+            speeds.append(float(page.locator("#rate").inner_text().split()[0]))
+            progress(min(1.0, passed / seconds))
+    frame_rate = (_frames(page) - first_frames) / (time.perf_counter() - start)
+    return float(np.mean(speeds)), frame_rate
+
+
 def _frames(page: Any) -> int:
+    """Return the number of frames that the page has drawn."""
     return int(page.locator("#frame").get_attribute("data-frames") or 0)
 
 
 def _memory(process: int, page: Any) -> tuple[float, float]:
-    """Of a process and of a page's objects after a collection, MiB; NaN for the former where there is no /proc."""
+    """Return the memory of a process and of a page's objects after a garbage collection, MiB.
+
+    The first is NaN on systems without /proc.
+    """
     session = page.context.new_cdp_session(page)
     session.send("HeapProfiler.collectGarbage")
     session.send("Performance.enable")
-    metrics = {each["name"]: each["value"] for each in session.send("Performance.getMetrics")["metrics"]}
+    metrics = {metric["name"]: metric["value"] for metric in session.send("Performance.getMetrics")["metrics"]}
     status = Path(f"/proc/{process}/status")
-    found = re.search(r"VmRSS:\s+(\d+) kB", status.read_text(encoding="utf-8")) if status.is_file() else None
-    return int(found.group(1)) / 1024.0 if found else float("nan"), metrics["JSHeapUsedSize"] / 2**20
+    resident = re.search(r"VmRSS:\s+(\d+) kB", status.read_text(encoding="utf-8")) if status.is_file() else None
+    return int(resident.group(1)) / 1024.0 if resident else float("nan"), metrics["JSHeapUsedSize"] / 2**20
 
 
 @contextmanager
 def _browser() -> Iterator[Any]:
-    found = next(filter(None, map(shutil.which, CHROMIUM)), None)
-    if found is None or find_spec("playwright") is None:
+    """Start a headless browser. Raises UsageError if there is none."""
+    executable = next(filter(None, map(shutil.which, CHROMIUM)), None)
+    if executable is None or find_spec("playwright") is None:
         raise UsageError('needs a browser, `apt-get install chromium`, and `pip install -e ".[dev]"`')
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=found, args=[*FLAGS, *SOFTWARE])
+        browser = playwright.chromium.launch(executable_path=executable, args=[*FLAGS, *SOFTWARE])
         yield browser
         browser.close()
 
 
 @contextmanager
 def _process(*words: str) -> Iterator[subprocess.Popen[str]]:
+    """Run Python with some arguments, and kill it at the end."""
     process = subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:
         yield process

@@ -1,1 +1,1 @@
-"""What every benchmark shares: options, bars, measuring, progress, bare MuJoCo."""
+"""Common parts of the benchmarks."""

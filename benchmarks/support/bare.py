@@ -1,4 +1,4 @@
-"""MuJoCo alone, with the model, start states and actions of the environment that is compared with it."""
+"""MuJoCo alone, with the model, initial states and actions of the environment it is compared with."""
 
 import time
 from dataclasses import dataclass
@@ -19,30 +19,41 @@ Actions = NDArray[np.float32]
 COMMAND = (0.5, 0.0, 0.3)
 """Velocity command of the benchmarks: forward m/s, lateral m/s, yaw rate rad/s."""
 MAX_STARTS = 256
-"""Different start states of a batch; a larger one repeats them."""
+"""Maximum number of different initial states in a batch; a larger batch repeats them."""
 
 
 @dataclass(frozen=True)
 class InitialStates:
-    """A model and n states of it, as the environment's resets left them."""
+    """A model and n states of it after resets of the environment, made by `make_initial_states`."""
 
     model: mujoco.MjModel
+    """Model that the environment steps."""
     seeds: tuple[int, ...]
+    """Seed of each state."""
     qpos: Floats
-    """(n, nq)"""
+    """Positions, (n, nq)."""
     qvel: Floats
-    """(n, nv)"""
+    """Velocities, (n, nv)."""
     dt: float
     """Control period, s."""
 
     @property
     def substeps(self) -> int:
-        """Physics steps in a control step."""
+        """Number of physics steps in a control step."""
         return round(self.dt / float(self.model.opt.timestep))
 
 
 def make_initial_states(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.name) -> InitialStates:
-    """What `reset` with seeds 0, 1, … starts from, n of them."""
+    """Record the states after `reset` with seeds 0, 1, ….
+
+    Args:
+        scenario: Name of the scenario.
+        num_envs: Number of states.
+        robot: Name of the robot.
+
+    Returns:
+        Model and states.
+    """
     env = gym.make(ENV_ID, scenario=scenario, robot=policies.make("trot", robot=robot).robot)
     distinct = min(num_envs, MAX_STARTS)
     snapshots = []
@@ -65,7 +76,17 @@ def make_initial_states(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.n
 def record_actions(
     steps: int, seed: int = 0, command: tuple[float, float, float] = COMMAND, robot: str = SIMPLE_QUAD.name
 ) -> Actions:
-    """Actions of the trot in one episode on flat ground, (steps, 12) rad."""
+    """Record the actions of the trot in one episode on flat ground.
+
+    Args:
+        steps: Number of control steps.
+        seed: Seed of the episode.
+        command: Forward m/s, lateral m/s, yaw rate rad/s.
+        robot: Name of the robot.
+
+    Returns:
+        Joint targets, (steps, 12), rad.
+    """
     policy = policies.make("trot", robot=robot)
     env = gym.make(ENV_ID, robot=policy.robot)
     policy.reset()
@@ -87,13 +108,15 @@ class BareLoop:
         self.restart()
 
     def restart(self) -> None:
-        """Back to the first start state."""
+        """Set the first initial state."""
         mujoco.mj_resetData(self._start.model, self.data)
         self.data.qpos, self.data.qvel = self._start.qpos[0], self._start.qvel[0]
 
     def run(self, actions: Actions) -> float:
-        """Seconds a control step of (steps, 12) actions."""
-        model, data, substeps = self._start.model, self.data, self._start.substeps
+        """Time the control steps of (steps, 12) actions, s per step."""
+        model = self._start.model
+        data = self.data
+        substeps = self._start.substeps
         begin = time.perf_counter()
         for action in actions:
             data.ctrl[:] = action
@@ -114,11 +137,11 @@ class BareBatch:
 
     @property
     def qpos(self) -> Floats:
-        """Positions now, (n, nq)."""
+        """Current positions, (n, nq)."""
         return np.array(self._batch.bind("qpos"))
 
     def run(self, actions: Actions) -> float:
-        """Seconds a robot and control step of (steps, n, 12) actions."""
+        """Time the control steps of (steps, n, 12) actions, s per robot and step."""
         begin = time.perf_counter()
         for action in actions:
             self._controls[:] = action

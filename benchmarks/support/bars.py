@@ -1,18 +1,18 @@
-"""The limits that the benchmarks' figures must keep, each with the command that measures the figure."""
+"""Requirements on the figures of the benchmarks, each with the command that measures the figure."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Threshold:
-    """A figure that must be reached, ≥, or not be passed, ≤."""
+    """Limit of a figure: reached if ≥ `bound`, or kept if ≤ `bound`."""
 
     sign: str
     bound: float
     unit: str = ""
 
     def is_met(self, value: float) -> bool:
-        """Whether the value is within the limit; NaN is not."""
+        """Return whether the value is within the limit; NaN is not."""
         return value >= self.bound if self.sign == "≥" else value <= self.bound
 
     def __str__(self) -> str:
@@ -21,10 +21,11 @@ class Threshold:
 
 @dataclass(frozen=True)
 class Requirement:
-    """One row: met if one of its limits is."""
+    """Requirement on figures; met if one of its limits is."""
 
     name: str
     command: str
+    """Command that measures the figures."""
     limits: tuple[Threshold, ...]
 
 
@@ -66,6 +67,7 @@ BARS = {
         "60 s recorded / not recorded, time of the simulation", "recording", (Threshold("≤", 1.15),)
     ),
 }
+"""Name -> requirement."""
 
 ACCURACY_BARS = {
     "trunk_mm": Threshold("≤", 2.0),
@@ -74,24 +76,35 @@ ACCURACY_BARS = {
     "penetration_mm": Threshold("≤", 2.0),
     "slip_mm_s": Threshold("≤", 1.0),
 }
-"""What a physics setting must keep, as in `physics_accuracy.Accuracy`."""
+"""Figure of `physics_accuracy.Accuracy` -> its limit."""
 
 
 @dataclass(frozen=True)
 class RequirementCheck:
-    """A bar and the values measured for it, one a limit."""
+    """Values measured for a requirement, one per limit. The fields are keys of the JSON file."""
 
     bar: str
     values: tuple[float, ...]
 
     @property
     def is_met(self) -> bool:
-        """Whether one of the bar's limits is met."""
+        """True if one of the limits is met."""
         return any(limit.is_met(value) for limit, value in zip(BARS[self.bar].limits, self.values, strict=True))
 
 
 def check_requirement(bar: str, *values: float) -> RequirementCheck:
-    """The values, one for each limit of that bar. Raises ValueError where there are more or fewer."""
+    """Attach measured values to a requirement.
+
+    Args:
+        bar: Name of the requirement.
+        *values: One value for each of its limits.
+
+    Returns:
+        The check.
+
+    Raises:
+        ValueError: The number of values is wrong.
+    """
     if len(values) != len(BARS[bar].limits):
         raise ValueError(f"{bar}: {len(values)} values for {len(BARS[bar].limits)} limits")
     return RequirementCheck(bar, values)

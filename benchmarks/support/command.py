@@ -1,4 +1,4 @@
-"""What all commands share: options, their limits, printed tables, the JSON file and the exit code."""
+"""Common parts of all commands: options and their limits, printed tables, JSON file, exit code."""
 
 import dataclasses
 import json
@@ -20,7 +20,7 @@ from quad_env.cli.program import exit_code
 from quad_env.files.writing import write_atomically
 
 WIDTH = 100
-"""Columns that every table fits into."""
+"""Characters. Width that every table fits into."""
 OPTION_LIMITS = {
     "rounds": (1, 10_000),
     "envs": (1, 65_536),
@@ -31,7 +31,7 @@ OPTION_LIMITS = {
     "frames": (1, 10**6),
     "seconds": (1.0, 1e6),
 }
-"""Smallest and largest value of each option, by name, in all commands."""
+"""Name of an option -> its smallest and largest value, in all commands."""
 
 
 @dataclass(frozen=True)
@@ -57,22 +57,30 @@ OptionsT = TypeVar("OptionsT", bound=OutputOptions)
 
 @dataclass(frozen=True)
 class BenchmarkResult:
-    """What a command measured: figures for the JSON file, tables to print, and figures that have limits."""
+    """Result of a command: figures for the JSON file, tables to print, and checked requirements."""
 
     figures: dict[str, Any]
     tables: tuple[Table, ...]
     checks: tuple[RequirementCheck, ...] = ()
     notes: tuple[str, ...] = ()
     unmeasured: tuple[str, ...] = ()
-    """Bars that another command measures."""
+    """Requirements that another command measures."""
 
 
 def make_command(
     kind: type[OptionsT], measure: Callable[[OptionsT], BenchmarkResult], program: str, description: str | None
 ) -> Callable[..., int]:
-    """A function of the command line's words, by default those of the process: it parses, measures, prints and writes.
+    """Create the function that a command line calls: it parses, measures, prints and writes.
 
-    It returns the exit code: 0, 2 with one line after a user's mistake, 130 after Ctrl-C.
+    Args:
+        kind: Dataclass of the options.
+        measure: Measures with these options.
+        program: Name of the command.
+        description: Text for --help.
+
+    Returns:
+        A function of the arguments; without any it takes the arguments of the process. It returns the exit code: 0, 2
+        with one line after a user's mistake, 130 after Ctrl-C.
     """
 
     def run(words: Sequence[str]) -> int:
@@ -86,7 +94,7 @@ def make_command(
 
 
 def _check(options: OutputOptions) -> None:
-    """Raise UsageError, one line, for a number beyond its limits, an empty or double list, or no place for the file."""
+    """Raise UsageError for a number beyond its limits, an empty or repeated list, or an unwritable file."""
     check_numbers(options, {name: limits for name, limits in OPTION_LIMITS.items() if hasattr(options, name)})
     for name, value in vars(options).items():
         if isinstance(value, tuple) and len(set(value)) < max(len(value), 1):
@@ -96,60 +104,72 @@ def _check(options: OutputOptions) -> None:
         make_folder_of(options.json, "--json")
 
 
-def write_results(outcome: BenchmarkResult, facts: dict[str, Any], options: OutputOptions, program: str) -> None:
-    """Print the tables, the notes and the figures with limits; write the JSON file."""
+def write_results(result: BenchmarkResult, facts: dict[str, Any], options: OutputOptions, program: str) -> None:
+    """Print the result, and write the JSON file.
+
+    Args:
+        result: Result of the command.
+        facts: Facts about the machine.
+        options: Options of the command.
+        program: Name of the command.
+    """
     console = Console(width=WIDTH, highlight=False)
-    for part in outcome.tables:
-        console.print(part)
-    for note in outcome.notes:
+    for rows in result.tables:
+        console.print(rows)
+    for note in result.notes:
         console.print(note, markup=False, soft_wrap=True)
-    if outcome.checks:
-        console.print(checks_table(outcome.checks, outcome.unmeasured))
+    if result.checks:
+        console.print(checks_table(result.checks, result.unmeasured))
     console.print(machine_line(facts), style="dim", soft_wrap=True)
     if options.json:
         record = {
             "benchmark": program,
             "options": dataclasses.asdict(options),
             "machine": facts,
-            "figures": outcome.figures,
-            "checks": [dataclasses.asdict(row) | {"met": row.is_met} for row in outcome.checks],
+            "figures": result.figures,
+            "checks": [dataclasses.asdict(check) | {"met": check.is_met} for check in result.checks],
         }
         write_atomically(options.json, (json.dumps(to_json_types(record), indent=2) + "\n").encode())
 
 
 def checks_table(checks: Sequence[RequirementCheck], unmeasured: Sequence[str]) -> Table:
-    """The figures with their limits; an `unmeasured` one names the command that measures it."""
+    """Create the table of `checks`; an `unmeasured` requirement names the command that measures it."""
     rows = make_table("Limits", "figure", "bar", "measured", "")
-    for each in checks:
-        limits = BARS[each.bar].limits
-        values = ", ".join(f"{value:.4g}{limit.unit}" for value, limit in zip(each.values, limits, strict=True))
-        rows.add_row(
-            BARS[each.bar].name, _limits(each.bar), values, "[green]met[/]" if each.is_met else "[red]not met[/]"
+    for check in checks:
+        requirement = BARS[check.bar]
+        values = ", ".join(
+            f"{value:.4g}{limit.unit}" for value, limit in zip(check.values, requirement.limits, strict=True)
         )
+        state = "[green]met[/]" if check.is_met else "[red]not met[/]"
+        rows.add_row(requirement.name, _limits(check.bar), values, state)
     for name in unmeasured:
         rows.add_row(BARS[name].name, _limits(name), f"python -m benchmarks.{BARS[name].command}", "")
     return rows
 
 
 def _limits(bar: str) -> str:
+    """Format the limits of a requirement."""
     return " or ".join(map(str, BARS[bar].limits))
 
 
 def make_table(title: str, *heads: str) -> Table:
-    """An empty table, its first column left-aligned, the others right-aligned."""
-    made = Table(title=title, title_justify="left", title_style="bold")
-    for number, head in enumerate(heads):
-        made.add_column(head, justify="right" if number else "left")
-    return made
+    """Create an empty table with a `title` and `heads`; the first column is left-aligned."""
+    table = Table(title=title, title_justify="left", title_style="bold")
+    for index, head in enumerate(heads):
+        table.add_column(head, justify="right" if index else "left")
+    return table
 
 
 def format_quartiles(value: Quartiles, digits: int = 2) -> str:
-    """Median, and the quartiles in brackets."""
+    """Format the median of a `value`, and the quartiles in brackets, with that number of `digits`."""
     return f"{value.median:,.{digits}f} \\[{value.low:,.{digits}f} … {value.high:,.{digits}f}]"
 
 
 def to_json_types(value: Any) -> Any:
-    """JSON types of dataclasses, arrays and paths, nested to any depth; None for numbers that are not finite."""
+    """Convert dataclasses, arrays and paths to JSON types, nested to any depth.
+
+    Numbers that are not finite become None.
+    """
     return nan_to_null(json.loads(json.dumps(value, default=_plain)))
 
 

@@ -1,4 +1,7 @@
-"""Fair measurement: subjects take turns (A B A B …), so that other work on the machine slows all of them alike."""
+"""Interleaved timing of functions.
+
+They take turns (A B A B …), so that other work on the machine slows all of them.
+"""
 
 import os
 import platform
@@ -19,14 +22,24 @@ from evaluate.records.provenance import cpu_model
 
 Floats = NDArray[np.float64]
 TimedFunction = Callable[[], float]
-"""Does the same work at every call; returns the seconds that one unit of it took."""
+"""Does the same work at every call; returns the duration of one unit of it, s."""
 Advance = Callable[[], None]
 """Counts one part of the work as done."""
 
 
 @contextmanager
 def progress_bar(description: str, total: int) -> Iterator[Advance]:
-    """Progress of `total` parts of work on stderr: a bar on a terminal, one line at the end elsewhere."""
+    """Show the progress of `total` parts of work under a `description` on stderr.
+
+    It is a bar on a terminal, and one line at the end elsewhere.
+
+    Args:
+        description: Name of the work.
+        total: Number of parts.
+
+    Yields:
+        A function that counts one part as done.
+    """
     console = Console(stderr=True)
     begin = time.perf_counter()
     if console.is_terminal:
@@ -42,57 +55,66 @@ def progress_bar(description: str, total: int) -> Iterator[Advance]:
 def interleave(
     timed_functions: Mapping[str, TimedFunction], rounds: int, title: str = "", warm_up: int = 1
 ) -> dict[str, Floats]:
-    """Seconds a unit of each subject, (rounds,): all take their turn in each round.
+    """Time functions in turns.
 
-    The first `warm_up` rounds, on top of the others, count nowhere. Under a title the progress is shown.
+    Args:
+        timed_functions: Name -> function.
+        rounds: Number of rounds; every function is called once in each.
+        title: Name of the progress bar; empty for none.
+        warm_up: Number of additional first rounds that do not count.
+
+    Returns:
+        Name -> duration of a unit, s, (rounds,).
     """
     seconds: dict[str, list[float]] = {name: [] for name in timed_functions}
     with progress_bar(title, warm_up + rounds) if title else nullcontext(lambda: None) as advance:
         for number in range(warm_up + rounds):
-            for name, subject in timed_functions.items():
-                taken = subject()
+            for name, timed_function in timed_functions.items():
+                duration = timed_function()
                 if number >= warm_up:
-                    seconds[name].append(taken)
+                    seconds[name].append(duration)
             advance()
     return {name: np.array(values) for name, values in seconds.items()}
 
 
 @dataclass(frozen=True)
 class Quartiles:
-    """Median and quartiles of the rounds."""
+    """Median and quartiles over the rounds."""
 
     median: float
     low: float
+    """First quartile."""
     high: float
+    """Third quartile."""
 
     def scaled(self, factor: float) -> "Quartiles":
-        """In another unit; `factor` is positive."""
+        """Return the quartiles in another unit; `factor` is positive."""
         return Quartiles(self.median * factor, self.low * factor, self.high * factor)
 
 
 def compute_quartiles(values: Floats) -> Quartiles:
-    """Median and quartiles of the rounds (rounds,)."""
+    """Compute median and quartiles over the rounds, (rounds,)."""
     low, median, high = np.quantile(values, (0.25, 0.5, 0.75))
     return Quartiles(float(median), float(low), float(high))
 
 
 def speed_ratio(subject: Floats, other: Floats) -> Quartiles:
-    """How many times as fast `subject` is as `other`, from the seconds that both took in each round, (rounds,)."""
+    """Return the ratio of speeds of `subject` and `other`, from their durations in each round, (rounds,)."""
     return compute_quartiles(other / subject)
 
 
 def difference(subject: Floats, other: Floats) -> Quartiles:
-    """How much longer `subject` took than `other` in the same rounds, s; both (rounds,)."""
+    """Return the additional duration of `subject` over `other` in the same rounds, s, from (rounds,) each."""
     return compute_quartiles(subject - other)
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def machine_facts() -> dict[str, Any]:
-    """What the figures were made on: processor, cores, load before the run, versions."""
+    """Return facts about the machine: processor, cores, load before the run, versions."""
     return {
         "cpu": cpu_model(),
         "cores": cores(),
@@ -103,7 +125,7 @@ def machine_facts() -> dict[str, Any]:
 
 
 def machine_line(facts: Mapping[str, Any]) -> str:
-    """The same as one line."""
+    """Format the facts about the machine as one line."""
     return (
         f"{facts['cpu']}, {facts['cores']} cores, load {facts['load']} at the start; Python {facts['python']}, "
         f"MuJoCo {facts['mujoco']}, NumPy {facts['numpy']}, Gymnasium {facts['gymnasium']}"

@@ -1,4 +1,4 @@
-"""What a physics setting gives up: a stride against its reference, and a standing foot."""
+"""Accuracy of a physics setting: a stride against its reference, and a standing foot."""
 
 from dataclasses import dataclass
 
@@ -16,53 +16,57 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
 CONTROL_PERIOD = 1 / TaskConfig().control_rate
-"""s"""
+"""s. Control period."""
 COMMANDS = ((0.5, 0.0, 0.0), (1.2, 0.0, 0.0), (0.0, 0.5, 0.0), (-0.4, 0.0, 0.8))
 """Commands of the strides: forward m/s, lateral m/s, yaw rate rad/s."""
 SETTLING_STEPS = 100
-"""Control steps before a stride."""
+"""Number of control steps before a recorded stride."""
 SIDE_LOAD = 20.0
-"""N on a standing trunk."""
+"""N. Lateral force on a standing trunk."""
 
 
 @dataclass(frozen=True)
 class Stride:
-    """A stride of the trot: where it starts, and its targets."""
+    """A stride of the trot: initial state and joint targets."""
 
     qpos: Floats
+    """Initial positions, (nq,)."""
     qvel: Floats
+    """Initial velocities, (nv,)."""
     warmstart: Floats
+    """Initial accelerations for the solver, (nv,)."""
     targets: Floats
-    """(ticks, 12), rad"""
+    """Joint targets, (steps, 12), rad."""
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Figures of one setting, each held to its bar in `bars.ACCURACY`."""
+    """Accuracy of one setting; every figure has its bar in `bars.ACCURACY_BARS`."""
 
     trunk_mm: float
-    """Largest distance of the trunk from the reference's, in the worst stride."""
+    """mm. Largest distance of the trunk from the reference, in the worst stride."""
     tilt_rad: float
-    """Largest angle between the two trunks."""
+    """rad. Largest angle between trunk and reference."""
     joints_rad: float
-    """Largest difference of a joint angle."""
+    """rad. Largest difference of a joint angle."""
     penetration_mm: float
-    """How deep a standing foot sinks."""
+    """mm. Penetration of a standing foot."""
     slip_mm_s: float
-    """Speed of a standing foot under a side load of 20 N."""
+    """mm/s. Speed of a standing foot under SIDE_LOAD."""
 
     @property
     def is_within_bars(self) -> bool:
-        """Whether the setting meets the accuracy bar."""
+        """True if the setting meets every accuracy bar."""
         return all(limit.is_met(getattr(self, name)) for name, limit in ACCURACY_BARS.items())
 
 
 def record_strides(commands: tuple[tuple[float, float, float], ...] = COMMANDS) -> tuple[Stride, ...]:
-    """One stride of the trot for each command, from a settled gait in the shipped environment."""
+    """Record one stride of the trot for each command, from a settled gait in the shipped environment."""
     return tuple(_stride(command) for command in commands)
 
 
 def _stride(command: tuple[float, float, float]) -> Stride:
+    """Record one stride at that command."""
     policy = policies.Trot()
     start: list[mujoco.MjData] = []
     targets: list[Floats] = []
@@ -79,27 +83,44 @@ def _stride(command: tuple[float, float, float]) -> Stride:
     return Stride(data.qpos.copy(), data.qvel.copy(), data.qacc_warmstart.copy(), np.array(targets))
 
 
-def measure_accuracy(setting: PhysicsSetting, walked: tuple[Stride, ...], reference: SpecEdit = FINE) -> Accuracy:
-    """Every figure of a setting; strides are compared with those of the `reference`."""
-    model, true = compile_model(setting.change), compile_model(reference)
-    trunk, tilt, joints = np.max([_deviation(model, true, stride) for stride in walked], axis=0).tolist()
-    sinks, slip = _standing(model)
-    return Accuracy(trunk, tilt, joints, sinks, slip)
+def measure_accuracy(
+    setting: PhysicsSetting, recorded_strides: tuple[Stride, ...], reference: SpecEdit = FINE
+) -> Accuracy:
+    """Measure the accuracy of a setting.
+
+    Args:
+        setting: Physics setting.
+        recorded_strides: Strides to replay.
+        reference: Setting of the reference.
+
+    Returns:
+        The figures, the worst over the strides.
+    """
+    model = compile_model(setting.change)
+    reference_model = compile_model(reference)
+    deviations = [_deviation(model, reference_model, stride) for stride in recorded_strides]
+    trunk, tilt, joints = np.max(deviations, axis=0).tolist()
+    penetration, slip = _standing(model)
+    return Accuracy(trunk, tilt, joints, penetration, slip)
 
 
 def _deviation(model: mujoco.MjModel, reference: mujoco.MjModel, stride: Stride) -> tuple[float, float, float]:
-    """Largest deviations of a stride, mm, rad, rad."""
-    ours, theirs = replay_stride(model, stride), replay_stride(reference, stride)
-    trunk = np.linalg.norm(ours[:, :3] - theirs[:, :3], axis=1).max()
-    same = np.abs((ours[:, 3:7] * theirs[:, 3:7]).sum(axis=1))
-    tilt = 2 * np.arccos(np.minimum(same, 1.0)).max()
-    return trunk * 1e3, tilt, np.abs(ours[:, 7:] - theirs[:, 7:]).max()
+    """Return the largest deviations of a stride: trunk, mm, tilt, rad, joints, rad."""
+    positions = replay_stride(model, stride)
+    true_positions = replay_stride(reference, stride)
+    trunk = np.linalg.norm(positions[:, :3] - true_positions[:, :3], axis=1).max()
+    quaternion_product = np.abs((positions[:, 3:7] * true_positions[:, 3:7]).sum(axis=1))
+    tilt = 2 * np.arccos(np.minimum(quaternion_product, 1.0)).max()
+    return trunk * 1e3, tilt, np.abs(positions[:, 7:] - true_positions[:, 7:]).max()
 
 
 def replay_stride(model: mujoco.MjModel, stride: Stride) -> Floats:
-    """Positions after each control step, (ticks, nq)."""
-    data, rows = mujoco.MjData(model), []
-    data.qpos, data.qvel, data.qacc_warmstart = stride.qpos, stride.qvel, stride.warmstart
+    """Replay a `stride` on a `model`; return the positions after each control step, (steps, nq)."""
+    data = mujoco.MjData(model)
+    data.qpos = stride.qpos
+    data.qvel = stride.qvel
+    data.qacc_warmstart = stride.warmstart
+    rows = []
     for target in stride.targets:
         data.ctrl[:] = target
         _advance(model, data, CONTROL_PERIOD)
@@ -108,19 +129,21 @@ def replay_stride(model: mujoco.MjModel, stride: Stride) -> Floats:
 
 
 def _standing(model: mujoco.MjModel) -> tuple[float, float]:
-    """How deep a standing foot sinks, mm, and how fast the fastest one slips under a side load, mm/s."""
-    data, feet = mujoco.MjData(model), [model.site(f"{leg}_foot").id for leg in SIMPLE_QUAD.leg_names]
+    """Return the penetration of a standing foot, mm, and its largest speed under a side load, mm/s."""
+    data = mujoco.MjData(model)
+    feet = [model.site(f"{leg}_foot").id for leg in SIMPLE_QUAD.leg_names]
     mujoco.mj_resetDataKeyframe(model, data, 0)
     _advance(model, data, 2.0)
-    sinks = SIMPLE_QUAD.foot_radius - data.site_xpos[feet, 2].min()
+    penetration = SIMPLE_QUAD.foot_radius - data.site_xpos[feet, 2].min()
     data.xfrc_applied[model.body("base_link").id, 1] = SIDE_LOAD
     _advance(model, data, 0.5)
     before = data.site_xpos[feet].copy()
     _advance(model, data, 1.0)
     slip = np.linalg.norm((data.site_xpos[feet] - before)[:, :2], axis=1).max()
-    return float(sinks * 1e3), float(slip * 1e3)
+    return float(penetration * 1e3), float(slip * 1e3)
 
 
 def _advance(model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:
+    """Step the simulation for that time, s."""
     for _ in range(round(seconds / model.opt.timestep)):
         mujoco.mj_step(model, data)

@@ -10,6 +10,7 @@ from quad_env.physics.model import make_stepping_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 SpecEdit = Callable[[mujoco.MjSpec], None]
+"""Changes a model's specification."""
 
 NEWTON = int(mujoco.mjtSolver.mjSOL_NEWTON)
 CG = int(mujoco.mjtSolver.mjSOL_CG)
@@ -19,7 +20,7 @@ ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 
 
 def edit_options(**values: Any) -> SpecEdit:
-    """A change of simulation options."""
+    """Return a change of simulation options."""
 
     def change(spec: mujoco.MjSpec) -> None:
         for name, value in values.items():
@@ -29,29 +30,37 @@ def edit_options(**values: Any) -> SpecEdit:
 
 
 def collide_with_ground_only(*suffixes: str) -> SpecEdit:
-    """Geoms of these names collide with the ground alone, the others with nothing; none named: all with the ground."""
+    """Return a change after which geoms collide with the ground alone.
+
+    Args:
+        *suffixes: Ends of the names of these geoms; all others collide with nothing. None: all geoms.
+
+    Returns:
+        The change.
+    """
 
     def change(spec: mujoco.MjSpec) -> None:
         for geom in spec.geoms:
             if geom.contype and geom.name != "ground":
-                kept = geom.name.endswith(suffixes) if suffixes else True
-                geom.contype, geom.conaffinity = (1, 2) if kept else (0, 0)
+                collides = geom.name.endswith(suffixes) if suffixes else True
+                geom.contype = 1 if collides else 0
+                geom.conaffinity = 2 if collides else 0
 
     return change
 
 
 def combine(*changes: SpecEdit) -> SpecEdit:
-    """One change after the other."""
+    """Return a change that applies some changes one after the other."""
 
     def change(spec: mujoco.MjSpec) -> None:
-        for each in changes:
-            each(spec)
+        for apply in changes:
+            apply(spec)
 
     return change
 
 
 FINE = edit_options(timestep=0.0005, solver=NEWTON, iterations=100, tolerance=1e-10)
-"""Four times finer, with a fully converged solver: the reference for the accuracy of a setting."""
+"""Four times finer time step with a fully converged solver: the reference for the accuracy of a setting."""
 
 
 @dataclass(frozen=True)
@@ -60,17 +69,17 @@ class PhysicsSetting:
 
     change: SpecEdit
     use_stepping_model: bool = True
-    """Stepped as the environment steps it; False: every sensor evaluated, islands of constraints searched."""
+    """True: stepped as in the environment. False: with every sensor evaluated, and islands of constraints searched."""
 
     def model(self) -> mujoco.MjModel:
-        """The compiled model."""
+        """Compile the model."""
         model = compile_model(self.change)
         return make_stepping_model(model) if self.use_stepping_model else model
 
 
 SHIPPED = "shipped"
 ORIGINAL_SETTINGS = "first settings"
-"""Name of the foundation's settings: what a faster setting is measured from."""
+"""Name of the first settings of the project, which the speed of others is compared with."""
 
 SETTINGS: dict[str, PhysicsSetting] = {
     SHIPPED: PhysicsSetting(edit_options()),
@@ -99,11 +108,11 @@ SETTINGS: dict[str, PhysicsSetting] = {
         combine(collide_with_ground_only("foot", "trunk"), edit_options(solver=PGS, iterations=5))
     ),
 }
-"""What follows a solver's name is its number of iterations."""
+"""Name -> setting; a number after a solver is its number of iterations."""
 
 
 def compile_model(change: SpecEdit) -> mujoco.MjModel:
-    """The robot with that change."""
+    """Compile the robot's model with a change."""
     spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
     change(spec)
     return spec.compile()
