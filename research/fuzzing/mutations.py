@@ -1,4 +1,4 @@
-"""Mutations of a valid file: of its values by key, of its elements, and of its bytes."""
+"""Mutations of a valid file: changes of its values by key, of its XML elements, and of its bytes."""
 
 import copy
 import math
@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 Tree = Any
-"""Nested dictionaries and lists of texts, numbers and None, as of a YAML file."""
+"""Nested dictionaries and lists of texts, numbers and None, as in a YAML file."""
 ODD_VALUES: tuple[Any, ...] = (
     *(None, True, False, 0, 1, -1, 0.0, 1e-300, 1e300, 1e9, -1e9, 1e-9, math.nan, math.inf, 10**30, 10**400),
     *("", "x", "1_0", "５", "1:30", "nan", "1e400", "x" * 5000, "((a*)*)*!", "(", "../..", "/dev/zero", "\x1b[31m"),
@@ -26,6 +26,7 @@ ODD_VALUES: tuple[Any, ...] = (
         [[0, 1]] * 12,
     ),
 )
+"""Values of any kind in place of a valid one."""
 ODD_TEXTS = (
     "",
     "x",
@@ -43,7 +44,7 @@ ODD_TEXTS = (
     "９",
     "a" * 3000,
 )
-"""Values for attributes of an XML file."""
+"""Values of attributes of an XML file."""
 ODD_BYTES = (
     b"\x00",
     b"\xff",
@@ -59,20 +60,22 @@ ODD_BYTES = (
     b"9" * 400,
     b"(" * 3000,
 )
+"""Bytes that are inserted."""
 _SCALES = (0.0, -1.0, 0.1, 10.0, 1e3, 1e6, 1e12)
+"""Factors on a number."""
 
 
-def places(tree: Tree) -> list[tuple[Any, Any]]:
-    """Return all collections of a tree with each of their keys."""
-    found = []
+def list_entries(tree: Tree) -> list[tuple[Any, Any]]:
+    """Return all entries of a tree, each as its collection and its key."""
+    entries = []
     waiting = [tree]
     while waiting:
-        now = waiting.pop()
-        keys = list(now) if isinstance(now, dict) else range(len(now)) if isinstance(now, list) else ()
+        node = waiting.pop()
+        keys = list(node) if isinstance(node, dict) else range(len(node)) if isinstance(node, list) else ()
         for key in keys:
-            found.append((now, key))
-            waiting.append(now[key])
-    return found
+            entries.append((node, key))
+            waiting.append(node[key])
+    return entries
 
 
 def mutate_tree(tree: Tree, rng: np.random.Generator, count: int = 1) -> Tree:
@@ -82,12 +85,16 @@ def mutate_tree(tree: Tree, rng: np.random.Generator, count: int = 1) -> Tree:
         tree: Valid values.
         rng: Source of the changes.
         count: Number of changes.
+
+    Returns:
+        The changed copy.
     """
     tree = copy.deepcopy(tree)
     for _ in range(count):
-        if not (all_places := places(tree)):
+        entries = list_entries(tree)
+        if not entries:
             return tree
-        holder, key = all_places[rng.integers(len(all_places))]
+        holder, key = entries[rng.integers(len(entries))]
         value = holder[key]
         match int(rng.integers(9)):
             case 0 | 1:
@@ -95,15 +102,15 @@ def mutate_tree(tree: Tree, rng: np.random.Generator, count: int = 1) -> Tree:
             case 2:
                 del holder[key]
             case 3:
-                other, at = all_places[rng.integers(len(all_places))]
-                holder[key] = copy.deepcopy(other[at])
+                other_holder, other_key = entries[rng.integers(len(entries))]
+                holder[key] = copy.deepcopy(other_holder[other_key])
             case 4:
                 holder[key] = [value]
             case 5 if isinstance(holder, dict):
                 holder[f"{key}x" if rng.integers(2) else ""] = holder.pop(key)
             case 6 if isinstance(value, list) and value:
                 order = rng.permutation(len(value)).tolist()
-                holder[key] = [value[each] for each in order]
+                holder[key] = [value[index] for index in order]
             case 7 if isinstance(value, list) and value:
                 holder[key] = value * int(rng.choice([2, 100, 10_000]))
             case _:
@@ -119,6 +126,9 @@ def mutate_bytes(content: bytes, rng: np.random.Generator, count: int = 1) -> by
         content: Valid bytes.
         rng: Source of the changes.
         count: Number of changes.
+
+    Returns:
+        The changed bytes.
     """
     for _ in range(count):
         at = int(rng.integers(len(content) + 1))
@@ -147,6 +157,9 @@ def mutate_xml(root: ElementTree.Element, rng: np.random.Generator, count: int =
         root: Valid element tree.
         rng: Source of the changes.
         count: Number of changes.
+
+    Returns:
+        The changed copy.
     """
     root = copy.deepcopy(root)
     for _ in range(count):
@@ -159,12 +172,12 @@ def mutate_xml(root: ElementTree.Element, rng: np.random.Generator, count: int =
             case 0 | 1 if names:
                 element.set(name, ODD_TEXTS[rng.integers(len(ODD_TEXTS))])
             case 2 | 3 if names:
-                element.set(name, _odd_number_in(element.get(name, ""), rng))
+                element.set(name, _with_odd_number(element.get(name, ""), rng))
             case 4 if names:
                 del element.attrib[name]
             case 5 if names and other.attrib:
-                wanted = list(other.attrib)
-                element.set(name, other.attrib[wanted[rng.integers(len(wanted))]])
+                other_names = list(other.attrib)
+                element.set(name, other.attrib[other_names[rng.integers(len(other_names))]])
             case 6:
                 _parent(root, element).append(copy.deepcopy(element))
             case 7 if element is not root:
@@ -177,16 +190,17 @@ def mutate_xml(root: ElementTree.Element, rng: np.random.Generator, count: int =
     return root
 
 
-def _odd_number_in(text: str, rng: np.random.Generator) -> str:
+def _with_odd_number(text: str, rng: np.random.Generator) -> str:
     """Return a text of numbers with one of them replaced."""
     words = text.split() or [""]
-    at = int(rng.integers(len(words)))
+    index = int(rng.integers(len(words)))
     try:
-        words[at] = repr(float(words[at]) * float(rng.choice(_SCALES)))
+        words[index] = repr(float(words[index]) * float(rng.choice(_SCALES)))
     except ValueError:
-        words[at] = ODD_TEXTS[rng.integers(len(ODD_TEXTS))]
+        words[index] = ODD_TEXTS[rng.integers(len(ODD_TEXTS))]
     return " ".join(words)
 
 
 def _parent(root: ElementTree.Element, element: ElementTree.Element) -> ElementTree.Element:
-    return next((each for each in root.iter() if element in list(each)), root)
+    """Return the parent of an element; the root for the root itself."""
+    return next((candidate for candidate in root.iter() if element in list(candidate)), root)

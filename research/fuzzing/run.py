@@ -1,8 +1,8 @@
 """Fuzz the readers of other people's files: `python -m research fuzz FORMAT --minutes 30`, or `all`.
 
-Each case is a valid file with a few changes by its number; `--first N --cases 1` repeats it. Findings are foreign
-exceptions, messages that are not one line, hangs over 10 s, more than 1 GiB, the end of the process, and absurd
-results.
+Each case is a valid file with a few changes by its number; `--first N --cases 1` repeats it. Findings are
+exceptions of libraries, messages that are not one line, hangs over 10 s, more than 1 GiB, the end of the process, and
+absurd results.
 """
 
 import multiprocessing
@@ -24,20 +24,25 @@ import tyro
 from quad_env.cli.child_process import RunClock
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.cli.interrupt import Interrupt
-from research.fuzzing.formats import FORMATS, OWN_ERRORS, AbsurdError
+from research.fuzzing.formats import FORMATS, OWN_ERRORS
+from research.fuzzing.readers import AbsurdError
 
-HANG = 10.0
+HANG_TIME = 10.0
 """s. Longest run time of a case, without waits for a processor."""
-MEMORY = 2**30
-"""Byte. Largest memory of a case."""
+MAX_MEMORY = 2**30
+"""Bytes. Largest memory of a case."""
 PACKAGES = "quad_env", "policies", "evaluate", "train", "live", "research"
 """Folders of the clone whose code is the project's."""
 MAX_LINE = 3000
 """Largest number of characters of an error."""
+POLL_PERIOD = 0.2
+"""s. Time between two looks at the clock of a case."""
 REPORT_PERIOD = 10.0
 """s. Time between two lines of progress."""
 READ = "read"
+"""Kind of a case with a plausible result."""
 REFUSED = "refused"
+"""Kind of a case with an error of one line."""
 
 
 @dataclass(frozen=True)
@@ -60,12 +65,14 @@ class FuzzOptions:
 
 @dataclass(frozen=True)
 class CaseResult:
-    """Result of a case."""
+    """Result of a case, which `run_case` makes."""
 
     number: int
+    """Number of the case."""
     kind: str
     """READ, REFUSED, or the finding: traceback, absurd, not one line, memory, hang, end of the process."""
     detail: str = ""
+    """Text of the finding."""
 
 
 def main(options: FuzzOptions) -> int:
@@ -76,11 +83,11 @@ def main(options: FuzzOptions) -> int:
         return 0
     if options.format not in (*FORMATS, "all"):
         raise UsageError(f"FORMAT: unknown format, got {options.format}; valid: {', '.join(FORMATS)}, all")
-    found = 0
+    finding_count = 0
     with Interrupt() as interrupt:
         for name in FORMATS if options.format == "all" else [options.format]:
-            found += _fuzz(name, options, interrupt)
-    return int(found > 0)
+            finding_count += _fuzz(name, options, interrupt)
+    return int(finding_count > 0)
 
 
 def _fuzz(name: str, options: FuzzOptions, interrupt: Interrupt) -> int:
@@ -89,34 +96,35 @@ def _fuzz(name: str, options: FuzzOptions, interrupt: Interrupt) -> int:
     seen = set[tuple[str, str]]()
     end = time.monotonic() + 60.0 * options.minutes
     due = time.monotonic() + REPORT_PERIOD
-    for result in _results(name, options):
+    for result in _run_cases(name, options):
         counts[result.kind] += 1
         if result.kind not in (READ, REFUSED) and (result.kind, result.detail[-200:]) not in seen:
             seen.add((result.kind, result.detail[-200:]))
             print(f"{name} {result.number}: {result.kind}\n{result.detail}".rstrip(), flush=True)
-            _keep(name, options, result.number)
+            _keep_files(name, options, result.number)
         now = time.monotonic()
         if now >= due:
-            print(f"{name}: {_summary(counts)}; {max(0.0, (end - now) / 60.0):.1f} min left at most", file=sys.stderr)
+            print(f"{name}: {_summarize(counts)}; {max(0.0, (end - now) / 60.0):.1f} min left at most", file=sys.stderr)
             due = now + REPORT_PERIOD
         if interrupt.requested or now >= end or (options.cases and counts.total() >= options.cases):
             break
-    print(f"{name}: {_summary(counts)}", flush=True)
+    print(f"{name}: {_summarize(counts)}", flush=True)
     return counts.total() - counts[READ] - counts[REFUSED]
 
 
-def _summary(counts: Counter[str]) -> str:
+def _summarize(counts: Counter[str]) -> str:
     return f"{counts.total()} cases: " + ", ".join(f"{count} {kind}" for kind, count in counts.items())
 
 
-def _keep(name: str, options: FuzzOptions, number: int) -> None:
+def _keep_files(name: str, options: FuzzOptions, number: int) -> None:
+    """Write the files of a case into the folder of the options, if there is one."""
     if options.keep is not None:
-        place = options.keep / f"{name}-{options.seed}-{number}"
-        place.mkdir(parents=True, exist_ok=True)
-        FORMATS[name][0](place, _generator(options.seed, number))
+        folder = options.keep / f"{name}-{options.seed}-{number}"
+        folder.mkdir(parents=True, exist_ok=True)
+        FORMATS[name][0](folder, _make_generator(options.seed, number))
 
 
-def _generator(seed: int, number: int) -> np.random.Generator:
+def _make_generator(seed: int, number: int) -> np.random.Generator:
     return np.random.default_rng((seed, number))
 
 
@@ -127,12 +135,15 @@ def run_case(name: str, seed: int, number: int) -> CaseResult:
         name: Format.
         seed: Seed of the cases.
         number: Number of the case.
+
+    Returns:
+        Result of the case.
     """
     write, read = FORMATS[name]
     folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
     try:
-        file = write(folder, _generator(seed, number))
-        before = _largest_memory()
+        file = write(folder, _make_generator(seed, number))
+        memory_before = _peak_memory()
         try:
             read(file)
         except AbsurdError as error:
@@ -145,22 +156,24 @@ def run_case(name: str, seed: int, number: int) -> CaseResult:
             return CaseResult(number, REFUSED)
         except Exception:
             return CaseResult(number, "traceback", traceback.format_exc())
-        if (taken := _largest_memory() - before) > MEMORY:
-            return CaseResult(number, "memory", f"{taken / 2**20:.0f} MiB")
+        used_memory = _peak_memory() - memory_before
+        if used_memory > MAX_MEMORY:
+            return CaseResult(number, "memory", f"{used_memory / 2**20:.0f} MiB")
         return CaseResult(number, READ)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
 def _is_ours(error: Exception) -> bool:
-    """Return whether the project itself raised the error, and no library."""
+    """Return True if the project itself raised the error, and no library."""
     frames = traceback.extract_tb(error.__traceback__)
     clone = Path(__file__).parents[2]
     raised = Path(frames[-1].filename)
     return any(raised.is_relative_to(clone / package) for package in PACKAGES)  # a `.venv` lies in the clone too
 
 
-def _largest_memory() -> int:
+def _peak_memory() -> int:
+    """Return the largest memory of this process so far, bytes; 0 on Windows."""
     if sys.platform == "win32":
         return 0
     import resource
@@ -168,44 +181,45 @@ def _largest_memory() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
-def _results(name: str, options: FuzzOptions) -> Iterator[CaseResult]:
+def _run_cases(name: str, options: FuzzOptions) -> Iterator[CaseResult]:
     """Yield results of cases by number, from a process that is replaced after it has hung or ended."""
     context: Any = multiprocessing.get_context("spawn")
     number = options.first
     while True:
-        ours, theirs = context.Pipe()
-        process = context.Process(target=_work, args=(theirs, name, options.seed, number), daemon=True)
+        parent_end, child_end = context.Pipe()
+        process = context.Process(target=_serve_cases, args=(child_end, name, options.seed, number), daemon=True)
         process.start()
-        theirs.close()
+        child_end.close()
         try:
-            ours.recv()  # all is imported
+            parent_end.recv()  # all modules are imported
             while True:
-                yield _next(ours, process, number)
+                yield _receive_result(parent_end, process)
                 number += 1
         except EOFError:
             process.join(10.0)
             yield CaseResult(number, "end of the process", f"exit code {process.exitcode}")
         except TimeoutError:
-            yield CaseResult(number, "hang", f"more than {HANG:g} s")
+            yield CaseResult(number, "hang", f"more than {HANG_TIME:g} s")
         finally:
             process.kill()
             process.join()
-            ours.close()
+            parent_end.close()
         number += 1
 
 
-def _next(ours: Connection, process: Any, number: int) -> CaseResult:
-    """Return the result of that case. Raises EOFError where the process has ended, TimeoutError where it hangs."""
+def _receive_result(parent_end: Connection, process: Any) -> CaseResult:
+    """Return the result of the next case. Raises EOFError if the process has ended, TimeoutError if it hangs."""
     clock = RunClock(process.pid)
-    while not ours.poll(0.2):
-        if clock.elapsed() > HANG:
+    while not parent_end.poll(POLL_PERIOD):
+        if clock.elapsed() > HANG_TIME:
             raise TimeoutError
-    result: CaseResult = ours.recv()
+    result: CaseResult = parent_end.recv()
     return result
 
 
-def _work(theirs: Connection, name: str, seed: int, number: int) -> None:
-    theirs.send(None)
+def _serve_cases(child_end: Connection, name: str, seed: int, number: int) -> None:
+    """Send the results of all cases from a number on; target function of the process."""
+    child_end.send(None)
     while True:
-        theirs.send(run_case(name, seed, number))
+        child_end.send(run_case(name, seed, number))
         number += 1

@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from research.fuzzing import formats, run
-from research.fuzzing.formats import FORMATS, AbsurdError
-from research.fuzzing.mutations import mutate_bytes, mutate_tree, places
+from policies.base import PolicyError
+from research.fuzzing import run, writers
+from research.fuzzing.formats import FORMATS
+from research.fuzzing.mutations import list_entries, mutate_bytes, mutate_tree
+from research.fuzzing.readers import AbsurdError
 from research.fuzzing.run import READ, REFUSED, FuzzOptions, main, run_case
 
 pytest.importorskip("yaml")
@@ -33,14 +35,14 @@ def test_a_mutated_file_is_read_or_refused_in_one_line(name: str) -> None:
 @pytest.mark.parametrize("name", FORMATS)
 def test_the_file_that_is_mutated_is_read(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Else every mutation would be refused for another reason."""
-    monkeypatch.setattr(formats, "mutate_tree", lambda tree, *_: tree)
-    monkeypatch.setattr(formats, "mutate_xml", lambda tree, *_: tree)
-    monkeypatch.setattr(formats, "mutate_bytes", lambda content, *_: content)
-    monkeypatch.setattr(formats, "_count", lambda _: 0)
+    monkeypatch.setattr(writers, "mutate_tree", lambda tree, *_: tree)
+    monkeypatch.setattr(writers, "mutate_xml", lambda tree, *_: tree)
+    monkeypatch.setattr(writers, "mutate_bytes", lambda content, *_: content)
+    monkeypatch.setattr(writers, "_change_count", lambda _: 0)
     write, read = FORMATS[name]
     file = write(tmp_path, np.random.default_rng(0))
     if name == "sb3":
-        with pytest.raises(formats.PolicyError, match="can run code"):
+        with pytest.raises(PolicyError, match="can run code"):
             read(file)
     else:
         read(file)
@@ -51,8 +53,8 @@ def test_the_file_that_is_mutated_is_read(name: str, tmp_path: Path, monkeypatch
     [
         (KeyError("x"), "traceback"),
         (AbsurdError("a robot of -1 kg"), "absurd"),
-        (formats.PolicyError("two\nlines"), "not one line"),
-        (formats.PolicyError("one line"), REFUSED),
+        (PolicyError("two\nlines"), "not one line"),
+        (PolicyError("one line"), REFUSED),
     ],
 )
 def test_what_is_looked_for_is_found(fault: Exception, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -82,9 +84,9 @@ class _Silent:
 
 
 def test_a_case_without_an_end_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run, "HANG", 0.05)
+    monkeypatch.setattr(run, "HANG_TIME", 0.05)
     with pytest.raises(TimeoutError):
-        run._next(_Silent(), _Process(), 0)  # type: ignore[arg-type]
+        run._receive_result(_Silent(), _Process())  # type: ignore[arg-type]
 
 
 def test_mutations_are_the_same_for_a_number_and_leave_the_original(tmp_path: Path) -> None:
@@ -94,7 +96,7 @@ def test_mutations_are_the_same_for_a_number_and_leave_the_original(tmp_path: Pa
     assert made == [json.dumps(mutate_tree(tree, np.random.default_rng(n), 2), default=str) for n in range(30)]
     assert len(set(made)) > 20
     assert json.dumps(tree) == text
-    assert len(places(tree)) == 6
+    assert len(list_entries(tree)) == 6
     assert len({mutate_bytes(b"some bytes", np.random.default_rng(n)) for n in range(20)}) > 10
 
 

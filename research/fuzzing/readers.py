@@ -1,0 +1,97 @@
+"""Readers of the fuzzed formats with checks of their results: a read robot or policy must be plausible."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from policies import bundle
+from policies.base import CONTROL_PERIOD, PolicyError
+from policies.external import onnx_file, readers
+from policies.external.network_policy import control_period_ratio, with_spec_gains
+from policies.external.observation_adapter import ObservationAdapter
+from policies.external.reference import PolicyReference, resolve_reference
+from policies.external.spec import PolicySpec
+from quad_env.robots.plausibility import find_warnings
+from quad_env.robots.robot import Robot
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.scenarios.terrain import HeightField
+
+Read = Callable[[Path], None]
+"""Function that reads a file; it raises its own error for a fault and AbsurdError for an implausible result."""
+MAX_ADAPTED_WIDTH = 10_000_000
+"""Largest product of an observation's width and its longest history for which an adapter is made."""
+
+
+class AbsurdError(AssertionError):
+    """Raised for an implausible robot or policy that was read without an error."""
+
+
+def read_spec(file: Path) -> None:
+    """Read a specification and derive its values for a robot. An implausible one raises AbsurdError."""
+    spec = readers.read(file)
+    if spec is None:
+        return
+    _check_spec(spec)
+    robot = with_spec_gains(SIMPLE_QUAD, spec)
+    control_period_ratio(spec, CONTROL_PERIOD)
+    if spec.width * max(term.history for term in spec.terms) < MAX_ADAPTED_WIDTH:
+        ObservationAdapter(spec, robot, CONTROL_PERIOD)
+
+
+def _check_spec(spec: PolicySpec) -> None:
+    """Raise AbsurdError for gains, scales, rates and widths beyond any robot's."""
+    numbers = np.concatenate([np.ravel(getattr(spec, name)) for name in ("stiffness", "damping", "action_scale")])
+    if not (np.isfinite(numbers).all() and np.abs(numbers).max() <= 1e4 and 1.0 <= spec.control_rate <= 1e4):
+        raise AbsurdError(f"a description with gains up to {np.abs(numbers).max():g} at {spec.control_rate:g} Hz")
+    if spec.width > 100_000:
+        raise AbsurdError(f"an observation of {spec.width} numbers")
+
+
+def read_onnx(file: Path) -> None:
+    """Read an ONNX file and call its network once. Raises PolicyError if the call fails."""
+    readers.read(file)
+    policy = onnx_file.load_onnx(PolicyReference(file), SIMPLE_QUAD)
+    act: Any = policy()  # type: ignore[operator]
+    try:
+        act(np.zeros(48, np.float32))
+    except Exception as error:  # the process of a policy reports any exception
+        raise PolicyError(f"it raises {type(error).__name__}") from None
+
+
+def read_bundle(folder: Path) -> None:
+    """Load a bundle. Raises AbsurdError for an implausible authority."""
+    policy = bundle.load(folder)
+    if not (np.isfinite(policy.authority).all() and policy.authority.min() >= 0.0 and policy.authority.max() <= np.pi):
+        raise AbsurdError(f"an authority of {policy.authority}")
+
+
+def read_sb3(file: Path) -> None:
+    """Resolve a model of Stable-Baselines3. Raises AbsurdError if this needs no --trust."""
+    resolve_reference(file, trust=False)
+    raise AbsurdError("a model of Stable-Baselines3 is taken without --trust")
+
+
+def read_robot(file: Path) -> None:
+    """Read a robot. Raises AbsurdError for numbers that are not finite, and for implausible ones without a warning."""
+    robot = Robot.from_mjcf(file)
+    model = robot.model
+    warnings = list(find_warnings(robot))
+    numbers = [robot.mass, robot.leg_length, robot.home_height, robot.rated_torque]
+    for per_joint in (robot.joint_lower, robot.joint_upper, robot.servo_stiffness, robot.servo_damping):
+        numbers += [*per_joint]
+    numbers += [*robot.trunk_size, *robot.home_pose]
+    if not np.isfinite(numbers).all() or not np.isfinite(model.body_mass).all():
+        raise AbsurdError("a robot with figures that are not finite")
+    is_plausible = 0.05 < robot.mass < 5000.0 and 0.02 < robot.leg_length < 5.0 and robot.rated_torque < 1e5
+    if not warnings and not is_plausible:
+        size = f"{robot.mass:g} kg on legs of {robot.leg_length:g} m"
+        raise AbsurdError(f"a robot of {size} with {robot.rated_torque:g} N·m")
+
+
+def read_terrain(file: Path) -> None:
+    """Read a terrain. Raises AbsurdError for heights that are not finite."""
+    terrain = HeightField.from_toml(file)
+    if not np.isfinite([terrain.heights.min_height, terrain.heights.span]).all():
+        raise AbsurdError("heights that are not finite")
