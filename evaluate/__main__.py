@@ -40,23 +40,24 @@ MOVED["rescore"] = "gone, with --trace: `python -m evaluate report FOLDER --succ
 MOVED["merge"] = (
     "not there: runs are not merged, and `python -m evaluate compare A B` ranks the policies of two together"
 )
-"""New places of commands of older versions, and replacements of removed ones."""
+"""Old command -> its new name or replacement."""
 
 
 def compare(words: list[str]) -> int:
-    """Compare policies, which may stand at the beginning of the words; the exit code."""
-    bare = bool(words) and not words[0].startswith("-")
-    plan = _plan(["--policies", *words] if bare else words)
-    from evaluate.commands.execution import execute  # only now, so that a mistake is answered at once
+    """Compare policies, which may be the first of the `words`, and return the exit code."""
+    if words and not words[0].startswith("-"):
+        words = ["--policies", *words]
+    plan = _plan(words)
+    from evaluate.commands.execution import execute  # imported late, so that a mistake is reported at once
 
     return execute(plan)
 
 
 def _plan(words: list[str]) -> "Plan":
-    """What the words ask for; the defaults of --resume are the options of the run."""
+    """Parse the command line; with --resume the defaults are the options of the run."""
     read = partial(parse, EvaluateOptions, words, program=NAME, description=f"{__doc__}{PROGRAM.listing()}")
     options = read()
-    from evaluate.commands.plan import check, load_run_options  # after --help, which is to be quick
+    from evaluate.commands.plan import check, load_run_options  # imported late, so that --help is quick
 
     return check(read(default=load_run_options(options.out)) if options.resume else options)
 
@@ -65,7 +66,7 @@ PROGRAM = Program(NAME, COMMANDS, compare, MOVED)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command; its exit code."""
+    """Run a command and return its exit code."""
     return PROGRAM.main(arguments)
 
 

@@ -1,4 +1,4 @@
-"""`python -m evaluate axes [NAMES]`: `python -m evaluate --scenarios NAME:all` of each axis of disturbance named."""
+"""`python -m evaluate axes [NAMES]`: `python -m evaluate --scenarios NAME:all` for each named disturbance axis."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -12,10 +12,10 @@ from quad_env.cli.command_line import UsageError
 
 @dataclass(frozen=True)
 class AxesOptions(comparison.EvaluateOptions):
-    """Which axes; the other options are those of python -m evaluate."""
+    """Axes of disturbance; the other options are as in python -m evaluate."""
 
     axes: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
-    """Names of axes, such as push; all of them when none is named."""
+    """Names of axes, such as push; all axes if none is named."""
     policies: tuple[str, ...] = comparison.WALKING_POLICIES
     """Names of policies, folders of trained ones, or files."""
     scenarios: tuple[str, ...] = ()
@@ -27,7 +27,7 @@ class AxesOptions(comparison.EvaluateOptions):
 
 
 def main(options: AxesOptions) -> int:
-    """Run the command; the exit code. Raises UsageError."""
+    """Run the command and return the exit code; UsageError if an axis is unknown."""
     from evaluate.commands.plan import check
     from quad_env.robots.simple_quad import SIMPLE_QUAD
     from quad_env.scenarios.axes import AXES, known_axes

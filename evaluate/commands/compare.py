@@ -1,7 +1,7 @@
-"""`python -m evaluate compare A B`: two results folders, such as those of two commits or of two machines."""
+"""`python -m evaluate compare A B`: compare two results folders, for example of two commits or two machines."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
@@ -29,7 +29,7 @@ from quad_env.files.writing import write_atomically
 
 @dataclass(frozen=True)
 class CompareOptions:
-    """What to compare."""
+    """Two results folders, and the policies to compare."""
 
     a: Annotated[Path, tyro.conf.Positional]
     """Folder of an evaluation, finished or not."""
@@ -42,35 +42,45 @@ class CompareOptions:
 
 
 def main(options: CompareOptions) -> int:
-    """Run the command; the exit code. Raises UsageError."""
+    """Run the command and return the exit code; UsageError if the folders have nothing in common."""
     if options.json is not None:
         make_folder_of(options.json, "--json")
-    a, b = map(_read, (options.a, options.b))
-    pairs, changed = _pairs(options, a[0], b[0]), differences(a[0], b[0])
-    if {each.name for each in a[0].scenarios}.isdisjoint(each.name for each in b[0].scenarios):
-        changed = [*changed, "the hardware profile, which one of them has"]
-        a, b = map(strip_hardware_suffix, (a, b))
+    a = _read(options.a)
+    b = _read(options.b)
+    pairs = _pairs(options, a[0], b[0])
+    changes = differences(a[0], b[0])
+    if {scenario.name for scenario in a[0].scenarios}.isdisjoint(scenario.name for scenario in b[0].scenarios):
+        changes.append("the hardware profile, which one of them has")
+        a = strip_hardware_suffix(a)
+        b = strip_hardware_suffix(b)
     with show_waiting("comparing"):
-        found: Sequence[Match] = match_runs(pairs, a, b)
-        both = combine_runs(found, (a, b), _labels(options, found, a[0], b[0]))
-    if not found and not both.ranking.places:
-        what = "no scenario of these policies, or no episodes of the same --seed, in common"
-        raise UsageError(f"{options.a} and {options.b} have {what}")
-    console, found = Console(), both.matches
-    print_ranking(both.ranking, console)
-    for heads in (TERMINAL_DIFFERENCE_TITLES, MAIN_EFFORT_TITLES):
-        if any(each.metric in heads for match in found for each in match.contrasts):
-            console.print(_table(options, found, heads))
-    said = [*_ranking_agreement(both.correlation, found), *_notes(a, b, found), *_left_out(a, b)]
-    said.append(f"A and B differ in: {'; '.join(changed) or 'nothing that is known'}")
-    console.print("\n".join(said), highlight=False, markup=False, soft_wrap=True)
+        matches = match_runs(pairs, a, b)
+        both = combine_runs(matches, (a, b), _labels(options, matches, a[0], b[0]))
+    if not matches and not both.ranking.places:
+        reason = "no scenario of these policies, or no episodes of the same --seed, in common"
+        raise UsageError(f"{options.a} and {options.b} have {reason}")
+    console = Console()
+    _print_tables(options, both, console)
+    lines = [*_ranking_agreement(both.correlation, both.matches), *_notes(a, b, both.matches), *_unfinished(a, b)]
+    lines.append(f"A and B differ in: {'; '.join(changes) or 'nothing that is known'}")
+    console.print("\n".join(lines), highlight=False, markup=False, soft_wrap=True)
     if options.json is not None:
-        _write(options, both, changed, options.json)
+        _write(options, both, changes, options.json)
         console.print(str(options.json), highlight=False, markup=False, soft_wrap=True)
     return 0
 
 
+def _print_tables(options: CompareOptions, both: CombinedRuns, console: Console) -> None:
+    """Print the ranking and the tables of differences."""
+    print_ranking(both.ranking, console)
+    metrics = {contrast.metric for match in both.matches for contrast in match.contrasts}
+    for titles in (TERMINAL_DIFFERENCE_TITLES, MAIN_EFFORT_TITLES):
+        if not metrics.isdisjoint(titles):
+            console.print(_table(options, both.matches, titles))
+
+
 def _read(path: Path) -> StoredRun:
+    """Read a run; UsageError if it has no finished cells."""
     manifest, rows = read_rows(_folder(path))
     if not rows.num_rows:
         raise UsageError(f"{_folder(path)} holds no finished part of a comparison yet")
@@ -78,11 +88,24 @@ def _read(path: Path) -> StoredRun:
 
 
 def _folder(path: Path) -> Path:
+    """Return the results folder of a path, which may be one of its files."""
     return path.parent if path.name in ("results.json", "episodes.parquet", "manifest.json") else path
 
 
 def _pairs(options: CompareOptions, a: Manifest, b: Manifest) -> list[tuple[str, str]]:
-    """Which policy of A goes with which of B. Raises UsageError."""
+    """Return the pairs of a policy of A and a policy of B.
+
+    Args:
+        options: Options of the command line.
+        a: Manifest of A.
+        b: Manifest of B.
+
+    Returns:
+        The named pair, the only policies of both, or every policy that both have.
+
+    Raises:
+        UsageError: A run does not have the named policy.
+    """
     if options.policies is not None:
         for policy, manifest, folder in zip(options.policies, (a, b), (options.a, options.b), strict=True):
             if policy not in manifest.policies:
@@ -94,85 +117,126 @@ def _pairs(options: CompareOptions, a: Manifest, b: Manifest) -> list[tuple[str,
 
 
 def _labels(
-    options: CompareOptions, found: Sequence[Match], a: Manifest, b: Manifest
+    options: CompareOptions, matches: Sequence[Match], a: Manifest, b: Manifest
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """What the policies of A and of B are called: with the folder where both have that name, but once where all of its
-    episodes are the same."""
-    of_a, of_b = ((name,) for name in options.policies) if options.policies else (a.policies, b.policies)
-    changed = {match.a for match in found if not match.identical}
-    twice = {name for name in of_a if name in of_b and (name in changed or all(match.a != name for match in found))}
-    paths = _folder(options.a).resolve(), _folder(options.b).resolve()
-    folders = [str(each) if paths[0].name == paths[1].name else each.name for each in paths]
-    one, other = (
-        {name: f"{name} ({folder})" if name in twice else name for name in of}
-        for of, folder in zip((of_a, of_b), folders, strict=True)
-    )
-    return one, other
+    """Return the display names of the policies of A and of B.
+
+    A name of both runs gets the folder added, unless all episodes of the two are identical.
+
+    Args:
+        options: Options of the command line.
+        matches: Cells that both runs have.
+        a: Manifest of A.
+        b: Manifest of B.
+
+    Returns:
+        Policy -> display name, for A and for B.
+    """
+    names_a, names_b = ((name,) for name in options.policies) if options.policies else (a.policies, b.policies)
+    changed = {match.a for match in matches if not match.identical}
+    matched = {match.a for match in matches}
+    ambiguous = {name for name in names_a if name in names_b and (name in changed or name not in matched)}
+    paths = (_folder(options.a).resolve(), _folder(options.b).resolve())
+    folders = [str(path) if paths[0].name == paths[1].name else path.name for path in paths]
+    return _display_names(names_a, ambiguous, folders[0]), _display_names(names_b, ambiguous, folders[1])
 
 
-def _ranking_agreement(ranked: RankCorrelation | None, found: Sequence[Match]) -> Iterator[str]:
-    """Whether the ranking survives, and the cells of which success differs."""
-    few = f"fewer than {MIN_POLICIES} policies ran every scenario of both: too few to rank"
-    yield from ranked.lines() if ranked else (f"does the ranking survive? {few}",)
-    for match in found:
+def _display_names(names: Iterable[str], ambiguous: Set[str], folder: str) -> dict[str, str]:
+    """Return name -> display name, with the folder added to ambiguous names."""
+    return {name: f"{name} ({folder})" if name in ambiguous else name for name in names}
+
+
+def _ranking_agreement(correlation: RankCorrelation | None, matches: Sequence[Match]) -> Iterator[str]:
+    """Yield lines on the agreement of the two rankings and on the cells with a different success rate."""
+    if correlation:
+        yield from correlation.lines()
+    else:
+        few = f"fewer than {MIN_POLICIES} policies ran every scenario of both: too few to rank"
+        yield f"does the ranking survive? {few}"
+    for match in matches:
         if match.p_value_holm < SIGNIFICANT:
-            said = f"{points(match.contrasts[0].difference)} points, {p_value(match.p_value_holm)}"
-            yield f"success differs: {match.a} on {match.scenario}, {said}"
-    if unclear := [match for match in found if match.p_value_holm >= SIGNIFICANT and excludes_zero(_success(match).ci)]:
-        named = (f"{match.a} on {match.scenario} ({p_value(match.p_value_holm)})" for match in unclear)
-        yield f"success {INDISTINGUISHABLE_WORDS}, {UNCORRECTED_WORDS}: {', '.join(named)}"
+            difference = f"{points(match.contrasts[0].difference)} points, {p_value(match.p_value_holm)}"
+            yield f"success differs: {match.a} on {match.scenario}, {difference}"
+    unclear = [match for match in matches if match.p_value_holm >= SIGNIFICANT and excludes_zero(_success(match).ci)]
+    if unclear:
+        names = [f"{match.a} on {match.scenario} ({p_value(match.p_value_holm)})" for match in unclear]
+        yield f"success {INDISTINGUISHABLE_WORDS}, {UNCORRECTED_WORDS}: {', '.join(names)}"
 
 
 def _success(match: Match) -> MetricDifference:
-    return next(each for each in match.contrasts if each.metric == SUCCESS_RATE)
+    """Return the difference of the success rates."""
+    return next(contrast for contrast in match.contrasts if contrast.metric == SUCCESS_RATE)
 
 
-def _table(options: CompareOptions, found: Sequence[Match], heads: Mapping[str, str]) -> FittedTable:
+def _table(options: CompareOptions, matches: Sequence[Match], titles: Mapping[str, str]) -> FittedTable:
+    """Return a table of differences.
+
+    Args:
+        options: Options of the command line.
+        matches: Cells that both runs have.
+        titles: Metric -> title of its column.
+
+    Returns:
+        A table with a group for each scenario.
+    """
     title = f"B minus A, 95 % interval, p of success corrected with all claims\nA: {options.a}\nB: {options.b}"
-    groups: dict[str, list[dict[str, str]]] = {match.scenario: [] for match in found}
-    for match in found:
+    groups: dict[str, list[dict[str, str]]] = {match.scenario: [] for match in matches}
+    for match in matches:
         name = match.a if match.a == match.b else f"{match.a} → {match.b}"
-        shown = dict.fromkeys((*METRICS, *MAIN_EFFORT_TITLES), ABSENT) | {
-            each.metric: _shown(each, match.p_value_holm, match.identical) for each in match.contrasts
-        }
-        groups[match.scenario].append({ROW_LABEL: format_row_name(name + " (=)" * match.identical), **shown})
-    return console_table(escape(title), {ROW_LABEL: "policy", **heads}, groups)
+        if match.identical:
+            name += " (=)"
+        entries = dict.fromkeys((*METRICS, *MAIN_EFFORT_TITLES), ABSENT)
+        for contrast in match.contrasts:
+            entries[contrast.metric] = _entry(contrast, match.p_value_holm, match.identical)
+        groups[match.scenario].append({ROW_LABEL: format_row_name(name), **entries})
+    return console_table(escape(title), {ROW_LABEL: "policy", **titles}, groups)
 
 
-def _shown(found: MetricDifference, corrected: float, identical: bool) -> str:
+def _entry(contrast: MetricDifference, corrected_p_value: float, identical: bool) -> str:
+    """Return the text of a difference: value, interval, and for success the corrected p-value."""
     if identical:
         return "0"
-    if found.metric in MAIN_EFFORT_TITLES:
-        shown = estimate_effort(found.metric, found.difference, found.ci)
+    if contrast.metric in MAIN_EFFORT_TITLES:
+        shown = estimate_effort(contrast.metric, contrast.difference, contrast.ci)
+    elif contrast.metric in RATES:
+        shown = points_with(contrast.difference, contrast.ci)
     else:
-        shown = (points_with if found.metric in RATES else estimate)(found.difference, found.ci)
-    claim = f"\n{p_value(corrected)}" if found.metric == SUCCESS_RATE else ""
-    ends = shown.interval.replace("… ", "…\n")
-    return f"{shown.value}\n{ends}{claim}"
+        shown = estimate(contrast.difference, contrast.ci)
+    claim = f"\n{p_value(corrected_p_value)}" if contrast.metric == SUCCESS_RATE else ""
+    interval = shown.interval.replace("… ", "…\n")
+    return f"{shown.value}\n{interval}{claim}"
 
 
-def _notes(a: StoredRun, b: StoredRun, found: Sequence[Match]) -> Iterator[str]:
-    """How the episodes were compared."""
-    seeds = [{*rows.column("seed").to_pylist()} for _, rows in (a, b)]
-    count = with_count(len(seeds[0] & seeds[1]), "episode")
-    yield f"paired by episode: {count} of the same seeds, of A's {len(seeds[0])} and B's {len(seeds[1])}"
-    if same := sum(match.identical for match in found):
-        of_matches = f"{same} of {len(found)}"
-        yield f"(=): {IDENTICAL_WORDS} in every episode, so that differences are 0 and have no interval; {of_matches}"
+def _notes(a: StoredRun, b: StoredRun, matches: Sequence[Match]) -> Iterator[str]:
+    """Yield lines on the pairing of the episodes."""
+    seeds_a, seeds_b = ({*rows.column("seed").to_pylist()} for _, rows in (a, b))
+    count = with_count(len(seeds_a & seeds_b), "episode")
+    yield f"paired by episode: {count} of the same seeds, of A's {len(seeds_a)} and B's {len(seeds_b)}"
+    if num_identical := sum(match.identical for match in matches):
+        share = f"{num_identical} of {len(matches)}"
+        yield f"(=): {IDENTICAL_WORDS} in every episode, so that differences are 0 and have no interval; {share}"
 
 
-def _left_out(a: StoredRun, b: StoredRun) -> Iterator[str]:
-    """What a run that is not finished has no episodes of yet."""
+def _unfinished(a: StoredRun, b: StoredRun) -> Iterator[str]:
+    """Yield a line on the missing cells of a run that is not finished."""
     for name, (manifest, rows) in (("A", a), ("B", b)):
-        there = set(zip(rows.column("scenario").to_pylist(), rows.column("policy").to_pylist(), strict=True))
-        if left := [f"{policy} on {each.name}" for each, policy in manifest.cells if (each.name, policy) not in there]:
-            yield f"{name} is not finished, and left out of it are: {', '.join(left)}"
+        stored = set(zip(rows.column("scenario").to_pylist(), rows.column("policy").to_pylist(), strict=True))
+        cells = [(scenario.name, policy) for scenario, policy in manifest.cells]
+        if missing := [f"{policy} on {scenario}" for scenario, policy in cells if (scenario, policy) not in stored]:
+            yield f"{name} is not finished, and left out of it are: {', '.join(missing)}"
 
 
-def _write(options: CompareOptions, both: CombinedRuns, changed: list[str], path: Path) -> None:
-    contents = {"schema": 1, "a": str(options.a), "b": str(options.b), "differences": changed}
-    contents |= {"ranking": asdict(both.ranking), "comparisons": [asdict(match) for match in both.matches]}
-    contents |= {"rank_correlation": asdict(both.correlation) if both.correlation else None}
+def _write(options: CompareOptions, both: CombinedRuns, changes: list[str], path: Path) -> None:
+    """Write the comparison as JSON; UsageError if that fails."""
+    contents = {
+        "schema": 1,
+        "a": str(options.a),
+        "b": str(options.b),
+        "differences": changes,
+        "ranking": asdict(both.ranking),
+        "comparisons": [asdict(match) for match in both.matches],
+        "rank_correlation": asdict(both.correlation) if both.correlation else None,
+    }
     try:
         write_atomically(path, (json.dumps(nan_to_null(contents), indent=2, allow_nan=False) + "\n").encode())
     except OSError as error:

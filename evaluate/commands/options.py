@@ -17,7 +17,7 @@ WALKING_POLICIES = ("trot", "trot_feedback", "trot_integral", "residual", "robus
 DEFAULT_POLICIES = ("document@flat", "document_repaired@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
 EPISODES = {None: 20, "settled": 96}
-"""Usual number of episodes by `until`; in a run until settled the most."""
+"""Default number of episodes by `until`; the maximum in a run until settled."""
 RESULT_NEUTRAL_OPTIONS = ("out", "threads", "at_once", "resume", "baseline", "trust")
 """Options that --resume may change."""
 
@@ -85,27 +85,28 @@ class EvaluateOptions:
 
     @property
     def max_episodes(self) -> int:
-        """Episodes of each policy on each scenario, at most."""
+        """Maximum number of episodes of each policy on each scenario."""
         return EPISODES[self.until] if self.episodes is None else self.episodes
 
     def run_options(self) -> dict[str, Any]:
-        """What a run must be carried on with, as JSON values."""
-        whole = asdict(self) | {"episodes": self.max_episodes}
-        chosen = {n: value for n, value in whole.items() if n not in RESULT_NEUTRAL_OPTIONS}
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in chosen.items()}
+        """Return the options that --resume may not change, as JSON values."""
+        values = asdict(self) | {"episodes": self.max_episodes}
+        run_values = {name: value for name, value in values.items() if name not in RESULT_NEUTRAL_OPTIONS}
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in run_values.items()}
 
 
-def options_from_json(found: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of Options from what `of_the_run` gave; ValueError for what it never gives."""
+def options_from_json(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return fields of EvaluateOptions from `values` of `run_options`; ValueError for those of another version."""
     names = {field.name for field in fields(EvaluateOptions)} - set(RESULT_NEUTRAL_OPTIONS)
-    if set(found) != names:
-        raise ValueError(f"its options are those of another version: {', '.join(sorted(set(found) ^ names))}")
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in found.items()}
+    if set(values) != names:
+        raise ValueError(f"its options are those of another version: {', '.join(sorted(set(values) ^ names))}")
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
 
 
 def describe_changes(then: EvaluateOptions, now: EvaluateOptions) -> list[str]:
-    """`--seed was 0, not 1` for every option of a run that is not as it was."""
-    before, after = then.run_options(), now.run_options()
+    """Describe each option of a run that differs in `now` from `then`, as in `--seed was 0, not 1`."""
+    before = then.run_options()
+    after = now.run_options()
     return [
         f"--{name} was {_words(before[name])}, not {_words(after[name])}"
         for name in before
@@ -113,16 +114,20 @@ def describe_changes(then: EvaluateOptions, now: EvaluateOptions) -> list[str]:
     ]
 
 
-def command(chosen: Mapping[str, Any]) -> str:
-    """The command of a run, from what `of_the_run` gave, without what is as usual."""
-    usual = EvaluateOptions().run_options()
+def command(values: Mapping[str, Any]) -> str:
+    """Return the command of a run from `values` of `run_options`, without defaults."""
+    defaults = EvaluateOptions().run_options()
     words = PROGRAM.split()
-    for name, value in chosen.items():
-        if value != usual.get(name, False):
-            values = [] if value is True else value if isinstance(value, list) else [value]
-            words += [f"--{name}", *map(str, values)]
+    for name, value in values.items():
+        if value != defaults.get(name, False):
+            words.append(f"--{name}")
+            if isinstance(value, list):
+                words += map(str, value)
+            elif value is not True:
+                words.append(str(value))
     return shlex.join(words)
 
 
 def _words(value: Any) -> str:
+    """Return the text of an option's value on the command line."""
     return " ".join(map(str, value)) if isinstance(value, list) else str(value)

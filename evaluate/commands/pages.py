@@ -1,11 +1,11 @@
-"""Pages of the failures that a report names, in the folder of its run: each whole or not at all."""
+"""Pages of the failures that a report names, in the folder of its run, each written completely or not at all."""
 
 from collections.abc import Sized
 from pathlib import Path
 
 from evaluate.analysis.failures import PAGES_FOLDER, select_failures
 from evaluate.commands.outputs import analyse_run
-from evaluate.commands.replay import ReplayTarget, check_here, policy_of
+from evaluate.commands.replay import ReplayTarget, check_available, load_policy
 from evaluate.film.page import partial_progress, write_page
 from evaluate.records.store import Run
 from quad_env.cli.command_line import UsageError, make_folder_of
@@ -13,32 +13,44 @@ from quad_env.cli.progress import show_bar
 
 
 def make_pages(run: Run, folder: Path, trust: bool) -> None:
-    """Simulate and film the failures that have no page yet. Raises UsageError, all but a full disk before anything is
-    simulated, and after Ctrl-C a KeyboardInterrupt that says what is kept."""
+    """Simulate and film the failures that have no page yet.
+
+    Args:
+        run: A finished run.
+        folder: Its folder.
+        trust: True to load policies from files that can hide code.
+
+    Raises:
+        UsageError: The run is not finished, a policy or a scenario is not here, or a page cannot be written. All but
+            the last are found before anything is simulated.
+        KeyboardInterrupt: After Ctrl-C, with the number of pages that are there.
+    """
     if not run.complete:
         raise UsageError(f"--pages: {folder} holds an unfinished run; carry it on with --resume")
-    results, cells = analyse_run(run), {(cell.policy, cell.scenario.name): cell for cell in run.cells}
-    wanted = {
-        folder / PAGES_FOLDER / each.page: ReplayTarget(cells[each.policy, each.scenario], each.number)
-        for _, each in select_failures(results)
+    cells = {(cell.policy, cell.scenario.name): cell for cell in run.cells}
+    targets = {
+        folder / PAGES_FOLDER / failure.page: ReplayTarget(cells[failure.policy, failure.scenario], failure.number)
+        for _, failure in select_failures(analyse_run(run))
     }
-    left = {path: each for path, each in wanted.items() if not path.is_file()}
-    policies = {each.cell.policy: policy_of(each.cell.policy, run.manifest, trust) for each in left.values()}
-    for path, each in left.items():
-        check_here(run.manifest, each.cell.scenario)
+    missing = {path: target for path, target in targets.items() if not path.is_file()}
+    labels = [target.cell.policy for target in missing.values()]
+    policies = {label: load_policy(label, run.manifest, trust) for label in labels}
+    for path, target in missing.items():
+        check_available(run.manifest, target.cell.scenario)
         make_folder_of(path, "--pages")
-    done = len(wanted) - len(left)
+    done = len(targets) - len(missing)
     try:
         with show_bar("pages") as progress:
-            for path, each in left.items():
-                take = each.take(run.manifest, policies[each.cell.policy])
-                write_page(take, path, partial_progress(progress, done, len(wanted)))
+            for path, target in missing.items():
+                spec = target.film_spec(run.manifest, policies[target.cell.policy])
+                write_page(spec, path, partial_progress(progress, done, len(targets)))
                 done += 1
     except OSError as error:
-        raise UsageError(f"--pages: cannot write {path} ({error.strerror or error}); {_kept(done, wanted)}") from error
+        raise UsageError(f"--pages: cannot write {path} ({error.strerror or error}); {_kept(done, targets)}") from error
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(_kept(done, wanted)) from None
+        raise KeyboardInterrupt(_kept(done, targets)) from None
 
 
-def _kept(done: int, wanted: Sized) -> str:
-    return f"{done} of {len(wanted)} pages are there, and the same command goes on"
+def _kept(done: int, targets: Sized) -> str:
+    """Return the number of written pages."""
+    return f"{done} of {len(targets)} pages are there, and the same command goes on"

@@ -1,4 +1,4 @@
-"""What a command line asks for, checked: everything that can be wrong is found before anything is simulated."""
+"""Plan of an evaluation: the checked options, with every mistake found before anything is simulated."""
 
 import shlex
 import sys
@@ -29,12 +29,12 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
 LIMITS = {"episodes": (1, 1_000_000), "seed": (0, 2**63 - 1), "threads": (1, 256), "at_once": (1, 65_536)}
-"""Smallest and largest value of each number of the options."""
+"""Option -> smallest and largest value."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Options that have been checked: everything exists and can be written."""
+    """Checked options: every policy and scenario exists, and the folder can be written."""
 
     policies: tuple[LabelledPolicy, ...]
     scenarios: tuple[Scenario, ...]
@@ -43,16 +43,17 @@ class Plan:
 
 
 def load_run_options(folder: Path) -> EvaluateOptions:
-    """The options of the run in a folder. Raises UsageError where there is none to carry on, or one is going on."""
+    """Load the options of the run in a folder; UsageError without a run, or if another process continues it."""
     if folder.is_dir():
         _check_unused(folder)
     if not (folder / manifests.NAME).is_file():
         raise UsageError(f"--resume: {folder} holds no run that was begun; leave --resume out to begin one")
-    return _begun(folder)[1]
+    _, options = _read_run_options(folder)
+    return options
 
 
 def check(options: EvaluateOptions) -> Plan:
-    """The plan of these options. Raises UsageError."""
+    """Check the `options` and return their plan; UsageError for a mistake of the user."""
     options = replace(options, episodes=options.max_episodes)
     check_numbers(options, LIMITS)
     if options.quick and options.scenarios != DEFAULT_BATTERY:
@@ -62,10 +63,10 @@ def check(options: EvaluateOptions) -> Plan:
     except ValueError as error:
         raise UsageError(str(error)) from error
     try:
-        scenarios = scenarios_asked_for(options)
+        scenarios = select_scenarios(options)
     except ValueError as error:
         raise UsageError(f"--scenarios: {error}") from error
-    compared = policies_asked_for(options.policies, scenarios, options.hardware_config, options.trust)
+    compared = select_policies(options.policies, scenarios, options.hardware_config, options.trust)
     labels = [policy.label for policy in compared]
     if options.until:
         check_ranked(compared, scenarios)
@@ -88,131 +89,187 @@ def check(options: EvaluateOptions) -> Plan:
     return Plan(compared, scenarios, manifest, options)
 
 
-def scenarios_asked_for(options: EvaluateOptions) -> tuple[Scenario, ...]:
-    """The scenarios; of a battery only those without the hardware profile where the hardware is chosen by itself.
-    Raises ValueError, and UsageError where both are asked for."""
+def select_scenarios(options: EvaluateOptions) -> tuple[Scenario, ...]:
+    """Return the scenarios of the options.
+
+    Those of a battery that the chosen hardware or simulator excludes are left out.
+
+    Args:
+        options: Options of the command line.
+
+    Returns:
+        Scenarios in the order of their names.
+
+    Raises:
+        UsageError: Both the hardware profile and other hardware are chosen, or a named scenario cannot be simulated.
+            ValueError for unknown scenarios.
+    """
     robot = options.hardware_config.robot_model
-    found = battery.resolve(options.battery, robot)
+    scenarios = battery.resolve(options.battery, robot)
     if options.hardware:
-        found = battery.with_profile(found)
+        scenarios = battery.with_profile(scenarios)
     if options.simulator != MUJOCO:
-        return _simulated(options, found)
+        return _supported(options, scenarios)
     if not options.hardware_config.is_customized:
-        return found
+        return scenarios
     named = tuple(name for name in options.battery if name not in battery.BATTERIES)
-    asked = [each.name for each in (battery.resolve(named, robot) if named else ()) if each.hardware]
-    if options.hardware or asked:
-        which = "--hardware" if options.hardware else f"--scenarios {' '.join(asked)}"
-        raise UsageError(f"{which}: the profile has its own --actuator, --sensors and --estimator: leave these out")
-    return tuple(each for each in found if not each.hardware)
+    named_scenarios = battery.resolve(named, robot) if named else ()
+    on_profile = [scenario.name for scenario in named_scenarios if scenario.hardware]
+    if options.hardware or on_profile:
+        option = "--hardware" if options.hardware else f"--scenarios {' '.join(on_profile)}"
+        raise UsageError(f"{option}: the profile has its own --actuator, --sensors and --estimator: leave these out")
+    return tuple(scenario for scenario in scenarios if not scenario.hardware)
 
 
-def _simulated(options: EvaluateOptions, scenarios: Sequence[Scenario]) -> tuple[Scenario, ...]:
-    """Of a battery the scenarios that the simulator can do, the others named on stderr. Raises UsageError for any
-    scenario that is asked for by name."""
-    beyond = {}
+def _supported(options: EvaluateOptions, scenarios: Sequence[Scenario]) -> tuple[Scenario, ...]:
+    """Return the scenarios that the simulator supports, and name the others on stderr.
+
+    Args:
+        options: Options of the command line.
+        scenarios: Scenarios of the options.
+
+    Returns:
+        Supported scenarios of a battery.
+
+    Raises:
+        UsageError: A scenario that is named itself is not supported, or none is.
+    """
+    errors = {}
     for scenario in scenarios:
         try:
             hardware.check_hardware(options.hardware_config, scenario)
         except ValueError as error:
-            beyond[scenario.name] = error
-    left, words = [each for each in scenarios if each.name not in beyond], ", ".join(beyond)
-    if beyond and (not left or not set(options.battery) <= set(battery.BATTERIES)):
-        raise UsageError(f"--scenarios {words}: {next(iter(beyond.values()))}")
-    if beyond:
-        print(f"left out, since {options.simulator} cannot simulate them: {words}", file=sys.stderr)
-    return tuple(left)
+            errors[scenario.name] = error
+    supported = tuple(scenario for scenario in scenarios if scenario.name not in errors)
+    names = ", ".join(errors)
+    if errors and (not supported or not set(options.battery) <= set(battery.BATTERIES)):
+        raise UsageError(f"--scenarios {names}: {next(iter(errors.values()))}")
+    if errors:
+        print(f"left out, since {options.simulator} cannot simulate them: {names}", file=sys.stderr)
+    return supported
 
 
-def policies_asked_for(
+def select_policies(
     names: tuple[str, ...], scenarios: Sequence[Scenario], hardware: HardwareConfig, trust: bool = False
 ) -> tuple[LabelledPolicy, ...]:
-    """The policies of these names, each with the scenarios that it is limited to. Raises UsageError."""
+    """Load the policies of names, each with the scenarios that it is limited to.
+
+    Args:
+        names: Names, paths or `NAME@SCENARIO`.
+        scenarios: Scenarios of the run.
+        hardware: Hardware of the robots.
+        trust: True to load files that can hide code.
+
+    Returns:
+        Policies in the order of the names.
+
+    Raises:
+        UsageError: No policy is named, one is named twice or cannot be loaded, or a scenario is not of this run.
+    """
     if not names:
         raise UsageError(f"--policies: none given; name at least one of {', '.join(policies.names())}, or a folder")
     if unlimited := [name for name in names if name.endswith("@")]:
         raise UsageError(f"--policies: name scenarios after the @ of {', '.join(unlimited)}, as in document@flat")
-    asked = [_parts(name) for name in names]
+    selected = [_split_name(name) for name in names]
     if names == DEFAULT_POLICIES:
         run = {scenario.name for scenario in scenarios}
-        asked = [(label, only_on) for label, only_on in asked if not only_on or run.intersection(only_on)]
-        asked = asked if hardware.robot == HardwareConfig.robot else _without_untrained(asked, hardware.robot_model)
-    _check_distinct([label for label, _ in asked])
-    _check_scenarios(asked, [scenario.name for scenario in scenarios])
+        selected = [(label, only_on) for label, only_on in selected if not only_on or run.intersection(only_on)]
+        if hardware.robot != HardwareConfig.robot:
+            selected = _without_untrained(selected, hardware.robot_model)
+    _check_distinct([label for label, _ in selected])
+    _check_scenarios(selected, [scenario.name for scenario in scenarios])
     try:
-        return tuple(load_labelled_policy(label, hardware, scenarios, trust, only) for label, only in asked)
+        return tuple(load_labelled_policy(label, hardware, scenarios, trust, only_on) for label, only_on in selected)
     except policies.PolicyError as error:
         raise UsageError(f"--policies: {error}") from error
 
 
-def _without_untrained(asked: list[tuple[str, tuple[str, ...]]], robot: Robot) -> list[tuple[str, tuple[str, ...]]]:
-    """Leave out the default's trained policies that this robot lacks, named on stderr; SimpleQuad has all."""
-    untrained = [label for label, _ in asked if policies.is_missing(label, robot)]
+def _without_untrained(selected: list[tuple[str, tuple[str, ...]]], robot: Robot) -> list[tuple[str, tuple[str, ...]]]:
+    """Leave out trained policies that this robot does not have, and name them on stderr; SimpleQuad has all."""
+    untrained = [label for label, _ in selected if policies.is_missing(label, robot)]
     if untrained:
         names = ", ".join(untrained)
         print(f"left out, since {robot.name} has no such trained policy: {names}", file=sys.stderr)
-    return [each for each in asked if each[0] not in untrained]
+    return [(label, only_on) for label, only_on in selected if label not in untrained]
 
 
-def _parts(name: str) -> tuple[str, tuple[str, ...]]:
-    """Label, and the scenarios that it is limited to; a folder's name may have an @ of its own."""
-    label, _, scenarios = (name, "", "") if Path(name).is_dir() or policies.is_reference(name) else name.partition("@")
-    known = label in policies.names()
-    return label if known else label.rstrip("/\\") or label, tuple(filter(None, scenarios.split(",")))
+def _split_name(name: str) -> tuple[str, tuple[str, ...]]:
+    """Split a name into label and scenarios; a folder's name may contain an @."""
+    label, scenarios = name, ""
+    if not Path(name).is_dir() and not policies.is_reference(name):
+        label, _, scenarios = name.partition("@")
+    only_on = tuple(filter(None, scenarios.split(",")))
+    if label in policies.names():
+        return label, only_on
+    return label.rstrip("/\\") or label, only_on
 
 
 def _check_distinct(labels: list[str]) -> None:
-    places = [label if label in policies.names() else str(Path(label).resolve()) for label in labels]
-    if repeated := sorted({label for label, place in zip(labels, places, strict=True) if places.count(place) > 1}):
+    """Raise UsageError if two labels are the same policy."""
+    sources = [label if label in policies.names() else str(Path(label).resolve()) for label in labels]
+    if repeated := sorted({label for label, source in zip(labels, sources, strict=True) if sources.count(source) > 1}):
         raise UsageError(f"--policies: {', '.join(repeated)} given more than once; name each policy once")
 
 
-def _check_scenarios(asked: list[tuple[str, tuple[str, ...]]], scenarios: list[str]) -> None:
-    for label, only_on in asked:
+def _check_scenarios(selected: list[tuple[str, tuple[str, ...]]], scenarios: list[str]) -> None:
+    """Raise UsageError if a policy is limited to a scenario that is not of this run."""
+    for label, only_on in selected:
         if unknown := [name for name in only_on if name not in scenarios]:
-            there = ", ".join(scenarios)
-            raise UsageError(f"--policies: {label}@{','.join(unknown)} is not among the scenarios of this run: {there}")
+            valid = ", ".join(scenarios)
+            raise UsageError(f"--policies: {label}@{','.join(unknown)} is not among the scenarios of this run: {valid}")
 
 
 def check_baseline(baseline: str | None, labels: Sequence[str]) -> None:
-    """Raise UsageError unless the baseline is one of the policies."""
+    """Raise UsageError unless the `baseline`, if given, is one of the policies' `labels`."""
     if baseline is not None and baseline not in labels:
         raise UsageError(f"--baseline: {baseline} is not among the policies {', '.join(labels)}")
 
 
 def _check_folder(out: Path) -> None:
+    """Make the results folder; UsageError if it cannot be written or its files cannot be replaced."""
     try:
         make_writable_folder(out)
     except OSError as error:
         raise UsageError(f"cannot write to the folder {out} ({error.strerror}); name another one with --out") from error
     _check_unused(out)
     if taken := [str(out / name) for name in FILES if (out / name).is_dir()]:
-        raise UsageError(f"{', '.join(taken)} is to be a file, but is a folder; name another folder with --out")
+        raise UsageError(f"{', '.join(taken)} is a folder, not a file; name another folder with --out")
     if (out / CHUNKS).exists() and not (out / CHUNKS).is_dir():
-        raise UsageError(f"{out / CHUNKS} is to be a folder, but is a file; name another folder with --out")
+        raise UsageError(f"{out / CHUNKS} is a file, not a folder; name another folder with --out")
 
 
 def _check_unused(out: Path) -> None:
-    """Raise FolderInUse, one line, while another run writes there."""
+    """Raise FolderInUse, one line, while another run writes to the folder."""
     with exclusive_lock(out):
         pass
 
 
 def _resume_manifest(now: Manifest, options: EvaluateOptions) -> Manifest:
-    """The manifest that the run was begun with. Raises UsageError unless it can go on as if it had never stopped."""
-    then, asked = _begun(options.out)
-    if differing := describe_changes(asked, options):
-        said = f"--resume carries a run on as it was begun, but {'; '.join(differing)}"
-        raise UsageError(f"{said}{_resume_remedy(asked, options)}")
-    if differing := manifests.differences(then, now):
-        raise UsageError(f"--resume carries a run on as it was begun, but {'; '.join(differing)}")
+    """Return the manifest of the run to resume.
+
+    Args:
+        now: Manifest of the same run if it started now.
+        options: Options of the command line.
+
+    Returns:
+        The manifest in the folder.
+
+    Raises:
+        UsageError: The run cannot continue to the results of an uninterrupted run.
+    """
+    then, run_options = _read_run_options(options.out)
+    if changes := describe_changes(run_options, options):
+        message = f"--resume carries a run on as it was begun, but {'; '.join(changes)}"
+        raise UsageError(f"{message}{_resume_remedy(run_options, options)}")
+    if changes := manifests.differences(then, now):
+        raise UsageError(f"--resume carries a run on as it was begun, but {'; '.join(changes)}")
     if now.fingerprint != then.fingerprint:
         raise UsageError(f"{options.out / manifests.NAME} has been changed by hand; leave --resume out to begin again")
     return then
 
 
 def _resume_remedy(then: EvaluateOptions, now: EvaluateOptions) -> str:
-    """Return the remedy where more is asked of a run than at its start."""
+    """Return the remedy if more policies, episodes or scenarios are named than at the start of the run."""
     folder = shlex.quote(str(now.out))
     if added := [name for name in now.policies if name not in then.policies]:
         run = f"--policies {shlex.join(added)} --episodes {then.max_episodes} --seed {then.seed} --out ANOTHER"
@@ -224,8 +281,8 @@ def _resume_remedy(then: EvaluateOptions, now: EvaluateOptions) -> str:
     return ""
 
 
-def _begun(folder: Path) -> tuple[Manifest, EvaluateOptions]:
-    """What the run in a folder was begun with. Raises UsageError."""
+def _read_run_options(folder: Path) -> tuple[Manifest, EvaluateOptions]:
+    """Read the manifest and the options of the run in a folder; UsageError if they cannot be read."""
     try:
         manifest = manifests.read(folder)
         return manifest, replace(EvaluateOptions(out=folder), **options_from_json(manifest.options))

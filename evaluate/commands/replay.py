@@ -1,4 +1,4 @@
-"""`python -m evaluate replay RESULTS EPISODE`: one episode of a results folder again, compared with what is stored.
+"""`python -m evaluate replay RESULTS EPISODE`: simulate a stored episode again and compare it with the stored one.
 
 `python -m evaluate replay RESULTS --failed` lists the episodes that failed, with the row to replay and the cause.
 """
@@ -37,12 +37,16 @@ from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField
 
 DIFFERS = 1
-"""Exit code where the episode did not come out as stored."""
+"""Exit code if the episode differs from the stored one."""
+
+
+Output = tuple[str, Path, Callable[[FilmSpec, Path, Progress], None]]
+"""Option, file and writer of a film."""
 
 
 @dataclass(frozen=True)
 class ReplayOptions:
-    """Which episode, and whether to film it."""
+    """Episode to simulate again, and its film."""
 
     results: Annotated[Path, tyro.conf.Positional]
     """Folder of an evaluation, finished or not."""
@@ -51,9 +55,9 @@ class ReplayOptions:
     failed: Flag = False
     """List the failed episodes instead, of a policy or scenario if one is named: row, time, outcome and cause."""
     policy: str | None = None
-    """Policy whose episode it is; may be left out where there is only one."""
+    """Policy of the episode; may be left out if there is only one."""
     scenario: str | None = None
-    """Scenario whose episode it is; may be left out where there is only one."""
+    """Scenario of the episode; may be left out if there is only one."""
     trust: Flag = False
     """Load policies from files that can hide code, the .zip files of Stable-Baselines3."""
     video: Path | None = None
@@ -66,59 +70,66 @@ class ReplayOptions:
 
 @dataclass(frozen=True)
 class ReplayTarget:
-    """An episode of a cell."""
+    """A stored episode, selected for a replay."""
 
     cell: PolicyScenarioResult
     number: int
+    """Index of the episode in the cell."""
 
     @property
     def seed(self) -> int:
-        """Seed that starts it again."""
+        """Seed of the episode."""
         return int(self.cell.seeds[self.number])
 
     @property
     def title(self) -> str:
-        """How to call it."""
+        """Text for tables and films."""
         return f"episode {self.number} of {self.cell.policy} on {self.cell.scenario.name}, seed {self.seed}"
 
-    def take(self, manifest: Manifest, *shown: LabelledPolicy) -> FilmSpec:
-        """The episode as these policies have it, to be filmed."""
-        return FilmSpec(shown, self.cell.scenario, self.seed, manifest.steps, self.title, manifest.hardware)
+    def film_spec(self, manifest: Manifest, *policies: LabelledPolicy) -> FilmSpec:
+        """Return the film of the episode with some `policies`, for the run of the `manifest`."""
+        return FilmSpec(policies, self.cell.scenario, self.seed, manifest.steps, self.title, manifest.hardware)
 
 
 def main(options: ReplayOptions) -> int:
-    """Run the command; the exit code: 0, or 1 if the episode is not the stored one. Raises UsageError."""
+    """Run the command; return 0, or DIFFERS if the episode is not as stored. UsageError for a user's mistake."""
     run = read_run(options.results)
     if options.failed:
         return _list_failed(run, options)
     if options.episode is None:
         raise UsageError(f"EPISODE: no row given; `{PROGRAM} replay {options.results} --failed` lists failed episodes")
-    found = find(run, options, options.episode)
-    check_here(run.manifest, found.cell.scenario)
-    policy = policy_of(found.cell.policy, run.manifest, options.trust)
-    others = [] if options.against is None else [policy_of(options.against, run.manifest, options.trust, "--against")]
+    target = find(run, options, options.episode)
+    check_available(run.manifest, target.cell.scenario)
+    shown = [load_policy(target.cell.policy, run.manifest, options.trust)]
+    if options.against is not None:
+        shown.append(load_policy(options.against, run.manifest, options.trust, "--against"))
     outputs = _outputs(options)
-    again, episodes = resimulate(run.manifest, found, policy)
-    differing = differences(run, found, again)
-    causes = _causes(run.manifest, found, options.trust) if differing else []
-    if not differing:
-        print(f"{found.title}: identical to the bit")
-    else:
-        print(f"{found.title}, is not as stored:", *differing, sep="\n  ")
+    result, episodes = resimulate(run.manifest, target, shown[0])
+    changed = differences(run, target, result)
+    if changed:
+        causes = _causes(run.manifest, target, options.trust)
+        print(f"{target.title}, is not as stored:", *changed, sep="\n  ")
         print(f"because {'; '.join(causes) or 'of something that leaves no trace'}")
-    print(*in_lines(timeline(episodes, again.measures)), sep="\n")
+    else:
+        print(f"{target.title}: identical to the bit")
+    print(*in_lines(timeline(episodes, result.measures)), sep="\n")
+    _write_outputs(outputs, target.film_spec(run.manifest, *shown))
+    return DIFFERS if changed else 0
+
+
+def _write_outputs(outputs: list[Output], spec: FilmSpec) -> None:
+    """Film the episode into each file and print its path; UsageError if a file cannot be written."""
     for option, path, write in outputs:
         with show_bar("filming") as progress:
             try:
-                write(found.take(run.manifest, policy, *others), path, progress)
+                write(spec, path, progress)
             except OSError as error:
                 raise UsageError(f"{option}: cannot write {path} ({error.strerror or error})") from error
         print(path)
-    return DIFFERS if differing else 0
 
 
-def _outputs(options: ReplayOptions) -> list[tuple[str, Path, Callable[[FilmSpec, Path, Progress], None]]]:
-    """Option, file and what writes it of all that is to be filmed. Raises UsageError where it cannot be."""
+def _outputs(options: ReplayOptions) -> list[Output]:
+    """Return the films that the options ask for; UsageError if a path is not valid."""
     if options.video is not None:
         files.check_film_path(options.video)
     if options.page is not None:
@@ -127,122 +138,172 @@ def _outputs(options: ReplayOptions) -> list[tuple[str, Path, Callable[[FilmSpec
         make_folder_of(options.page, "--page")
     if options.against is not None and options.page is None and options.video is None:
         raise UsageError("--against is shown by --page FILE.html or --video FILE: name one of them too")
-    found = (("--video", options.video, film), ("--page", options.page, write_page))
-    return [(option, path, write) for option, path, write in found if path is not None]
+    candidates = (("--video", options.video, film), ("--page", options.page, write_page))
+    return [(option, path, write) for option, path, write in candidates if path is not None]
 
 
 def _list_failed(run: Run, options: ReplayOptions) -> int:
-    """Print a line for each failed episode of policy and scenario; return the exit code. Raises UsageError."""
+    """Print a line for each failed episode of the selected cells; return the exit code."""
     if options.episode is not None or any((options.video, options.page, options.against)):
         raise UsageError("--failed lists episodes: leave out EPISODE, --video, --page and --against")
     _check_names(run, options)
-    rows = list[tuple[str, ...]]()
+    rows: list[tuple[str, ...]] = []
     first = 0
     for cell in run.cells:
         if options.policy in (None, cell.policy) and options.scenario in (None, cell.scenario.name):
-            rows += [
-                _failed_row(cell, number, first + number)
-                for number in np.flatnonzero(~cell.measures.succeeded).tolist()
-            ]
+            failed = np.flatnonzero(~cell.measures.succeeded).tolist()
+            rows += [_failed_row(cell, number, first + number) for number in failed]
         first += cell.episodes
     heads = ("row", "policy", "scenario", "episode", "time, s", "outcome", "cause")
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     for row in (heads, *rows):
         print("  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip())
-    see = ""
+    hint = ""
     if rows:
-        first_failed = rows[0][0]
+        row_number = rows[0][0]
         replay = f"{PROGRAM} replay {shlex.quote(str(options.results))}"
-        see = f"; see one: {replay} {first_failed} --page {first_failed}.html"
-    print(f"{with_count(len(rows), 'failed episode')}{see}")
+        hint = f"; see one: {replay} {row_number} --page {row_number}.html"
+    print(f"{with_count(len(rows), 'failed episode')}{hint}")
     return 0
 
 
 def _failed_row(cell: PolicyScenarioResult, number: int, row: int) -> tuple[str, ...]:
-    """Return the words on a failed episode; the time is that of its fall or, upright, of its cause."""
+    """Return the texts of a failed episode.
+
+    Args:
+        cell: Cell of the episode.
+        number: Index of the episode in the cell.
+        row: Row of episodes.parquet.
+
+    Returns:
+        A text for each column; the time is the fall's, or the cause's of an upright failure.
+    """
     measures = cell.measures
     time = float(measures.fall_time[number] if measures.fell[number] else measures.cause_time[number])
     outcome = str(measures.outcome[number]).replace("_", " ")
     cause = cell.failure[number] or str(measures.cause[number] or ABSENT).replace("_", " ")
-    place = str(row), cell.policy, cell.scenario.name, str(number)
-    return (*place, format_number(time, 2), outcome, one_line(str(cause)))
+    episode = (str(row), cell.policy, cell.scenario.name, str(number))
+    return (*episode, format_number(time, 2), outcome, one_line(str(cause)))
 
 
 def _check_names(run: Run, options: ReplayOptions) -> None:
-    """Raise UsageError where the policy or the scenario of the options has no finished episode."""
+    """Raise UsageError if the policy or the scenario of the options has no finished episode."""
     if not run.cells:
         raise UsageError(f"{options.results} holds no finished part of a comparison yet")
-    for option, wanted, names in (
+    for option, name, valid in (
         ("policy", options.policy, [cell.policy for cell in run.cells]),
         ("scenario", options.scenario, [cell.scenario.name for cell in run.cells]),
     ):
-        if wanted not in (None, *names):
-            raise UsageError(f"--{option}: no {wanted} among the finished ones: {', '.join(dict.fromkeys(names))}")
+        if name not in (None, *valid):
+            raise UsageError(f"--{option}: no {name} among the finished ones: {', '.join(dict.fromkeys(valid))}")
 
 
 def find(run: Run, options: ReplayOptions, episode: int) -> ReplayTarget:
-    """Return the episode that the options select. Raises UsageError.
+    """Return the episode that the options select.
 
     Args:
         run: Results folder.
         options: Policy and scenario, or None for any.
-        episode: Row among the selected episodes, from 0.
+        episode: Index among the selected episodes.
+
+    Returns:
+        The episode.
+
+    Raises:
+        UsageError: The index is out of range, or is in several cells of the named policy or scenario.
     """
     _check_names(run, options)
-    policy, scenario = options.policy, options.scenario
-    chosen = [cell for cell in run.cells if policy in (None, cell.policy) and scenario in (None, cell.scenario.name)]
-    if (named := (policy, scenario) != (None, None)) and len(chosen) != 1:
+    policy = options.policy
+    scenario = options.scenario
+    cells = [cell for cell in run.cells if policy in (None, cell.policy) and scenario in (None, cell.scenario.name)]
+    is_named = policy is not None or scenario is not None
+    if is_named and len(cells) != 1:
         missing = "--policy" if policy is None else "--scenario"
-        raise UsageError(f"episode {episode} is in {len(chosen)} cells: name its {missing} too")
-    episodes = [ReplayTarget(cell, number) for cell in chosen for number in range(cell.episodes)]
+        raise UsageError(f"episode {episode} is in {len(cells)} cells: name its {missing} too")
+    episodes = [ReplayTarget(cell, number) for cell in cells for number in range(cell.episodes)]
     if not 0 <= episode < len(episodes):
-        what = "episodes" if named else "rows"
-        raise UsageError(f"there are {what} 0 to {len(episodes) - 1}, not {episode}")
+        unit = "episodes" if is_named else "rows"
+        raise UsageError(f"there are {unit} 0 to {len(episodes) - 1}, not {episode}")
     return episodes[episode]
 
 
 def resimulate(
-    manifest: Manifest, found: ReplayTarget, policy: LabelledPolicy
+    manifest: Manifest, target: ReplayTarget, policy: LabelledPolicy
 ) -> tuple[PolicyScenarioResult, Episodes]:
-    """The episode once more: what it measured, and its record."""
-    scenario, seeds, hardware = found.cell.scenario, found.cell.seeds[[found.number]], manifest.hardware
+    """Simulate a stored episode again.
+
+    Args:
+        manifest: Manifest of its run.
+        target: The stored episode.
+        policy: Policy of the episode.
+
+    Returns:
+        result: Measures of the episode.
+        episodes: Its recorded signals.
+    """
+    scenario = target.cell.scenario
     with show_bar("simulating", in_lines=False) as progress:  # takes 1 to 2 s
-        where = policy.policy_for(scenario), scenario, seeds
-        episodes = rollout.run(*where, steps=manifest.steps, progress=progress, hardware=hardware)
+        episodes = rollout.run(
+            policy.policy_for(scenario),
+            scenario,
+            target.cell.seeds[[target.number]],
+            steps=manifest.steps,
+            progress=progress,
+            hardware=manifest.hardware,
+        )
     return measure_cell(policy.label, scenario, episodes), episodes
 
 
-def differences(run: Run, found: ReplayTarget, again: PolicyScenarioResult) -> list[str]:
-    """Return a line such as `velocity_error: 0.31 then, 0.32 now` for each measure of the run that is not as stored.
+def differences(run: Run, target: ReplayTarget, result: PolicyScenarioResult) -> list[str]:
+    """Return a line for each measure that is not as stored: `velocity_error: 0.31 then, 0.32 now`.
 
     Args:
         run: Results folder; measures that it lacks are not compared.
-        found: Stored episode.
-        again: The episode simulated again.
+        target: Stored episode.
+        result: The episode simulated again.
 
     Returns:
         Lines in the order of the columns.
     """
-    numbers = np.array([found.number])
-    then = table(found.cell).slice(found.number, 1).to_pylist()[0]
-    now = table(again, numbers).to_pylist()[0]
-    # Not ==, for which 0.0 and -0.0 are the same.
+    then = table(target.cell).slice(target.number, 1).to_pylist()[0]
+    now = table(result, np.array([target.number])).to_pylist()[0]
     names = [name for name in then if name not in run.missing_measures]
+    # By repr, since 0.0 == -0.0.
     return [f"{name}: {then[name]} then, {now[name]} now" for name in names if repr(then[name]) != repr(now[name])]
 
 
-def _causes(then: Manifest, found: ReplayTarget, trust: bool) -> list[str]:
-    """What is known to be different now; of a policy that has not walked yet."""
-    policies_now, scenarios = [policy_of(found.cell.policy, then, trust)], [found.cell.scenario]
-    numbers = {"seed": then.seed, "episodes": then.episodes, "steps": then.steps, "threads": 1}
-    now = manifests.manifest(policies_now, scenarios, then.options, **numbers, hardware=then.hardware)
+def _causes(then: Manifest, target: ReplayTarget, trust: bool) -> list[str]:
+    """Describe the inputs of the episode that have changed since its run, with a fresh policy."""
+    now = manifests.manifest(
+        [load_policy(target.cell.policy, then, trust)],
+        [target.cell.scenario],
+        then.options,
+        seed=then.seed,
+        episodes=then.episodes,
+        steps=then.steps,
+        threads=1,
+        hardware=then.hardware,
+    )
     return manifests.differences(then, now)
 
 
-def policy_of(
+def load_policy(
     label: str, manifest: Manifest, trust: bool, complaint: str = "the policy of that episode is not here"
 ) -> LabelledPolicy:
-    """That policy for the scenarios of the run. Raises UsageError where it is not here."""
+    """Load a policy for the scenarios of a run.
+
+    Args:
+        label: Name or path of the policy.
+        manifest: Manifest of the run.
+        trust: True to load files that can hide code.
+        complaint: Start of the error message.
+
+    Returns:
+        The policy.
+
+    Raises:
+        UsageError: The policy cannot be loaded.
+    """
     try:
         return load_labelled_policy(
             label, manifest.hardware, manifest.scenarios, trust, manifest.only_on.get(label, ())
@@ -251,8 +312,8 @@ def policy_of(
         raise UsageError(f"{complaint}: {error}") from error
 
 
-def check_here(manifest: Manifest, scenario: Scenario) -> None:
-    """Raise UsageError where the simulator or the terrain is not here."""
+def check_available(manifest: Manifest, scenario: Scenario) -> None:
+    """Raise UsageError if the simulator of the `manifest` or the terrain of the `scenario` is not here."""
     try:
         check_hardware(manifest.hardware, scenario)
         if isinstance(scenario.terrain, HeightField):

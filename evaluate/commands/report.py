@@ -1,4 +1,4 @@
-"""`python -m evaluate report FOLDER`: table and files of a results folder again, without simulating anything."""
+"""`python -m evaluate report FOLDER`: print the table and write the files of a results folder again."""
 
 import sys
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from quad_env.cli.command_line import UsageError
 
 @dataclass(frozen=True)
 class ReportOptions:
-    """Which results."""
+    """Results folder, and the rule and the extent of its report."""
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation")
     """Folder of an evaluation, finished or not."""
@@ -29,7 +29,7 @@ class ReportOptions:
 
 
 def main(options: ReportOptions) -> int:
-    """Run the command; the exit code. Raises UsageError."""
+    """Run the command and return the exit code; UsageError if the folder has no finished cells."""
     from evaluate.cells import apply_success_rule
     from evaluate.commands.outputs import Terminal, analyse_run, write_results
     from evaluate.commands.plan import check_baseline

@@ -8,7 +8,7 @@ import pytest
 
 from evaluate.__main__ import main
 from evaluate.commands.options import DEFAULT_POLICIES, WALKING_POLICIES, EvaluateOptions
-from evaluate.commands.plan import check, policies_asked_for
+from evaluate.commands.plan import check, select_policies
 from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.records.store import FILES, read_run
 from evaluate.rollouts import rollout
@@ -72,19 +72,19 @@ def test_the_default_is_everyone_that_walks_on_the_battery_and_the_document_on_f
 
 
 def test_of_scenarios_without_flat_ground_the_default_leaves_the_document_out() -> None:
-    labelled = policies_asked_for(DEFAULT_POLICIES, resolve(("push",)), IDEAL)
+    labelled = select_policies(DEFAULT_POLICIES, resolve(("push",)), IDEAL)
     assert tuple(policy.label for policy in labelled) == WALKING_POLICIES
 
 
 def test_a_folder_may_have_an_at_sign(tmp_path) -> None:
     shutil.copytree(Path(__file__).parents[3] / "models" / "residual", tmp_path / "mine@home")
-    (labelled,) = policies_asked_for((f"{tmp_path}/mine@home/",), resolve(("flat",)), IDEAL)
+    (labelled,) = select_policies((f"{tmp_path}/mine@home/",), resolve(("flat",)), IDEAL)
     assert (labelled.label, labelled.only_on) == (f"{tmp_path}/mine@home", ())
 
 
 def test_trained_policies_of_the_default_that_a_robot_has_not_are_left_out_in_a_line(capsys, tmp_path) -> None:
     own = HardwareConfig(robot=str(Made().write(tmp_path, "dog.xml")))
-    compared = policies_asked_for(DEFAULT_POLICIES, resolve(("flat",), own.robot_model), own)
+    compared = select_policies(DEFAULT_POLICIES, resolve(("flat",), own.robot_model), own)
     named = ["trot", "trot_feedback", "trot_integral"]
     assert [policy.label for policy in compared] == ["document", "document_repaired", *named]
     said = capsys.readouterr().err
@@ -94,4 +94,4 @@ def test_trained_policies_of_the_default_that_a_robot_has_not_are_left_out_in_a_
 def test_a_trained_policy_that_is_asked_for_by_name_is_not_left_out(tmp_path) -> None:
     own = HardwareConfig(robot=str(Made().write(tmp_path, "dog.xml")))
     with pytest.raises(UsageError, match="no trained policy in"):
-        policies_asked_for(("trot", "robust"), resolve(("flat",), own.robot_model), own)
+        select_policies(("trot", "robust"), resolve(("flat",), own.robot_model), own)

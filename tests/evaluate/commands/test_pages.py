@@ -94,8 +94,8 @@ def test_a_page_shows_the_episode_and_another_policy_on_the_same_seed(run, tmp_p
 
 def test_files_that_can_hide_code_are_loaded_for_pages_where_they_are_trusted(copied, made, monkeypatch) -> None:
     given = []
-    monkeypatch.setattr(pages, "policy_of", lambda label, _, trust: given.append((label, trust)))
-    monkeypatch.setattr(pages.ReplayTarget, "take", lambda *_: None)
+    monkeypatch.setattr(pages, "load_policy", lambda label, _, trust: given.append((label, trust)))
+    monkeypatch.setattr(pages.ReplayTarget, "film_spec", lambda *_: None)
     monkeypatch.setattr(pages, "write_page", lambda *_: None)
     monkeypatch.setattr("evaluate.commands.outputs.write_results", lambda *_: 0)
     for word in ([], ["--trust"]):

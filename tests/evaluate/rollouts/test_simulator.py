@@ -9,7 +9,7 @@ import pytest
 from evaluate.__main__ import main
 from evaluate.commands import replay
 from evaluate.commands.options import EvaluateOptions
-from evaluate.commands.plan import check, scenarios_asked_for
+from evaluate.commands.plan import check, select_scenarios
 from evaluate.hardware import IDEAL, HardwareConfig, describe_hardware
 from evaluate.records import manifest as manifests
 from evaluate.rollouts import rollout
@@ -29,7 +29,7 @@ def test_the_simulator_is_written_down_where_it_is_not_the_usual_one() -> None:
 
 
 def test_of_a_battery_it_takes_what_it_knows_and_names_the_rest(capsys: pytest.CaptureFixture[str]) -> None:
-    names = {each.name for each in scenarios_asked_for(EvaluateOptions(simulator=DRAKE))}
+    names = {each.name for each in select_scenarios(EvaluateOptions(simulator=DRAKE))}
     assert {"flat", "steady", "push", "force", "slope", "stairs", "slippery", "payload"} <= names
     assert not {"rough", "gravel", "soft", "weak_motors", "slow_motors"} & names
     assert not {name for name in names if name.endswith("+hardware")}

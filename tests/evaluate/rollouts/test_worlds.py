@@ -7,7 +7,7 @@ import pytest
 
 from evaluate.cells import load_labelled_policy
 from evaluate.commands.options import EvaluateOptions
-from evaluate.commands.plan import check, scenarios_asked_for
+from evaluate.commands.plan import check, select_scenarios
 from evaluate.hardware import IDEAL, HardwareConfig
 from evaluate.records import manifest as manifests
 from evaluate.records.provenance import policy_digest
@@ -94,7 +94,7 @@ def test_the_default_battery_has_every_axis_with_the_profile_at_the_level_after_
 def test_the_option_puts_the_profile_on_every_scenario_once(tmp_path: Path) -> None:
     plan = check(EvaluateOptions(("trot",), scenarios=("push", "flat+hardware"), hardware=True, out=tmp_path))
     assert [each.name for each in plan.scenarios] == ["push+hardware", "flat+hardware"]
-    assert all(each.name.endswith("+hardware") for each in scenarios_asked_for(EvaluateOptions(hardware=True)))
+    assert all(each.name.endswith("+hardware") for each in select_scenarios(EvaluateOptions(hardware=True)))
 
 
 @pytest.mark.parametrize(
@@ -112,9 +112,9 @@ def test_the_option_puts_the_profile_on_every_scenario_once(tmp_path: Path) -> N
 )
 def test_hardware_of_ones_own_beside_the_profile_is_refused_in_a_line(options: EvaluateOptions, words: str) -> None:
     with pytest.raises(UsageError, match=words):
-        scenarios_asked_for(options)
+        select_scenarios(options)
 
 
 def test_a_battery_with_hardware_of_ones_own_leaves_the_profile_out() -> None:
-    found = scenarios_asked_for(EvaluateOptions(sensors="typical"))
+    found = select_scenarios(EvaluateOptions(sensors="typical"))
     assert found == tuple(each for each in scenarios("default") if not each.hardware)
