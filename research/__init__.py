@@ -1,1 +1,1 @@
-"""Studies and self-checks behind the project's own tables; imported by nothing, run by name."""
+"""Studies behind the project's own figures."""

@@ -1,4 +1,4 @@
-"""Tables as CSV: a row a line, numbers with six digits, empty cells for what is not known."""
+"""Tables as CSV: a line per row, numbers with six digits, empty cells for unknown values."""
 
 import csv
 import io
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def to_csv(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """The rows as a CSV file in UTF-8; columns are the keys of all rows, in the order of their first use."""
+    """Format rows as a CSV file in UTF-8; columns are the keys of all rows, in order of first use."""
     columns = list(dict.fromkeys(name for row in rows for name in row))
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
@@ -18,8 +18,10 @@ def to_csv(rows: Sequence[Mapping[str, Any]]) -> bytes:
 
 
 def flatten_entry(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """An entry of a results.json as a row: an interval `x_ci` becomes `x_low` and `x_high`; dicts and other lists are
-    left out."""
+    """Flatten an entry of a results.json to a row.
+
+    An interval `x_ci` becomes `x_low` and `x_high`; dicts and other lists are left out.
+    """
     row: dict[str, Any] = {}
     for name, value in entry.items():
         if name == "ci" or name.endswith("_ci"):
@@ -31,6 +33,7 @@ def flatten_entry(entry: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _cell(value: Any) -> Any:
+    """Format a value."""
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.6g}"
     return "" if value is None else value

@@ -1,4 +1,4 @@
-"""A results.json of `python -m evaluate` for README and docs: read and checked, as Markdown tables and as a figure."""
+"""A results.json of `python -m evaluate` for README and docs: read, checked, shown as tables."""
 
 import io
 import math
@@ -35,21 +35,28 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FLAT = "flat"
-"""Scenario whose success is shown of a policy without a score."""
+"""Scenario with the success of a policy without a score."""
 SCORE_WORDS = (
     "The score is the mean success over the axes, each axis and each of its severities alike; its interval counts "
     "episodes, each with all of its scenarios. p is not corrected. The hardware score is that of the scenarios with "
     "the robot's hardware profile."
 )
+"""Text above the table of scores."""
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
-"""The figure's text for readers who do not see it."""
+"""Text of the figure for readers who do not see it."""
 HARDWARE_SCORES = "hardware_scores"
+"""Key of the scores with the hardware profile."""
 KINDS = "scores", HARDWARE_SCORES
+"""Keys of the scores."""
 _KEYS = "policies", "scores", "baseline", "breaking_points", "versions", "episodes", "seed"
 
 
 def read_results(path: Path) -> dict[str, Any]:
-    """A results.json with NaN for null. Raises UsageError where it is none, unfinished or without scores."""
+    """Read a results.json, with NaN for null.
+
+    Raises:
+        UsageError: The file is missing, damaged, unfinished, or without scores.
+    """
     if not path.exists():
         raise UsageError(f"there is no {path}; `python -m evaluate --out {path.parent}` makes it")
     try:
@@ -68,17 +75,17 @@ def read_results(path: Path) -> dict[str, Any]:
 
 
 def scores_of(found: dict[str, Any], kind: str = "scores") -> list[Score]:
-    """Scores of the policies, the highest first; `hardware_scores` are those with the hardware profile, if any."""
+    """Return the scores in `found` under the key `kind`, the highest first; empty without any."""
     return [Score(**each) for each in found.get(kind, ())]
 
 
 def scenarios_of(found: dict[str, Any]) -> list[str]:
-    """Names of the scenarios, in the order of the run."""
+    """Return the names of the scenarios, in the order of the run."""
     return list(dict.fromkeys(name for policy in found["policies"].values() for name in policy["scenarios"]))
 
 
 def made_by(found: dict[str, Any]) -> str:
-    """The command that makes these figures, without options at their defaults, and the versions that it ran with."""
+    """Return the command of these results, without options at their defaults, and the versions."""
     provenance, versions, scenarios = found.get("provenance", {}), found["versions"], scenarios_of(found)
     battery = next((name for name in BATTERIES if [one.name for one in resolve((name,))] == scenarios), None)
     only_on = provenance.get("only_on", {})
@@ -95,13 +102,9 @@ def made_by(found: dict[str, Any]) -> str:
 
 
 def overview_lines(found: dict[str, Any]) -> list[str]:
-    """Return the table of scores and effort, one policy a row, and a sentence below it.
+    """Create a table of scores and effort, a row per policy, with its caption; in lines.
 
-    Args:
-        found: Results of an evaluation.
-
-    Returns:
-        Lines of Markdown. The sentence explains the columns and names policies that ran on flat ground alone.
+    The caption has the success on flat ground of policies without a score.
     """
     ideal, real = ({each.policy: share(each.score, each.ci) for each in scores_of(found, kind)} for kind in KINDS)
     place = cost_scenario(scenarios_of(found))
@@ -142,8 +145,10 @@ def _on_flat_ground(cells_by_policy: dict[str, Any]) -> str:
 
 
 def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
-    """Lines of the table of other robots: the score of each policy that all of them have, and below it, where it was
-    evaluated, that with the hardware profile."""
+    """Create the table of other robots: the score of each policy that all of them have.
+
+    A further row has the scores with the hardware profile, if it was evaluated.
+    """
     of_each = [{score.policy: score for score in scores_of(one)} for one in found]
     names, rows = [name for name in of_each[0] if all(name in each for each in of_each)], []
     for one, ideal, robot in zip(found, of_each, map(robot_of, found), strict=True):
@@ -156,7 +161,7 @@ def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def robot_of(found: dict[str, Any]) -> Robot:
-    """The robot that was evaluated. Raises UsageError where it is not to be had here."""
+    """Return the robot of the evaluation. Raises UsageError if it is not available here."""
     name = found.get("provenance", {}).get("hardware", {}).get("robot", HardwareConfig.robot)
     return parse_robot_option(name, "the results' robot").robot_model
 
@@ -164,8 +169,17 @@ def robot_of(found: dict[str, Any]) -> Robot:
 def score_table(
     of: Sequence[Score], baseline: str, display_names: Mapping[str, str] | None = None, real: Sequence[Score] = ()
 ) -> list[str]:
-    """Each policy's score and its difference from the baseline's, in Markdown, with the hardware profile on the right;
-    `called` has names to show instead."""
+    """Create the table of scores and differences from the baseline.
+
+    Args:
+        scores: Scores without the hardware profile.
+        baseline: Baseline of the differences.
+        display_names: Policy -> name to show instead.
+        hardware_scores: Scores with the hardware profile, for columns on the right.
+
+    Returns:
+        Lines of Markdown.
+    """
     found = {name: kind for name, kind in zip(SCORES, (of, real), strict=True) if kind}
     heads, rows = {"policy": "policy"}, {each.policy: dict[str, str]() for kind in found.values() for each in kind}
     for name, kind in found.items():
@@ -178,6 +192,7 @@ def score_table(
 
 
 def _score_cells(each: Score, baseline: str, name: str) -> dict[str, str]:
+    """Format a score and its difference."""
     shown = points_with(each.score, each.ci)
     difference = points_with(each.difference, each.difference_ci)
     score = f"{shown.value} [{shown.interval}{NO_BREAK}%]"
@@ -186,7 +201,10 @@ def _score_cells(each: Score, baseline: str, name: str) -> dict[str, str]:
 
 
 def draw_figures(found: dict[str, Any], picture: Path) -> None:
-    """Write the figures, PNGs: success of every policy on every axis; NAME_pareto.png, the front if there is one."""
+    """Draw the figures of `found`: success of every policy on every axis as a PNG `picture`.
+
+    The Pareto front, if any, goes to NAME_pareto.png.
+    """
     front = found.get("pareto", {"front": ()})
     with drawing.plot_settings():
         write_atomically(
@@ -199,14 +217,13 @@ def draw_figures(found: dict[str, Any], picture: Path) -> None:
 
 
 def picture_links(found: dict[str, Any], where: str) -> str:
-    """The figures in Markdown, without the front where there is none; `where` is the place of the first, seen from the
-    page."""
+    """Return links to the figures of `found` in Markdown; `where` is the path of the first from the page."""
     front = f" ![{pareto.ALT}]({where.removesuffix('.png')}_pareto.png)" if found.get("pareto", {}).get("front") else ""
     return f"![{ALT}]({where}){front}"
 
 
 def figure_to_png(figure: "Figure") -> bytes:
-    """A figure on white, as a PNG."""
+    """Encode a figure on white as a PNG."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=160, facecolor="white", metadata={"Software": None})
     return buffer.getvalue()

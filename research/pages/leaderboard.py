@@ -1,6 +1,6 @@
-"""The leaderboard of a robot: `python -m research leaderboard LIST` evaluates the policies and writes their page.
+"""Leaderboard of a robot: `python -m research leaderboard LIST` evaluates its policies.
 
-Each policy has an evaluation of its own, an ordinary one; one that is finished is not run again.
+Each policy has its own, ordinary evaluation; a finished one is not run again. The command writes their page.
 """
 
 import re
@@ -56,7 +56,7 @@ class LeaderboardOptions:
 
 
 def main(options: LeaderboardOptions) -> int:
-    """Evaluate and write; the exit code. Raises UsageError."""
+    """Evaluate, write, and return the exit code. Raises UsageError."""
     leaderboard_policies = policy_list.read_list(options.list)
     if options.reference not in (None, *leaderboard_policies.names):
         raise UsageError(
@@ -85,7 +85,7 @@ def main(options: LeaderboardOptions) -> int:
 
 
 def _made_by(options: LeaderboardOptions, results: Results) -> str:
-    """The command and the versions."""
+    """Return the command and the versions."""
     words, usual = ["python -m research leaderboard", options.list.as_posix()], LeaderboardOptions(options.list)
     for name in ("reference", "scenarios", "episodes"):
         if (value := getattr(options, name)) != getattr(usual, name):
@@ -94,7 +94,7 @@ def _made_by(options: LeaderboardOptions, results: Results) -> str:
 
 
 def _plan(name: str, policy: str, leaderboard_policies: PolicyList, options: LeaderboardOptions) -> Plan:
-    """The evaluation of one policy, checked; one that was begun is carried on. Raises UsageError."""
+    """Create the checked evaluation plan of one policy; a started one is resumed. Raises UsageError."""
     out = options.runs / options.list.stem / re.sub(r"[^\w.-]+", "_", name)
     same = {each: getattr(options, each) for each in ("trust", "scenarios", "episodes", "threads")}
     begun, servo = (out / manifest.NAME).is_file(), ""
@@ -110,7 +110,7 @@ def _plan(name: str, policy: str, leaderboard_policies: PolicyList, options: Lea
 
 
 def _run(plan: Plan) -> Run:
-    """The finished evaluation. Raises UsageError, and after Ctrl-C a KeyboardInterrupt."""
+    """Return the finished evaluation. Raises UsageError, and KeyboardInterrupt after Ctrl-C."""
     out = plan.options.out
     if not plan.options.resume or not read_run(out).complete:
         execute(plan, lambda *_: None)
@@ -118,7 +118,7 @@ def _run(plan: Plan) -> Run:
 
 
 def _results(runs: Mapping[str, Run], ours: Sequence[str], reference: str | None) -> Results:
-    """All of them compared with the reference, by default with the best of ours."""
+    """Compare all policies with the reference, by default the best one of this project."""
     made = next(iter(runs.values())).manifest
     cells = [replace(cell, policy=name) for name, run in runs.items() for cell in run.cells]
     compared = partial(analyse, cells, seed=made.seed, episodes=made.episodes, complete=True)

@@ -1,4 +1,4 @@
-"""A leaderboard as a page in Markdown: policies by their mean success, each scenario's figures, and the sources."""
+"""Page of a leaderboard in Markdown: policies by mean success, figures by scenario, and sources."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -20,12 +20,12 @@ from research.pages.markdown import IN_A_LINE, table
 from research.pages.policy_list import PolicyList
 
 COMPARED = SUCCESS_RATE, "velocity_error"
-"""Metrics whose differences from the reference are shown."""
+"""Metrics with a difference from the reference."""
 COST = "cost_of_transport"
 
 
 def mean_success(results: Results) -> dict[str, float]:
-    """Policy -> mean success over the scenarios, the highest first."""
+    """Return policy -> mean success over the scenarios, the highest first."""
     rates = {
         policy: float(np.mean([s.success_rate for (_, of), s in results.summaries.items() if of == policy]))
         for policy in results.policies
@@ -34,7 +34,17 @@ def mean_success(results: Results) -> dict[str, float]:
 
 
 def render_page(results: Results, listed: PolicyList, robots: Mapping[str, Robot], made_by: str) -> str:
-    """The page; `robots` are the policies' own, with the servo gains that they command."""
+    """Render the page.
+
+    Args:
+        results: Results of all policies.
+        policy_list: List of the policies.
+        robots: Policy -> its robot, with the servo gains that it commands.
+        made_by: Command and versions.
+
+    Returns:
+        Markdown.
+    """
     robot = next(iter(robots.values()))
     order = list(mean_success(results))
     lines = [
@@ -59,7 +69,7 @@ def render_page(results: Results, listed: PolicyList, robots: Mapping[str, Robot
 
 
 def _overview(results: Results, robots: Mapping[str, Robot], order: Sequence[str]) -> Iterator[str]:
-    """Servo gains, success on every scenario, and effort at a steady speed, over the commands or on the first."""
+    """Render servo gains, success on every scenario, and effort."""
     scores = {score.policy: share(score.score, score.ci) for score in results.scores}
     place = cost_scenario(results.scenarios) or results.scenarios[0]
     found = results.summaries
@@ -77,13 +87,13 @@ def _overview(results: Results, robots: Mapping[str, Robot], order: Sequence[str
 
 
 def format_gains(robot: Robot) -> str:
-    """Stiffness and damping of a robot's servos, the distinct ones in the order of its joints: `20, 40; 1, 2`."""
+    """Format the distinct stiffnesses and dampings of a robot's servos by joint: `20, 40; 1, 2`."""
     each = (np.ravel(values) for values in (robot.servo_stiffness, robot.servo_damping))
     return "; ".join(", ".join(dict.fromkeys(f"{value:.4g}" for value in values)) for values in each)
 
 
 def _scenario(results: Results, scenario: str, order: Sequence[str]) -> Iterator[str]:
-    """Figures and differences of every policy on a scenario."""
+    """Render figures and differences of every policy on a scenario."""
     cells = {cell.policy: cell for cell in results.cells if cell.scenario.name == scenario}
     wanted = scenario, results.baseline
     differences = {(each.a, each.metric): each for each in results.comparisons if (each.scenario, each.b) == wanted}
@@ -101,7 +111,7 @@ def _scenario(results: Results, scenario: str, order: Sequence[str]) -> Iterator
 
 
 def _difference(of: Comparison | None) -> str:
-    """Format a difference with its interval, and success with its corrected test; a dash for the reference itself."""
+    """Format a difference with its interval, for success with its test; for the reference a dash."""
     if of is None:
         return ABSENT
     if of.metric != SUCCESS_RATE:
@@ -111,7 +121,7 @@ def _difference(of: Comparison | None) -> str:
 
 
 def _sources(listed: PolicyList) -> Iterator[str]:
-    """Where the files of the published policies are from."""
+    """Render the sources of the published policies' files."""
     rows = [
         {ROW_LABEL: each.name, "file": f"[{path}]({each.url(path)})", "sha256": f"`{sha256}`"}
         for each in listed.published

@@ -7,10 +7,18 @@ from evaluate.measures.catalogue import BY_NAME
 from evaluate.report.headings import TITLES
 
 IN_A_LINE = {each: TITLES[each] + (f", {BY_NAME[each].unit}" if each in ERRORS else "") for each in METRICS}
-"""Heading of each metric."""
+"""Metric -> heading with its unit."""
 
 
 def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]]) -> str:
-    """Headings, and the cells of each row, by column; the first column to the left."""
+    """Format a table.
+
+    Args:
+        heads: Column -> heading; the first column is left-aligned.
+        rows: Rows, each column -> cell.
+
+    Returns:
+        Markdown.
+    """
     first, *rest = (f"| {' | '.join(row[column] for column in heads)} |" for row in (heads, *rows))
     return "\n".join([first, f"|---|{'---:|' * (len(heads) - 1)}", *rest])

@@ -1,4 +1,4 @@
-"""Places that commands write into: a PNG, and in Markdown what is between `<!-- NAME -->` and `<!-- /NAME -->`."""
+"""Blocks of Markdown files that commands write: lines between `<!-- NAME -->` and `<!-- /NAME -->`."""
 
 from pathlib import Path
 
@@ -7,11 +7,23 @@ from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
 
 RESULTS = "results"
-"""Name of a file's first place."""
+"""Name of the first block of a file."""
 
 
 def insert_block(text: str, lines: list[str], marker: str = RESULTS) -> str:
-    """The text with the lines between the markers of that place. Raises UsageError where it has none."""
+    """Insert lines between the markers of a block.
+
+    Args:
+        text: Markdown.
+        lines: Lines of the block.
+        marker: Name of the block.
+
+    Returns:
+        The text with the block.
+
+    Raises:
+        UsageError: The text lacks the block.
+    """
     begin, end = f"<!-- {marker} -->", f"<!-- /{marker} -->"
     if begin not in text or end not in text:
         raise UsageError(f"no {begin} and {end} in the file that is to hold the results")
@@ -21,7 +33,18 @@ def insert_block(text: str, lines: list[str], marker: str = RESULTS) -> str:
 
 
 def read_page(page: Path, *places: str) -> str:
-    """Text of the page. Raises UsageError where it cannot be read or lacks one of the places."""
+    """Read a page.
+
+    Args:
+        page: File.
+        *places: Names of the blocks that it must have.
+
+    Returns:
+        Its text.
+
+    Raises:
+        UsageError: The file is unreadable, or lacks a block.
+    """
     try:
         text = read_bytes(page).decode()
     except (OSError, UnicodeError) as error:
@@ -32,6 +55,6 @@ def read_page(page: Path, *places: str) -> str:
 
 
 def write_block(page: Path | None, lines: list[str], marker: str = RESULTS) -> None:
-    """Write the lines into that place of the page, if there is one."""
+    """Write the `lines` into the block `marker` of the `page`, if there is a page."""
     if page is not None:
         write_atomically(page, insert_block(read_page(page), lines, marker).encode())

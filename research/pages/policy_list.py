@@ -1,6 +1,7 @@
-"""A list of policies to compare, a TOML file such as docs/leaderboard/go1.toml: ours by name, others by their files.
+"""List of policies to compare, a TOML file: own policies by name, published ones by their files.
 
-A file of another project is looked for as a clone of its repository has it: FOLDER/OWNER/REPOSITORY/PATH.
+An example is docs/leaderboard/go1.toml. A file of another project is looked for at FOLDER/OWNER/REPOSITORY/PATH, its
+place in a clone of its repository.
 """
 
 import hashlib
@@ -23,9 +24,9 @@ from quad_env.files.writing import write_atomically
 
 _SOURCE, _SHA256 = re.compile(r"https://[\w.-]+(/[\w-][\w.-]*){2}"), re.compile("[0-9a-f]{64}")
 _OUTSIDE = re.compile(r"[\\:]|^/|(^|/)\.\.(/|$)")
-"""In a path that may leave its folder."""
+"""Matches a path that may leave its folder."""
 _DOWNLOAD_TIMEOUT = 60.0
-"""For a server to answer, s."""
+"""s. Timeout of a download."""
 
 
 @dataclass(frozen=True)
@@ -38,38 +39,40 @@ class PublishedPolicy:
     revision: str
     """Commit."""
     policy: str
-    """The one of `files` that says what it is, or a description in the list's folder, to be put next to the first."""
+    """The one of `files` that describes it, or a description in the list's folder, which is copied next to the first
+    file."""
     files: Mapping[str, str]
     """Path in the repository -> SHA-256."""
 
     def url(self, path: str) -> str:
-        """Address of a file at the revision, on GitHub or on Hugging Face."""
+        """Return the address of a file at the revision, on GitHub or on Hugging Face."""
         raw = "resolve" if self.source.startswith("https://huggingface.co/") else "raw"
         return f"{self.source}/{raw}/{self.revision}/{urllib.parse.quote(path)}"
 
     def place(self, folder: Path, path: str) -> Path:
-        """Place of a file on this machine."""
+        """Return the place of the file `path` inside a `folder` of this machine."""
         return folder.joinpath(*PurePosixPath(self.source).parts[-2:], path)
 
 
 @dataclass(frozen=True)
 class PolicyList:
-    """Policies for one robot."""
+    """Policies for one robot, made by `read_list`."""
 
     robot: str
-    """As `--robot` takes it."""
+    """Robot, as `--robot` takes it."""
     ours: Sequence[str]
-    """As `--policies` takes them, also with servo gains of `--servo`, such as "trot at 35/0.5"."""
+    """Own policies as `--policies` takes them, also with servo gains of `--servo`: "trot at 35/0.5"."""
     published: tuple[PublishedPolicy, ...] = ()
+    """Policies of other projects."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the policies are called, ours first."""
+        """Names of the policies, own ones first."""
         return (*self.ours, *(each.name for each in self.published))
 
 
 def read_list(path: Path) -> PolicyList:
-    """The list in a file. Raises UsageError, one line."""
+    """Read the list in a file. Raises UsageError, one line."""
     try:
         found = tomllib.loads(read_bytes(path).decode())
         published = tuple(PublishedPolicy(**each) for each in found.pop("published", ()))
@@ -84,7 +87,7 @@ def read_list(path: Path) -> PolicyList:
 
 
 def _check(listed: PolicyList) -> None:
-    """ValueError for what could name no file, or two policies alike."""
+    """Raise ValueError for a path that could leave its folder, or for two policies of one name."""
     if not listed.names or len(set(listed.names)) < len(listed.names):
         raise ValueError("it names no policy, or one twice")
     for each in listed.published:
@@ -95,9 +98,19 @@ def _check(listed: PolicyList) -> None:
 
 
 def resolve_references(listed: PolicyList, file: Path, folder: Path, *, fetch: bool = False) -> dict[str, str]:
-    """Name -> what `--policies` takes, of the list in `file` and others' files in `folder`, whose hashes are checked.
+    """Find the files of all policies and check their hashes.
 
-    Files that are not there are fetched, or named on stderr. Raises UsageError, one line.
+    Args:
+        policy_list: List of policies.
+        file: File of the list.
+        folder: Folder of the published policies' files.
+        fetch: Whether to download missing files; otherwise they are named on stderr.
+
+    Returns:
+        Name -> policy as `--policies` takes it.
+
+    Raises:
+        UsageError: A file is missing or has another hash.
     """
     missing = [line for each in listed.published for line in _missing(each, folder, fetch=fetch)]
     for line in missing:
@@ -110,7 +123,7 @@ def resolve_references(listed: PolicyList, file: Path, folder: Path, *, fetch: b
 
 
 def _missing(published: PublishedPolicy, folder: Path, *, fetch: bool) -> Iterator[str]:
-    """A line for each file that is not there. Raises UsageError for one that is another."""
+    """Yield a line for each missing file. Raises UsageError for a wrong file."""
     for path, sha256 in published.files.items():
         place, url = published.place(folder, path), published.url(path)
         there = place.exists()
@@ -130,7 +143,7 @@ def _missing(published: PublishedPolicy, folder: Path, *, fetch: bool) -> Iterat
 
 
 def _fetched(url: str) -> bytes:
-    """What the address holds; OSError where that is too much."""
+    """Download an address; OSError if the content is too large."""
     with urllib.request.urlopen(url, timeout=_DOWNLOAD_TIMEOUT) as reply:
         content: bytes = reply.read(MAX_TEXT_SIZE + 1)
     if len(content) > MAX_TEXT_SIZE:
@@ -139,7 +152,7 @@ def _fetched(url: str) -> bytes:
 
 
 def _described(published: PublishedPolicy, lists: Path, folder: Path) -> Path:
-    """The file that says what the policy is."""
+    """Return the file that describes the policy."""
     if published.policy in published.files:
         return published.place(folder, published.policy)
     place = published.place(folder, next(iter(published.files))).with_name(Path(published.policy).name)

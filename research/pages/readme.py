@@ -1,4 +1,4 @@
-"""The README's results: `python -m research readme RESULTS_JSON` writes scores and effort.
+"""Results in the README: `python -m research readme RESULTS_JSON` writes scores and effort.
 
 With `--robots` it writes the table of other robots too. `python -m research results` draws the figures.
 """
@@ -15,7 +15,7 @@ from research.pages import evaluations
 from research.pages.places import insert_block, read_page
 
 ROBOTS = "robots"
-"""Name of the place for the table of other robots."""
+"""Name of the block for the table of other robots."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class ReadmeOptions:
 
 
 def main(options: ReadmeOptions) -> int:
-    """Write the README; the exit code. Raises UsageError."""
+    """Write the README and return the exit code. Raises UsageError."""
     text, found = read_page(options.readme), evaluations.read_results(options.results)
     others = [evaluations.read_results(path) for path in options.robots]
     lines = [*evaluations.overview_lines(found), ""]

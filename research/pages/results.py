@@ -25,7 +25,7 @@ TABLES = {
     "_hardware_scores": "scores with the robot's hardware profile",
     "_breaking_points": "severities at which half of the episodes fail",
 }
-"""Ending of each file's name -> what the file holds."""
+"""End of a file's name -> its content."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class ResultsOptions:
 
 
 def main(options: ResultsOptions) -> int:
-    """Write the files and pages; the exit code. Raises UsageError."""
+    """Write the files and pages, and return the exit code. Raises UsageError."""
     names = [folder.resolve().name for folder in options.folders]
     if not names or len(set(names)) < len(names):
         raise UsageError("name at least one folder, and no two that are called alike")
@@ -66,7 +66,7 @@ def main(options: ResultsOptions) -> int:
 
 
 def csv_tables(found: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
-    """Rows of each CSV file, by the ending of its name."""
+    """Return the rows of each CSV file, by the end of its name."""
     return {
         "": [
             {"scenario": scenario, "policy": policy, **flatten_entry(cell.get("effort", {})), **flatten_entry(cell)}
@@ -82,7 +82,16 @@ def csv_tables(found: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
 
 
 def markdown_lines(name: str, found: dict[str, Any], folder: str) -> list[str]:
-    """What a page shows of an evaluation; `folder` is that of the files, seen from the page."""
+    """Create the text of a page on an evaluation.
+
+    Args:
+        name: Name of the evaluation.
+        found: Its results.
+        folder: Path of the files from the page.
+
+    Returns:
+        Lines of Markdown.
+    """
     scores, real = (evaluations.scores_of(found, kind) for kind in ("scores", evaluations.HARDWARE_SCORES))
     of = csv_tables(found)
     files = (f"[{words}]({folder}/{name}{ending}.csv)" for ending, words in TABLES.items() if of[ending])

@@ -1,4 +1,4 @@
-"""Two runs of the same episodes in two simulators: `python -m research simulators A B` writes their table."""
+"""Comparison of two simulators on the same episodes: `python -m research simulators A B`."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,9 @@ from research.pages.markdown import table
 from research.pages.places import write_block
 
 PLACE = "simulators"
+"""Name of the table's block in the page."""
 ERROR = "mean_velocity_error"
+"""Compared error."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class SimulatorsOptions:
 
 
 def main(options: SimulatorsOptions) -> int:
-    """Print and write the table; the exit code. Raises UsageError."""
+    """Print and write the table, and return the exit code. Raises UsageError."""
     a, b = read_rows(options.a), read_rows(options.b)
     names = [manifest.hardware.simulator for manifest, _ in (a, b)]
     rows = list(_rows(a, b))
@@ -53,7 +55,7 @@ def main(options: SimulatorsOptions) -> int:
 
 
 def _rows(a: StoredRun, b: StoredRun) -> Iterator[dict[str, str | float | int]]:
-    """The figures of each cell that both have, of their common episodes."""
+    """Yield the figures of each cell that both runs have, on their common episodes."""
     for match in match_runs([(policy, policy) for policy in a[0].policies], a, b):
         of = {each.metric: (each.a, each.b) for each in match.contrasts}
         error = next(each for each in match.contrasts if each.metric == ERROR)

@@ -1,1 +1,1 @@
-"""Whether intervals and tests err as often as they say."""
+"""Calibration of intervals and tests."""

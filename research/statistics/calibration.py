@@ -1,7 +1,7 @@
-"""`python -m research calibration`: error rates of the intervals and tests, and of runs until settled, on made-up data.
+"""`python -m research calibration`: error rates of the intervals and tests on synthetic data.
 
-A row repeats one interval or test on many data sets whose truth is known, and counts how often the interval holds the
-truth, or how often the test claims a difference that is not there.
+Runs until settled are included. A row repeats one interval or test on many data sets with a known truth. It counts how
+often the interval holds the truth, or how often the test claims a false difference.
 """
 
 from dataclasses import dataclass
@@ -23,9 +23,9 @@ LIMITS = {
     "fall_probabilities": (0.001, 0.999),
     "seed": (0, 2**31),
 }
-"""Smallest and largest value of each number of the options."""
+"""Option -> its smallest and largest value."""
 PLACE = "settled"
-"""Of the table in the page."""
+"""Name of the table's block in the page."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class CalibrationOptions:
 
 
 def main(options: CalibrationOptions) -> int:
-    """Repeat and print; the exit code."""
+    """Repeat, print, and return the exit code. Raises UsageError."""
     if not options.episodes or not options.fall_probabilities:
         raise UsageError("--episodes and --fall-probabilities must each have at least one value")
     check_numbers(options, LIMITS)
@@ -71,7 +71,7 @@ def main(options: CalibrationOptions) -> int:
 
 
 def _run(rows: list[CalibrationCheck], options: CalibrationOptions) -> None:
-    """A line a row, as it is done."""
+    """Print each row as soon as it is complete."""
     standard_error, outside = 100.0 * np.sqrt(0.05 * 0.95 / options.sets), 0
     print(f"share of {options.sets} data sets, %; its standard error is {standard_error:.1f}")
     head = "interval holds the truth, or test claims a difference"

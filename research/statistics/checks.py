@@ -1,4 +1,4 @@
-"""Checks of intervals and tests: what is done with one made-up data set, and how often the outcome should be yes."""
+"""Checks of intervals and tests on synthetic data sets, with the expected rate of positive results."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -19,18 +19,22 @@ from evaluate.statistics.significance import mcnemar, sign_flip_test
 from research.statistics.synthetic import FallCurve, SyntheticAxis, SyntheticEpisodes, make_episodes, mean_error
 
 COVERAGE_BOUNDS = (0.93, 0.97)
-"""Bounds of the share of 95 % intervals that hold the truth."""
+"""Bounds of the proportion of 95 % intervals that hold the truth."""
 TYPE_I_ERROR_BOUNDS = (0.04, 0.06)
-"""Bounds of the share of tests that are significant where there is no difference."""
+"""Bounds of the proportion of significant tests without a difference."""
 DISCRETE_TEST_BOUNDS = (0.0, 0.06)
-"""The same of tests of a count, whose p-value can jump past 5 %: exact ones stay below it."""
+"""Bounds of the proportion of significant tests of counts. Their p-value can jump past 5 %; exact tests stay
+below it."""
 FALL_RATIO = 0.8
-"""Fall probability of the second policy, over the first's."""
+"""Fall probability of the second policy over that of the first."""
 MIN_COVERAGE_BOUNDS = (0.93, 1.0)
-"""Bounds of the share of 95 % intervals that may hold the truth more often."""
+"""Bounds of the proportion of 95 % intervals that may hold the truth more often."""
 PUSHES = (20.0, 35.0, 50.0, 65.0, 80.0, 100.0)
+"""Severities of an axis of pushes, N·s."""
 HALF = (FallCurve(0.495, 25.0, 20.0), FallCurve(0.01, 49.5, 90.0), FallCurve(0.495, 60.0, 60.0))
+"""Curves with exactly one half at a level."""
 STRETCH = (FallCurve(0.45, 30.0, 12.0), FallCurve(0.55, 75.0, 12.0))
+"""Curves with a flat stretch below one half."""
 AXES = {
     "": SyntheticAxis(PUSHES, (FallCurve(1.0, 55.0, 4.0),)),
     ", a sixth falls anyway": SyntheticAxis(PUSHES, (FallCurve(1 / 6, 0.0), FallCurve(5 / 6, 55.0, 6.0))),
@@ -41,29 +45,30 @@ AXES = {
     ", an edge": SyntheticAxis(PUSHES, (FallCurve(0.1, 0.0), FallCurve(0.8, 57.0, 100.0), FallCurve(0.1, np.inf))),
     ", two fifths never fall": SyntheticAxis(PUSHES, (FallCurve(0.6, 45.0, 6.0), FallCurve(0.4, np.inf))),
 }
-"""Logistic curves, and shapes that no model has."""
+"""Suffix of a check -> axis: logistic curves, and shapes that no model has."""
 
 CheckFunction = Callable[[np.random.Generator], bool]
+"""Returns the result of an interval or test on one data set."""
 
 
 @dataclass(frozen=True)
 class CalibrationCheck:
-    """A yes or no asked of many data sets."""
+    """An interval or test that is repeated on many data sets."""
 
     name: str
     count: int
-    """Episodes of a data set."""
+    """Number of episodes of a data set."""
     fall_probability: float
-    """NaN where it has none of its own."""
+    """Fall probability of the first policy; NaN if it has none."""
     outcome: CheckFunction
     bounds: Interval
-    """Bounds of the share of yes."""
+    """Bounds of the rate of positive results."""
     expected: float = 0.95
-    """Share of yes if all is well; NaN where it is not known."""
+    """Expected rate of positive results; NaN if unknown."""
 
 
 def coverage_checks(count: int, fall_probability: float) -> Iterator[CalibrationCheck]:
-    """Does the interval hold the truth?"""
+    """Yield the checks of coverage, for `count` episodes at a `fall_probability`."""
     rules: dict[str, CheckFunction] = {
         "Wilson, falls": partial(_fall_rate, count, fall_probability),
         "BCa bootstrap, mean error": partial(_mean, count, fall_probability),
@@ -75,14 +80,14 @@ def coverage_checks(count: int, fall_probability: float) -> Iterator[Calibration
 
 
 def breaking_checks(count: int) -> Iterator[CalibrationCheck]:
-    """Does the interval hold the true breaking point?"""
+    """Yield the checks of the coverage of breaking points, for that number of episodes."""
     for name, axis in AXES.items():
         outcome = partial(_breaking_point, count, axis)
         yield CalibrationCheck(f"breaking point{name}", count, np.nan, outcome, MIN_COVERAGE_BOUNDS, np.nan)
 
 
 def null_checks(count: int, fall_probability: float) -> Iterator[CalibrationCheck]:
-    """Is a difference claimed where there is none?"""
+    """Yield the checks of tests without a difference, for `count` episodes at a `fall_probability`."""
     rules: dict[str, tuple[CheckFunction, Interval, float]] = {
         "sign flips, exchangeable pairs": (
             partial(_sign_flip, count, fall_probability),
@@ -101,7 +106,16 @@ def null_checks(count: int, fall_probability: float) -> Iterator[CalibrationChec
 
 
 def rejection_rate(check: CalibrationCheck, sets: int, seed: int) -> float:
-    """Over that many data sets, each of a generator of its own."""
+    """Compute the rate of positive results of a check.
+
+    Args:
+        check: Interval or test.
+        sets: Number of data sets, each with its own generator.
+        seed: Seed of the data sets.
+
+    Returns:
+        The rate, 0 … 1.
+    """
     return float(np.mean([check.outcome(np.random.default_rng([seed, number])) for number in range(sets)]))
 
 
@@ -112,7 +126,7 @@ def _within(interval: Interval, truth: float) -> bool:
 def _make_episodes(
     generator: np.random.Generator, count: int, fall_probability: float, *easier: float
 ) -> SyntheticEpisodes:
-    """Of a policy with that fall probability, and of others with those shares of it."""
+    """Create the episodes of a policy with that fall probability, and of others with a ratio to it."""
     return make_episodes(generator, (fall_probability, *(each * fall_probability for each in easier)), count)
 
 
@@ -152,7 +166,11 @@ def _mcnemar(count: int, fall_probability: float, generator: np.random.Generator
 
 
 def _randomized_mcnemar(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    """A lot decides how much of the chance of the very outcome that was seen counts: exact at every level."""
+    """Return whether a randomised McNemar test is significant.
+
+    A random draw decides the part of the probability of the observed outcome that counts, so that the test is exact at
+    every level.
+    """
     a, b = _make_episodes(generator, count, fall_probability, 1.0).fell
     rarer, discordant = sorted((int((a & ~b).sum()), int((b & ~a).sum())))[0], int((a ^ b).sum())
     p_value = _mcnemar_p_value(rarer, discordant)
@@ -162,13 +180,21 @@ def _randomized_mcnemar(count: int, fall_probability: float, generator: np.rando
 
 @cache
 def _mcnemar_p_value(only_a: int, discordant: int) -> float:
-    """Of so many pairs that disagree, in so many of which a alone fell."""
+    """Return the p-value for a number of discordant pairs, and the number of them in which a alone fell."""
     pairs = np.arange(discordant) < only_a
     return mcnemar(pairs, ~pairs)
 
 
 def all_checks(counts: Sequence[int], fall_probabilities: Sequence[float]) -> Iterator[CalibrationCheck]:
-    """Every check on made-up data."""
+    """Yield every check.
+
+    Args:
+        counts: Numbers of episodes.
+        fall_probabilities: Fall probabilities of the first policy.
+
+    Yields:
+        The checks.
+    """
     for count in counts:
         for rules in (coverage_checks, null_checks):
             for fall_probability in fall_probabilities:

@@ -1,4 +1,4 @@
-"""Runs until settled on made-up batteries whose true scores are known: wrong claims, and their episodes."""
+"""Runs until settled on synthetic batteries with known scores: false claims, and numbers of episodes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,31 +15,42 @@ from quad_env.cli.format import number
 from research.pages import markdown
 
 MAX_EPISODES = 96
-"""Most episodes."""
+"""Maximum number of episodes of a run."""
 SHARES = {"episode": 0.02, "scenario": 0.4, "policy": 0.01, "own": 0.57}
-"""Of the variance of an outcome's luck: common to an episode, to it on a scenario, to it with a policy."""
+"""Source of variance of an outcome -> its share: the episode, the episode on a scenario, the episode with a policy, and
+the rest."""
 EASIEST_SUCCESS, HARDEST_SUCCESS = 0.9, 0.05
-"""Success of the worst policy on the easiest scenario and on the hardest, evenly spread in between."""
+"""Success of the worst policy on the hardest scenario."""
 FIXED_PLANS = tuple(range(4, MAX_EPISODES + 1, 2))
-"""Numbers of episodes of the fixed plans."""
+"""Numbers of episodes of the plans of fixed size."""
 
 
 @dataclass(frozen=True)
 class Battery:
-    """Policies on so many scenarios, and their true scores, in points more than the worst has."""
+    """Policies with known scores on a number of scenarios."""
 
     points: tuple[float, ...]
+    """Score of each policy above the worst one, % points."""
     scenarios: int
+    """Number of scenarios."""
 
     @property
     def name(self) -> str:
-        """What the battery is, in words."""
+        """Description of the battery."""
         apart = [high - low for low, high in pairwise(sorted(set(self.points)))]
         alike = "alike" if not apart else f"{'in pairs ' if 0 in np.diff(self.points) else ''}{apart[0]:g} points apart"
         return f"settled: {len(self.points)} policies {alike}, {self.scenarios} scenarios"
 
     def values(self, generator: np.random.Generator, count: int = MAX_EPISODES) -> dict[str, Floats]:
-        """Share of the scenarios that each policy succeeds on in each episode, (count,), by its number as its name."""
+        """Draw the success of each policy in each episode.
+
+        Args:
+            generator: Random generator.
+            count: Number of episodes.
+
+        Returns:
+            Index of the policy, as text -> proportion of the scenarios on which it succeeds, (count,).
+        """
         from scipy.special import ndtri
 
         policies, scenarios = len(self.points), self.scenarios
@@ -54,24 +65,25 @@ BATTERIES = tuple(
     for points in ((0, 0), (0, 5), (0, 0, 0, 0, 0, 0), (0, 0, 5, 5, 10, 10))
     for scenarios in (4, 12, 51)
 )
-"""Two policies and six, alike and 5 points apart; from a quick battery to the default one."""
+"""Two and six policies, equal and 5 points apart, from a quick battery to the default one."""
 
 
 @dataclass(frozen=True)
 class SequentialRunResult:
-    """A run until settled."""
+    """Result of a run until settled, made by `simulate_run`."""
 
     episodes: int
+    """Number of episodes."""
     has_false_claim: bool
-    """Whether it claims a difference of two neighbours that are alike or the other way round."""
+    """True if it claims a difference of adjacent policies that are equal or in the opposite order."""
     has_found_all: bool
-    """Whether it distinguishes all neighbours that differ."""
+    """True if it distinguishes all adjacent policies that differ."""
     fixed: tuple[bool, ...]
-    """The same of plans with FIXED episodes."""
+    """Whether each plan of FIXED_PLANS distinguishes them."""
 
 
 def simulate_run(battery: Battery, generator: np.random.Generator) -> SequentialRunResult:
-    """One made-up run, looked at as `python -m evaluate --until settled` does."""
+    """Simulate a run of a `battery` with a `generator` and the looks of `evaluate --until settled`."""
     values = battery.values(generator)
     fixed = tuple(_found_by_fixed(battery, values, count) for count in FIXED_PLANS)
     for episodes in sequential.looks(MAX_EPISODES):
@@ -88,7 +100,7 @@ def simulate_run(battery: Battery, generator: np.random.Generator) -> Sequential
 
 
 def _found_by_fixed(battery: Battery, values: dict[str, Floats], count: int) -> bool:
-    """Whether paired t-tests after so many episodes, corrected for the neighbours, distinguish all that differ."""
+    """Return whether corrected paired t-tests after that number of episodes distinguish all that differ."""
     from scipy.special import stdtr
 
     order = sorted(values, key=lambda name: -values[name][:count].mean())
@@ -102,7 +114,16 @@ def _found_by_fixed(battery: Battery, values: dict[str, Floats], count: int) -> 
 
 
 def simulate_runs(battery: Battery, runs: int, seed: int) -> dict[str, float]:
-    """Shares of the runs, mean number of episodes, and that of a fixed plan of the same power."""
+    """Simulate runs until settled and plans of fixed size.
+
+    Args:
+        battery: Policies and scenarios.
+        runs: Number of runs.
+        seed: Seed of the runs.
+
+    Returns:
+        Proportions of the runs, mean number of episodes, and the fixed plan with the same power.
+    """
     ended = [simulate_run(battery, np.random.default_rng([seed, number])) for number in range(runs)]
     power, episodes = np.mean([each.has_found_all for each in ended]), np.mean([each.episodes for each in ended])
     of_fixed = np.maximum.accumulate(np.mean([each.fixed for each in ended], axis=0))
@@ -117,7 +138,16 @@ def simulate_runs(battery: Battery, runs: int, seed: int) -> dict[str, float]:
 
 
 def markdown_table(batteries: Sequence[Battery], runs: int, seed: int) -> list[str]:
-    """A table in Markdown of the figures of these batteries."""
+    """Create the table of the figures of some batteries.
+
+    Args:
+        batteries: Batteries, a row each.
+        runs: Number of runs of each.
+        seed: Seed of the runs.
+
+    Returns:
+        Lines of Markdown.
+    """
     heads = {ROW_LABEL: f"{runs} runs each", "wrong": "wrong claims, %", "found": "all found, %"}
     heads |= {"episodes": "mean episodes", "most": f"fewer than {MAX_EPISODES}, %", "fixed": "fixed plan, episodes"}
     rows = []

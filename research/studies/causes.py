@@ -1,7 +1,8 @@
-"""Rules of causes against episodes made to fail, `python -m research causes`, and against a person's reading of films.
+"""Validation of the rules of causes: `python -m research causes`.
 
-With `--films FOLDER` strips of failures of a run are drawn; what the rules say of them is written to
-`key.csv` next to the folder, where a reader does not look. With `--reading FILE` the two are compared.
+The rules are compared with episodes made to fail, and with a person's reading of films. With `--films FOLDER` strips of
+failures of a run are drawn; the causes by the rules are written to `key.csv` next to the folder, where a reader does
+not look. With `--reading FILE` the two are compared.
 """
 
 import csv
@@ -52,7 +53,7 @@ class CausesOptions:
 
 
 def main(options: CausesOptions) -> int:
-    """Run the command; the exit code. Raises UsageError."""
+    """Run the command and return the exit code. Raises UsageError."""
     check_numbers(options, {"count": (1, 999)})
     if options.films is not None:
         return draw_strips(options, options.films)
@@ -69,7 +70,7 @@ def main(options: CausesOptions) -> int:
 
 
 def count_causes() -> Iterator[dict[str, Any]]:
-    """A row a cause: episodes made for it, how many have it by the rules, certain ones, and all that they have."""
+    """Yield a row per cause: the episodes made for it, and their causes by the rules."""
     for cause in CAUSES:
         runs = (case.run() for case in CASES if case.cause == cause)
         given = Counter(
@@ -82,7 +83,7 @@ def count_causes() -> Iterator[dict[str, Any]]:
 
 
 def diagnose_failures(episodes: Episodes) -> Iterator[tuple[EpisodeSignals, Verdict]]:
-    """Each failed episode, and why it failed."""
+    """Yield each failed episode with its cause."""
     measures = measure(episodes)
     for number in np.flatnonzero(measures.outcome != SUCCEEDED).tolist():
         assert episodes.scenario is not None
@@ -91,8 +92,17 @@ def diagnose_failures(episodes: Episodes) -> Iterator[tuple[EpisodeSignals, Verd
 
 
 def draw_strips(options: CausesOptions, folder: Path) -> int:
-    """Draw strips of failures of a run, of each policy and scenario one at most, two falls for one without; the exit
-    code. Raises UsageError."""
+    """Draw strips of failures of a run, at most one of each policy and scenario.
+
+    Two falls are drawn for each other failure. Raises UsageError for an unusable folder.
+
+    Args:
+        options: Options of the command.
+        folder: Folder for the strips.
+
+    Returns:
+        The exit code.
+    """
     make_writable_folder(folder)
     draw, key = np.random.default_rng(0), list[dict[str, Any]]()
     cells = [cell for cell in read_run(options.run).cells if cell.scenario.axis]
@@ -113,7 +123,18 @@ def draw_strips(options: CausesOptions, folder: Path) -> int:
 
 
 def compare_reading(options: CausesOptions, reading: Path) -> int:
-    """Write the confusion table of the rules and a person's reading; the exit code. Raises UsageError."""
+    """Write the confusion table of the rules and a person's reading.
+
+    Args:
+        options: Options of the command.
+        reading: CSV file of the reading.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        UsageError: The files do not fit together, or name an unknown cause.
+    """
     try:
         key, seen = (csv.DictReader(path.read_text(encoding="utf-8").splitlines()) for path in (options.key, reading))
         person = {row["film"]: row for row in seen}

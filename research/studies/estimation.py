@@ -1,14 +1,14 @@
 """Errors of estimated attitude and velocity: `python -m research estimation`.
 
-A trot walks on estimates at 0.5 to 1 m/s, in the same episodes with each estimator. One error is that of the estimate
-for the moment of the readings; the other is that of the observation, which is a control step later with sensors of that
-delay. Both are root mean squares over robots and control steps, after the first second and before a fall. With
-`--table pushes` robots on the hardware profile are pushed twice an episode, and errors are those of the time after.
+A trot walks on estimates at 0.5 to 1 m/s, in the same episodes with each estimator. One error is of the estimate for
+the time of the readings; the other is of the observation, which is a control step later with sensors of that delay.
+Both are root mean squares over robots and control steps, after the first second and before a fall. With `--table
+pushes` robots on the hardware profile are pushed twice an episode, and errors are for the time after.
 
 NEES is the normalised estimation error squared eᵀ P⁻¹ e of tilt (two entries) and velocity (three), where P is the
-estimator's covariance: 5 on average if the covariance is right. 95 % of the means over n runs lie in the band of
-χ² with 5 n degrees of freedom (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
-Navigation, 2001).
+estimator's covariance: 5 on average if the covariance is right. 95 % of the means over n runs lie in the band of χ²
+with 5 n degrees of freedom (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation,
+2001).
 """
 
 from collections import deque
@@ -42,17 +42,17 @@ from quad_env.sensing.suite import sensor_suite
 from research.pages.places import RESULTS, read_page, write_block
 
 SETTLING = 100
-"""Control steps from the start that do not count."""
+"""Number of control steps from the start that do not count."""
 NEES_DIMENSION = 5
-"""Of the error that NEES is of."""
+"""Number of entries of the error in NEES."""
 FORWARD, YAW_RATE = (0.5, 1.0), (-1.2, 1.2)
 """Commands, m/s and rad/s."""
 PUSHES = "pushes"
-"""Place on the page of the errors after pushes."""
+"""Name of the block in the page for the errors after pushes."""
 ROBOTS = ("simple_quad", "go1", "go2")
 """Robots that are pushed."""
 WINDOWS = ((-50, 0), (0, 10), (10, 20), (20, 30), (30, 50), (50, 100), (100, 200))
-"""Control steps from the start of a push to the start and to the end of a time over which errors are averaged."""
+"""Windows after the start of a push in which errors are averaged, control steps from and to."""
 _LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "threads": (1, 256)}
 
 
@@ -81,20 +81,20 @@ class EstimationOptions:
 
 
 class EstimationErrors(NamedTuple):
-    """Of one estimator in n episodes; entries after a fall are not a number."""
+    """Errors of one estimator in n episodes; entries after a fall are NaN."""
 
     tilt: Floats
-    """Roll and pitch of the moment of the readings, rad, (steps, n, 2)"""
+    """Roll and pitch at the time of the readings, rad, (steps, n, 2)."""
     velocity: Floats
-    """Of that moment, m/s, (steps, n, 3)"""
+    """Velocity at the time of the readings, m/s, (steps, n, 3)."""
     shown: Floats
-    """Velocity that the observation shows, m/s, (steps, n, 3)"""
+    """Velocity in the observation, m/s, (steps, n, 3)."""
     nees: Floats
-    """(steps, n); not a number where no covariance is claimed"""
+    """NEES, (steps, n); NaN without a covariance."""
 
 
 def main(options: EstimationOptions) -> int:
-    """Measure, print, and write the table; the exit code. Raises UsageError."""
+    """Measure, print, write the table, and return the exit code. Raises UsageError."""
     check_numbers(options, _LIMITS)
     try:
         check_hardware(HardwareConfig(sensors=options.sensors, estimator=ESTIMATORS[-1]))
@@ -114,7 +114,7 @@ def main(options: EstimationOptions) -> int:
 
 
 def walk_table(options: EstimationOptions) -> Iterator[str]:
-    """Lines of a Markdown table: a row a ground and estimator."""
+    """Yield the lines of a Markdown table: a row per ground and estimator."""
     columns = ("walk", "estimator", "velocity, m/s", "shown", "of it level", "roll, pitch, °", "NEES", "steps within")
     yield f"| {' | '.join(columns)} |"
     yield "|---" * len(columns) + "|"
@@ -132,7 +132,7 @@ def walk_table(options: EstimationOptions) -> Iterator[str]:
 
 
 def walk_scenarios(ground: int) -> dict[str, Scenario]:
-    """Scenarios by name; the rough ground is the field of that number."""
+    """Return name -> scenario; the rough ground is the field of that number."""
     ranges: dict[str, Any] = {"forward": FORWARD, "lateral": (0.0, 0.0), "yaw_rate": YAW_RATE, "zero_fraction": 0.0}
     named = map(SCENARIOS.__getitem__, ("flat", "rough"))
     flat, rough = (replace(each, commands=replace(each.commands, **ranges)) for each in named)
@@ -143,7 +143,10 @@ def walk_scenarios(ground: int) -> dict[str, Scenario]:
 
 
 def push_table(options: EstimationOptions) -> Iterator[str]:
-    """Lines of a Markdown table: a row a robot and estimator, velocity errors at the readings and as shown."""
+    """Yield the lines of a Markdown table of velocity errors: a row per robot and estimator.
+
+    Each cell has the error at the readings and the error in the observation.
+    """
     first, *later = WINDOWS
     times = [f"{-first[0] / 100:g} s before", *(f"{start / 100:g} to {end / 100:g} s" for start, end in later)]
     columns = ("robot", "estimator", *times)
@@ -162,9 +165,14 @@ def push_table(options: EstimationOptions) -> Iterator[str]:
 
 
 def error_after_push(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
-    """`norm` in each window after each push of errors from `SETTLING` on, (steps, n, 3), before a fall.
+    """Compute the RMS error in each window after each push.
 
-    `pushes`: control steps at which they begin, (n, k).
+    Args:
+        vectors: Errors from SETTLING on, (steps, n, 3); NaN after a fall.
+        pushes: Control steps at which the pushes begin, (n, k).
+
+    Returns:
+        The RMS of each window.
     """
     out = []
     for start, end in WINDOWS:
@@ -177,7 +185,16 @@ def error_after_push(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
 
 
 def estimate_errors(options: EstimationOptions, scenario: Scenario, estimator: str) -> EstimationErrors:
-    """Errors of that estimator in the walks of the options."""
+    """Measure the errors of an estimator.
+
+    Args:
+        options: Options of the command.
+        scenario: Scenario of the walks.
+        estimator: Name of the estimator.
+
+    Returns:
+        Errors in all episodes.
+    """
     watch = _observe_walks(options, scenario, HardwareConfig(sensors=options.sensors, estimator=estimator))
     return watch.errors(watch.falls.step)
 
@@ -185,7 +202,7 @@ def estimate_errors(options: EstimationOptions, scenario: Scenario, estimator: s
 def _observe_walks(
     options: EstimationOptions, scenario: Scenario, hardware: HardwareConfig
 ) -> "EstimationErrorObserver":
-    """The observer of the walks of the options."""
+    """Run the walks of the options and return their observer."""
     real = hardware.actuator != IDEAL.actuator
     policy, suite = hardware.policy(options.policy, on_hardware_profile=real), sensor_suite(hardware.sensors)
     assert suite is not None
@@ -198,12 +215,12 @@ def _observe_walks(
 
 
 def rms(vectors: Floats) -> float:
-    """Root of the mean squared length, (…, k)."""
+    """Return the root of the mean squared length of vectors, (…, k)."""
     return float(np.sqrt(np.nanmean((vectors**2).sum(axis=-1))))
 
 
 def nees_bounds(runs: int) -> tuple[float, float]:
-    """95 % of the means of NEES over so many runs lie between these."""
+    """Return the band in which 95 % of the means of NEES over that number of runs lie."""
     from scipy.stats import chi2
 
     low, high = chi2.ppf((0.025, 0.975), NEES_DIMENSION * runs) / runs
@@ -211,7 +228,7 @@ def nees_bounds(runs: int) -> tuple[float, float]:
 
 
 def consistency(nees: Floats) -> tuple[str, str]:
-    """Mean of NEES, (steps, n), over runs and steps, and the share of the steps whose mean over runs is in the band."""
+    """Format the mean of NEES, (steps, n), and the share of the steps with a mean within the band."""
     if np.isnan(nees).all():
         return ABSENT, ABSENT
     means, (low, high) = np.nanmean(nees, axis=1), nees_bounds(nees.shape[1])
@@ -219,7 +236,7 @@ def consistency(nees: Floats) -> tuple[str, str]:
 
 
 class EstimationErrorObserver:
-    """Observer of the errors of estimates that are `late` control steps old, and of the observation."""
+    """Observes the errors of estimates with a delay, and of the observation."""
 
     def __init__(self, late: int, falls: FallRecorder) -> None:
         self.falls = falls
@@ -246,7 +263,7 @@ class EstimationErrorObserver:
         self._rows.append((tilt, velocity_error, velocity - estimator.velocity, nees))
 
     def errors(self, fall_step: NDArray[np.int64]) -> EstimationErrors:
-        """The errors, without those after falls."""
+        """Return the errors, without those after falls."""
         found = EstimationErrors._make(np.array(column) for column in zip(*self._rows, strict=True))
         fallen = np.arange(SETTLING, SETTLING + len(found.nees))[:, None] >= fall_step
         for each in found:
@@ -255,15 +272,27 @@ class EstimationErrorObserver:
 
 
 def roll_pitch(gravity: Floats) -> Floats:
-    """Angles of unit vectors of gravity in the base frame, rad, (…, 3) to (…, 2): left side up, and nose down."""
+    """Compute roll and pitch of unit vectors of gravity in the base frame, rad, (…, 3) to (…, 2).
+
+    Positive are left side up, and nose down.
+    """
     frame = level_frame(np.moveaxis(gravity, -1, 0))
     return np.stack((frame.roll, frame.pitch), axis=-1)
 
 
 def normalized_error_squared(gravity: Floats, turned: Floats, velocity_error: Floats, covariance: Floats) -> Floats:
-    """NEES of errors of tilt, rad, and velocity, m/s, (n, 3) each, at estimates of gravity (n, 3); shape (n,).
+    """Compute the NEES of tilt and velocity.
 
     A rotation about gravity is no tilt; the two entries are along axes normal to gravity.
+
+    Args:
+        gravity: Estimated gravity, base frame, unit vectors, (n, 3).
+        tilt_error: Rotation from the estimated to the true gravity, rad, (n, 3).
+        velocity_error: True minus estimated velocity, m/s, (n, 3).
+        covariance: Covariance of the estimator's error state, (n, k, k).
+
+    Returns:
+        NEES, (n,).
     """
     across = np.cross(gravity, (1.0, 0.0, 0.0))
     across /= np.linalg.norm(across, axis=-1, keepdims=True)

@@ -28,26 +28,44 @@ CURVES = {
     "torque_share": "torque of each leg, share of its limit",
     "given": "tilt, velocity, yaw rate as given",
 }
-"""Curves below the frames."""
+"""Signal below the frames -> title."""
 LEAD_TIME = 0.6  # s before the onset of a fall
+"""s. Time before the onset of a fall."""
 
 
 def frame_range(record: EpisodeSignals, measures: Measures, earlier: float) -> slice:
-    """Control steps of a fall, so many s earlier than need be, for nobody is to see where it begins; or of the command
-    interval that went worst."""
+    """Select the control steps of a strip.
+
+    Args:
+        record: Signals of the episode.
+        measures: Its measures.
+        earlier: Additional time before a fall, s, so that the start of the strip does not show its onset.
+
+    Returns:
+        The time around a fall, or the command interval with the worst tracking.
+    """
     if not record.fell:
         return record.episodes.intervals.settled[worst_interval(measures, record.number)]
     return slice(max(0, record.onset - round((LEAD_TIME + earlier) / record.episodes.dt)), record.end + 1)
 
 
 def draw_strip(policy: Policy, record: EpisodeSignals, part: slice) -> Image.Image:
-    """An episode over those control steps."""
+    """Draw a part of an episode.
+
+    Args:
+        policy: Policy of the episode.
+        record: Signals of the episode.
+        part: Control steps.
+
+    Returns:
+        Frames with title and curves.
+    """
     frames = tile_images(list(_frames(policy, record, part)), COLUMNS)
     return stack_images(_text(_title(record, part), frames.width, 20), frames, _curves(record, part, frames.width))
 
 
 def stack_images(*images: Image.Image) -> Image.Image:
-    """Images of one width below each other."""
+    """Arrange images of one width below each other."""
     out = Image.new("RGB", (images[0].width, sum(each.height for each in images)))
     for number, each in enumerate(images):
         out.paste(each, (0, sum(above.height for above in images[:number])))
@@ -55,6 +73,7 @@ def stack_images(*images: Image.Image) -> Image.Image:
 
 
 def _text(lines: Sequence[str], width: int, size: int = 14) -> Image.Image:
+    """Draw lines of text on a dark bar."""
     text = Text(size)
     out = Image.new("RGB", (width, text.height(len(lines))), DARK)
     for number, line in enumerate(lines):
@@ -63,7 +82,7 @@ def _text(lines: Sequence[str], width: int, size: int = 14) -> Image.Image:
 
 
 def _title(record: EpisodeSignals, part: slice) -> tuple[str, str]:
-    """The scenario in words, and how the episode ended."""
+    """Describe the scenario, and the end of the episode."""
     scenario, axis = record.scenario, AXES[record.scenario.axis]
     real = " Real motors, delays, sensors, and an estimator." if scenario.hardware else ""
     scene = f"{scenario.name}: {axis.sentence} The {axis.quantity} is {scenario.severity:g} {scenario.severity_unit}"
@@ -72,7 +91,7 @@ def _title(record: EpisodeSignals, part: slice) -> tuple[str, str]:
 
 
 def _frames(policy: Policy, record: EpisodeSignals, part: slice) -> Iterator[Image.Image]:
-    """The robot at so many moments, with captions."""
+    """Render the robot at evenly spaced times, with captions."""
     shown = np.linspace(max(1, part.start), part.stop, COUNT).round().astype(int).tolist()
     seed = int(record.episodes.seeds[record.number])
     take = FilmSpec((filmed := LabelledPolicy(policy.name, policy),), record.scenario, seed, shown[-1], "")
@@ -86,7 +105,7 @@ def _frames(policy: Policy, record: EpisodeSignals, part: slice) -> Iterator[Ima
 
 
 def _curves(record: EpisodeSignals, part: slice, width: int) -> Image.Image:
-    """Signals over the time of a strip, as `evaluate.film.curves` has them."""
+    """Draw the signals over the time of a strip, from `evaluate.film.curves`."""
     from matplotlib.figure import Figure
 
     part, found = slice(part.start, min(part.stop, record.end)), curves(record.episodes, record.end)

@@ -1,4 +1,4 @@
-"""Episodes that were made to fail for a known cause: twelve of each, in two batches of six."""
+"""Episodes made to fail for a known cause: twelve of each, in two batches of six."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ Rows = NDArray[np.float32]
 
 
 class PerturbedPolicy(Policy):
-    """A policy that is shown, and asks for, something else than the one within it; `failing` from a step on."""
+    """A policy with a perturbed observation or action, or with failures from a step on."""
 
     name = "altered"
 
@@ -54,15 +54,18 @@ class FailureCase:
     """Six episodes that fail for a cause."""
 
     cause: str
+    """Cause by the rules."""
     policy: Callable[[], Policy]
+    """Creates the policy."""
     scenario: Scenario
     steps: int = 150
+    """Number of control steps."""
     hardware: HardwareConfig = IDEAL
     chosen: tuple[int, ...] = tuple(range(6))
-    """Numbers of the validation seeds, on which it does fail."""
+    """Indices of the validation seeds on which it does fail."""
 
     def run(self, after_falls: bool = False) -> Episodes:
-        """Their record."""
+        """Run and record the episodes; `after_falls`: they go on after a fall."""
         seeds, policy = episode_seeds("validation", 0, 96)[list(self.chosen)], self.policy()
         recorder, ends = rollout.EpisodeRecorder(policy, seeds, self.steps), not after_falls
         how = {"steps": self.steps, "hardware": self.hardware, "terminate_on_fall": ends}
@@ -79,12 +82,13 @@ def _trot(**parameters: float) -> Callable[[], Policy]:
 
 
 def _slower(rows: Rows) -> Rows:
+    """Halve the observed commands."""
     rows[:, -3:] *= 0.5
     return rows
 
 
 def _toppling(actions: Actions, observation: Rows) -> Actions:
-    """Hips and thighs that push the way the trunk leans."""
+    """Push with hips and thighs in the direction in which the trunk leans."""
     lean = -6.0 * observation[:, [1, 0, 0]] * (1.0, 1.0, 0.0)
     return actions + np.tile(lean, 4).astype(np.float32)
 
@@ -99,7 +103,7 @@ ALONG = StartNoise(yaw=0.0)
 """Starts that face the stairs."""
 CURVES = CommandRanges((1.2, 1.5), (-0.3, 0.3), (-1.2, 1.2), 0.0, 2.0)
 TILTED_IMU: Any = SensorSuite(imu=Imu(rotation=(0.0, 0.7, 0.0)))
-"""An IMU that is mounted 0.7 rad off about the trunk's y axis, unknown to the estimator."""
+"""IMU mounted with an error of 0.7 rad about the trunk's y axis, unknown to the estimator."""
 STAIRS_15_CM, ICE, WEAK_MOTORS = Stairs(0.15), Ground(0.05), Motors(10.0)
 """0.15 m a step; friction; a tenth of the torque."""
 LONG_LATENCY, LONG_DROPOUTS = Latency(0.08, 0.08), Dropouts(4, 0.95, (0.1, 4.0))

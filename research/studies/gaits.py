@@ -1,4 +1,4 @@
-"""Measured gaits: `python -m research gaits` records a steady walk of each controller and draws it into the pages.
+"""Measured gaits: `python -m research gaits` draws a steady walk of each controller into the pages.
 
 A page with the lines `<!-- gaits ROBOT POLICY… -->` and `<!-- /gaits -->` gets the figures of these policies of that
 robot, a film of 2 s of each, and the contacts of its feet in that time above frames of one stride (M. Hildebrand,
@@ -48,7 +48,7 @@ from research.pages.places import read_page
 from research.studies.failure_films import stack_images
 
 FILM_STEPS = range(400, 600, 2)
-"""Control steps, counted from 0, after which frames are drawn; between the first and the last, contacts are shown."""
+"""Control steps, counted from 0, after which frames are rendered; contacts are drawn from the first to the last."""
 FRAME_STRIDE, FRAMES = 3, 8
 """One of so many is a frame of the film; frames of a stride."""
 SIZE, SKY, SAMPLES, SMALL = (400, 300), 50, 2, (160, 100)
@@ -60,9 +60,11 @@ README_FILM_POLICIES, COLUMNS = tuple(product(("simple_quad",), ("trot_feedback"
 README_FILM_POLICIES += tuple(product(("go1", "go2"), ("trot_feedback", "mpc_wbc")))
 """Walks of the README's picture, drawn where the pages have all of them, in rows of so many."""
 FIGURES = "step_rate", "duty_factor", "flight", "trunk_height", "cost_of_transport"
+"""Figures of the table."""
 Key = tuple[str, str]
 """Robot and policy, as a page names them."""
 PLACE = re.compile(r"(?<=<!-- gaits )(\S+) (.+?)( -->\n).*?(?=<!-- /gaits -->)", re.DOTALL)
+"""Block for gaits in a page."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,10 @@ class GaitsOptions:
 
 
 def main(options: GaitsOptions) -> int:
-    """Record, draw and write; the exit code. Raises UsageError, PolicyError or OSError before anything is drawn."""
+    """Record, draw, write, and return the exit code.
+
+    Raises UsageError, PolicyError or OSError before anything is drawn.
+    """
     pages = options.pages or sorted((*Path("docs").glob("*.md"), *Path("models").rglob("*.md")))
     texts = {page: text for page in pages if PLACE.search(text := read_page(page))}
     places = [place for text in texts.values() for place in PLACE.findall(text)]
@@ -99,8 +104,7 @@ def main(options: GaitsOptions) -> int:
 
 
 def _walk(robot: str, name: str) -> FilmSpec:
-    """That policy, `POLICY` or `POLICY@SCENARIO`, of that robot, called as its files are. Raises UsageError or
-    PolicyError."""
+    """Create the film of `POLICY` or `POLICY@SCENARIO` of a robot. Raises UsageError or PolicyError."""
     hardware, (policy, _, where) = parse_robot_option(robot, "a place for gaits"), name.partition("@")
     try:
         place = scenario(where or STEADY, hardware.robot_model)
@@ -111,9 +115,16 @@ def _walk(robot: str, name: str) -> FilmSpec:
 
 
 def draw_walk(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.Image]]:
-    """Write NAME.webp and NAME_film.webp; figures of the whole walk, as text by column, and the film's larger images.
+    """Draw a walk, and write NAME.webp and NAME_film.webp.
 
     A robot that has fallen is shown as it lies.
+
+    Args:
+        walk: Policy and episode.
+        folder: Folder of the pictures.
+
+    Returns:
+        Figures of the whole walk, as text by column, and the larger images of the film.
     """
     (policy,), images = walk.policies, list[Image.Image]()
     with closing(EpisodeView(policy, walk, RenderOptions(SIZE, camera=None))) as panel:
@@ -136,15 +147,17 @@ def draw_walk(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.
 
 
 def _frame(panel: EpisodeView) -> Image.Image:
+    """Render the robot, without the sky."""
     return panel.picture().crop((0, SKY, *SIZE))
 
 
 def _film(images: Sequence[Image.Image]) -> bytes:
+    """Encode the film."""
     return encode_animation(images, "webp", FRAME_STRIDE * FILM_STEPS.step * CONTROL_PERIOD, quality=QUALITY)
 
 
 def find_stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
-    """Steps of two touch-downs of the first foot that has as many, of contacts (steps, feet); all where none has."""
+    """Find two touch-downs of the first foot that has two, in contacts (steps, feet); else all steps."""
     stance = debounce(contact, round(MIN_SWING_TIME / CONTROL_PERIOD))
     landed = (np.flatnonzero(np.diff(of_foot.astype(int)) == 1) + 1 for of_foot in stance.T)
     return next(((int(steps[0]), int(steps[1])) for steps in landed if len(steps) > 1), (0, len(contact)))
@@ -153,7 +166,17 @@ def find_stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
 def draw_gait_diagram(
     contact: NDArray[np.bool_], chosen: Sequence[int], legs: Sequence[str], width: int
 ) -> Image.Image:
-    """The gait diagram: a row a foot, filled while the simulator finds it on the ground, and marks at these frames."""
+    """Draw the gait diagram: a row per foot, filled while in contact, and marks at the frames.
+
+    Args:
+        contact: Contacts, (steps, feet).
+        chosen: Indices of the frames in the film.
+        legs: Names of the legs.
+        width: Width, pixels.
+
+    Returns:
+        The image.
+    """
     times, below, buffer = np.array((FILM_STEPS.start, FILM_STEPS.stop)) * CONTROL_PERIOD, len(legs) - 0.5, io.BytesIO()
     marks = (FILM_STEPS.start + FILM_STEPS.step * np.array(chosen) + 0.5) * CONTROL_PERIOD
     with drawing.plot_settings():
@@ -171,7 +194,7 @@ def draw_gait_diagram(
 def _filled(
     walks: Mapping[Key, FilmSpec], figures: Mapping[Key, dict[str, str]], folder: str, place: re.Match[str]
 ) -> str:
-    """A place with its tables; `folder` is that of the pictures, seen from the page."""
+    """Return a block with its tables; `folder` is the path of the pictures from the page."""
     heads = {ROW_LABEL: "controller", "speed": "speed, m/s"}
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FIGURES}
     pictures = {ROW_LABEL: "controller", "film": "2 s", "still": "feet on the ground in these 2 s; one stride"}

@@ -1,6 +1,6 @@
-"""The jump, measured: `python -m research jump` has standing robots jump and counts those that land standing.
+"""Measured jump: `python -m research jump` has robots jump and counts those that land standing.
 
-The trunk's rise is that of its centre above its height in the home pose, at the end of any control step.
+The trunk's rise is the height of its centre above the home pose, at the end of any control step.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from research.studies.recovery import is_standing
 SETTLING, WATCHED = 0.8, 3.5
 """s before the jump is asked for, and of the whole episode."""
 REQUIRED_RISE = 0.15
-"""m"""
+"""m. Rise of a successful jump."""
 
 
 @dataclass(frozen=True)
@@ -34,29 +34,29 @@ class JumpOptions:
 
 @dataclass(frozen=True)
 class JumpResult:
-    """What became of n robots."""
+    """Result of the jumps of n robots."""
 
     rise: Floats
-    """m, (n,)."""
+    """Largest rise, (n,), m."""
     stands: NDArray[np.bool_]
-    """Whether it stands at the end, by the rule of `research.studies.standing`, (n,)."""
+    """Whether each robot stands at the end, by `research.studies.recovery.is_standing`, (n,)."""
     peak_torque: float
     """Largest joint torque at the end of any control step, N·m."""
     rated_torque: float
-    """Largest torque that the joints can have, N·m."""
+    """Largest torque of the joints, N·m."""
     diverged: int
-    """How many simulations diverged."""
+    """Number of diverged simulations."""
 
 
 def main(options: JumpOptions) -> int:
-    """Measure and print; the exit code."""
+    """Measure, print, and return the exit code."""
     check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
     print(format_result(run_jump(Behaviour(follow=False), episode_seeds("evaluation", options.seed, options.robots))))
     return 0
 
 
 def run_jump(policy: Behaviour, seeds: NDArray[np.int64]) -> JumpResult:
-    """One robot for each seed, on flat ground, all side by side."""
+    """Run a jump of the `policy` on flat ground, one robot for each of the `seeds`."""
     robot, period = policy.robot, policy.control_period
     peak, torque = np.zeros(len(seeds)), 0.0
     stands = diverged = np.zeros(len(seeds), np.bool_)
@@ -75,7 +75,7 @@ def run_jump(policy: Behaviour, seeds: NDArray[np.int64]) -> JumpResult:
 
 
 def format_result(outcome: JumpResult) -> str:
-    """The measured figures as lines of text."""
+    """Format the measured figures as lines of text."""
     done = outcome.stands & (outcome.rise >= REQUIRED_RISE)
     return (
         f"rose {REQUIRED_RISE:g} m or more and landed standing: {done.sum()} of {len(done)}\n"

@@ -1,8 +1,8 @@
-"""Getting up, measured: `python -m research recovery` drops robots in random poses and counts those that then stand.
+"""Measured recovery: `python -m research recovery` counts fallen robots that then stand.
 
 A start is any orientation, any joint angles within the limits, and random velocities, the lowest point on flat ground
-(`quad_env.AnyPose`). The time to stand is the start of the last stretch in which the robot stands, by `standing`, until
-the end.
+(`quad_env.AnyPose`). The time to stand is the start of the last interval in which the robot stands, by `is_standing`,
+until the end.
 """
 
 from dataclasses import dataclass, replace
@@ -22,11 +22,11 @@ from quad_env.cli.format import points_with
 from quad_env.seeding import episode_seeds
 
 STANDING_TILT = np.deg2rad(10.0)
-"""Largest tilt of a robot that stands."""
+"""rad. Largest tilt of a robot that stands."""
 STANDING_HEIGHT = 0.45
-"""Least height of the trunk's centre above the terrain, m."""
+"""m. Smallest height of the trunk's centre above the terrain."""
 STANDING_SPEED = 0.3
-"""Speed of the trunk along, m/s, and about, rad/s, each of its axes."""
+"""Largest speed of the trunk along, m/s, and about, rad/s, each of its axes."""
 LYING = replace(SCENARIOS["flat"], name="lying", start=AnyPose())
 TIME_ALLOWED, WATCHED = 5.0, 6.0
 """s for getting up, and of the whole episode: a robot that falls over again after standing up does not count."""
@@ -34,13 +34,14 @@ TIME_ALLOWED, WATCHED = 5.0, 6.0
 
 @dataclass(frozen=True)
 class RecoveryResult:
-    """What became of n robots."""
+    """Result of the recoveries of n robots."""
 
     standing_since: Floats
-    """s, infinite for a robot that does not stand at the end, (n,)."""
+    """Time from which each robot stands, (n,), s; infinite if it does not stand at the end."""
     peak_torque: float
     """Largest joint torque at the end of any control step, N·m."""
     diverged: int
+    """Number of diverged simulations."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +57,14 @@ class RecoveryOptions:
 
 
 def main(options: RecoveryOptions) -> int:
-    """Measure and print; the exit code."""
+    """Measure, print, and return the exit code."""
     check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
     print(format_result(run_recovery(episode_seeds(options.seeds, options.seed, options.robots))))
     return 0
 
 
 def run_recovery(seeds: NDArray[np.int64]) -> RecoveryResult:
-    """One robot for each seed, all side by side; the policy recovers from the first step on."""
+    """Run the recovery of one robot for each seed; the policy recovers from the first step on."""
     since, peak, diverged = np.full(len(seeds), np.inf), 0.0, np.zeros(len(seeds), np.bool_)
 
     def watch(step: Step) -> None:
@@ -80,11 +81,16 @@ def run_recovery(seeds: NDArray[np.int64]) -> RecoveryResult:
 
 
 def is_standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDArray[np.bool_]:
-    """Which robots stand, (n,), after a jump as after getting up: upright, high and still.
+    """Return whether each robot stands: upright, high and still, (n,).
 
-    One that has diverged is parked in its home pose and does not.
+    A diverged robot is parked in its home pose and does not stand.
 
-    `observation`, (n, k), is the true one; `infos` hold the environment's readings.
+    Args:
+        observation: True observation, (n, k).
+        infos: Readings of the environment.
+
+    Returns:
+        True for robots that stand, (n,).
     """
     upright = -observation[:, OBSERVATION["projected_gravity"]][:, 2] > np.cos(STANDING_TILT)
     motion = np.abs(observation[:, OBSERVATION["angular_velocity"].start : OBSERVATION["linear_velocity"].stop])
@@ -93,7 +99,7 @@ def is_standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDAr
 
 
 def format_result(outcome: RecoveryResult) -> str:
-    """The measured figures as lines of text."""
+    """Format the measured figures as lines of text."""
     stands = outcome.standing_since <= TIME_ALLOWED
     share = points_with(float(stands.mean()), wilson_interval(int(stands.sum()), len(stands)))
     times = outcome.standing_since[stands]

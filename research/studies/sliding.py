@@ -1,9 +1,10 @@
-"""Feet that slide, by settings of MuJoCo's contact: `python -m research sliding` writes docs/results/sliding.csv.
+"""Sliding feet by settings of MuJoCo's contact: `python -m research sliding` writes a table.
 
-MuJoCo's friction is a convex relaxation of Coulomb's: in the cone dual to that of friction what slides at v rises at
-µ v. A time step h throws it up by up to µ b v h, where b, 2/(dmax timeconst) of `solref`, is also the rate at which a
-foot that lands stops slipping. One setting is exact: each contact's reference acceleration along the normal is less by
-µ times the tangential residual (G. de Saxcé and Z.-Q. Feng, The bipotential method, Math. Comput. Modelling 28, 1998).
+It is docs/results/sliding.csv. MuJoCo's friction is a convex relaxation of Coulomb's: in the cone dual to the friction
+cone, a body that slides at v rises at µ v. A time step h throws it up by up to µ b v h, where b, 2/(dmax timeconst) of
+`solref`, is also the rate at which a landing foot stops slipping. One setting is exact: each contact's reference
+acceleration along the normal is less by µ times the tangential residual (G. de Saxcé and Z.-Q. Feng, The bipotential
+method, Math. Comput. Modelling 28, 1998).
 """
 
 from collections.abc import Mapping
@@ -36,18 +37,21 @@ SPEEDS, BRIEF = (1.0, 4.6), 0.05
 
 @dataclass(frozen=True)
 class ContactSetting:
-    """A change of today's physics."""
+    """A change of the shipped physics."""
 
     options: Mapping[str, float] = field(default_factory=dict)
-    """Fields of MuJoCo's `mjOption`."""
+    """Field of MuJoCo's `mjOption` -> value."""
     solref: tuple[float, float] | None = None
+    """`solref` of all geoms; None: unchanged."""
     friction: float | None = None
+    """Sliding friction of all geoms; None: unchanged."""
     push: float = 0.1
-    """Duration of the pushes, s; their impulse is the scenario's."""
+    """s. Duration of the pushes; their impulse is the scenario's."""
     exact: bool = False
+    """Whether friction is exactly Coulomb's."""
 
     def apply(self, spec: Any) -> Any:
-        """The specification with that change."""
+        """Apply the change to a specification and return it."""
         for name, value in self.options.items():
             setattr(spec.option, name, value)
         for geom in spec.geoms:
@@ -74,6 +78,7 @@ SETTINGS = {
     "push over 0.3 s": ContactSetting(push=0.3),
     "push over 0.5 s": ContactSetting(push=0.5),
 }
+"""Name -> setting."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +100,7 @@ class SlidingOptions:
 
 
 def main(options: SlidingOptions) -> int:
-    """Measure, print and write; the exit code. Raises UsageError."""
+    """Measure, print, write, and return the exit code. Raises UsageError."""
     check_numbers(options, {"episodes": (1, 4096), "seed": (0, 2**31)})
     if unknown := set(options.settings) - set(SETTINGS):
         raise UsageError(f"--settings: there is no {', '.join(sorted(unknown))}; valid: {'; '.join(SETTINGS)}")
@@ -110,7 +115,10 @@ def main(options: SlidingOptions) -> int:
 
 
 def measure_sliding(setting: ContactSetting) -> dict[str, float]:
-    """Figures of a ball of a foot's size with a quarter of the robot's mass, and of the robot in its home pose."""
+    """Measure a sliding ball with a quarter of the robot's mass, and the robot in its home pose.
+
+    The ball has the size of a foot.
+    """
     ball, robot = (setting.apply(make(SIMPLE_QUAD)).compile() for make in (ball_spec, build_spec))
     found: dict[str, float] = {}
     for model, name, seconds in ((ball, "ball", 1.0), (robot, "robot", BRIEF)):
@@ -122,8 +130,18 @@ def measure_sliding(setting: ContactSetting) -> dict[str, float]:
 
 
 def simulate_slide(model: Any, speed: float, seconds: float, exact: bool) -> tuple[float, float, float]:
-    """Largest height of the lowest foot, mm; mean deceleration of the centre of mass over the first 50 ms, and until a
-    twentieth of the speed is left or the time is over, units of µg."""
+    """Simulate a body that slides on the ground.
+
+    Args:
+        model: Compiled model of the body.
+        speed: Initial speed, m/s.
+        seconds: Duration, s.
+        exact: Whether friction is exactly Coulomb's.
+
+    Returns:
+        Largest height of the lowest foot, mm; mean deceleration of the centre of mass over the first 50 ms, µg; and
+        until a twentieth of the speed is left or the time is over, µg.
+    """
     data, timestep, feet = mujoco.MjData(model), model.opt.timestep, model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
     if model.nkey:  # the home pose
         mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -142,7 +160,10 @@ def simulate_slide(model: Any, speed: float, seconds: float, exact: bool) -> tup
 
 
 def ball_spec(robot: Robot) -> Any:
-    """A ball of the size of the robot's feet with a quarter of its mass, on its ground, that does not turn."""
+    """Create a ball on the robot's ground that does not turn.
+
+    It has the size of the robot's feet and a quarter of its mass.
+    """
     theirs, spec = build_spec(robot), mujoco.MjSpec()
     spec.option, ground, foot = theirs.option, theirs.geom("ground"), theirs.geom(f"{robot.leg_names[0]}_foot")
     spec.worldbody.add_geom(name="ground", type=ground.type, size=ground.size, **_contact_parameters(ground))
@@ -156,7 +177,7 @@ def ball_spec(robot: Robot) -> Any:
 
 
 def evaluate_walks(setting: ContactSetting, options: SlidingOptions) -> dict[str, float]:
-    """Success, share, and falls, count, of the policy on each scenario."""
+    """Evaluate the policy of the `options` with a `setting`: success and falls by scenario."""
     seeds = episode_seeds("search", options.seed, options.episodes)
     found: dict[str, float] = {}
     policy = LabelledPolicy(options.policy, policies.resolve(options.policy))
@@ -176,11 +197,12 @@ def evaluate_walks(setting: ContactSetting, options: SlidingOptions) -> dict[str
 
 
 def _contact_parameters(geom: Any) -> dict[str, Any]:
+    """Return the contact parameters of a geom."""
     return {"condim": 3, "friction": geom.friction, "solref": geom.solref}
 
 
 def _step(model: Any, data: Any, exact: bool, seconds: float | None = None) -> Any:
-    """The same data after one time step, or so many seconds."""
+    """Return the same data after one time step, or after that time, s."""
     mujoco.set_mjcb_control(_coulomb if exact else None)
     try:
         mujoco.mj_step(model, data, round((seconds or model.opt.timestep) / model.opt.timestep))
@@ -190,7 +212,7 @@ def _step(model: Any, data: Any, exact: bool, seconds: float | None = None) -> A
 
 
 def _exact_step(batch: Batch, ids: Any = None, nstep: int = 1, stage: int = 0) -> None:
-    """In place of `Batch.step`."""
+    """Step with exact friction, in place of `Batch.step`."""
     data, state = mujoco.MjData(batch.model), mujoco.mjtState.mjSTATE_INTEGRATION
     for robot in range(batch.nsim) if ids is None else ids:
         mujoco.mj_setState(batch.model, data, batch.state[robot], state)
@@ -200,7 +222,10 @@ def _exact_step(batch: Batch, ids: Any = None, nstep: int = 1, stage: int = 0) -
 
 
 def _coulomb(model: Any, data: Any) -> None:
-    """De Saxcé's correction, between MuJoCo's velocity and acceleration stages, by the last step's acceleration."""
+    """Apply de Saxcé's correction, between MuJoCo's velocity and acceleration stages.
+
+    It uses the acceleration of the last step.
+    """
     touching = data.contact.efc_address >= 0
     normal = data.contact.efc_address[touching]
     if normal.size:

@@ -1,7 +1,8 @@
-"""Straight walking at constant speed: `python -m research straight-walking --robot go1`, as in arXiv 2501.16590.
+"""Straight walking at constant speed: `python -m research straight-walking`, as in arXiv 2501.16590.
 
 Speed, pushes, uneven ground and cost of transport of several policies on the same episodes, straight ahead from any
-heading, at speeds of the same Froude number for every robot. The cost of transport is that of all episodes together.
+heading, at speeds of the same Froude number for every robot. The cost of transport is computed from all episodes
+together.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,6 +34,7 @@ from research.pages.places import RESULTS, read_page, write_block
 GROUNDS = {"flat": "level", "push": "pushed", "rough": "uneven"}
 """Scenario -> its name in the tables."""
 LIMITS = {"episodes": (2, 65_536), "seed": (0, 2**63 - 1), "threads": (1, 256), "speeds": (0.01, 10.0)}
+"""Option -> its smallest and largest value."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class StraightWalkingOptions:
 
 
 def main(options: StraightWalkingOptions) -> int:
-    """Walk, print and write; the exit code. Raises UsageError."""
+    """Walk, print, write, and return the exit code. Raises UsageError."""
     check_numbers(options, LIMITS)
     hardware = parse_robot_option(options.robot)
     if options.page is not None:
@@ -78,7 +80,15 @@ def main(options: StraightWalkingOptions) -> int:
 
 
 def walk_scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
-    """Walks straight ahead on every ground at every speed, m/s of SimpleQuad, each with a name of its own."""
+    """Create walks straight ahead on every ground at every speed.
+
+    Args:
+        robot: Robot.
+        speeds: Speeds, m/s of SimpleQuad; the robot's are equally fast for its size.
+
+    Returns:
+        Scenarios, each with its own name.
+    """
     found = []
     for ground, speed in product((scenario(name, robot) for name in GROUNDS), speeds):
         ahead = scale_to_robot(robot, speed, "m/s")
@@ -93,7 +103,17 @@ def evaluate_rows(
     walks: Sequence[Scenario],
     compared: Sequence[LabelledPolicy],
 ) -> list[dict[str, Any]]:
-    """A row for each walk and policy; figures of `Summary` with the ends of their 95 % intervals."""
+    """Evaluate the policies on all walks.
+
+    Args:
+        options: Options of the command.
+        hardware: Robot and hardware.
+        walks: Scenarios.
+        compared: Policies.
+
+    Returns:
+        A row for each walk and policy: figures of `Summary` with the ends of their 95 % intervals.
+    """
     seeds = evaluation_seeds(options.seed, options.episodes)
     settings = RunSettings(1, lambda *_: None, executor=process_pool(options.threads), hardware=hardware)
     total = len(walks) * len(compared)
@@ -106,7 +126,16 @@ def evaluate_rows(
 
 
 def markdown_lines(options: StraightWalkingOptions, robot: Robot, table: Sequence[Mapping[str, Any]]) -> list[str]:
-    """What the page shows, in Markdown: success and cost of transport, a walk a row and a policy a column."""
+    """Create the lines of the page: success and cost of transport, a row per walk, a column per policy.
+
+    Args:
+        options: Options of the command.
+        robot: Robot.
+        table: Rows of `evaluate_rows`.
+
+    Returns:
+        Lines of Markdown.
+    """
     push, rough = scenario("push", robot).severity, scenario("rough", robot).severity
     by_walk: dict[str, dict[str, str]] = {}
     for row in table:

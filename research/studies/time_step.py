@@ -1,4 +1,4 @@
-"""Effort at physics steps of 2, 1 and 0.5 ms: `python -m research time-step` walks the same episodes at each."""
+"""Effort at physics steps of 2, 1 and 0.5 ms on the same episodes: `python -m research time-step`."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,8 +23,9 @@ from quad_env.robots.robot import Robot
 from research.pages.csv_text import to_csv
 
 STEPS = 0.002, 0.001, 0.0005
-"""s; the first is that of all other results."""
+"""s. Physics steps; the first is the one of all other results."""
 MEANS = (*(name for name in EFFORT if name != "cost_of_transport"), "mechanical_power", "mean_velocity_error")
+"""Figures that are averaged over the episodes."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class _SteppedHardwareConfig(HardwareConfig):
 
 
 def main(options: TimeStepOptions) -> int:
-    """Run, print and write. Raises UsageError."""
+    """Run, print, write, and return the exit code. Raises UsageError."""
     check_numbers(options, {"episodes": (1, 4096)})
     table = list(measure_effort(options))
     write_atomically(options.table, to_csv(table))
@@ -61,7 +62,7 @@ def main(options: TimeStepOptions) -> int:
 
 
 def measure_effort(options: TimeStepOptions) -> Iterator[dict[str, Any]]:
-    """A row a policy, scenario and physics step: means of the episodes, cost of transport that of all together."""
+    """Yield a row per policy, scenario and physics step: means over the episodes, cost of transport."""
     seeds = evaluation_seeds(0, options.episodes)
     for scenario, name, step in product(options.scenarios, options.policies, STEPS):
         record = rollout.run(

@@ -1,8 +1,8 @@
-"""The effect of each choice of the training: `python -m research ablations` writes docs/results/ablations.csv and .png.
+"""Effect of each choice of the training: `python -m research ablations` writes a table and a figure.
 
-Every variant differs from the default command in what its name says, and trains for the same number of steps from the
-same seeds. Success is that of the last validation, on episodes and ground that no evaluation uses. A study that was
-stopped continues: finished runs in --out are kept.
+They are docs/results/ablations.csv and .png. Every variant differs from the default command as its name says, and
+trains for the same number of steps from the same seeds. Success is taken from the last validation, on episodes and
+ground that no evaluation uses. A stopped study continues: finished runs in --out are kept.
 """
 
 import json
@@ -50,9 +50,9 @@ VARIANTS: Mapping[str, str] = {
     "fewer robots, smaller minibatches": "--ppo.envs 512 --ppo.minibatch 2048",
     "no curriculum": "--curriculum 1",
 }
-"""Name of each variant -> the options in which it differs from the default command."""
+"""Variant -> options in which it differs from the default command."""
 VALIDATED_ON = DEFAULTS["residual"].complete_validation.scenarios
-"""Scenarios of the validation of all variants: those that the default trains on."""
+"""Validation scenarios of all variants: the scenarios that the default trains on."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class AblationsOptions:
 
 
 def main(options: AblationsOptions) -> int:
-    """Train what has not been trained yet, then write table and figure; the exit code. Raises UsageError."""
+    """Train missing runs, then write table and figure; return the exit code. Raises UsageError."""
     check_numbers(options, limits_of(options))
     if unknown := [name for name in options.variants if name not in VARIANTS]:
         raise UsageError(f"--variants: unknown {unknown[0]!r}; valid: {', '.join(map(repr, VARIANTS))}")
@@ -97,7 +97,16 @@ def main(options: AblationsOptions) -> int:
 
 
 def make_config(options: AblationsOptions, name: str, seed: int) -> TrainConfig:
-    """Settings of one run."""
+    """Create the configuration of one run.
+
+    Args:
+        options: Options of the command.
+        name: Variant.
+        seed: Training seed.
+
+    Returns:
+        The configuration.
+    """
     words = f"{VARIANTS[name]} --steps {options.steps} --seed {seed} --threads {options.threads}".split()
     words += ["--validation.interval", "0", "--validation.episodes", str(options.episodes)]
     words += ["--validation.scenarios", *VALIDATED_ON]
@@ -106,7 +115,7 @@ def make_config(options: AblationsOptions, name: str, seed: int) -> TrainConfig:
 
 
 def train_missing(run: TrainConfig) -> None:
-    """Train what is missing of a run. Raises UsageError where the folder holds another run."""
+    """Train the missing part of a run. Raises UsageError if the folder holds another run."""
     from train.run import train
 
     resume = has_checkpoint(run.folder)
@@ -117,7 +126,7 @@ def train_missing(run: TrainConfig) -> None:
 
 
 def read_results(run: TrainConfig) -> dict[str, float]:
-    """Results of a finished run: success, mean over the scenarios, %; velocity error on flat ground, m/s; minutes."""
+    """Return the results of a finished run: success, %, velocity error on flat ground, m/s, and minutes."""
     last = json.loads(read_bytes(run.folder / VALIDATIONS_FILE))["validations"][-1]
     metrics = json.loads(read_bytes(run.folder / METRICS_FILE, MAX_DATA_SIZE).splitlines()[-1])
     return {
@@ -128,7 +137,7 @@ def read_results(run: TrainConfig) -> dict[str, float]:
 
 
 def make_rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dict[str, Any]]:
-    """A row for each variant: success, and its difference of means over seeds from that of the default."""
+    """Create a row per variant: success, and its mean difference from the default over the seeds."""
     success = {name: np.array([run["success"] for run in runs]) for name, runs in variants.items()}
     return [
         {
@@ -144,7 +153,10 @@ def make_rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dic
 
 
 def _difference(a: Floats, b: Floats) -> dict[str, float]:
-    """Mean of a less that of b, with the interval of Welch's test: resampling five seeds would make it too narrow."""
+    """Return the mean of a minus the mean of b, with the interval of Welch's test.
+
+    A bootstrap of five seeds would give too narrow an interval.
+    """
     from scipy.stats import ttest_ind
 
     difference = {"minus_default_points": float(a.mean() - b.mean())}
@@ -157,7 +169,7 @@ def _difference(a: Floats, b: Floats) -> dict[str, float]:
 
 
 def draw_differences(table: Sequence[Mapping[str, Any]], picture: Path) -> None:
-    """Write the figure, a PNG: the difference of each variant from the default with its 95 % interval."""
+    """Draw the difference of each variant of a `table` from the default, to a PNG `picture`."""
     shown = [row for row in table if row.get("minus_default_points") is not None]
     left = 0.2 + max(map(drawing.text_width, (row["variant"] for row in shown)), default=0.0)
     with drawing.plot_settings():

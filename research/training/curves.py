@@ -1,6 +1,7 @@
-"""Learning curves of training runs, success and cost of transport over steps: `python -m research curves RUN [RUN …]`.
+"""Learning curves of training runs over steps: `python -m research curves RUN [RUN …]`.
 
-Runs that differ in their seed alone are one curve, their mean, with a band from the lowest seed to the highest.
+Success and cost of transport are drawn. Runs that differ in their seed alone are one curve: their mean, with a band
+from the lowest seed to the highest.
 """
 
 import json
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_LABEL_LENGTH = 48
-"""Characters of a label."""
+"""Characters. Largest length of a label."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,10 @@ class CurvesOptions:
 
 
 def main(options: CurvesOptions) -> int:
-    """Write the picture, and print the last point of each curve; the exit code. Raises UsageError or OSError."""
+    """Write the picture, print the last point of each curve, and return the exit code.
+
+    Raises UsageError or OSError.
+    """
     if options.out.suffix not in DATE_METADATA:
         raise UsageError(f"--out must end in {', '.join(DATE_METADATA)}, unlike {options.out}")
     runs = [read_curve(folder) for folder in options.runs]
@@ -63,21 +67,21 @@ def main(options: CurvesOptions) -> int:
 
 @dataclass(frozen=True)
 class RunCurve:
-    """k validations of one run."""
+    """Validations of one run, made by `read_curve`."""
 
     folder: Path
     settings: Mapping[str, Any]
-    """All settings but the seed, by the names of their options."""
+    """Option -> value, for all settings except the seed."""
     seed: int
     steps: Floats
-    """(k,)"""
+    """Training steps of the k validations, (k,)."""
     figures: Floats
-    """Success, share, and cost of transport, NaN where it was not recorded, (2, k)."""
+    """Success, 0 … 1, and cost of transport, NaN if not recorded, (2, k)."""
 
 
 @dataclass(frozen=True)
 class SeedBand:
-    """Runs of the same settings with different seeds."""
+    """Runs of the same settings with different seeds, made by `group_by_seed`."""
 
     label: str
     runs: tuple[RunCurve, ...]
@@ -88,13 +92,13 @@ class SeedBand:
         return reduce(np.intersect1d, [run.steps for run in self.runs])
 
     def over_seeds(self) -> tuple[Floats, Floats, Floats]:
-        """Mean, lowest and highest of the seeds' figures, each (2, k)."""
+        """Return mean, lowest and highest of the seeds' figures, each (2, k)."""
         figures = np.array([run.figures[:, np.isin(run.steps, self.steps)] for run in self.runs])
         return figures.mean(axis=0), figures.min(axis=0), figures.max(axis=0)
 
 
 def read_curve(folder: Path) -> RunCurve:
-    """The validations of the run in a folder, of older versions too. Raises UsageError where there is no run."""
+    """Read the validations of the run in a folder, of older versions too. Raises UsageError without a run."""
     settings, path = dict(flatten(load_settings(folder))), folder / VALIDATIONS_FILE
     try:
         entries = json.loads(read_bytes(path, MAX_DATA_SIZE))["validations"] if path.exists() else []
@@ -106,7 +110,7 @@ def read_curve(folder: Path) -> RunCurve:
 
 
 def group_by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
-    """The runs, those that differ in their seed alone together. Raises UsageError for a seed given twice."""
+    """Group runs that differ in their seed alone. Raises UsageError for a seed given twice."""
     groups = dict[str, list[RunCurve]]()
     for run in runs:
         same = groups.setdefault(json.dumps(run.settings, sort_keys=True), [])
@@ -119,14 +123,14 @@ def group_by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
 
 
 def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
-    """These settings of the runs, or where that is too long the first one's folder; and how many seeds."""
+    """Return the differing settings of the runs, or the first folder if they are too long, and the seeds."""
     said = ", ".join(f"{name} {to_words(runs[0].settings.get(name))}" for name in options)
     seeds = f"{len(runs)} seeds" if len(runs) > 1 else f"seed {runs[0].seed}"
     return f"{said if len(said) <= MAX_LABEL_LENGTH else runs[0].folder} ({seeds})"
 
 
 def draw_bands(bands: Sequence[SeedBand]) -> "Figure":
-    """Success, and below it cost of transport if any run has it."""
+    """Draw success, and below it cost of transport if any run has it."""
     whole = np.concatenate([run.figures for band in bands for run in band.runs], axis=1)
     drawn, panels = make_axes(whole, "", len(bands))
     for row, axes in enumerate(panels):
@@ -139,7 +143,7 @@ def draw_bands(bands: Sequence[SeedBand]) -> "Figure":
 
 
 def _draw_band(axes: "Axes", band: SeedBand, row: int, colour: str, mark: str) -> None:
-    """Mean over the seeds, their range as a band, and each of several as a thin line."""
+    """Draw the mean over the seeds, their range as a band, and each of several seeds as a thin line."""
     mean, low, high = (PANELS[row][1] * figures[row] for figures in band.over_seeds())
     axes.fill_between(band.steps, low, high, color=colour, alpha=0.18, linewidth=0)
     for run in band.runs if len(band.runs) > 1 else ():

@@ -1,4 +1,4 @@
-"""MODEL.md of a trained policy: its description, its training, its results with those of a baseline and other seeds."""
+"""MODEL.md of a trained policy: description, training and results, with a baseline and other seeds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,33 +18,42 @@ from train.config import POSES, TrainConfig
 from train.run_record import training_command
 
 CARD_METRICS = (FALL_RATE, "velocity_error", "yaw_rate_error")
-"""Metrics whose cells have the figures of both the baseline and the policy."""
+"""Metrics with the figures of both baseline and policy in one cell."""
 
 
 @dataclass(frozen=True)
 class TrainedRun:
-    """What the card says of a finished run."""
+    """A finished run, as the card describes it."""
 
     label: str
+    """Name of the run in the evaluation."""
     config: TrainConfig
     minutes: float
-    """Training time, validation included."""
+    """Training time, validation included, min."""
     git_revision: str
+    """Revision of the code that trained it."""
     bundle: Path
     """Folder of the weights of its best validation."""
     command_then: str | None = None
-    """Command of the run at its git revision; None if it equals today's."""
+    """Command of the run at its git revision; None if it equals the present one."""
 
     @property
     def baseline(self) -> str:
-        """What it is compared with: its base, or `trot` where that does not walk without the correction."""
+        """Baseline of the comparison: the base of the policy, or `trot` for a base that does not walk."""
         return "trot" if self.config.base in POSES else self.config.base
 
 
 def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """The whole MODEL.md of a policy that ships by that name.
+    """Write the MODEL.md of a policy.
 
-    `runs` are all runs that were evaluated; the other policies of `results` are baselines.
+    Args:
+        name: Name by which it ships.
+        runs: All evaluated runs.
+        shipped: Run that ships.
+        results: Results of the evaluation; its other policies are baselines.
+
+    Returns:
+        Markdown.
     """
     config = shipped.config
     kinds: dict[str, str] = {run.config.policy: run.config.policy for run in runs} | {config.policy: name}
@@ -77,7 +86,7 @@ Success is by the rule `{results.versions["success_rule"]}`; every step after a 
 
 
 def training_section(run: TrainedRun) -> str:
-    """Return the section of the card on the run's training: its command, its settings and the revision of its code."""
+    """Return the section on the run's training: its command, its settings and the revision of its code."""
     config = run.config
     return f"""## Training
 
@@ -90,7 +99,7 @@ evaluation uses. {describe_origin(run)}"""
 
 
 def describe_origin(run: TrainedRun) -> str:
-    """Return the revision at which a run was trained, and the command with its settings there, in words."""
+    """Describe the revision at which a run was trained, and its command there."""
     today = training_command(run.config)
     then = run.command_then or today
     there = "has these settings too" if then == today else f"is `{then}`"
@@ -101,20 +110,30 @@ def describe_origin(run: TrainedRun) -> str:
 
 
 def describe_correction(config: TrainConfig) -> str:
-    """What the policy does to its base, in words."""
+    """Describe the correction of the base by the policy."""
     rate = 1.0 / (CONTROL_PERIOD * config.ppo.hold)
     most = f"{config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips"
     return f"corrects `{config.base}` at {rate:g} Hz by at most {most}"
 
 
 def describe_mixture(config: TrainConfig) -> str:
-    """Scenarios and shares in words."""
+    """Describe the training scenarios with their shares."""
     total = sum(share for _, share in config.mixture)
     return ", ".join(f"{share / total:.0%} {name}" for name, share in config.mixture if share)
 
 
 def results_table(display_names: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """The seeds of one policy and the baseline of the shipped one, a row for each scenario, in Markdown."""
+    """Create the table of the seeds of one policy and the baseline, a row per scenario.
+
+    Args:
+        display_names: Display name of the policy.
+        runs: Runs of the policy.
+        shipped: Run that ships.
+        results: Results of the evaluation.
+
+    Returns:
+        Markdown.
+    """
     first, *others = sorted(runs, key=lambda run: run is not shipped)
     base, name = shipped.baseline, f"{display_names} {format_seed(first, shipped)}"
     rest = ", ".join(str(run.config.seed) for run in others)
@@ -128,15 +147,24 @@ def results_table(display_names: str, runs: Sequence[TrainedRun], shipped: Train
 def scores_table(
     display_names: Mapping[str, str], runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results
 ) -> str:
-    """Scores of the baseline and of each run, the highest first, in Markdown; `called`: what to call a policy
-    of each kind."""
+    """Create the table of the scores of the baseline and of each run, the highest first.
+
+    Args:
+        display_names: Kind of policy -> display name.
+        runs: Evaluated runs.
+        shipped: Run that ships.
+        results: Results of the evaluation.
+
+    Returns:
+        Markdown; empty without scores.
+    """
     labels = {run.label: f"{display_names[run.config.policy]} {format_seed(run, shipped)}" for run in runs}
     scored = [score for score in results.scores if len(score.axes) != 1]  # of one axis it is the success in the table
     return "\n".join(score_table(scored, shipped.baseline, labels)) if scored else ""
 
 
 def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results) -> dict[str, str]:
-    """Figures of the baseline and of the first run, and the successes of the other runs, by column."""
+    """Format the figures of the baseline and of the first run, and the success of the other runs."""
     before, *after = (results.summaries[scenario, policy] for policy in (base, *(run.label for run in runs)))
     shown = after[0]
     seeds = [percent(each.success_rate) for each in after[1:]]
@@ -155,11 +183,12 @@ def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results)
 
 
 def _figure(summary: Summary, metric: str) -> str:
+    """Format a metric; falls as a count."""
     return str(summary.falls) if metric == FALL_RATE else number(getattr(summary, metric))
 
 
 def _baseline_difference(base: str, scenario: str, run: TrainedRun, metric: str, results: Results) -> Comparison:
-    """The run's difference from the baseline."""
+    """Return the difference of the run from the baseline."""
     return next(
         each
         for each in results.comparisons
@@ -168,7 +197,7 @@ def _baseline_difference(base: str, scenario: str, run: TrainedRun, metric: str,
 
 
 def significant_scenarios(shipped: TrainedRun, results: Results) -> str:
-    """Scenarios where the shipped policy is better or worse than its baseline, in Markdown."""
+    """List the scenarios with a difference of the `shipped` policy from its baseline in the `results`."""
     base = shipped.baseline
     found = {
         (metric, scenario): _baseline_difference(base, scenario, shipped, metric, results)
@@ -195,11 +224,11 @@ def significant_scenarios(shipped: TrainedRun, results: Results) -> str:
 
 
 def format_difference(comparison: Comparison) -> str:
-    """A difference and its p-value, corrected for the number of comparisons."""
+    """Format a difference and its p-value, corrected for the number of comparisons."""
     digits = points if comparison.metric in RATES else number
     return f"{digits(comparison.difference)} ({p_value(comparison.p_value_holm)})"
 
 
 def format_seed(run: TrainedRun, shipped: TrainedRun) -> str:
-    """A run's seed, marked where it is the one that ships."""
+    """Format the seed of a `run`, marked if it is the `shipped` one."""
     return f"{run.config.seed}{' (shipped)' if run is shipped else ''}"

@@ -1,7 +1,7 @@
-"""`python -m research publish`: evaluate finished runs and ship the one of seed 0, with the table of all in MODEL.md.
+"""`python -m research publish`: evaluate finished runs and ship the run of seed 0.
 
-A shipped policy, such as models/go1/residual, is evaluated again in the same way: its MODEL.md is written again with
-the old facts of its training and the new results.
+MODEL.md gets the table of all seeds. A shipped policy, for example models/go1/residual, is evaluated again in the same
+way: its MODEL.md is written with the old facts of its training and the new results.
 """
 
 import json
@@ -35,15 +35,16 @@ from train.run_folder import BEST, CHECKPOINTS
 from train.run_record import differences, from_dict, load_config
 
 CARD = "MODEL.md"
+"""File name of the model card."""
 SHIPPED_SEED = 0
-"""Fixed before any run, so that the shipped policy is not the best of several."""
+"""Seed that ships; fixed before any run, so that the shipped policy is not the best of several."""
 
 SCENARIOS = (
     *("flat", "flat=3", "push", "push=65", "rough", "rough=0.24", "slope", "slippery=0.1", "latency=0.08", "noise=0.8"),
     *("dropout=0.8", "payload=20", "force=60", "weak_motors=10", "slow_motors=2", "soft=0.04", "stairs=0.2"),
     *("surprise", "surprise=2", "steady", "flat+hardware", "push+hardware", "rough+hardware", "slope+hardware"),
 )
-"""Scenarios of the evaluation: every axis where robots begin to fail, and four of them at their nominal severity."""
+"""Scenarios of the evaluation: every axis at the onset of failures, and four of them at their nominal severity."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class PublishOptions:
 
 
 def main(options: PublishOptions) -> int:
-    """Evaluate the runs, then write the shipped one's bundle and card; the exit code. Raises UsageError."""
+    """Evaluate the runs, write the shipped bundle and card, and return the exit code. Raises UsageError."""
     check_numbers(options, limits_of(options))
     if not options.runs:
         raise UsageError("name the folders of the finished runs, as in: runs/residual-0 runs/residual-1")
@@ -93,9 +94,17 @@ def main(options: PublishOptions) -> int:
 
 
 def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: TrainedRun) -> Results:
-    """Results of the runs and of the shipped one's baseline in the evaluation's episodes.
+    """Evaluate the runs and the baseline of the shipped one on the same episodes.
 
-    Raises UsageError, and KeyboardInterrupt after a Ctrl-C, once all is kept.
+    A UsageError is raised for bad options, and KeyboardInterrupt after Ctrl-C, once everything is stored.
+
+    Args:
+        options: Options of the command.
+        runs: Runs to evaluate.
+        shipped: Run that ships.
+
+    Returns:
+        Results of the evaluation.
     """
     # Only now, so that --help and mistakes answer at once.
     from evaluate.commands.execution import execute
@@ -118,7 +127,7 @@ def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: 
 
 
 def load_trained_run(folder: Path) -> TrainedRun:
-    """The run in a folder. Raises UsageError where it is unfinished or damaged, or where there is none."""
+    """Load the run in a folder. Raises UsageError if it is unfinished, damaged or missing."""
     # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
     if (folder / CARD).is_file():
         return _load_shipped(folder)
@@ -146,15 +155,13 @@ _REMOVED_SETTINGS: Mapping[str, Mapping[str, Any]] = {
     | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
     "rewards": {"foot_clearance": 0.0, "foot_slip": 0.0, "foot_impact": 0.0},
 }
-"""Settings of shipped policies of older versions, by group, and the only value that they may have; None: any."""
+"""Group -> removed setting of shipped older policies -> its only allowed value; None: any."""
 _ADDED_SETTINGS: Mapping[str, Any] = {"effort_ramp": 0.0}
-"""Settings that older versions lacked, with the value equivalent to their training where it differs from today's
-default.
-"""
+"""Setting that older versions lacked -> value equivalent to their training, if it differs from the present default."""
 
 
 def migrate_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a shipped policy's settings in today's terms. Raises ValueError for a removed setting in use."""
+    """Return a shipped policy's settings in present terms. Raises ValueError for a removed setting in use."""
     found = {
         **_ADDED_SETTINGS,
         **settings,
@@ -177,6 +184,9 @@ def settings_of_card(settings: Mapping[str, Any], card: str) -> TrainConfig:
         settings: Training settings of the bundle.
         card: Text of its MODEL.md.
 
+    Returns:
+        The configuration of the run.
+
     Raises:
         ValueError: The card says no steps, or the schedules of the run depend on its length.
     """
@@ -193,7 +203,7 @@ def settings_of_card(settings: Mapping[str, Any], card: str) -> TrainConfig:
 
 
 def _load_shipped(folder: Path) -> TrainedRun:
-    """The run that a shipped policy comes from, by its bundle and its card. Raises UsageError."""
+    """Load the run of a shipped policy from its bundle and its card. Raises UsageError."""
     try:
         description = json.loads(read_bytes(folder / "policy.json"))
         card = read_bytes(folder / CARD).decode()
@@ -208,7 +218,18 @@ def _load_shipped(folder: Path) -> TrainedRun:
 
 
 def select_shipped(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:
-    """The run that ships. Raises UsageError unless the policy's runs are one a seed and else alike."""
+    """Select the run that ships.
+
+    Args:
+        runs: Finished runs.
+        policy: Kind of policy that ships.
+
+    Returns:
+        The run of SHIPPED_SEED.
+
+    Raises:
+        UsageError: Its seed is missing, a seed is given twice, or the runs differ in more than their seed.
+    """
     candidates = [run for run in runs if run.config.policy == policy]
     seeds = [run.config.seed for run in candidates]
     if seeds.count(SHIPPED_SEED) != 1 or len(set(seeds)) < len(seeds):

@@ -30,7 +30,7 @@ from research.pages import markdown
 from research.pages.places import insert_block, read_page
 
 PLACE = "sb3"
-"""Name of the place in the page that gets the figures."""
+"""Name of the block in the page for the figures."""
 SEED_LINE = "seed = 0\n"
 """Line of the block with the seed."""
 LEARN = re.compile(r"\.learn\(([\d_]+)\)")
@@ -103,7 +103,7 @@ def find_block(text: str) -> str:
 
 
 def training_steps(block: str) -> int:
-    """Return the number of training steps that the block names."""
+    """Return the number of training steps in the block."""
     return int(LEARN.findall(block)[0].replace("_", ""))
 
 
@@ -113,12 +113,15 @@ def block_digest(block: str) -> str:
 
 
 def train(block: str, seed: int, folder: Path) -> dict[str, Any]:
-    """Run the block with that seed in that folder; return its seed and its processor time, minutes.
+    """Run the block with a seed in a folder.
 
     Args:
         block: Python source.
         seed: Value for its line `seed = 0`.
         folder: Working folder, made if needed.
+
+    Returns:
+        Seed, and processor time, minutes.
     """
     make_writable_folder(folder)
     script = folder / "block.py"
@@ -130,7 +133,7 @@ def train(block: str, seed: int, folder: Path) -> dict[str, Any]:
 
 
 def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict[str, float]]:
-    """Return successes, falls and errors of a policy in held-out episodes of each scenario.
+    """Evaluate a policy on held-out episodes of each scenario.
 
     Args:
         policy: Name, or path of a model.
@@ -138,7 +141,7 @@ def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict
         evaluation_seed: Set of evaluation episodes.
 
     Returns:
-        Scenario -> name of the figure -> value.
+        Scenario -> name of the figure -> value: successes, falls and velocity error.
     """
     found = {}
     for name in SCENARIOS:
@@ -203,7 +206,7 @@ def read_record(path: Path) -> dict[str, Any]:
 
 
 def lowest_success(record: Mapping[str, Any], name: str) -> float:
-    """Return the lowest share of success over the seeds on a scenario, 0 … 1."""
+    """Return the lowest success rate over the seeds of a `record` on the scenario `name`, 0 … 1."""
     entries: Sequence[Mapping[str, Any]] = record["seeds"]
     fewest = min(int(entry["scenarios"][name]["successes"]) for entry in entries)
     return fewest / int(record["episodes"])

@@ -1,6 +1,6 @@
-"""Digests of the descriptions of trained policies: `python -m research seal FOLDER…` adds them to older bundles.
+"""Digests of the descriptions of trained policies: `python -m research seal FOLDER…`.
 
-`policies.load` refuses a `policy.json` with this digest if its content was altered.
+It adds them to older bundles. `policies.load` refuses a `policy.json` with this digest if its content was altered.
 """
 
 import json

@@ -1,8 +1,8 @@
 """Search of the parameters of policies with feedback by CMA-ES, for success on many scenarios.
 
 The outcome is compared with the parameters in force on the same episodes of the "validation" family, which the search
-has not seen, and adopted only where it is better. A search takes 26 minutes on one core, three times as long for
-mpc_wbc. Candidates and their costs are in a file that ends in .trials.jsonl, a line for each generation.
+has not seen, and adopted only if it is better. A search takes 26 minutes on one core, three times as long for mpc_wbc.
+Candidates and their costs are in a file that ends in .trials.jsonl, a line for each generation.
 """
 
 from dataclasses import dataclass
@@ -41,7 +41,8 @@ EXERCISES = (
     *("stairs=0.1", "soft=0.02", "slippery=0.1", "force=60", "payload=20", "weak_motors=20", "slow_motors=5"),
     *("slow_motors=2", "latency=0.02", "latency=0.04", "latency=0.08", "noise=0.8", "surprise=1"),
 )
-"""Usual scenarios of the search, as hard for every robot: from where a trot succeeds to where it seldom does."""
+"""Default scenarios of the search, equally hard for every robot: from the severity at which a trot succeeds to the one
+at which it seldom does."""
 SIGNIFICANT = 0.05
 """Largest p-value with which a smaller cost counts as smaller."""
 ADOPTED, KEPT = "The outcome is adopted.", "Those in force are kept: the outcome is not better."
@@ -49,14 +50,16 @@ ADOPTED, KEPT = "The outcome is adopted.", "Those in force are kept: the outcome
 
 @dataclass(frozen=True)
 class SearchTarget:
-    """A policy that can be searched."""
+    """A policy with searchable parameters."""
 
     file: ParameterFile[Any]
+    """File of its parameters."""
     ranges: Ranges
+    """Ranges of the search."""
 
     @property
     def account_name(self) -> str:
-        """Name of the account of a search."""
+        """File name of the account of a search."""
         return f"{self.file.path.stem.upper()}.md"
 
 
@@ -88,12 +91,12 @@ class FeedbackSearchOptions(SearchOptions):
 
 
 def main(options: FeedbackSearchOptions) -> int:
-    """Search, conclude, write; the exit code. Raises UsageError."""
+    """Search, conclude, write, and return the exit code. Raises UsageError."""
     return search(make_problem, options)
 
 
 def make_problem(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
-    """The search of a policy with feedback, from the parameters in force or given."""
+    """Create the search problem of a policy with feedback, from the parameters in force or given."""
     name, hardware, threads = options.policy, parse_robot_option(options.robot), options.threads
     robot, searched, file = hardware.robot_model, POLICIES[name], POLICIES[name].file
     exercises = options.exercises or tuple(scaled_name(each, robot) for each in EXERCISES)
@@ -122,8 +125,14 @@ def make_problem(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
 
 
 def adoption_decision(differences: Floats) -> tuple[bool, str]:
-    """Whether the outcome costs significantly less than the parameters in force, by the difference of each seed; the
-    decision and its reason, in words."""
+    """Decide on the outcome of a search.
+
+    Args:
+        differences: Cost of the outcome minus the cost of the parameters in force, for each seed, (n,).
+
+    Returns:
+        Whether the outcome costs significantly less, and the decision with its reason in words.
+    """
     difference, p_value = float(differences.mean()), sign_flip_test(differences)
     better = difference < 0.0 and p_value <= SIGNIFICANT
     return better, (
