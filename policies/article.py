@@ -1,8 +1,8 @@
-"""The source document's gait controller: `document`, exactly as printed, and `document_repaired`, what it meant.
+"""Gait controller of the source document: `document`, exactly as printed, and `document_repaired`, as intended.
 
-The printed one is for show: by its axis conventions it collapses. Its pitch is an angle from the +x axis, which the
-thigh takes for an angle from straight down; its leg length ignores the lateral offset; its stance starts half a step
-behind where its swing ended.
+The printed controller collapses, by its axis conventions, and is only for demonstration. Its pitch is an angle from the
++x axis, but the thigh angle is measured from straight down. Its leg length ignores the lateral offset. Its stance
+starts half a step behind the end of its swing.
 """
 
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ from quad_env.robots.robot import Robot
 
 @dataclass(frozen=True)
 class PrintedGait(Parameters):
-    """The document's gait parameters, with the values it prints."""
+    """Gait parameters of the document, with the printed values as defaults."""
 
     frequency: float = parameter(2.0, limits=(0.1, 50.0))
-    """Steps of one leg a second, Hz."""
+    """Step frequency of a leg, Hz."""
     step_height: float = parameter(0.15, limits=(-1.0, 1.0))
     """Lift of the foot at mid-swing, m."""
     step_length: float = parameter(0.1, limits=(-1.0, 1.0))
@@ -34,9 +34,18 @@ class PrintedGait(Parameters):
     """Lateral distance of the foot from the hip joint, outboard, m."""
 
     def feet(self, robot: Robot, phase: ArrayLike, stance_start: float) -> Floats:
-        """Feet in their hip frames, m; shape (..., 4, 3) for a global phase in rad of shape (...).
+        """Compute the foot positions at a phase.
 
-        Swing runs from -s/2 to s/2 under a half sine, stance backward by s from `stance_start` m on the ground.
+        The swing goes from -s/2 to s/2 along a half sine, the stance backward by s on the ground, with s the step
+        length.
+
+        Args:
+            robot: Robot.
+            phase: Global phase, (...), rad.
+            stance_start: Start of the stance ahead of the hip, m.
+
+        Returns:
+            Foot positions, hip frames, (..., 4, 3), m.
         """
         phases = leg_phases(phase, robot.in_leg_order(TROT_OFFSETS))
         swing = phases < np.pi
@@ -47,8 +56,15 @@ class PrintedGait(Parameters):
 
 
 def printed_joint_angles(robot: Robot, feet: Floats) -> Floats:
-    """The document's inverse kinematics: roll, pitch, knee in rad, shape (..., 3); zeros for feet (..., 3) that are
-    farther in the leg's plane than it is long, or too near."""
+    """Compute the inverse kinematics of the document.
+
+    Args:
+        robot: Robot.
+        feet: Foot positions, hip frames, (..., 3), m.
+
+    Returns:
+        Roll, pitch and knee angles, (..., 3), rad; zero for feet out of reach in the plane of the leg.
+    """
     x, y, z = np.moveaxis(feet, -1, 0)
     distance = np.sqrt(x**2 + z**2)
     missed = (distance > robot.leg_length) | (distance < min_leg_length(robot))
@@ -63,18 +79,23 @@ def printed_joint_angles(robot: Robot, feet: Floats) -> Floats:
 
 
 class Document(GaitedPolicy):
-    """The printed controller: no command, no observation, no blending in, targets clipped by the joint limits."""
+    """Printed controller: no command, no observation, no blending, targets clipped to the joint limits.
+
+    Args:
+        parameters: Parameters; the printed ones by default.
+        **kwargs: See `Policy`.
+    """
 
     name = "document"
 
-    def __init__(self, parameters: PrintedGait | None = None, **made_for: Unpack[PolicyKwargs]) -> None:
-        super().__init__(**made_for)
+    def __init__(self, parameters: PrintedGait | None = None, **kwargs: Unpack[PolicyKwargs]) -> None:
+        super().__init__(**kwargs)
         self.parameters = parameters or PrintedGait()
         self.frequency = self.parameters.frequency
         self.leg_offsets = self.robot.in_leg_order(TROT_OFFSETS)
 
     def targets(self, phase: ArrayLike) -> Floats:
-        """The 12 raw targets in rad, before any clipping, for a global phase in rad; shape (..., 12) for (...)."""
+        """Return the raw targets, (..., 12), rad, before any clipping, at a global `phase`, (...), rad."""
         return flat_joints(printed_joint_angles(self.robot, self.parameters.feet(self.robot, phase, stance_start=0.0)))
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
@@ -83,20 +104,20 @@ class Document(GaitedPolicy):
 
 
 class DocumentRepaired(Document):
-    """The printed controller with only the repairs that it needs to walk; starts from the home pose, takes no command.
+    """Printed controller with only the repairs that it needs to walk; starts from the home pose, takes no command.
 
-    Repaired: exact kinematics with the thigh angle measured from straight down, and a stance that starts where the
-    swing ended (+s/2 to -s/2). Every printed figure stays. The lift of 0.15 m under a body height of 0.25 m asks for a
-    calf angle of -2.64 rad at mid-swing, past its stop at -2.5 rad: the stop clips it, as it would on a real joint, and
-    the foot rises 0.04 m less.
+    Repaired are the kinematics, now exact with the thigh angle measured from straight down, and the stance, which now
+    starts at the end of the swing (+s/2 to -s/2). All printed values stay. The lift of 0.15 m under a body height of
+    0.25 m needs a calf angle of -2.64 rad at mid-swing, beyond the stop at -2.5 rad. The target is clipped to the stop,
+    as on a real joint, and the foot rises 0.04 m less.
     """
 
     name = "document_repaired"
     blend_time = 0.5
-    """From the home pose to the gait, s: one cycle."""
+    """Duration of the blend from the home pose to the gait, s: one cycle."""
 
     def targets(self, phase: ArrayLike) -> Floats:
-        """The 12 targets in rad, before blending and clipping, for a global phase in rad; shape (..., 12) for (...)."""
+        """Return the targets, (..., 12), rad, before blending and clipping, at a global `phase`, (...), rad."""
         feet = self.parameters.feet(self.robot, phase, stance_start=self.parameters.step_length / 2.0)
         return flat_joints(joint_angles(self.robot, feet))
 

@@ -1,4 +1,4 @@
-"""What every policy is: observation in, joint targets out, for any number of robots at once."""
+"""Base classes of all policies: observations in, joint targets out, for any number of robots."""
 
 import math
 from abc import ABC, abstractmethod
@@ -22,42 +22,51 @@ Actions = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 CONTROL_PERIOD = 1.0 / TaskConfig().control_rate
-"""The environment's default control period, s."""
+"""s. Default control period of the environment."""
 
 
 class PolicyError(UserError, ValueError):
-    """A policy that does not exist or cannot be loaded; the message is one line: the fault, then the remedy."""
+    """Error for a policy that does not exist or cannot be loaded; the message is one line.
+
+    Args:
+        fault: Fault.
+        remedy: Remedy, which follows the fault in the message.
+    """
 
     def __init__(self, fault: str, remedy: str = "") -> None:
         super().__init__(f"{fault}; {remedy}" if remedy else fault)
-        self.fault, self.remedy = fault, remedy
+        self.fault = fault
+        self.remedy = remedy
 
 
 class PolicyKwargs(TypedDict, total=False):
-    """Arguments that all policies share; see `Policy`."""
+    """Keyword arguments that all policies share; see `Policy`."""
 
     robot: str | Robot
     control_period: float
 
 
 class Policy(ABC):
-    """A batched controller with its own clock and state, made for one robot and one control period.
+    """Batched controller with its own clock and state, for one robot and one control period.
 
-    One row's actions depend on that row's observations and resets alone: the same bits in any batch.
+    The actions of a row depend on the observations and resets of this row alone: the same bits in any batch.
 
     Args:
-        robot: whose joints it moves; a `quad_env.Robot`, or what `policies.make` takes for one, such as "go1". The
-            policy's `robot` has the servo gains that the policy commands: its environment is to be made with it.
-        control_period: time between two calls of `act`, s: an environment's `dt`.
+        robot: Robot or its name. The attribute `robot` has the servo gains that the policy commands; its environment
+            must be made with it.
+        control_period: Time between two calls of `act`, the environment's `dt`, s.
+
+    Raises:
+        ValueError: The control period is not positive.
     """
 
     name: str
     height_scan: HeightScan | None = None
-    """The scan that its environment is to have; None: it is shown none."""
+    """Height scan that its environment must have; None for no scan."""
     observations: tuple[str | ObservationTerm, ...] = ()
-    """Further observation terms that its environment is to have, as the option `observations` of `gym.make`."""
+    """Further observation terms that its environment must have, as in the option `observations` of `gym.make`."""
     stiff_servos: ClassVar[bool] = False
-    """Whether it commands the robot's `stiff_servo`, since softer servos would yield too far under its targets."""
+    """True if it commands the robot's `stiff_servo`, because softer servos would sag too far under its targets."""
 
     def __init__(self, *, robot: str | Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
         if not 0.0 < control_period < math.inf:
@@ -68,22 +77,37 @@ class Policy(ABC):
         initialize_state(self)
 
     def mismatch(self, robot: Robot, control_period: float) -> str:
-        """What else than that robot and that control period, s, it was made for, in words; empty if for these."""
+        """Describe the robot and control period that the policy was made for, if they differ from the given ones.
+
+        Args:
+            robot: Robot of the environment.
+            control_period: Control period of the environment, s.
+
+        Returns:
+            Description; empty without a difference.
+        """
         if self.robot == robot and math.isclose(self.control_period, control_period):
             return ""
         own = f"made for {self.robot.name} with a control period of {self.control_period:g} s"
         return f"{own}, not for {robot.name} with one of {control_period:g} s"
 
     def check_compatible(self, robot: Robot, control_period: float) -> None:
-        """Raise ValueError, which names the remedy, unless it was made for that robot, its servo gains and that control
-        period, s."""
+        """Check that the policy was made for an environment.
+
+        Args:
+            robot: Robot of the environment, with its servo gains.
+            control_period: Control period of the environment, s.
+
+        Raises:
+            ValueError: It was not; the message names the remedy.
+        """
         if mismatch := self.mismatch(robot, control_period):
             raise ValueError(
                 f"{self.name} was {mismatch}: make it for its environment, "
                 f'policies.make("{self.name}", robot=env.unwrapped.robot, control_period=env.unwrapped.dt)'
             )
-        own, theirs = ((each.servo_stiffness, each.servo_damping) for each in (self.robot, robot))
-        if not np.array_equal(own, theirs):
+        commanded, actual = ((each.servo_stiffness, each.servo_damping) for each in (self.robot, robot))
+        if not np.array_equal(commanded, actual):
             raise ValueError(
                 f"{self.name} commands servos of {self.robot.servo}, but the environment's have {robot.servo}: make it "
                 "with robot=policy.robot"
@@ -94,30 +118,52 @@ class Policy(ABC):
         self.check_compatible(robot, control_period)
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Restart the policy for `num_envs` robots. `seed` is for policies that draw; none here does."""
+        """Reset the policy for a number of robots.
+
+        Args:
+            num_envs: Number of robots.
+            seed: Seed of policies that draw random numbers; none here does.
+
+        Raises:
+            ValueError: The number is not positive.
+        """
         if num_envs < 1:
             raise ValueError(f"num_envs must be at least 1, not {num_envs}")
         self.num_envs = num_envs
         self._allocate(num_envs)
 
     def reset_where(self, mask: ArrayLike) -> None:
-        """Restart the robots where `mask`, shape (num_envs,) of bool, is true; the others go on."""
+        """Reset the robots where `mask`, (num_envs,) bool, is True; the others go on."""
         self._restart(validate_mask(np.asarray(mask), self.num_envs))
 
     def copy_state_from(self, mask: Mask, other: "Policy") -> None:
-        """Go on where the mask, (n,), is true with the robots of another policy made alike, as many as these. For bases
-        of a residual: a policy that holds other policies does not hand these over."""
+        """Take over the state of robots from another policy.
+
+        It is for bases of a residual: the state of policies within a policy is not copied.
+
+        Args:
+            mask: Robots that take over a state, (n,) bool.
+            other: Policy with the same arguments, and one robot for each True in the mask.
+        """
         copy_rows(self, validate_mask(mask, self.num_envs), other)
 
     def act(self, observation: ArrayLike) -> Actions:
-        """Joint targets in rad, float32, within the limits: (n, 12) for observations (n, k), (12,) for one (k,)."""
+        """Return the joint targets for an observation.
+
+        Args:
+            observation: Observation of n robots, (n, k), or of one, (k,).
+
+        Returns:
+            Joint targets within the limits, (n, 12) or (12,), float32, rad.
+        """
         if not is_allocated(self):
             self._allocate(self.num_envs)
-        batch, single = self._checked(observation)
+        batch, single = self._to_batch(observation)
         actions = self._act(batch)
         return actions[0] if single else actions
 
-    def _checked(self, observation: ArrayLike) -> tuple[NDArray[np.float32], bool]:
+    def _to_batch(self, observation: ArrayLike) -> tuple[NDArray[np.float32], bool]:
+        """Return a checked observation as (n, k), and True if it was (k,). Raises ValueError for another shape."""
         rows = np.asarray(observation, dtype=np.float32)
         single = rows.ndim == 1
         if single:
@@ -134,12 +180,12 @@ class Policy(ABC):
         return rows, single
 
     def _replace_nonfinite(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """What a policy makes of observations (n, k) that are not finite; one that can do without does so here."""
+        """Replace values that are not finite in an observation, (n, k). Raises ValueError in policies that cannot."""
         raise ValueError("observation must be finite")
 
     @abstractmethod
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        """Actions (n, 12) for a checked batch of observations (n, k)."""
+        """Return the joint targets, (n, 12), rad, for a checked observation, (n, k)."""
 
     def _allocate(self, num_envs: int) -> None:
         """Allocate fresh state for `num_envs` robots, of the arrays declared with `per_robot`."""
@@ -155,39 +201,50 @@ class Policy(ABC):
 
 
 class GaitedPolicy(Policy):
-    """A policy on a clock, which starts at phase 0 and has advanced by one tick when the first action is chosen."""
+    """Policy with a clock, which starts at phase 0 and has advanced by one step when the first action is chosen."""
 
     frequency: float
-    """Gait cycles a second, Hz."""
+    """Frequency of the gait, Hz."""
     stiff_servos = True
     leg_offsets: tuple[float, ...]
-    """Phase of each leg ahead of the clock in the gait that it starts with, rad."""
+    """Phase of each leg ahead of the clock in the first gait, rad."""
     _phase: Floats = per_robot(0.0)
     _ticks: Floats = per_robot(0.0)
 
     @property
     def phase(self) -> Floats:
-        """Phase of the latest action, rad in [0, 2π), shape (n,)."""
+        """Phase of the latest action, (n,), in [0, 2π) rad."""
         return self._phase
 
     def _tick(self, faster: Floats | float = 0.0) -> None:
-        """Advance the clocks by a tick, faster by (n,) Hz."""
-        # A fresh array each time, so that a phase handed out earlier stays what it was.
+        """Advance the clocks by a control step, at a frequency that is `faster` by (n,) Hz."""
+        # A fresh array each time, so that a phase handed out earlier does not change.
         self._phase = advance_phase(self._phase, self.frequency + faster, self.control_period)
         self._ticks = self._ticks + 1.0
 
     def _blended(self, targets: Floats, duration: float) -> Floats:
-        """Targets (n, 12) approached from the home pose over the first `duration` s of an episode, smoothly."""
+        """Blend targets, (n, 12), rad, smoothly from the home pose over the first `duration` s of an episode."""
         share = np.minimum(self._ticks * (self.control_period / duration), 1.0)
         if share.min() >= 1.0:
             return targets
         weight = smoothstep(share)[:, None]
-        # One formula for blended and settled rows: with weight 1 the home pose's part is exactly zero.
+        # One formula for blended and settled rows: at weight 1 the part of the home pose is exactly zero.
         return weight * targets + (1.0 - weight) * self.robot.home_pose
 
 
 def validate_mask(mask: ArrayLike | None, num_envs: int) -> Mask:
-    """The mask of robots, (num_envs,) of bool, all of them for None; ValueError for another shape or type."""
+    """Validate a mask of robots.
+
+    Args:
+        mask: Mask, (num_envs,) bool; None for all robots.
+        num_envs: Number of robots.
+
+    Returns:
+        The mask.
+
+    Raises:
+        ValueError: It has another shape or type.
+    """
     rows = np.ones(num_envs, np.bool_) if mask is None else np.asarray(mask)
     if rows.dtype != np.bool_ or rows.shape != (num_envs,):
         raise ValueError(f"mask must be bool of shape ({num_envs},), not {rows.dtype} of {rows.shape}")
@@ -195,19 +252,27 @@ def validate_mask(mask: ArrayLike | None, num_envs: int) -> Mask:
 
 
 def to_actions(robot: Robot, targets: Floats) -> Actions:
-    """Raw targets (n, 12) in rad as float32 actions, clipped to the action space as a real joint would stop.
+    """Convert raw targets to float32 actions, clipped to the joint limits, where a real joint would stop.
 
-    Adding zero turns -0.0 into 0.0, so that adding a zero correction later changes no bit.
+    Zero is added to turn -0.0 into 0.0, so that a zero correction that is added later changes no bit.
+
+    Args:
+        robot: Robot.
+        targets: Joint targets, (n, 12), rad.
+
+    Returns:
+        Actions, (n, 12), rad.
     """
     return within_limits(robot, targets.astype(np.float32)) + np.float32(0.0)
 
 
 def within_limits(robot: Robot, actions: Actions) -> Actions:
-    """Actions (n, 12), rad, clipped to the joint limits."""
-    lower, upper = robot.joint_lower.astype(np.float32), robot.joint_upper.astype(np.float32)
+    """Clip `actions`, (n, 12), rad, to the joint limits of a `robot`."""
+    lower = robot.joint_lower.astype(np.float32)
+    upper = robot.joint_upper.astype(np.float32)
     return actions.clip(lower, upper)
 
 
 def flat_joints(legs: Floats) -> Floats:
-    """Joint angles (..., 4, 3) as (..., 12)."""
+    """Reshape joint angles from (..., 4, 3) to (..., 12)."""
     return legs.reshape(*legs.shape[:-2], legs.shape[-2] * legs.shape[-1])

@@ -1,4 +1,4 @@
-"""A trained policy as data in a folder: `policy.safetensors` (weights) and `policy.json` (all else), never code.
+"""Bundle: a trained policy as data in a folder, `policy.safetensors` (weights) and `policy.json` (all else), no code.
 
 Every field is checked on loading, and weights and description against their SHA-256.
 """
@@ -36,14 +36,18 @@ from quad_env.robots.robot import Robot
 
 BEST = "best"
 """Folder of a training run that holds its bundle."""
-LARGEST_DESCRIPTION = 2**22
-"""Bytes. Largest size of a `policy.json`; those of this project have 20 thousand."""
+MAX_DESCRIPTION_SIZE = 2**22
+"""Bytes. Largest size of a `policy.json`; the files of this project have 20 thousand."""
 
 
 def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str) -> None:
-    """Write the bundle into a folder, made if need be; each file appears whole or not at all.
+    """Write a bundle; each file appears whole or not at all. Raises OSError if the folder is not writable.
 
-    `training` is the resolved training configuration, as JSON values. Raises OSError if the folder is not writable.
+    Args:
+        path: Folder, which is made if needed.
+        policy: Policy.
+        training: Resolved training configuration, as JSON values.
+        git_revision: Revision of the code that trained the policy.
     """
     folder = Path(path)
     folder.mkdir(parents=True, exist_ok=True)
@@ -55,7 +59,7 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
 
 
 def copy(folder: Path, to: Path) -> None:
-    """Put the bundle of a folder into another one, made if need be, its description last; OSError if that fails."""
+    """Copy the bundle in `folder` into the folder `to`, the description last. Raises OSError."""
     to.mkdir(parents=True, exist_ok=True)
     for name in (WEIGHTS, DESCRIPTION):
         write_atomically(to / name, (folder / name).read_bytes())
@@ -64,14 +68,19 @@ def copy(folder: Path, to: Path) -> None:
 def load(
     path: str | Path, robot: str | Robot | None = None, *, joint_delay_steps: int = 0, actuator: Actuator = IDEAL
 ) -> ResidualPolicy:
-    """The policy of a bundle's folder, or of a training run's, which is that of its best validation; for its `robot`,
-    which has to be given where it is none of `quad_env.ROBOTS`. For a base that predicts: by how many control steps
-    observed joints are `late`, and their actuator.
+    """Load the policy of a bundle. Raises PolicyError, one line, if anything is missing, damaged or does not fit.
 
-    Raises PolicyError, one line, if anything is missing, damaged or does not fit.
+    Args:
+        path: Folder of a bundle, or of a training run, which stands for the bundle of its best validation.
+        robot: Robot of the policy. It is needed if the robot is not one of `quad_env.ROBOTS`.
+        joint_delay_steps: Delay of the observed joints, control steps, for a model-based base.
+        actuator: Actuator of the joints, for a model-based base.
+
+    Returns:
+        The policy.
     """
     folder = find_bundle_folder(Path(path))
-    content = _read(folder / DESCRIPTION, LARGEST_DESCRIPTION)
+    content = _read(folder / DESCRIPTION, MAX_DESCRIPTION_SIZE)
     description = parse_description(folder, content)
     weights = _read(folder / WEIGHTS, max_network_size())
     if hashlib.sha256(weights).hexdigest() != description.weights_sha256:
@@ -85,7 +94,7 @@ def load(
 
 
 def find_bundle_folder(folder: Path) -> Path:
-    """Where the bundle lies that a folder's name stands for. Raises PolicyError."""
+    """Return the folder of the bundle that the name of a `folder` stands for. Raises PolicyError if there is none."""
     if (folder / DESCRIPTION).exists():
         return folder
     if (folder / BEST).is_dir():
@@ -99,6 +108,7 @@ def find_bundle_folder(folder: Path) -> Path:
 
 
 def _read(file: Path, limit: int) -> bytes:
+    """Read a file of at most `limit` bytes. Raises PolicyError."""
     try:
         return read_bytes(file, limit)
     except OSError as error:
@@ -106,6 +116,7 @@ def _read(file: Path, limit: int) -> bytes:
 
 
 def _parse_weights(folder: Path, weights: bytes) -> dict[str, NDArray[Any]]:
+    """Parse the contents of a safetensors file. Raises PolicyError."""
     try:
         return dict(parse_safetensors(weights))
     except (SafetensorError, ValueError, KeyError, TypeError, AttributeError, OverflowError):
@@ -113,6 +124,6 @@ def _parse_weights(folder: Path, weights: bytes) -> dict[str, NDArray[Any]]:
 
 
 def network_tensors(network: Network) -> dict[str, NDArray[Any]]:
-    """Weights and biases of the layers by name, such as `0.weight`."""
+    """Return the weights and biases of the layers by name, `0.weight` for the first."""
     weights = {f"{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
     return weights | {f"{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}

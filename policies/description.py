@@ -1,7 +1,6 @@
-"""What a policy's file says: every field checked, so that a damaged or foreign file is refused in one line.
+"""Description of a trained policy: its fields as JSON, and checks that refuse a damaged or foreign file in one line.
 
-The layout and scales of the observation must be those of this environment, since a network that reads others would only
-look as if it worked.
+Layout and scales of the observation must be the environment's: with others a network would only seem to work.
 """
 
 import hashlib
@@ -31,9 +30,13 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import HeightScan, table_with
 
 SCHEMA_VERSION = 1
-DESCRIPTION, WEIGHTS = "policy.json", "policy.safetensors"
+"""Version of the format."""
+DESCRIPTION = "policy.json"
+"""File name of the description."""
+WEIGHTS = "policy.safetensors"
+"""File name of the weights."""
 DIGEST = "description_sha256"
-"""Field with the SHA-256 of all others."""
+"""Name of the field with the SHA-256 of all others."""
 _REMOVED_FIELDS = {
     "command_authority": [0.0] * 3,
     "foothold_authority": [0.0] * 2,
@@ -41,13 +44,14 @@ _REMOVED_FIELDS = {
     "space": "joints",
     "shift_time": 0.0,
 }
-"""Fields of bundles of older versions, and the only values that policies can still have."""
-_LARGEST_WEIGHT = 1e6
+"""Fields of bundles of older versions, with the only values that policies can still have."""
+_MAX_WEIGHT = 1e6
+"""Largest magnitude of a weight."""
 
 
 @dataclass(frozen=True)
 class BundleFields(Settings):
-    """Fields of a description, as JSON values; older bundles lack those with a default, and were made for that."""
+    """Fields of a description, as JSON values. Older bundles lack fields with a default, which applies to them."""
 
     schema_version: Literal[1]
     name: str
@@ -78,11 +82,21 @@ class BundleFields(Settings):
 def describe_policy(
     policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str, weights_sha256: str
 ) -> dict[str, Any]:
-    """The description of a policy, as JSON values; `training` is the resolved training configuration."""
-    found = {
+    """Return the description of a policy, as JSON values.
+
+    Args:
+        policy: Policy.
+        training: Resolved training configuration, as JSON values.
+        git_revision: Revision of the code that trained the policy.
+        weights_sha256: SHA-256 of the file of weights.
+
+    Returns:
+        The description, with its digest.
+    """
+    description = {
         "schema_version": SCHEMA_VERSION,
         "name": policy.name,
-        **_of_environment(policy.robot, policy.height_scan),
+        **_environment_fields(policy.robot, policy.height_scan),
         "robot": policy.robot.name,
         "model_sha256": policy.robot.sha256,
         "control_period": policy.control_period,
@@ -96,39 +110,54 @@ def describe_policy(
         "git_revision": git_revision,
         "weights_sha256": weights_sha256,
     }
-    return found | {DIGEST: description_digest(found)}
+    return description | {DIGEST: description_digest(description)}
 
 
 def description_digest(description: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of a description, as JSON values, without its own digest."""
+    """Return the SHA-256 of a description, JSON values, without its own digest."""
     values = {name: value for name, value in description.items() if name != DIGEST}
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def check_unaltered(place: Path, content: bytes) -> None:
-    """Raise PolicyError for a description altered since it was written; older descriptions have no digest."""
-    found = parse_json(content)
-    if found.get(DIGEST) not in (None, description_digest(found)):
+    """Check that a description was not altered since it was written; older ones have no digest and pass.
+
+    Args:
+        place: Folder of the bundle, for the PolicyError.
+        content: Content of the file.
+    """
+    values = parse_json(content)
+    if values.get(DIGEST) not in (None, description_digest(values)):
         fail(place, f"{DESCRIPTION} is not as it was written ({DIGEST} differs)")
 
 
 def parse_description(place: Path, content: bytes) -> BundleFields:
-    """The description with exactly the fields of its schema, checked as far as every robot's can be; PolicyError."""
+    """Parse a description with exactly the fields of its schema, and check them without knowing the robot.
+
+    Args:
+        place: Folder of the bundle.
+        content: Content of the file.
+
+    Returns:
+        The fields; PolicyError if they are missing, unknown or out of range.
+    """
     try:
-        found = parse_json(content)
+        values = parse_json(content)
     except ValueError as error:
         fail(place, f"{DESCRIPTION} is not JSON ({error})")
-    if not isinstance(found, dict) or not isinstance(inputs := found.get("inputs", {}), dict):
+    if not isinstance(values, dict) or not isinstance(inputs := values.get("inputs", {}), dict):
         fail(place, f"{DESCRIPTION} must hold an object, and so must its inputs")
-    for name, only in _REMOVED_FIELDS.items():
-        if (value := found.pop(name, only)) != only:
+    for name, supported in _REMOVED_FIELDS.items():
+        if (value := values.pop(name, supported)) != supported:
             fail(place, f"its {name} is {value!r:.80}, which this version cannot do; an older one can")
-    needed = [each.name for each in fields(BundleFields) if each.default is MISSING and each.default_factory is MISSING]
-    if lacking := [name for name in needed if name not in found]:
-        fail(place, f"{DESCRIPTION} lacks {', '.join(lacking)}")
+    required = [
+        entry.name for entry in fields(BundleFields) if entry.default is MISSING and entry.default_factory is MISSING
+    ]
+    if missing := [name for name in required if name not in values]:
+        fail(place, f"{DESCRIPTION} lacks {', '.join(missing)}")
     inputs = {name: tuple(value) if isinstance(value, list) else value for name, value in inputs.items()}
     try:
-        return BundleFields(**found | {"inputs": Inputs(**inputs)})
+        return BundleFields(**values | {"inputs": Inputs(**inputs)})
     except (TypeError, ValueError) as error:
         fail(place, f"{DESCRIPTION} is none of this version: {error}")
 
@@ -141,31 +170,50 @@ def assemble_policy(
     joint_delay_steps: int = 0,
     actuator: Actuator = IDEAL,
 ) -> ResidualPolicy:
-    """The policy of a description with its network; `robot`, `late` and `actuator` as in `load`. Raises PolicyError."""
-    robot = _made_for(place, description, robot)
-    authority = np.array(description.authority, dtype=np.float32)
+    """Make the policy of a description.
+
+    Args:
+        place: Folder of the bundle, for errors.
+        description: Fields of the description.
+        network: Network of the policy.
+        robot: As in `policies.load`.
+        joint_delay_steps: As in `policies.load`.
+        actuator: As in `policies.load`.
+
+    Returns:
+        The policy; PolicyError if its fields do not fit this version or robot.
+    """
+    robot = _trained_robot(place, description, robot)
     try:
         base = base_from_json(description.base, robot, float(description.control_period), joint_delay_steps, actuator)
-        for name, here in _of_environment(robot, base.height_scan).items():
-            if (there := getattr(description, name)) != here:
-                raise ValueError(f"{name} differs from that of this {ENV_ID} with {robot.name}: {there!r:.80}")
-        if description.model_sha256 not in (None, robot.sha256):
-            raise ValueError(
-                f"it was trained on another model of {robot.name} than the one that is here (SHA-256 differs)"
-            )
+        _check_environment(description, robot, base.height_scan)
+        authority = np.array(description.authority, dtype=np.float32)
         return ResidualPolicy(base, network, authority, description.name, description.inputs, description.hold)
     except ValueError as error:
         fail(place, str(error))
 
 
-def _made_for(folder: Path, description: BundleFields, robot: Robot | None) -> Robot:
-    """The robot that is given if the policy was trained on its model, whatever its file is called now, else the one of
-    that name; with the servo gains that the policy was trained with: bundles of before 0.3 have stiff ones."""
-    name, trained_on = description.robot, description.model_sha256
+def _check_environment(description: BundleFields, robot: Robot, scan: HeightScan | None) -> None:
+    """Raise ValueError if a policy was trained in another environment or on another model of the robot."""
+    for name, expected in _environment_fields(robot, scan).items():
+        if (actual := getattr(description, name)) != expected:
+            raise ValueError(f"{name} differs from that of this {ENV_ID} with {robot.name}: {actual!r:.80}")
+    if description.model_sha256 not in (None, robot.sha256):
+        raise ValueError(f"it was trained on another model of {robot.name} than the one that is here (SHA-256 differs)")
+
+
+def _trained_robot(folder: Path, description: BundleFields, robot: Robot | None) -> Robot:
+    """Return the robot that the policy was trained on, with the servo gains of the training.
+
+    It is the given robot if its model is the same, whatever its file is called, else the one of the name. Bundles from
+    before version 0.3 have stiff servos. Raises PolicyError.
+    """
+    name = description.robot
+    trained_on = description.model_sha256
     if trained_on is None and name == SIMPLE_QUAD.name:
         trained_on = SIMPLE_QUAD.sha256
     if robot is None or (name != robot.name and trained_on != robot.sha256):
-        robot = _named(folder, name)
+        robot = _robot_by_name(folder, name)
     try:
         stiffness, damping = robot.stiff_servo if description.servo is None else description.servo
         return robot.with_servo(stiffness, damping)
@@ -173,7 +221,8 @@ def _made_for(folder: Path, description: BundleFields, robot: Robot | None) -> R
         fail(folder, f"servo must be stiffness and damping of {robot.num_joints} joints, above 0")
 
 
-def _named(folder: Path, name: str) -> Robot:
+def _robot_by_name(folder: Path, name: str) -> Robot:
+    """Return the robot of that name. Raises PolicyError if there is none."""
     if name not in ROBOTS:
         fail(folder, f"it is for a robot {name!r}, which is none of {', '.join(ROBOTS)}: say which with --robot")
     try:
@@ -183,7 +232,16 @@ def _named(folder: Path, name: str) -> Robot:
 
 
 def build_network(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]]) -> Network:
-    """The network of a description and of tensors by name. Raises PolicyError."""
+    """Build the network of a bundle.
+
+    Args:
+        folder: Folder of the bundle, for errors.
+        shape: Field `network` of the description.
+        tensors: Weights and biases by name.
+
+    Returns:
+        The network; PolicyError if they do not fit.
+    """
     count = len(tensors) // 2
     try:
         weights, biases = (tuple(tensors[f"{i}.{kind}"] for i in range(count)) for kind in ("weight", "bias"))
@@ -192,13 +250,13 @@ def build_network(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]])
         fail(folder, f"the tensors in {WEIGHTS} make no network ({error})")
     if len(tensors) % 2 or shape != {"sizes": list(network.sizes), "activation": ACTIVATION}:
         fail(folder, f"the tensors in {WEIGHTS} are not of the network, {shape!r:.80}, that {DESCRIPTION} describes")
-    if not all(np.abs(value).max(initial=0.0) <= _LARGEST_WEIGHT for value in tensors.values()):  # NaN is not
-        fail(folder, f"weights must be finite and lie within ±{_LARGEST_WEIGHT:g}")
+    if not all(np.abs(value).max(initial=0.0) <= _MAX_WEIGHT for value in tensors.values()):  # NaN is not
+        fail(folder, f"weights must be finite and lie within ±{_MAX_WEIGHT:g}")
     return network
 
 
-def _of_environment(robot: Robot, scan: HeightScan | None) -> dict[str, Any]:
-    """Fields that say in which environment a policy acts; the observation's layout by name -> [start, stop]."""
+def _environment_fields(robot: Robot, scan: HeightScan | None) -> dict[str, Any]:
+    """Return the fields that identify the environment; the observation's layout is name -> [start, stop]."""
     table = table_with(robot, scan)
     return {
         "env_id": ENV_ID,
@@ -209,5 +267,13 @@ def _of_environment(robot: Robot, scan: HeightScan | None) -> dict[str, Any]:
 
 
 def fail(folder: Path, reason: str) -> NoReturn:
-    """Raise PolicyError, one line, for the policy in a folder."""
+    """Raise PolicyError, one line, with the `reason` why the policy in a `folder` cannot be loaded.
+
+    Args:
+        folder: Folder of the bundle.
+        reason: Reason.
+
+    Raises:
+        PolicyError: Always.
+    """
     raise PolicyError(f"cannot load the policy in {folder}: {reason}", "train it again, or fetch a complete copy")

@@ -1,4 +1,4 @@
-"""What a network remembers of the observations before: frames of a while ago, and averages over longer times."""
+"""History of observations as network inputs: single earlier frames, and exponential averages."""
 
 import math
 import sys
@@ -17,23 +17,29 @@ Age = Annotated[float, Bounds("above 0 s, at most 10 s", sys.float_info.min, 10.
 
 @dataclass(frozen=True)
 class Inputs(Settings):
-    """What a network sees besides the present observation and its base; nothing by default."""
+    """Network inputs in addition to the present observation and the base; none by default."""
 
     lags: tuple[Age, ...] = ()
-    """Ages of single earlier observations, s; whole control steps are taken."""
+    """Ages of single earlier observations, s; rounded to whole control steps."""
     averages: tuple[Age, ...] = ()
     """Time constants of exponential averages of the observation, s."""
     clock: Annotated[float, Bounds("from 0 Hz to 50 Hz", 0.0, 50.0)] = 0.0
-    """Frequency of a clock, Hz, of which sine and cosine are seen; 0 for none."""
+    """Frequency of a clock, Hz, with its sine and cosine as inputs; 0 for none."""
 
     @property
     def frames(self) -> int:
-        """How many frames it adds."""
+        """Number of frames that it adds."""
         return len(self.lags) + len(self.averages)
 
 
 class History(PerRobotState):
-    """The past frames of n robots, each of so many numbers. A robot's first frame stands for all before it."""
+    """Past frames of n robots. The first frame of a robot stands for all before it.
+
+    Args:
+        inputs: Lags and averages.
+        width: Numbers of a frame.
+        control_period: Time between two calls of `update`, s.
+    """
 
     _past: Frames = per_robot(axis=1)
     _averages: Frames = per_robot(axis=1)
@@ -41,7 +47,7 @@ class History(PerRobotState):
 
     def __init__(self, inputs: Inputs, width: int, control_period: float) -> None:
         self.width = width * inputs.frames
-        """Numbers of a row."""
+        """Numbers of a row of `update`."""
         self._lags = [max(round(lag / control_period), 1) for lag in inputs.lags]
         self._rates = [np.float32(-math.expm1(-control_period / time)) for time in inputs.averages]
         self._now = 0
@@ -49,19 +55,21 @@ class History(PerRobotState):
         super().__init__(_past=past, _averages=np.zeros((len(self._rates), width), np.float32))
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
-        """Forget everything of the robots where the mask, (n,), is true."""
+        """Reset the robots in the `mask`, (n,)."""
         self._new |= mask
 
     def copy_state_from(self, mask: NDArray[np.bool_], other: "History") -> None:
-        """Copy the frames of another history of the same size where the mask, (n,), is true.
+        """Copy the frames of another history. Each history has its own index of the newest frame.
 
-        Each history has its own index of the newest frame.
+        Args:
+            mask: Robots that receive frames, (n,) bool.
+            other: History of the same size, with one robot for each True in the mask.
         """
         super().copy_state_from(mask, other)
         self._past[:, mask] = np.roll(other._past, self._now - other._now, axis=0)
 
     def update(self, frame: Frames) -> Frames:
-        """Take in a frame (n, k) and give what is remembered, (n, `width`): the lagged frames, then the averages."""
+        """Add a `frame`, (n, k), and return the lagged frames, then the averages, (n, `width`)."""
         if self._new.any():
             self._past[:, self._new] = self._averages[:, self._new] = frame[self._new]
             self._new[:] = False

@@ -1,14 +1,14 @@
-"""A small multilayer perceptron, run forward in NumPy to the same bits with any BLAS and on any processor.
+"""Small multilayer perceptron in NumPy, with the same bits for any BLAS and processor.
 
-Rounded sums depend on their order, and every BLAS kernel has an order of its own. So no sum of a layer is rounded: its
-inputs are multiples of 2^-20 within ±2^6, and each column of weights is on a grid of 2^-27 of a power of two above the
-sum of its magnitudes. All products and partial sums are then multiples of the product of the two grids, at most 2^53
-times as large, which float64 holds exactly. The outputs differ from those in float32 by some 1e-6.
+Rounded sums depend on their order, and every BLAS kernel has an order of its own. So no sum of a layer is rounded. The
+inputs of a layer are multiples of 2^-20 within ±2^6. Each column of weights is on a grid of 2^-27 times a power of two
+above the sum of its magnitudes. All products and partial sums are then multiples of the product of the two grids, at
+most 2^53 times as large, which float64 holds exactly. The outputs differ from a float32 network by about 1e-6.
 
-The last bits of a library's exp depend on the processor too, so the function between the layers is made of
-additions, multiplications and divisions alone, which IEEE 754 rounds everywhere alike. A piece is all float32 numbers
-with the same sign, exponent and first nine bits of the fraction; on each piece the function is replaced by the chord
-between its ends, within 3e-7.
+The last bits of a library's exp also depend on the processor. So the activation uses only additions, multiplications
+and divisions, which IEEE 754 rounds in the same way everywhere. A piece consists of all float32 numbers with the same
+sign, exponent and first nine bits of the fraction. On each piece the activation is replaced by the chord between its
+ends, within 3e-7.
 """
 
 import math
@@ -20,15 +20,16 @@ from numpy.typing import NDArray
 
 Doubles = NDArray[np.float64]
 LIMIT = 64.0
-"""Beyond ±LIMIT the function is constant: some ten times as far as the sums in the layers of our networks reach."""
+"""Magnitude beyond which the activation is constant: about ten times the sums in the layers of our networks."""
 _PIECE_BITS = 9
+"""Bits of the fraction that distinguish pieces."""
 _SHIFT = np.array(23 - _PIECE_BITS, np.int32)  # an array, which NumPy takes faster than a number
 _PIECES = 1 << (8 + _PIECE_BITS)
-"""Pieces of one sign; those of the negative numbers come second, where an index below zero finds them."""
+"""Number of pieces of one sign. Negative numbers come second, so that a negative index finds them."""
 
 
 def _exp_minus_1(x: Doubles) -> Doubles:
-    """e^x - 1 of x ≤ 0, within 1e-12: its series for a small part of x, then e^2y - 1 = (e^y - 1)(e^y + 1)."""
+    """Compute e^x - 1 for x ≤ 0, within 1e-12: a series for x / 4096, then twelve times (e^y - 1)(e^y + 1)."""
     small = np.maximum(x, -32.0) / 4096.0
     value = small * (1.0 + small / 2.0 * (1.0 + small / 3.0 * (1.0 + small / 4.0 * (1.0 + small / 5.0))))
     for _ in range(12):
@@ -37,16 +38,17 @@ def _exp_minus_1(x: Doubles) -> Doubles:
 
 
 ACTIVATION = "elu"
-"""The function between layers, as bundles name it."""
+"""Name of the activation in bundles."""
 
 
 def _elu(x: Doubles) -> Doubles:
+    """Compute the exponential linear unit."""
     return np.where(x > 0.0, x, _exp_minus_1(np.minimum(x, 0.0)))
 
 
 @cache
 def activation_chords() -> tuple[Doubles, Doubles]:
-    """Slopes and intercepts of the pieces, by what `piece` gives."""
+    """Return slope and intercept of the activation on each piece, by `piece_index`."""
     last = int(np.float32(LIMIT).view(np.int32) >> _SHIFT)
     ends = (np.arange(last + 1, dtype=np.int32) << _SHIFT).view(np.float32).astype(np.float64)
     slopes, intercepts = np.zeros((2, 2, _PIECES))
@@ -59,28 +61,38 @@ def activation_chords() -> tuple[Doubles, Doubles]:
 
 
 def piece_index(x: Doubles) -> NDArray[np.intp]:
-    """Index of the piece that each x lies on, below zero for a negative x."""
+    """Return the index of the piece of each x, negative for a negative x."""
     return (x.astype(np.float32).view(np.int32) >> _SHIFT).astype(np.intp)
 
 
 Weights = NDArray[np.float32]
-_INPUT_BITS, _WEIGHT_BITS = 26, 27
-"""Together the 53 bits of a float64."""
+_INPUT_BITS = 26
+"""Bits of an input. With _WEIGHT_BITS they are the 53 bits of a float64."""
+_WEIGHT_BITS = 27
+"""Bits of the sum of a column's weights."""
 # Adding 1.5 · 2^52 grids and subtracting them again rounds to the grid. NumPy takes arrays faster than numbers.
 _TO_GRID = np.array(1.5 * 2.0**52 * LIMIT * 2.0**-_INPUT_BITS)
-_MOST, _LEAST = np.array(LIMIT, np.float32), np.array(-LIMIT, np.float32)
-_ROWS, _BLOCK = 128, 16
-"""Rows at a time of a network, and of a product."""
+_MAX_INPUT = np.array(LIMIT, np.float32)
+_MIN_INPUT = np.array(-LIMIT, np.float32)
+_ROWS = 128
+"""Number of rows that a network computes together."""
+_BLOCK = 16
+"""Number of rows of a product that is computed in parts."""
 _PRODUCTS = 500_000
-"""Products at a time; OpenBLAS splits more among threads, which wait for each other far longer where cores are busy."""
+"""Largest number of products in one call. OpenBLAS splits more among threads, which is far slower on busy cores."""
 
 
 @dataclass(frozen=True)
 class Network:
-    """Layers of float32 weights (inputs, outputs) and biases (outputs,), with an ELU between them."""
+    """Multilayer perceptron with an ELU between the layers.
+
+    `policies.load` makes one from a bundle, and the training one from its learner.
+    """
 
     weights: tuple[Weights, ...]
+    """Weights of each layer, (inputs, outputs), float32."""
     biases: tuple[Weights, ...]
+    """Biases of each layer, (outputs,), float32."""
 
     def __post_init__(self) -> None:
         if not self.weights or len(self.weights) != len(self.biases):
@@ -93,21 +105,24 @@ class Network:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Widths from the input to the output."""
+        """Widths of the layers, from the input to the output."""
         return (self.weights[0].shape[0], *(bias.shape[0] for bias in self.biases))
 
     def __call__(self, inputs: Weights) -> Weights:
-        """Outputs (n, outputs) for inputs (n, inputs), which are clipped to ±64; a row's bits do not depend on the
-        batch that it is in."""
+        """Return the outputs, (n, outputs), for `inputs`, (n, inputs), which are clipped to ±64.
+
+        The bits of a row do not depend on its batch.
+        """
         if len(inputs) <= _ROWS:
             return self._rows(inputs)
         return np.concatenate([self._rows(inputs[start : start + _ROWS]) for start in range(0, len(inputs), _ROWS)])
 
     def _rows(self, inputs: Weights) -> Weights:
-        rows, layers = len(inputs), self._layers
-        slopes, intercepts = self._lines
-        values = np.maximum(np.minimum(inputs, _MOST), _LEAST).astype(np.float64)
-        for index, (weight, bias) in enumerate(layers):
+        """Return the outputs of at most _ROWS rows."""
+        rows = len(inputs)
+        slopes, intercepts = self._chords
+        values = np.maximum(np.minimum(inputs, _MAX_INPUT), _MIN_INPUT).astype(np.float64)
+        for index, (weight, bias) in enumerate(self._layers):
             if index:
                 pieces = piece_index(values)
                 values *= slopes[pieces]
@@ -121,18 +136,19 @@ class Network:
 
     @cached_property
     def _layers(self) -> list[tuple[Doubles, Doubles]]:
-        """Weights on their grids; biases (1, outputs) without -0.0, since the sign of a sum that is 0 may differ."""
+        """Weights on their grids, and biases, (1, outputs), without -0.0: the sign of a sum that is 0 may differ."""
         biases = (bias[None].astype(np.float64) + 0.0 for bias in self.biases)
         return list(zip(map(_on_grid, self.weights), biases, strict=True))
 
     @cached_property
-    def _lines(self) -> tuple[Doubles, Doubles]:
+    def _chords(self) -> tuple[Doubles, Doubles]:
+        """Slopes and intercepts of the activation, the intercepts with the number that rounds to the grid."""
         slopes, intercepts = activation_chords()
         return slopes, intercepts + _TO_GRID
 
 
 def _sums(values: Doubles, weight: Doubles) -> Doubles:
-    """The matrix product of more than `_PRODUCTS` products, in parts: exact sums may be added in any order."""
+    """Return a matrix product of more than _PRODUCTS products, in parts: exact sums can be added in any order."""
     parts = math.ceil(_BLOCK * weight.size / _PRODUCTS)
     inputs = math.ceil(len(weight) / parts)
     blocks = []
@@ -146,9 +162,9 @@ def _sums(values: Doubles, weight: Doubles) -> Doubles:
 
 
 def _on_grid(weights: Weights) -> Doubles:
-    """Weights rounded so that the magnitudes of each column sum to at most 2^27 times the column's grid."""
+    """Round weights so that the magnitudes of each column sum to at most 2^27 times the grid of the column."""
     exact = np.ascontiguousarray(weights, dtype=np.float64)
-    # A thousandth more than the sum leaves room for the rounding of each weight.
+    # The sum is raised by a thousandth, for the rounding of each weight.
     _, exponent = np.frexp(np.abs(exact).sum(axis=0) * (1.0 + 2.0**-10))
     to_grid = np.ldexp(1.5 * 2.0**52, exponent - _WEIGHT_BITS)
     rounded: Doubles = (exact + to_grid) - to_grid

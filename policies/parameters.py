@@ -1,4 +1,4 @@
-"""Parameters of policies: dataclasses of numbers, each with its limits, and the files that searches leave them in."""
+"""Parameters of policies: dataclasses of numbers with limits, and the files that searches write them to."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -15,70 +15,103 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Range = tuple[float, float]
 STRIDE_FREQUENCY_EXPONENT = -0.14
-"""Power of the mass with which animals' stride frequency goes where a trot becomes a gallop, 4.48 Hz for 1 kg (N. C.
-Heglund, C. R. Taylor and T. A. McMahon, Scaling stride frequency and gait to animal size, 1974): 3.1 Hz for 14 kg. Legs
-that are short for the mass, as go1's, step no faster."""
+"""Power of the mass that the stride frequency of animals is proportional to at the change from trot to gallop.
+
+It is 4.48 Hz for 1 kg (N. C. Heglund, C. R. Taylor and T. A. McMahon, Scaling stride frequency and gait to animal size,
+1974), and so 3.1 Hz for 14 kg. Legs that are short for the mass, as go1's, do not step faster."""
 N = TypeVar("N", int, float, float | None)
 P = TypeVar("P", bound="Parameters")
 T = TypeVar("T")
 
 
 def parameter(default: N, *, limits: Range, search: Range | None = None, unit: str = "") -> N:
-    """A field: its default, what it must lie within, bounds within which a search of it makes sense, and its unit where
-    it is another number for a larger robot, one of `quad_env.robots.similarity`."""
+    """Make a dataclass field with limits and a search range.
+
+    Args:
+        default: Default value.
+        limits: Smallest and largest value.
+        search: Bounds of a search; None if it is not searched.
+        unit: Unit of `quad_env.robots.similarity` if the value scales with the size of the robot.
+
+    Returns:
+        The field.
+    """
     return field(default=default, metadata={"limits": limits, "search": search, "unit": unit})
 
 
 def limits_of(kind: Any) -> dict[str, Range]:
-    """Limits of the numbers of a dataclass, by field name."""
-    return {each.name: each.metadata["limits"] for each in fields(kind) if each.metadata}
+    """Return the limits of the numbers of a dataclass, by field name."""
+    return {entry.name: entry.metadata["limits"] for entry in fields(kind) if entry.metadata}
 
 
 def search_ranges_of(kind: Any) -> dict[str, Range]:
-    """Bounds of a search of those numbers of a dataclass that have any, by field name."""
-    return {each.name: each.metadata["search"] for each in fields(kind) if each.metadata and each.metadata["search"]}
+    """Return the search ranges of the numbers of a dataclass, by field name; some have none."""
+    metadata = {entry.name: entry.metadata for entry in fields(kind)}
+    return {name: values["search"] for name, values in metadata.items() if values and values["search"]}
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """Numbers whose limits are far beyond any use, but within them every action is a finite number; else ValueError."""
+    """Base class of parameters: numbers within their limits, or else ValueError.
+
+    The limits are far beyond any use, but within them every action is finite.
+    """
 
     def __post_init__(self) -> None:
         for name, (low, high) in limits_of(self).items():
-            if not low <= (value := getattr(self, name)) <= high:  # nan lies nowhere
+            if not low <= (value := getattr(self, name)) <= high:  # also false for NaN
                 raise ValueError(f"{name} must be finite, from {low:g} to {high:g}, not {float(value):g}")
 
 
 @dataclass(frozen=True)
 class CommandMap(Parameters):
-    """What to ask of a gait so that the robot achieves its command; see `policies.gait_cycle.mapped`."""
+    """Map from a command to the gait input at which the robot achieves it, see `policies.gait_cycle.map_command`."""
 
     forward_gain: float = parameter(1.0, limits=(-100.0, 100.0))
-    """Gait's forward velocity per commanded."""
+    """Forward velocity of the gait per commanded velocity."""
     forward_bias: float = parameter(0.0, limits=(-100.0, 100.0), unit="m/s ahead")
-    """Added to the gait's forward velocity, m/s: all knees bend the same way, so that a gait in place drifts."""
+    """Added to the forward velocity of the gait, m/s: all knees bend the same way, so that a gait in place drifts."""
     lateral_gain: float = parameter(1.0, limits=(-100.0, 100.0))
-    """Gait's lateral velocity per commanded."""
+    """Lateral velocity of the gait per commanded velocity."""
     yaw_gain: float = parameter(1.0, limits=(-100.0, 100.0))
-    """Gait's yaw rate per commanded."""
+    """Yaw rate of the gait per commanded yaw rate."""
     yaw_per_lateral: float = parameter(0.0, limits=(-100.0, 100.0), unit="1/m ahead")
-    """Added to the gait's yaw rate per commanded lateral velocity, rad/m: walking sideways turns the robot."""
+    """Added to the yaw rate of the gait per commanded lateral velocity, rad/m: walking sideways turns the robot."""
 
 
 def scaled_parameters(parameters: P, robot: Robot) -> P:
-    """SimpleQuad's parameters for a robot, by dynamic similarity. Raises PolicyError for one of a size beyond any."""
-    values = ((each.name, each.metadata["unit"], getattr(parameters, each.name)) for each in fields(parameters))
+    """Scale SimpleQuad's parameters to a robot by dynamic similarity.
+
+    Args:
+        parameters: Parameters of SimpleQuad.
+        robot: Robot.
+
+    Returns:
+        Parameters of the robot.
+
+    Raises:
+        PolicyError: They exceed their limits.
+    """
+    units = {entry.name: entry.metadata["unit"] for entry in fields(parameters)}
+    scaled = {name: similarity.scale_to_robot(robot, getattr(parameters, name), unit) for name, unit in units.items()}
     try:
-        return replace(
-            parameters, **{name: similarity.scale_to_robot(robot, value, unit) for name, unit, value in values}
-        )
+        return replace(parameters, **scaled)
     except ValueError as error:
         raise PolicyError(f"SimpleQuad's parameters are none for {robot.name}: {error}") from None
 
 
 def scaled_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Robot) -> dict[str, Range]:
-    """Bounds of a search of SimpleQuad's parameters of that kind, for a robot."""
-    units = {each.name: each.metadata["unit"] for each in fields(kind)}
+    """Scale the search ranges of SimpleQuad's parameters to a robot.
+
+    Args:
+        ranges: Bounds by field name.
+        kind: Class of the parameters.
+        robot: Robot.
+
+    Returns:
+        Bounds by field name.
+    """
+    units = {entry.name: entry.metadata["unit"] for entry in fields(kind)}
     ends = {
         name: [similarity.scale_to_robot(robot, end, units[name]) for end in bounds] for name, bounds in ranges.items()
     }
@@ -87,15 +120,26 @@ def scaled_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Ro
             end * similarity.scale_to_robot(robot, 1.0, "kg") ** STRIDE_FREQUENCY_EXPONENT
             for end in ranges["frequency"]
         ]
-    return {name: (min(both), max(both)) for name, both in ends.items()}
+    return {name: (min(pair), max(pair)) for name, pair in ends.items()}
 
 
 def from_json(kind: type[P], values: Any) -> P:
-    """The parameters of a JSON object. Raises ValueError unless it holds a number for each and nothing else."""
+    """Convert a JSON object to parameters.
+
+    Args:
+        kind: Class of the parameters.
+        values: JSON object with a number for each field and nothing else.
+
+    Returns:
+        The parameters.
+
+    Raises:
+        ValueError: Values are missing, unknown or out of range.
+    """
     if not isinstance(values, dict):
         raise ValueError("parameters must be an object")
-    if strange := values.keys() ^ {each.name for each in fields(kind)}:
-        first, *more = map(repr, sorted(strange))
+    if different := values.keys() ^ {entry.name for entry in fields(kind)}:
+        first, *more = map(repr, sorted(different))
         names = f"{first} and {len(more)} more" if len(more) > 4 else ", ".join((first, *more))
         raise ValueError(f"parameters are not those of {kind.__name__}: {names} missing or unknown")
     if not all(is_number(value) for value in values.values()):
@@ -107,14 +151,25 @@ def from_json(kind: type[P], values: Any) -> P:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a JSON value is a number that a float can hold."""
-    # Not math.isfinite, which fails on whole numbers of more digits than that.
+    """Return True if a JSON value is a number that a float can hold."""
+    # Not math.isfinite, which fails on integers that are too large for a float.
     return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
 def read_parameters(path: Path, decode: Callable[[Any], T], search: str = "") -> T:
-    """Parameters in a JSON file, decoded; `search` is the one that writes such a file. Raises PolicyError where it is
-    missing or damaged."""
+    """Read parameters from a JSON file.
+
+    Args:
+        path: File.
+        decode: Converts the JSON value to parameters.
+        search: Words after `python -m train search` of the command that writes the file, for the error.
+
+    Returns:
+        The parameters.
+
+    Raises:
+        PolicyError: The file is missing or damaged.
+    """
     try:
         return decode(parse_json(read_bytes(path)))
     except (AttributeError, KeyError, OSError, RecursionError, TypeError, ValueError) as error:
@@ -124,22 +179,27 @@ def read_parameters(path: Path, decode: Callable[[Any], T], search: str = "") ->
 
 @dataclass(frozen=True)
 class ParameterFile(Generic[P]):
-    """A JSON file of parameters that a search writes."""
+    """JSON file of parameters, which a search writes."""
 
     path: Path
-    """SimpleQuad's in force."""
+    """File of SimpleQuad's parameters. Files of other robots have the same name."""
     kind: type[P]
+    """Class of the parameters."""
     search: str = ""
-    """What follows `python -m train search` where that writes such a file."""
+    """Words after `python -m train search` of the command that writes the file; empty without one."""
 
     def read(self, path: Path) -> P:
-        """Parameters from a file like it; PolicyError where it is missing or damaged, or does not name them all."""
+        """Read parameters from another file. Raises PolicyError if it is missing, damaged or incomplete."""
         return read_parameters(path, lambda values: from_json(self.kind, values), self.search)
 
     def load_for_robot(self, robot: Robot = SIMPLE_QUAD) -> P:
-        """The robot's parameters: those of a file of that name in its own folder, with gains of other servos first in
-        `soft_servos` there, or without one SimpleQuad's by dynamic similarity. PolicyError for a damaged file."""
-        own = models_folder(robot) / self.path.name
-        soft = own.parent / "soft_servos" / own.name
-        own = soft if robot.servo_fixed and soft.is_file() else own
-        return self.read(own) if own.is_file() else scaled_parameters(self.read(self.path), robot)
+        """Load the parameters of a robot. Raises PolicyError if the file is damaged.
+
+        They are in a file of the same name in the robot's folder. A robot with fixed servos uses a file in
+        `soft_servos` there first. Without a file they are SimpleQuad's, scaled by dynamic similarity.
+        """
+        file = models_folder(robot) / self.path.name
+        soft_servo_file = file.parent / "soft_servos" / file.name
+        if robot.servo_fixed and soft_servo_file.is_file():
+            file = soft_servo_file
+        return self.read(file) if file.is_file() else scaled_parameters(self.read(self.path), robot)

@@ -1,4 +1,4 @@
-"""A base policy corrected, within bounds, by a small network; training and running share all of it but the network."""
+"""Residual policy: a base policy with a bounded correction by a small network, the same in training and evaluation."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,31 +12,46 @@ from quad_env.sensing.height_scan import UNSEEN, table_with
 from quad_env.task.observations import observation_table
 
 NO_HISTORY = Inputs()
-"""Those of a network that sees the present observation and its base alone."""
+"""Inputs of a network with only the present observation and its base."""
 
 
 def authority_of(robot: Robot, hip: float = 0.6, joint: float = 1.0) -> Actions:
-    """Largest correction of each joint, rad, (12,), of hip and of other joints."""
+    """Return the authority, the largest correction of each joint, (12,), rad.
+
+    Args:
+        robot: Robot.
+        hip: Largest correction of a hip joint, rad.
+        joint: Largest correction of any other joint, rad.
+
+    Returns:
+        The authority.
+    """
     return np.tile(np.array([hip, joint, joint], np.float32), len(robot.leg_names))
 
 
 class Features(PerRobotState):
-    """What the network over a base sees of n robots, about unit size.
+    """Network inputs of n robots, of about unit size. The caller resets the base.
 
-    The scaled observation, of a height scan how far the ground is above where it is in the home pose, zero where
-    nothing is seen, so that a lost scan looks like level ground; over a gaited base the sine and cosine of its phase,
-    and its action minus the home pose; sine and cosine of a clock of its own; what is remembered of the scaled
-    observations before. The base is reset by who uses it.
+    They are, in this order:
+    - the scaled observation. A height scan is relative to its values in the home pose, and zero where it is empty, so
+      that a lost scan looks like level ground;
+    - sine and cosine of the phase of a gaited base, and its action minus the home pose;
+    - sine and cosine of the clock of `inputs`;
+    - the history of the scaled observation.
+
+    Args:
+        base: Base policy.
+        inputs: History and clock.
     """
 
     ticks: Floats = per_robot(0.0)
-    """Observations that each robot has been seen with since it began, (n,)."""
+    """Number of observations of each robot since its reset, (n,)."""
 
     def __init__(self, base: Policy, inputs: Inputs = NO_HISTORY) -> None:
         self.base, self.inputs = base, inputs
         self._table = table_with(base.robot, base.height_scan)
         self._own = observation_table(base.robot).size
-        """Numbers of an observation without a height scan; of these alone the past is remembered."""
+        """Numbers of an observation without a height scan; only these have a history."""
         self._level = np.float32(base.robot.home_height) * self._table.scale[self._own :]
         self._history = History(inputs, self._own, base.control_period)
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
@@ -45,7 +60,15 @@ class Features(PerRobotState):
         super().__init__()
 
     def update(self, observation: NDArray[np.float32], base_action: Actions) -> NDArray[np.float32]:
-        """Features (n, `width`) of observations (n, k) that the base has just answered with its action, (n, 12)."""
+        """Compute the features of an observation.
+
+        Args:
+            observation: Observation, (n, k).
+            base_action: Action of the base for it, (n, 12), rad.
+
+        Returns:
+            Features, (n, `width`).
+        """
         self.ticks += 1.0
         scaled = observation * self._table.scale
         scaled[:, self._own :] += self._level
@@ -63,27 +86,52 @@ class Features(PerRobotState):
 def apply_correction(
     robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions
 ) -> Actions:
-    """The base's action (n, 12) plus authority (12,), rad, times the correction in [-1, 1], within the joint limits,
-    rad."""
+    """Add a bounded correction to an action.
+
+    Args:
+        robot: Robot.
+        base_action: Action of the base, (n, 12), rad.
+        correction: Correction as a fraction of the authority, clipped to [-1, 1], (n, 12).
+        authority: Largest correction of each joint, (12,), rad.
+
+    Returns:
+        Action within the joint limits, (n, 12), rad.
+    """
     one = np.float32(1.0)
     return within_limits(robot, base_action + authority * np.clip(correction, -one, one))
 
 
 def _phase_features(phase: Floats) -> NDArray[np.float32]:
+    """Return sine and cosine of a phase, (n, 2)."""
     return np.stack([np.sin(phase), np.cos(phase)], axis=-1).astype(np.float32)
 
 
 def _home(robot: Robot) -> Actions:
+    """Return the home pose as an action, (12,), rad."""
     return robot.home_pose.astype(np.float32)
 
 
 class ResidualPolicy(Policy):
-    """base + authority · network(features); with a zero correction its base, bit for bit. Its robot is its base's."""
+    """Residual policy: base + authority · network(features), on the robot of the base.
+
+    With a zero correction it equals its base bit for bit.
+
+    Args:
+        base: Base policy.
+        network: Network from features to corrections.
+        authority: Largest correction of each joint, (12,), rad; the usual one by default.
+        name: Name of the policy.
+        inputs: History and clock of the features.
+        hold: Control steps that a correction is held; the base acts at every step.
+
+    Raises:
+        ValueError: The network does not fit the features or the joints.
+    """
 
     correction: NDArray[np.float32] = per_robot()
-    """The latest correction, in shares of the authority, -1 … 1, shape (n, 12); zero before the first action."""
+    """Latest correction as a fraction of the authority, -1 … 1, (n, 12); zero before the first action."""
     base_action: Actions = per_robot()
-    """The base's latest action, rad, shape (n, 12); the home pose before the first."""
+    """Latest action of the base, (n, 12), rad; the home pose before the first."""
 
     def __init__(
         self,
@@ -97,7 +145,6 @@ class ResidualPolicy(Policy):
         robot = base.robot
         self.features = Features(base, inputs)
         self.hold = hold
-        """Control steps that a correction is held, while the base goes on at every one."""
         if network.sizes[0] != self.features.width or network.sizes[-1] != robot.num_joints:
             raise ValueError(
                 f"a network over {base.name} needs {self.features.width} inputs and {robot.num_joints} outputs, "
@@ -113,11 +160,11 @@ class ResidualPolicy(Policy):
 
     @property
     def phase(self) -> Floats | None:
-        """The base's phase, rad, shape (n,); None over a base without a clock."""
+        """Phase of the base, (n,), rad; None for a base without a clock."""
         return self.base.phase if isinstance(self.base, GaitedPolicy) else None
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Restart the policy, base included, for `num_envs` robots."""
+        """Reset the policy and its base for `num_envs` robots with a `seed`."""
         super().reset(num_envs, seed)
         self.base.reset(num_envs, seed)
 

@@ -1,4 +1,4 @@
-"""The policies that a residual can be trained on: those whose name and numbers say all about them."""
+"""Base policies of residuals: policies that their name and parameters define completely."""
 
 import hashlib
 import json
@@ -28,12 +28,12 @@ from quad_env.sensing.height_scan import HeightScan
 
 
 class BaseSpec(NamedTuple):
-    """How a base is made, and what its parameters are."""
+    """Factory and parameter class of a base policy."""
 
     make: Callable[..., Policy]
-    """From `robot` and `control_period`, and `parameters` where it has any; the searched ones when not given."""
+    """Takes `robot`, `control_period` and, if it has any, `parameters`; the searched ones by default."""
     parameters: type[Parameters] | None = None
-    """Kind of them; None where it has none."""
+    """Class of the parameters; None without any."""
 
     @property
     def kind(self) -> type:
@@ -44,7 +44,7 @@ class BaseSpec(NamedTuple):
 
     @property
     def is_model_based(self) -> bool:
-        """Whether it is made with an `actuator` and by how many control steps the observed joints are `late`."""
+        """True if the factory also takes `joint_delay_steps` and `actuator`."""
         return issubclass(self.kind, ModelBased)
 
 
@@ -66,18 +66,27 @@ BASES: dict[str, BaseSpec] = {
     "trot_reference": BaseSpec(TrotReference, ReferenceParameters),
     "walk": BaseSpec(partial(Gaits, "walk"), GaitParameters),
 }
-"""Bases by name."""
+"""Base policies by name."""
 
 
 def base_to_json(policy: Policy) -> dict[str, Any]:
-    """Name, parameters and the SHA-256 of these, and its height scan where it has one, as JSON values. Raises
-    ValueError for a policy that is no base."""
+    """Convert a base policy to JSON values.
+
+    Args:
+        policy: Policy.
+
+    Returns:
+        Name, parameters, SHA-256 of the parameters, and the height scan if it has one.
+
+    Raises:
+        ValueError: The policy is not a base.
+    """
     base = BASES.get(policy.name)
     if base is None or type(policy) is not base.kind:
         raise ValueError(f"a residual's base is one of {', '.join(BASES)}, not {policy.name}")
     parameters: Any = getattr(policy, "parameters", {})
     if isinstance(parameters, Mapping):
-        parameters = {name: asdict(each) for name, each in parameters.items()}
+        parameters = {gait: asdict(values) for gait, values in parameters.items()}
     else:
         parameters = asdict(parameters)
     scan = {} if policy.height_scan is None else {"height_scan": asdict(policy.height_scan)}
@@ -87,11 +96,25 @@ def base_to_json(policy: Policy) -> dict[str, Any]:
 def base_from_json(
     description: Any, robot: Robot, control_period: float, joint_delay_steps: int = 0, actuator: Actuator = IDEAL
 ) -> Policy:
-    """The policy of a description, for that robot and control period, s, and where it predicts for joints that are read
-    so many control steps `late` and driven by that actuator. Raises ValueError, one line."""
+    """Make a base policy from the JSON values of `base_to_json`.
+
+    Args:
+        description: JSON values.
+        robot: Robot.
+        control_period: Control period, s.
+        joint_delay_steps: Delay of the observed joints, control steps, for a model-based policy.
+        actuator: Actuator of the joints, for a model-based policy.
+
+    Returns:
+        The policy.
+
+    Raises:
+        ValueError: The description is invalid; the message is one line.
+    """
     if not isinstance(description, dict) or set(description) - {"height_scan"} != {"name", "parameters", "sha256"}:
         raise ValueError("base must have name and parameters, and a sha256 of these")
-    name, parameters = description["name"], description["parameters"]
+    name = description["name"]
+    parameters = description["parameters"]
     if not isinstance(name, str) or name not in BASES:
         raise ValueError(f"base must be one of {', '.join(BASES)}, not {name!r}")
     if not isinstance(parameters, dict):
@@ -111,8 +134,16 @@ def base_from_json(
 
 
 def make_base(base: BaseSpec, height_scan: HeightScan | None = None, **arguments: Any) -> Policy:
-    """A base made with these arguments, for an environment with that height scan if one is given; mpc_wbc_sighted alone
-    looks at it."""
+    """Make a base policy.
+
+    Args:
+        base: Its factory.
+        height_scan: Height scan of the environment; only mpc_wbc_sighted uses it.
+        **arguments: Arguments of the factory.
+
+    Returns:
+        The policy.
+    """
     if base.kind is SightedMpcWbc and height_scan is not None:
         arguments["height_scan"] = height_scan
     policy = base.make(**arguments)
@@ -121,7 +152,7 @@ def make_base(base: BaseSpec, height_scan: HeightScan | None = None, **arguments
 
 
 def _arguments(base: BaseSpec, parameters: dict[str, Any]) -> dict[str, Any]:
-    """What the base is made with, checked."""
+    """Return the arguments of a base's factory from JSON parameters. Raises ValueError."""
     if base.parameters is None:
         if parameters:
             raise ValueError(f"a {base.kind.__name__} has no parameters")
@@ -130,11 +161,12 @@ def _arguments(base: BaseSpec, parameters: dict[str, Any]) -> dict[str, Any]:
         raise ValueError(f"the base's parameters must be those of {', '.join(GAITS)}")
     try:
         if base.kind is Gaits:
-            return {"parameters": {gait: from_json(base.parameters, each) for gait, each in parameters.items()}}
+            return {"parameters": {gait: from_json(base.parameters, values) for gait, values in parameters.items()}}
         return {"parameters": from_json(base.parameters, parameters)}
     except ValueError as error:
         raise ValueError(f"the base's {error}") from None
 
 
 def _digest(parameters: dict[str, Any]) -> str:
+    """Return the SHA-256 of parameters."""
     return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()

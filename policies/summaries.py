@@ -31,9 +31,9 @@ SUMMARIES = {
     "robust": "residual with six times as many training steps",
     "end_to_end": "learned without a gait, up to 1 rad a joint about a crouch; shows the value of residual's base",
 }
-"""Of every policy that ships, in the order in which they are listed."""
+"""Summary of every shipped policy, in the order of listings."""
 
 
 def shipped_summaries(names: Iterable[str]) -> dict[str, str]:
-    """Those of the names, in their order, that need explaining before their figures: policies that ship."""
+    """Return the summaries of the shipped policies among `names`, in the same order."""
     return {name: SUMMARIES[name] for name in names if name in SUMMARIES}
