@@ -175,7 +175,7 @@ def a_step_ago(patch: pytest.MonkeyPatch) -> None:
         before[id(features)] = observation
         return true_see(features, late, base_action)
 
-    patch.setattr(Features, "see", see)
+    patch.setattr(Features, "update", see)
 
 
 def scan_kept(patch: pytest.MonkeyPatch) -> None:
@@ -243,7 +243,7 @@ FAULTS: Faults = {
         check_validation_is_on_its_own_episodes_and_ground,
     ),
     "profile not passed to validation": (
-        lambda patch: patch.setattr(validation, "practice", without_profile(validation.with_terrain_seed)),
+        lambda patch: patch.setattr(validation, "with_terrain_seed", without_profile(validation.with_terrain_seed)),
         check_validation_and_training_have_the_hardware_profile,
     ),
     "profile lost where a scenario is eased": (

@@ -74,7 +74,7 @@ FAULTS: Faults = {
         check_each_cell_has_its_hardware_and_a_policy_with_the_makers_gains,
     ),
     "one policy for both worlds": (
-        lambda patch: patch.setattr(LabelledPolicy, "on", lambda self, _: self.policy),
+        lambda patch: patch.setattr(LabelledPolicy, "policy_for", lambda self, _: self.policy),
         check_each_cell_has_its_hardware_and_a_policy_with_the_makers_gains,
     ),
 }

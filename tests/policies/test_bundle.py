@@ -90,7 +90,7 @@ def test_a_residual_over_any_base_loads_as_it_was_whatever_has_been_searched_sin
     policy = ResidualPolicy(base, network(Features(base).width, 8, 12))
     save(tmp_path, policy, training={}, git_revision="")
     in_force = ParameterFile.load_for_robot
-    monkeypatch.setattr(ParameterFile, "in_force", lambda *of: replace(in_force(*of), frequency=1.5))
+    monkeypatch.setattr(ParameterFile, "load_for_robot", lambda *of: replace(in_force(*of), frequency=1.5))
     monkeypatch.setattr("policies.gaits.policy.searched_parameters", lambda *_: pytest.fail("that is another base"))
     loaded = load(tmp_path)
     assert (loaded.base.name, type(loaded.base)) == (name, type(base))

@@ -87,7 +87,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
         return true_run(*args, **kwargs | {"steps": BRIEF})
 
     with begun() as batches, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training_run, "build", watched)
+        patch.setattr(training_run, "make_ppo", watched)
         patch.setattr(validation, "run", brief)
         assert main(WORDS.replace("FOLDER", str(folder)).split()) == 0
     batches = [each for each in batches if each.purpose in ("training", "validation")]

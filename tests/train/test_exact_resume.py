@@ -188,7 +188,7 @@ def test_ctrl_c_keeps_every_rollout_that_is_complete_and_the_run_ends_with_the_s
 
 
 def test_a_run_that_is_killed_in_its_first_segment_keeps_its_early_checkpoint(runs, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(callbacks, "FIRST_CHECKPOINT", 0.0)
+    monkeypatch.setattr(callbacks, "FIRST_CHECKPOINT_DEADLINE", 0.0)
     folder = tmp_path / "run"
     killed_after(SEGMENT - 1, partial(begin, folder))
     assert steps_done(folder) == ROLLOUT * 16
@@ -268,7 +268,7 @@ LEFT_OUT = {
     "swings that end with their episode": lambda patch: patch.setattr(FootContactTracker, "reset", lambda *_: None),
     "new episodes": lambda patch: patch.setattr(callbacks.TrainingCallback, "_begin_segment", lambda _: None),
     "severities": forget(shares=[]),
-    "weights of effort": lambda patch: patch.setattr(callbacks, "effort_at", lambda *_: 0.0),
+    "weights of effort": lambda patch: patch.setattr(callbacks, "effort_weight_scale", lambda *_: 0.0),
     "validations": forget(validations=[]),
 }
 
@@ -286,7 +286,7 @@ def test_a_bundle_has_the_base_of_the_start_whatever_is_searched_meanwhile(tmp_p
     searched, at_the_start = ParameterFile.load_for_robot, policies.make("trot_reference").parameters
 
     def judged(*_):
-        monkeypatch.setattr(ParameterFile, "in_force", lambda *of: dataclasses.replace(searched(*of), frequency=1.5))
+        monkeypatch.setattr(ParameterFile, "load_for_robot", lambda *of: dataclasses.replace(searched(*of), frequency=1.5))
         return of_weights(*_)
 
     monkeypatch.setattr("train.sb3.callbacks.validate", judged)
