@@ -64,7 +64,7 @@ def without_worlds(patch: pytest.MonkeyPatch) -> None:
 FAULTS: Faults = {
     "grouping by the axis's name alone": (without_worlds, check_axes_and_their_breaking_points_are_of_one_world),
     "a score over both worlds": (
-        lambda patch: patch.setattr("evaluate.analysis.score.counts", lambda *_: True),
+        lambda patch: patch.setattr("evaluate.analysis.score.is_scored", lambda *_: True),
         check_a_score_is_of_one_world,
     ),
     "profile not passed": (

@@ -286,7 +286,8 @@ def test_a_bundle_has_the_base_of_the_start_whatever_is_searched_meanwhile(tmp_p
     searched, at_the_start = ParameterFile.load_for_robot, policies.make("trot_reference").parameters
 
     def judged(*_):
-        monkeypatch.setattr(ParameterFile, "load_for_robot", lambda *of: dataclasses.replace(searched(*of), frequency=1.5))
+        searched_since = lambda *of: dataclasses.replace(searched(*of), frequency=1.5)  # noqa: E731
+        monkeypatch.setattr(ParameterFile, "load_for_robot", searched_since)
         return of_weights(*_)
 
     monkeypatch.setattr("train.sb3.callbacks.validate", judged)
