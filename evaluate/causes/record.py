@@ -1,4 +1,4 @@
-"""Signals of one failed episode up to its end, and quantities derived from them, as input of the cause rules."""
+"""Signals of one failed episode, and quantities derived from them, as input of the cause rules."""
 
 import json
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ SHANK_SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])
 
 @dataclass(frozen=True)
 class EpisodeSignals:
-    """Episode `number` of `episodes`; arrays have one row a control step, up to the fall or the time limit."""
+    """Signals of episode `number` of `episodes`, with one row a control step up to its end."""
 
     episodes: Episodes
     scenario: Scenario
@@ -48,7 +48,7 @@ class EpisodeSignals:
         return np.asarray(getattr(self.episodes, name)[: self.end, self.number], np.float64)
 
     def threshold(self, name: str) -> float:
-        """Return the threshold `name`; lengths, times and speeds are scaled from SimpleQuad to the robot's legs."""
+        """Return the threshold `name`; lengths, times and speeds are scaled to the robot's legs."""
         value, unit, _ = THRESHOLDS[name]
         return value * (scale_factor(self.episodes.robot, unit) if unit in ("m", "s", "m/s") else 1.0)
 
@@ -115,7 +115,7 @@ class EpisodeSignals:
         return int(np.flatnonzero(np.append(True, ~is_unusual)).max())
 
     def _exceeds_usual(self, signal: Floats, limit: float) -> Bools:
-        """Return True where a signal exceeds `limit` and its usual range in the ordinary gait, if that is known."""
+        """Return True where a signal exceeds `limit` and, if it is known, its usual range."""
         usual = signal[self.steps("start") : max(0, self.end - self.steps("before the fall"))]
         if len(usual) > self.steps("stride"):
             quantile = np.quantile(usual, self.threshold("usual share"))

@@ -57,7 +57,7 @@ class Event(NamedTuple):
 
 
 def trips(record: EpisodeSignals, window: slice | None = None) -> Iterator[Event]:
-    """Find swinging legs that lose speed where the ground rises before them: the strongest blow of each step.
+    """Find swinging legs that lose speed where the ground rises: the strongest blow of each step.
 
     Args:
         record: Signals of the episode.
@@ -70,13 +70,7 @@ def trips(record: EpisodeSignals, window: slice | None = None) -> Iterator[Event
     steps = np.arange(max(window.start, TRIP_WINDOW_STEPS), min(window.stop, record.end - 1))
     if not _can_rise(record) or not len(steps):
         return
-    points, velocity = record.shank
-    before = _running_mean(velocity[..., :2], TRIP_WINDOW_STEPS)[steps - 1]
-    after = (velocity[steps, ..., :2] + velocity[steps + 1, ..., :2]) / 2
-    speed = planar(before)
-    direction = before / np.maximum(speed, 1e-9)[..., None]
-    speed_lost = speed - (after * direction).sum(axis=-1)
-    rise = _rise_ahead(record, points[steps, ..., :2], direction)
+    speed, speed_lost, rise = _shank_blows(record, steps)
     score = np.minimum(rise / record.threshold("rise"), speed_lost / record.threshold("speed lost"))
     score = score * _touching(record, steps)
     for row in np.flatnonzero(score.max(axis=(1, 2)) >= MIN_TRIP_SCORE):
@@ -86,6 +80,27 @@ def trips(record: EpisodeSignals, window: slice | None = None) -> Iterator[Event
         obstacle = _rise_text(record, float(rise[at]))
         description = f"{_leg_name(record, int(leg))} {part} hits {obstacle} at {speed[at]:.1f} m/s"
         yield Event(TRIP, int(steps[row]), float(score[at]), description, is_instantaneous=True)
+
+
+def _shank_blows(record: EpisodeSignals, steps: Ints) -> tuple[Floats, Floats, Floats]:
+    """Return quantities of a blow to each point of the shanks.
+
+    Args:
+        record: Signals of the episode.
+        steps: Control steps of the blows.
+
+    Returns:
+        speed: Mean horizontal speed before the step, (len(steps), 4, len(SHANK_SAMPLES)), m/s.
+        speed_lost: Decrease of the speed in its direction, of the same shape, m/s.
+        rise: Rise of the ground in this direction, of the same shape, m.
+    """
+    points, velocity = record.shank
+    before = _running_mean(velocity[..., :2], TRIP_WINDOW_STEPS)[steps - 1]
+    after = (velocity[steps, ..., :2] + velocity[steps + 1, ..., :2]) / 2
+    speed = planar(before)
+    direction = before / np.maximum(speed, 1e-9)[..., None]
+    speed_lost = speed - (after * direction).sum(axis=-1)
+    return speed, speed_lost, _rise_ahead(record, points[steps, ..., :2], direction)
 
 
 def _rise_ahead(record: EpisodeSignals, points: Floats, direction: Floats) -> Floats:
@@ -150,7 +165,7 @@ def slides(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def pushes(record: EpisodeSignals) -> Iterator[Event]:
-    """Find pushes shortly before the onset, and a steady force in the direction in which the robot gives way.
+    """Find pushes shortly before the onset, and a steady force to which the robot gives way.
 
     The score of a push is the displacement of the capture point over its threshold.
     """
@@ -176,13 +191,20 @@ def pushes(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def motor_saturation(record: EpisodeSignals) -> Iterator[Event]:
-    """Find motors that stay at their limit, or servos of limited bandwidth far behind their targets.
+    """Find motors that stay at their limit, or servos of limited bandwidth far behind their targets."""
+    yield _saturation(record)
+    bandwidth = record.scenario.motors.bandwidth
+    if bandwidth is not None:
+        errors = np.abs(record.signal("action") - record.signal("joint_position"))[record.window]
+        lag = float(errors.max(axis=1).mean())
+        description = f"servos of {bandwidth:g} Hz are {lag:.2f} rad behind"
+        yield Event(MOTOR, record.window.start, lag / record.threshold("lag"), description)
 
-    The limit is that of torque, and of speed for motors with a torque-speed curve.
-    """
+
+def _saturation(record: EpisodeSignals) -> Event:
+    """Return the event of motors at their torque limit, or at the speed limit of a torque-speed curve."""
     window = record.window
     episodes = record.episodes
-    bandwidth = record.scenario.motors.bandwidth
     limit = np.broadcast_to(episodes.torque_limit, episodes.joint_torque.shape[-1:])
     threshold = record.threshold("saturated")
     torque = _running_mean(record.signal("joint_torque") / limit, SATURATION_WINDOW_STEPS)[window]
@@ -195,16 +217,14 @@ def motor_saturation(record: EpisodeSignals) -> Iterator[Event]:
     motor = f"{_joint_name(record, weakest)} motor"
     description = f"{motor} is {share:.0%} of the time at its limit, {limit[weakest]:.3g} N·m"
     score = float(saturated.mean()) / record.threshold("saturated joints")
-    yield Event(MOTOR, _first_step(window, saturated), score, description)
-    if bandwidth is not None:
-        errors = np.abs(record.signal("action") - record.signal("joint_position"))[window]
-        lag = float(errors.max(axis=1).mean())
-        description = f"servos of {bandwidth:g} Hz are {lag:.2f} rad behind"
-        yield Event(MOTOR, window.start, lag / record.threshold("lag"), description)
+    return Event(MOTOR, _first_step(window, saturated), score, description)
 
 
 def limits(record: EpisodeSignals) -> Iterator[Event]:
-    """Find stance legs at a joint limit, or stretched; targets beyond a limit are usual in crouching gaits."""
+    """Find stance legs at a joint limit, or stretched.
+
+    Targets do not count, since crouching gaits usually have targets beyond a limit.
+    """
     window = record.window
     robot = record.episodes.robot
     joints = record.signal("joint_position")
@@ -239,18 +259,23 @@ def estimation_error(record: EpisodeSignals) -> Iterator[Event]:
 
 def delay_or_dropout(record: EpisodeSignals) -> Iterator[Event]:
     """Find a delay of readings and actions, and servos without targets shortly before the onset."""
+    if delay_steps := record.sampled.action_delay + _observation_delay_steps(record):
+        delay = delay_steps * record.episodes.dt
+        description = f"readings and actions are {1000 * delay_steps * record.episodes.dt:.0f} ms late together"
+        score = delay / record.time_constant / record.threshold("delay")
+        yield Event(SIGNAL, record.window.start, score, description)
+    yield from _dropouts(record)
+
+
+def _dropouts(record: EpisodeSignals) -> Iterator[Event]:
+    """Find servos without targets shortly before the onset, by the change of the targets that they missed."""
     window = record.window
     dt = record.episodes.dt
     action_delay = record.sampled.action_delay
-    if delay_steps := action_delay + _observation_delay_steps(record):
-        delay = delay_steps * dt
-        description = f"readings and actions are {1000 * delay_steps * dt:.0f} ms late together"
-        yield Event(SIGNAL, window.start, delay / record.time_constant / record.threshold("delay"), description)
-    if record.sampled.dropouts is None:
-        return
     dropouts = record.scenario.dropouts
     length = control_steps(dropouts.duration if dropouts else 0.0, dt)
-    for start, joint in np.transpose(record.sampled.dropouts).tolist():
+    plan = record.sampled.dropouts
+    for start, joint in [] if plan is None else np.transpose(plan).tolist():
         end = min(start + length, window.stop)
         if action_delay < start < window.stop and start + length > window.start - record.steps("look back"):
             sent = record.signal("action")[:, joint]
@@ -310,5 +335,5 @@ def _root_mean_square(values: Floats) -> float:
 
 
 def _first_step(window: slice, mask: Bools) -> int:
-    """Return the first step of a window in which any of a row of (steps, k) is true; its start without one."""
+    """Return the first step of a window with a true entry in `mask`, (steps, k); its start without one."""
     return int(window.start + np.argmax(mask.any(axis=1)))

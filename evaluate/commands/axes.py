@@ -1,4 +1,4 @@
-"""`python -m evaluate axes [NAMES]`: `python -m evaluate --scenarios NAME:all` for each named disturbance axis."""
+"""`python -m evaluate axes [NAMES]`: the scenarios NAME:all of each named disturbance axis."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path

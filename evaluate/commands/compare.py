@@ -1,4 +1,4 @@
-"""`python -m evaluate compare A B`: compare two results folders, for example of two commits or two machines."""
+"""`python -m evaluate compare A B`: compare two results folders, for example of two commits."""
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set

@@ -107,9 +107,8 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
         run: The finished cells, in the order of the run.
         interrupted: True after Ctrl-C.
 
-    Raises:
-        UsageError: Memory, disk or a worker failed; with the command that continues the run.
-        KeyboardInterrupt: The user interrupted before the first chunk was saved.
+    UsageError, with the command that continues the run, if memory, disk or a worker failed; KeyboardInterrupt if the
+    user interrupted before the first chunk was saved.
     """
     run = Run(store.manifest, ())
     finished: list[PolicyScenarioResult] = []
@@ -138,7 +137,7 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
 
 
 def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[PolicyScenarioResult]:
-    """Yield the cells with the episodes of the store's manifest as they are finished, and show the progress."""
+    """Yield the cells of the store's manifest as they are finished, and show the progress."""
     manifest = store.manifest
     with show_progress(len(manifest.cells)) as progress:
 
@@ -168,7 +167,7 @@ def _run(manifest: Manifest, cells: Sequence[PolicyScenarioResult]) -> Run:
 
 
 def _after_interim_analysis(run: Run, folder: Path) -> Run:
-    """Analyse the ranking of a run --until settled, print it on stderr, and store in the manifest if the run ends."""
+    """Analyse and print the ranking of a run --until settled, and store the end of the run."""
     if not run.manifest.is_unsettled:
         return run
     line, ended = interim_analysis(run.cells, run.manifest.limit)

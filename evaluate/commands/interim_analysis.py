@@ -1,4 +1,4 @@
-"""Interim analysis of a run --until settled: distinguished neighbours in the ranking, and the end of the run."""
+"""Interim analysis of a run --until settled: distinguished neighbours, and the end of the run."""
 
 from collections.abc import Sequence
 

@@ -96,7 +96,7 @@ class EvaluateOptions:
 
 
 def options_from_json(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return fields of EvaluateOptions from `values` of `run_options`; ValueError for those of another version."""
+    """Return fields of EvaluateOptions from `values` of `run_options`; ValueError for another version."""
     names = {field.name for field in fields(EvaluateOptions)} - set(RESULT_NEUTRAL_OPTIONS)
     if set(values) != names:
         raise ValueError(f"its options are those of another version: {', '.join(sorted(set(values) ^ names))}")

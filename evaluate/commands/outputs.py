@@ -96,7 +96,7 @@ def _print_table(results: Results, folder: Path, console: Console, show: Show) -
 
 
 def _file_writers(run: Run, results: Results) -> list[tuple[str, Callable[[Path], object]]]:
-    """Return file name and writer of each file; episodes.parquet is left as it is if the run was read from it."""
+    """Return name and writer of each file, without episodes.parquet if the run was read from it."""
     writers: list[tuple[str, Callable[[Path], object]]] = [("results.json", partial(write_json, results))]
     if not run.stored:
         writers.append(("episodes.parquet", partial(write_parquet, run.cells, run=run.manifest.fingerprint)))

@@ -1,4 +1,4 @@
-"""Pages of the failures that a report names, in the folder of its run, each written completely or not at all."""
+"""Pages of the failures that a report names, in the folder of its run, written atomically."""
 
 from collections.abc import Sized
 from pathlib import Path

@@ -43,7 +43,7 @@ class Plan:
 
 
 def load_run_options(folder: Path) -> EvaluateOptions:
-    """Load the options of the run in a folder; UsageError without a run, or if another process continues it."""
+    """Load the options of the run in a folder; UsageError without a run, or if it is running."""
     if folder.is_dir():
         _check_unused(folder)
     if not (folder / manifests.NAME).is_file():
@@ -92,7 +92,7 @@ def check(options: EvaluateOptions) -> Plan:
 def select_scenarios(options: EvaluateOptions) -> tuple[Scenario, ...]:
     """Return the scenarios of the options.
 
-    Those of a battery that the chosen hardware or simulator excludes are left out.
+    Scenarios of a battery that the chosen hardware or simulator excludes are left out.
 
     Args:
         options: Options of the command line.
@@ -185,7 +185,7 @@ def select_policies(
 
 
 def _without_untrained(selected: list[tuple[str, tuple[str, ...]]], robot: Robot) -> list[tuple[str, tuple[str, ...]]]:
-    """Leave out trained policies that this robot does not have, and name them on stderr; SimpleQuad has all."""
+    """Leave out trained policies that the robot does not have, and name them on stderr."""
     untrained = [label for label, _ in selected if policies.is_missing(label, robot)]
     if untrained:
         names = ", ".join(untrained)

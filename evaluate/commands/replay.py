@@ -1,4 +1,4 @@
-"""`python -m evaluate replay RESULTS EPISODE`: simulate a stored episode again and compare it with the stored one.
+"""`python -m evaluate replay RESULTS EPISODE`: simulate a stored episode again and compare.
 
 `python -m evaluate replay RESULTS --failed` lists the episodes that failed, with the row to replay and the cause.
 """
@@ -92,7 +92,7 @@ class ReplayTarget:
 
 
 def main(options: ReplayOptions) -> int:
-    """Run the command; return 0, or DIFFERS if the episode is not as stored. UsageError for a user's mistake."""
+    """Run the command and return 0, or DIFFERS if the episode is not as stored."""
     run = read_run(options.results)
     if options.failed:
         return _list_failed(run, options)

@@ -28,16 +28,20 @@ def controlled_stops(episodes: Episodes) -> NDArray[np.bool_]:
     """Return True for episodes that ended in a controlled stop, (n,)."""
     steps = episodes.steps
     dt = episodes.dt
-    height = episodes.position[..., 2].astype(np.float64)
-    sink_speed = -np.diff(height, axis=0, prepend=height[:1]) / dt
     end = np.minimum(episodes.fall_step, steps - 1)
     step = np.arange(steps)[:, None]
     in_end = (step <= end) & (step > end - round(END_TIME / dt))
     in_rest = in_end & (step > end - round(MIN_REST_TIME / dt))
-    is_upright = np.cos(episodes.tilt.astype(np.float64)) > np.cos(MAX_TILT)
-    is_gentle = is_upright & (sink_speed < MAX_SINK_SPEED)
     is_still = np.abs(episodes.joint_velocity).max(axis=-1) < MAX_REST_JOINT_SPEED
-    ended_gently = (~in_end | is_gentle).all(axis=0)
+    ended_gently = (~in_end | _is_gentle(episodes)).all(axis=0)
     ended_still = (~in_rest | is_still).all(axis=0)
     ended_low = episodes.height[end, np.arange(episodes.count)].astype(np.float64) < MAX_REST_HEIGHT
     return np.asarray(ended_gently & ended_low & ((episodes.fall_step < steps) | ended_still))
+
+
+def _is_gentle(episodes: Episodes) -> NDArray[np.bool_]:
+    """Return True in steps with tilt and sink speed of a controlled stop, (steps, n)."""
+    height = episodes.position[..., 2].astype(np.float64)
+    sink_speed = -np.diff(height, axis=0, prepend=height[:1]) / episodes.dt
+    is_upright = np.cos(episodes.tilt.astype(np.float64)) > np.cos(MAX_TILT)
+    return np.asarray(is_upright & (sink_speed < MAX_SINK_SPEED))

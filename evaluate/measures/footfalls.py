@@ -38,8 +38,7 @@ def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
     Returns:
         Footfalls of all episodes.
     """
-    steps = len(contact)
-    feet = contact.shape[-1]
+    steps, _, feet = contact.shape
     stance = debounce(contact & upright[..., None], round(MIN_SWING_TIME / dt))
     rows = np.ascontiguousarray(np.moveaxis(stance, 0, -1)).reshape(-1, steps)
     change = np.diff(rows.astype(np.int8), axis=1)

@@ -177,7 +177,7 @@ def commanded_progress(commands: Floats, velocities: Floats, durations: Floats) 
         durations: Durations of the intervals, (k,).
 
     Returns:
-        Progress, (n,); that of the commanded turn without a commanded distance, and 1 without either.
+        Progress, (n,); progress of the commanded turn without a commanded distance, and 1 without either.
     """
     speed = planar(commands)
     along = quotient((commands[..., :2] * velocities[..., :2]).sum(axis=-1), speed)

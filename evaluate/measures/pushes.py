@@ -35,11 +35,8 @@ def _heading_impulse(episodes: Episodes) -> Floats:
     step_before = np.clip(episodes.push_step - 1, 0, episodes.steps - 1)
     quaternion = episodes.quaternion[step_before, np.arange(episodes.count)[:, None]].astype(np.float64)
     w, x, y, z = np.moveaxis(quaternion, -1, 0)
-    forward_x = 1 - 2 * (y * y + z * z)
-    forward_y = 2 * (x * y + w * z)
-    length = np.maximum(np.hypot(forward_x, forward_y), 1e-6)
-    cos = forward_x / length
-    sin = forward_y / length
+    forward = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + w * z)])
+    cos, sin = forward / np.maximum(np.hypot(*forward), 1e-6)
     impulse_x, impulse_y = np.moveaxis(episodes.push_impulse, -1, 0)
     return np.stack((cos * impulse_x + sin * impulse_y, cos * impulse_y - sin * impulse_x), axis=-1)
 

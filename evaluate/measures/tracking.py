@@ -93,7 +93,7 @@ def velocity_error_upright(command: Floats, velocity: Floats, upright: Bools) ->
 def mean_velocity_error(command: Floats, velocity: Floats, upright: Bools, windows: tuple[slice, ...]) -> Floats:
     """Return ‖command - mean velocity‖ of each window, averaged over the steps of the windows.
 
-    The mean velocity is that of a window's upright steps, and its error counts for each of them; the error of the other
+    The mean velocity is over a window's upright steps, and its error counts for each of them; the error of the other
     steps is VELOCITY_CAP.
 
     Args:

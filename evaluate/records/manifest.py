@@ -94,7 +94,7 @@ class Manifest:
         return replace(self, fingerprint=_fingerprint(self.provenance()))
 
     def until_settled(self) -> "Manifest":
-        """Return the manifest of a run --until settled with at most as many episodes, at its first interim analysis."""
+        """Return the manifest of a run --until settled with the episodes as limit, at its first analysis."""
         return replace(self, limit=self.episodes, episodes=looks(self.episodes)[0]).with_fingerprint()
 
     def as_json(self) -> dict[str, Any]:
