@@ -88,8 +88,8 @@ def touchdown_impulse(impulse: Recorded, falls: Footfalls, first: int, end: NDAr
 def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> Floats:
     """Return the mean horizontal speed of the feet on the ground.
 
-    A foot counts between two steps that both find it on the ground. Its centre is followed, so a spherical foot adds its
-    rolling as the leg turns over it.
+    A foot counts between two steps that both find it on the ground. The speed is of its centre, so a spherical foot
+    adds its rolling as the leg turns over it.
 
     Args:
         position: World frame, (steps, n, 4, 3), m.
