@@ -62,7 +62,7 @@ MAKERS: dict[str, Callable[..., Policy]] = {
 }
 """Factory of each policy by name; it takes `robot` and `control_period`, s."""
 _MODEL_BASED = (*(name for name, base in BASES.items() if base.is_model_based), *_MPC_GAITS, *TRAINED)
-"""Names of the policies whose factories also take `joint_delay_steps` and `actuator`."""
+"""Names of the policies with factories that also take `joint_delay_steps` and `actuator`."""
 
 
 def names() -> tuple[str, ...]:

@@ -26,7 +26,7 @@ BaseName = Literal[
     "bound", "crouch", "document", "document_repaired", "gaits", "mpc", "mpc_wbc", "mpc_wbc_sighted", "pace", "pronk",
     "stand", "trot", "trot_feedback", "trot_integral", "trot_reference", "walk",
 ]  # fmt: skip
-"""A name of `policies.residual_bases.BASES`; written out, so that --help lists them at once."""
+"""Name in `policies.residual_bases.BASES`; written out, so that --help lists all names without a slow import."""
 
 POSES: tuple[BaseName, ...] = ("crouch", "stand")
 """Names of the bases of an end-to-end policy."""
@@ -72,7 +72,7 @@ HISTORY_INPUTS = Inputs(lags=(0.04, 0.08, 0.16), averages=(0.5, 2.0))
 
 @dataclasses.dataclass(frozen=True)
 class PpoConfig:
-    """The learner."""
+    """Settings of PPO, the learner."""
 
     envs: int = parameter(2048, limits=(1, 65_536))
     """Robots simulated together."""
@@ -99,7 +99,7 @@ class PpoConfig:
     log_std_init: float = parameter(-2.0, limits=_LOG_STD_LIMITS)
     """Logarithm of the exploration noise at the start, in units of the authority."""
     log_std_final: float | None = parameter(None, limits=_LOG_STD_LIMITS)
-    """Its value at the last step, reached linearly; the noise is learned when not given."""
+    """Logarithm of the exploration noise at the last step, reached linearly; by default the noise is learned."""
     actor: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTH_LIMITS)
     """Hidden layer widths of the policy's network."""
     critic: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTH_LIMITS)
@@ -115,7 +115,7 @@ class ValidationConfig:
     episodes: int = parameter(12, limits=(1, 100_000))
     """Episodes a scenario."""
     scenarios: tuple[str, ...] = ()
-    """Scenarios of the validation; those trained on when not given."""
+    """Scenarios of the validation; by default the scenarios of the training."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,58 +127,58 @@ class TrainConfig:
     base: BaseName = "trot_reference"
     """Base policy that the correction is added to."""
     steps: int = parameter(10_000_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
-    """Steps of the learner, all robots together, such as 3e6. With --resume a larger number than before extends the
-    run; its schedules continue as in a run of that length, though the weights are not that run's to the bit."""
+    """Steps of the learner, all robots together, for example 3e6. With --resume a larger number extends the run; its
+    schedules continue as in a run of the new length, but the weights are not the same to the bit."""
     seed: int = parameter(0, limits=(0, MAX_SEED))  # NumPy's global generator, which SB3 seeds, takes no other
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
     out: Path | None = None
-    """Run folder, new or empty unless --resume; runs/POLICY-SEED when not given, for another robot than SimpleQuad
-    runs/ROBOT-POLICY-SEED."""
+    """Run folder, new or empty unless --resume; by default runs/POLICY-SEED, or runs/ROBOT-POLICY-SEED for another
+    robot than SimpleQuad."""
     start: Path | None = None
-    """Folder of a bundle, or of a run, whose network the run begins with instead of no correction; base, --inputs,
-    authorities and network widths must be the same. A run gives its value network and noise too, where it has as many
+    """Folder of a bundle or run with the initial network, instead of no correction. Base, --inputs, authorities and
+    network widths must be the same. From a run, value network and noise are taken too; it must have as many
     scenarios."""
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Continue the run in --out from its last checkpoint."""
     threads: int = parameter(2, limits=(1, 256))
     """Threads of the simulation; the learner needs one."""
     device: Literal["cpu", "cuda"] = "cpu"
-    """Processor of simulation and network; cuda: an NVIDIA GPU, by MuJoCo Warp (pip install -e ".[warp]"). Validation
-    is MuJoCo's on the CPU."""
+    """Processor of simulation and network; cuda: an NVIDIA GPU, with MuJoCo Warp (pip install -e ".[warp]"). Validation
+    always runs MuJoCo on the CPU."""
     joint_authority: float = parameter(1.0, limits=(1e-3, 3.0))
     """Largest correction of a thigh or calf joint, rad."""
     hip_authority: float = parameter(0.6, limits=(0.0, 3.0))
     """Largest correction of a hip joint, rad."""
     inputs: Inputs = HISTORY_INPUTS
     sighted: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Show the network a height scan of the ground about the robot, see --scan."""
+    """Give the network a height scan of the ground around the robot, see --scan."""
     scan: HeightScan = dataclasses.field(default_factory=HeightScan)
     mixture: tuple[tuple[str, float], ...] = MIXTURE
-    """Scenarios trained on, each with its share of the robots; payload=15+slope=10 is one too, as is flat+randomised,
-    with domain randomisation."""
+    """Scenarios of the training, each with its share of the robots; also combined ones, payload=15+slope=10, and
+    flat+randomised, with domain randomisation."""
     curriculum: float = parameter(0.1, limits=(0.0, 1.0))
-    """Share of its severity, from the mildest level of its axis, with which each scenario of the mixture begins; it
-    grows where the robots track their commands and shrinks where they do not. 1: full severity from the start."""
+    """Initial difficulty of each scenario of the mixture, 0 (mildest level of its axis) to 1 (full severity). It rises
+    if the robots track their commands, and falls if they do not. 1: full severity from the start."""
     effort_ramp: float = parameter(0.25, limits=(0.0, 1.0))
-    """Share of the run over which the reward weights of effort (action rate, torque, power, touch-down speed) grow
-    from zero, after each episode of all robots (by default a million steps); 0: in full from the start."""
+    """Share of the run over which the reward weights of effort (action rate, torque, power, touch-down speed) grow from
+    zero. They change after each episode of all robots, by default a million steps. 0: full weights from the start."""
     max_episode_steps: int = parameter(1000, limits=(1, 1_000_000))
     """Length of a training episode, control steps."""
     robot: str = "simple_quad"
-    """Robot that is trained: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
+    """Robot that is trained: a name of quad_env.ROBOTS like go1, or the path of its MJCF, URDF or TOML."""
     servo: str = ""
-    """Stiffness/damping of the servos in training and validation, N·m/rad and N·m·s/rad, such as 35/0.5; by default
-    those of the base policy."""
+    """Stiffness/damping of the servos in training and validation, N·m/rad and N·m·s/rad, for example 35/0.5; by default
+    from the base policy."""
     actuator: str = "ideal"
     """Motors in training and validation, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     sensors: str = "truth"
     """Source of observations in training and validation: truth, or one of quad_env.SENSORS: ideal or typical. Rewards
-    and the value network's extra inputs stay the truth."""
+    and the extra inputs of the value network always use the true state."""
     estimator: str = "complementary"
     """Estimator of gravity and velocity from the sensors, one of quad_env.ESTIMATORS: complementary or kalman."""
     rewards: RewardWeights = REWARDS
     extension_rewards: tuple[tuple[str, float], ...] = ()
-    """Reward terms of installed extensions, each with its weight per second, such as height_error -2."""
+    """Reward terms of installed extensions, each with its weight per second, for example height_error -2."""
     ppo: PpoConfig = dataclasses.field(default_factory=PpoConfig)
     validation: ValidationConfig = dataclasses.field(default_factory=ValidationConfig)
 

@@ -11,7 +11,7 @@ from policies.external import onnx_file
 from quad_env.cli.command_line import UsageError, make_folder_of
 
 NUM_CHECKED = 10_000
-"""Number of random observations on which the output of the file is compared with that of the bundle."""
+"""Number of random observations on which the outputs of file and bundle are compared."""
 
 
 @dataclass(frozen=True)

@@ -48,13 +48,13 @@ class RobotPipelineOptions:
     """Describe, search, train, evaluate, report: some 20 minutes on two cores."""
 
     robot: Annotated[str, tyro.conf.Positional]
-    """MJCF or URDF of the robot, a TOML that `python -m quad_env describe` has written, or a name such as go1."""
+    """MJCF or URDF of the robot, a TOML that `python -m quad_env describe` has written, or a name like go1."""
     base: BaseName = "trot_feedback"
     """Policy that the residual corrects."""
     steps: int = parameter(4_000_000, limits=(1, 10**12 - 1))
     """Steps of the training."""
     training: tuple[str, ...] = ()
-    """Further options of `python -m train`, in quotes, such as "--ppo.envs 512"."""
+    """Further options of `python -m train`, in quotes, for example "--ppo.envs 512"."""
     policies: tuple[str, ...] = ("trot", "trot_feedback", RESIDUAL)
     """Policies compared in the end, by name."""
     scenarios: tuple[str, ...] = ("default",)

@@ -45,7 +45,7 @@ class SearchOptions:
     seed: int = parameter(0, limits=(0, 2**31))
     """Seed of the search."""
     generations: int = parameter(14, limits=(0, 10_000))
-    """Rounds; 0 only does what follows the search."""
+    """Rounds; 0 skips the search and does the rest."""
     candidates: int = parameter(14, limits=(4, 1000))
     """Parameter sets tried in a round."""
     episodes: int = parameter(10, limits=(1, 10_000))
@@ -53,13 +53,13 @@ class SearchOptions:
     steps: int = parameter(750, limits=(MIN_EPISODE_STEPS, 100_000))
     """Length of an episode, control steps of 10 ms."""
     check_episodes: int = parameter(108, limits=(1, 10_000))
-    """Fresh episodes on which the outcome is finished and compared with the parameters before."""
+    """Fresh episodes on which the outcome is finished and compared with the old parameters."""
     spread: float = parameter(0.15, limits=(1e-6, 0.5))
-    """First standard deviation of a parameter, as a share of its range."""
+    """Initial standard deviation of a parameter, as a share of its range."""
     threads: int = parameter(2, limits=(1, 256))
     """Threads of the simulation."""
     exercises: tuple[str, ...] = ()
-    """Scenarios, all of one weight, such as flat push=42+hardware, instead of the usual ones."""
+    """Scenarios with equal weights instead of the usual ones, for example flat push=42+hardware."""
     start: Path | None = None
     """Parameters that the search starts from, JSON, instead of the usual ones."""
     out: Path | None = None

@@ -42,7 +42,7 @@ COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_
 MIN_RESPONSE = 0.7
 """Achieved per commanded velocity below which a candidate costs more, so that standing still does not win."""
 WEAK_RESPONSE_WEIGHT = 2.0
-"""Cost per unit by which a response is below `MIN_RESPONSE`, for each of the three velocities."""
+"""Cost per unit of a response below `MIN_RESPONSE`, for each of the three velocities."""
 MIN_INVERTIBLE_RESPONSE = 0.1
 """Achieved per commanded velocity below which a response is not inverted: the map would command leaps."""
 MIN_INTERVALS = 6
@@ -60,12 +60,12 @@ class TrotSearchOptions(SearchOptions):
     subject: Annotated[Literal["trot"], tyro.conf.Positional] = "trot"
     """trot: the open-loop trot."""
     robot: str | None = None
-    """Robot: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
+    """Robot: a name of quad_env.ROBOTS like go1, or the path of its MJCF, URDF or TOML."""
     # Two command intervals each, enough to fit a response.
     episodes: int = parameter(6, limits=(MIN_INTERVALS // 2, 10_000))
     """Episodes of a candidate in each scenario and round."""
     check_episodes: int = parameter(48, limits=(MIN_INTERVALS // 2, 10_000))
-    """Fresh episodes on which the command map is fitted and the outcome compared with the parameters before."""
+    """Fresh episodes on which the command map is fitted and the outcome compared with the old parameters."""
 
 
 def main(options: TrotSearchOptions) -> int:
