@@ -44,7 +44,6 @@ class PolicyStack(Policy):
         super().__init__(robot=first.robot if robot is None else robot, control_period=first.control_period)
         self.height_scan = first.height_scan
         self.observations = first.observations
-        self.observations = first.observations
         self._members = members
         self._blocks = blocks
         self._replace_nonfinite_targets = replace_nonfinite

@@ -1,7 +1,7 @@
 """Upright trot on compliant servos that learned policies correct: a trajectory for them to modulate.
 
 It is the trot with integral action, with parameters chosen by hand: tall, slow for a trot that does not balance, and
-on servos that yield at impacts. The network learns from it when each foot swings, how high, and how tall the robot stands
+on servos that yield at impacts. It informs the network when each foot swings, how high, and how tall the robot stands
 (A. Iscen et al., Policies Modulating Trajectory Generators, 2018).
 """
 
