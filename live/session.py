@@ -1,6 +1,7 @@
-"""Session: a robot of an episode that a person steers and pushes while it walks."""
+"""Session: one robot in an episode that a user steers and pushes while it walks."""
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,23 +14,34 @@ from policies.gait_cycle import smoothstep
 from quad_env.scenarios.scenario import Scenario
 
 POLICY_BLEND_TIME = 0.4
-"""Time in which the joint targets pass from where they were into those of a policy that is chosen, s."""
+"""s. Time in which the joint targets blend from their last values into the ones of a new policy."""
 
 
 class Session:
-    """A robot with the start, ground, pushes and commands of an episode, without a time limit.
+    """One robot with the start, ground, pushes and commands of an episode, without a time limit.
 
     A fallen robot goes on. Commands and pushes are the scenario's until `steer` and `push`. Observers get the start of
-    every episode, as step 0, and every control step after it; listeners get a few words about every intervention:
-    `reset, seed 4`, `trot chosen`. Sessions of the same scenario and seed have the same episode, whatever their
-    policies are.
+    every episode, as step 0, and every control step after it. Listeners get a short text about every intervention:
+    `reset, seed 4`, `trot chosen`. Sessions with the same scenario and seed have the same episode for any policy. A
+    policy that was made for another robot or another control period raises ValueError.
 
     Args:
-        seed: of the first episode.
-        command: held from the first step on, as by `steer`.
+        policy: Policy of the robot.
+        scenario: Scenario of the episodes, or its name.
+        seed: Seed of the first episode.
+        command: Command from the first step on, as by `steer`; None for the scenario's commands.
+        hardware: Robot, motors, sensors and simulator.
+        observers: Called with every step.
 
-    Raises:
-        ValueError: a policy that was made for another robot or another control period.
+    Attributes:
+        env: The environment of one robot.
+        policy: The present policy.
+        observers: Called with every step.
+        listeners: Called with a text about every intervention.
+        command: Fixed command, (3,); None while the scenario draws commands.
+        seed: Seed of the present episode.
+        latest: The last control step, or the start of the episode.
+        user_intervened: True if a user steered, pushed or changed the policy in the present episode.
     """
 
     def __init__(
@@ -47,32 +59,31 @@ class Session:
         self.observers = list(observers)
         self.listeners: list[Callable[[str], None]] = []
         self.command = None if command is None else np.asarray(command, np.float64)
-        """Command that is held, (3,); None where the scenario draws them."""
         self.seed = seed
-        """Of the present episode."""
         self._policy_changed_at: int | None = None
         self._offset: Actions | None = None
-        try:
+        with ExitStack() as close_on_error:
+            close_on_error.callback(self.close)
             self._check(policy)
             self._begin()
-        except BaseException:
-            self.close()
-            raise
+            close_on_error.pop_all()
 
     def reset(self, seed: int | None = None) -> Step:
-        """Start an episode, by default that of the next seed; a command that was given stays."""
+        """Start the episode of a `seed`, by default the next one; a fixed command stays. Return its start."""
         self.seed = self.seed + 1 if seed is None else seed
         self.notify(f"reset, seed {self.seed}")
         return self._begin()
 
     def step(self) -> Step:
-        """Move the robot on by a control step."""
+        """Advance the robot by one control step, and return the step."""
         return self._notify_observers(advance(self.latest, self._action())[0])
 
     def steer(self, command: ArrayLike | None) -> None:
-        """Have the robot follow this command, (3,): forward and left m/s, heading frame, yaw rate rad/s.
+        """Fix the command of the robot.
 
-        None gives the commands back to the scenario, from the next episode on. ValueError for what is no command.
+        Args:
+            command: Heading frame, (3,): forward and left m/s, yaw rate rad/s; the environment raises ValueError for an
+                invalid one. None returns the commands to the scenario, from the next episode on.
         """
         if command is not None:
             self.env.steer(command)
@@ -80,27 +91,33 @@ class Session:
         self.command = None if command is None else np.asarray(command, np.float64)
 
     def push(self, force: ArrayLike, duration: float) -> None:
-        """Push the trunk, with (2,) N, world frame, for a duration, s. ValueError for what is no push."""
+        """Push the trunk.
+
+        Args:
+            force: World frame, (2,), N; the environment raises ValueError for an invalid one.
+            duration: Duration of the push, s.
+        """
         self.env.push(force, duration)
         forward, left = np.asarray(force, np.float64)
         self.user_intervened = True
         self.notify(f"pushed by hand, {np.hypot(forward, left) * duration:.3g} N·s")
 
     def set_policy(self, policy: Policy) -> None:
-        """Replace the policy; joint targets change over within `CHANGE`. Raises ValueError as the constructor, and
-        PolicyError where it needs other observations than the first; nothing has changed then."""
+        """Replace the policy; joint targets blend within `POLICY_BLEND_TIME`.
+
+        On an error nothing changes: ValueError as from the constructor, or PolicyError for a `policy` that needs other
+        observations than the first.
+        """
         self._check(policy)
         policy.reset(num_envs=1, seed=0)
-        self.policy, self._policy_changed_at, self._offset, self.user_intervened = (
-            policy,
-            self.latest.number,
-            None,
-            True,
-        )
+        self.policy = policy
+        self._policy_changed_at = self.latest.number
+        self._offset = None
+        self.user_intervened = True
         self.notify(f"{policy.name} chosen")
 
     def notify(self, event: str) -> None:
-        """Send an event to the listeners."""
+        """Call the listeners with the text of an `event`."""
         for listener in self.listeners:
             listener(event)
 
@@ -109,31 +126,34 @@ class Session:
         self.env.close()
 
     def _check(self, policy: Policy) -> None:
+        """Raise ValueError or PolicyError for a policy that does not fit the environment."""
         policy.check_compatible(self.env.robot, self.env.dt)
         if policy.height_scan != self.policy.height_scan:
             raise PolicyError(f"{policy.name} needs other ground heights than {self.policy.name}")
 
     def _begin(self) -> Step:
+        """Start the episode of the present seed."""
         self._policy_changed_at = self._offset = None
         self.user_intervened = False
-        """Whether somebody has steered or pushed the robot or changed its policy in the present episode."""
         self.policy.reset(num_envs=1, seed=0)
         return self._notify_observers(reset_episodes(self.env, np.array([self.seed]), self.command))
 
     def _notify_observers(self, step: Step) -> Step:
+        """Store the step and call the observers."""
         self.latest = step
         for observer in self.observers:
             observer(step)
         return step
 
     def _action(self) -> Actions:
+        """Return the joint targets, blended after a change of the policy."""
         action = self.policy.act(self.latest.observation)
         if self._policy_changed_at is None:
             return action
-        passed = (self.latest.number - self._policy_changed_at) * self.env.dt / POLICY_BLEND_TIME
-        if passed >= 1.0:
+        progress = (self.latest.number - self._policy_changed_at) * self.env.dt / POLICY_BLEND_TIME
+        if progress >= 1.0:
             self._policy_changed_at = None
             return action
         if self._offset is None:
             self._offset = self.latest.action - action
-        return action + np.float32(1.0 - smoothstep(np.array(passed))) * self._offset
+        return action + np.float32(1.0 - smoothstep(np.array(progress))) * self._offset

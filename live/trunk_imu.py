@@ -1,4 +1,4 @@
-"""An ideal IMU at the trunk's centre, as far as it measures what the environment's infos do not have."""
+"""Ideal IMU at the trunk's centre: the specific force, which the environment's infos do not contain."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,19 +13,31 @@ WORLD_UP = np.array([0.0, 0.0, 1.0])
 
 
 class TrunkImu:
-    """Differentiates the velocity from step to step, so it needs all of them in order."""
+    """Ideal accelerometer of one robot. It differentiates the velocity, so it needs every control step in order.
+
+    Args:
+        dt: Control period, s.
+    """
 
     def __init__(self, dt: float) -> None:
         self._dt = dt
         self._velocity = np.zeros(3)
 
-    def specific_force(self, readings: Mapping[str, Any], *, starts: bool) -> NDArray[np.float64]:
-        """m/s² in the base frame, (3,), of one robot's infos; the robot rests where an episode starts."""
-        rotation = np.array(rotation_matrix(tuple(readings["quaternion"])))
+    def specific_force(self, infos: Mapping[str, Any], *, is_first: bool) -> NDArray[np.float64]:
+        """Compute the mean specific force of the trunk's centre over the last control step.
+
+        Args:
+            infos: Infos of the robot after the step.
+            is_first: True at the start of an episode, where the robot counts as being at rest.
+
+        Returns:
+            Specific force, base frame, (3,), m/s².
+        """
+        rotation = np.array(rotation_matrix(tuple(infos["quaternion"])))  # from base to world
         cos, sin = rotation[:2, 0] / np.hypot(*rotation[:2, 0])
-        forward, left = readings["heading_velocity"][:2]
-        rising = float(np.squeeze(readings["vertical_velocity"]))
-        velocity = np.array((forward * cos - left * sin, forward * sin + left * cos, rising))
-        gained = np.zeros(3) if starts else velocity - self._velocity
-        self._velocity = velocity
-        return np.asarray((gained / self._dt + GRAVITY * WORLD_UP) @ rotation)
+        forward, left = infos["heading_velocity"][:2]
+        up = float(np.squeeze(infos["vertical_velocity"]))
+        velocity_world = np.array((forward * cos - left * sin, forward * sin + left * cos, up))
+        velocity_change = np.zeros(3) if is_first else velocity_world - self._velocity
+        self._velocity = velocity_world
+        return np.asarray((velocity_change / self._dt + GRAVITY * WORLD_UP) @ rotation)

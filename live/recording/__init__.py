@@ -1,1 +1,1 @@
-"""Recordings of a walking robot: MCAP files, written by a process of their own."""
+"""Recordings of a walking robot as MCAP files, which a separate process writes."""

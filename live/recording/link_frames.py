@@ -1,6 +1,4 @@
-"""What the rows of a recording are of, and the frames of the robot's links, each in that of its parent, as a URDF has
-them: at the joint that moves the link.
-"""
+"""Schema of a recording's rows, and the frames of the robot's links as in a URDF: at the joint that moves the link."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,82 +11,127 @@ from scipy.spatial.transform import Rotation
 from quad_env.robots.robot import Robot
 
 Floats = NDArray[np.float64]
-TRUNK, IMU_LINK = "base_link", "imu_link"
+TRUNK = "base_link"
+IMU_LINK = "imu_link"
 
 
 @dataclass(frozen=True)
 class LinkFrame:
-    """A frame below the trunk's."""
+    """Frame of a link relative to the frame of its parent link."""
 
     name: str
     parent: str
+    """Name of the parent link."""
     translation: Floats
-    """In the parent's frame, m, (3,)."""
+    """Origin in the parent's frame, (3,), m."""
     rotation: Floats
-    """Against the parent's frame where the joint is at its reference, w x y z, (4,)."""
+    """Orientation in the parent's frame with the joint at its reference, quaternion w x y z, (4,)."""
     joint: int | None = None
-    """Which of the robot's joints moves it; None of one that is fixed."""
+    """Index of the robot's joint that moves the link; None for a fixed link."""
     axis: Floats | None = None
-    """Of the joint, in the link's frame; a unit vector, (3,)."""
+    """Axis of the joint in the link's frame, unit vector, (3,)."""
     reference: float = 0.0
-    """Angle of the joint where the model draws it at rest, rad."""
+    """Angle of the joint in the model's initial pose, rad."""
 
 
 def link_frames(model: Any, data: Any, robot: Robot) -> tuple[LinkFrame, ...]:
-    """Every link that a joint moves, the feet and the IMU, of the robot's compiled model in any state, which does not
-    matter."""
+    """Return the frame of every link that a joint moves, of the feet and of the IMU.
 
-    def frame(body: int) -> tuple[Floats, Rotation]:
-        return data.xanchor[model.body_jntadr[body]], Rotation.from_matrix(data.xmat[body].reshape(3, 3))
+    Args:
+        model: Compiled model of the robot.
+        data: Its data in any state; the result does not depend on it.
+        robot: The robot.
 
-    def link(name: str, body: int, place: Floats, link_orientation: Rotation, **joint: Any) -> LinkFrame:
-        """One that is fixed to the body, or jointed to it; place and rotation in the world."""
-        parent = model.body_weldid[body]
-        origin, orientation = frame(parent)
-        back = orientation.inv()
-        rotation = (back * link_orientation).as_quat(scalar_first=True)
-        return LinkFrame(name, model.body(parent).name, back.apply(place - origin), rotation, **joint)
+    Returns:
+        The frames, moving links first.
+    """
+    return (*_moving_frames(model, data), *_fixed_frames(model, data, robot))
 
-    links = []
-    for hinge in range(1, model.njnt):  # the first is that of the trunk
-        body, address = model.jnt_bodyid[hinge], model.jnt_qposadr[hinge]
-        axis, reference = model.jnt_axis[hinge].copy(), float(model.qpos0[address])
-        place, turned = frame(body)
-        rest = turned * Rotation.from_rotvec((reference - data.qpos[address]) * axis)
-        moved = {"joint": int(address - 7), "axis": axis, "reference": reference}
-        links.append(link(model.body(body).name, model.body_parentid[body], place, rest, **moved))
-    sites = {f"{leg}_foot": f"{leg}_foot_link" for leg in robot.leg_names} | {"imu": IMU_LINK}
-    for site, name in sites.items():
-        number = model.site(site).id
-        turned = Rotation.from_matrix(data.site_xmat[number].reshape(3, 3))
-        links.append(link(name, model.site_bodyid[number], data.site_xpos[number], turned))
-    return tuple(links)
+
+def _moving_frames(model: Any, data: Any) -> list[LinkFrame]:
+    """Return the frames of the links that hinges move."""
+    frames = []
+    for hinge in range(1, model.njnt):  # joint 0 is the trunk's free joint
+        body = model.jnt_bodyid[hinge]
+        address = model.jnt_qposadr[hinge]
+        axis = model.jnt_axis[hinge].copy()
+        reference = float(model.qpos0[address])
+        origin, orientation = _body_frame(model, data, body)
+        reference_orientation = orientation * Rotation.from_rotvec((reference - data.qpos[address]) * axis)
+        translation, rotation, parent = _relative_frame(
+            model, data, model.body_parentid[body], origin, reference_orientation
+        )
+        frames.append(
+            LinkFrame(model.body(body).name, parent, translation, rotation, int(address - 7), axis, reference)
+        )
+    return frames
+
+
+def _fixed_frames(model: Any, data: Any, robot: Robot) -> list[LinkFrame]:
+    """Return the frames of the feet and of the IMU."""
+    link_names = {f"{leg}_foot": f"{leg}_foot_link" for leg in robot.leg_names} | {"imu": IMU_LINK}
+    frames = []
+    for site, name in link_names.items():
+        site_id = model.site(site).id
+        orientation = Rotation.from_matrix(data.site_xmat[site_id].reshape(3, 3))
+        translation, rotation, parent = _relative_frame(
+            model, data, model.site_bodyid[site_id], data.site_xpos[site_id], orientation
+        )
+        frames.append(LinkFrame(name, parent, translation, rotation))
+    return frames
+
+
+def _body_frame(model: Any, data: Any, body: int) -> tuple[Floats, Rotation]:
+    """Return the origin of a body's frame, at its joint, and its orientation, world frame."""
+    return data.xanchor[model.body_jntadr[body]], Rotation.from_matrix(data.xmat[body].reshape(3, 3))
+
+
+def _relative_frame(
+    model: Any, data: Any, body: int, origin: Floats, orientation: Rotation
+) -> tuple[Floats, Floats, str]:
+    """Return translation, quaternion and parent link of a world frame that is attached to a body or its joint."""
+    parent = model.body_weldid[body]
+    parent_origin, parent_orientation = _body_frame(model, data, parent)
+    parent_from_world = parent_orientation.inv()
+    rotation = (parent_from_world * orientation).as_quat(scalar_first=True)
+    return parent_from_world.apply(origin - parent_origin), rotation, model.body(parent).name
 
 
 def rotations(links: Sequence[LinkFrame], angles: Floats) -> Floats:
-    """Orientation of each moving link in its parent's frame, w x y z, (links, 4); angles of the joints, rad, (12,)."""
-    turns = [(angles[link.joint] - link.reference) * np.array(link.axis) for link in links]
+    """Compute the orientations of moving links in the frames of their parents.
+
+    Args:
+        links: Links that joints move.
+        angles: Joint angles, (12,), rad.
+
+    Returns:
+        Quaternions w x y z, (links, 4).
+    """
+    joint_rotations = [(angles[link.joint] - link.reference) * np.array(link.axis) for link in links]
     fixed = Rotation.from_quat([link.rotation for link in links], scalar_first=True)
-    return np.asarray((fixed * Rotation.from_rotvec(turns)).as_quat(scalar_first=True))
+    return np.asarray((fixed * Rotation.from_rotvec(joint_rotations)).as_quat(scalar_first=True))
 
 
 @dataclass(frozen=True)
 class RecordingSchema:
-    """What the rows are of, a row a control step or start of an episode."""
+    """Contents of a recording's rows, one per control step or start of an episode."""
 
     widths: dict[str, int]
-    """Columns of each reading, in the order of a row; also `reward`, `correction`, NaN of a policy that has none, and
-    `start`, 1 where an episode or the recording begins."""
+    """Number of columns of each reading, in the order of a row. It includes `reward`, `correction`, NaN for a policy
+    without one, and `start`, 1 where an episode or the recording begins."""
     joints: tuple[str, ...]
+    """Names of the joints."""
     legs: tuple[str, ...]
+    """Names of the legs."""
     links: tuple[LinkFrame, ...]
+    """Frames of the links."""
     description: str
-    """URDF of the robot; empty where there is none."""
+    """URDF of the robot; empty without one."""
     dt: float
     """Control period, s."""
 
     @property
     def slices(self) -> dict[str, slice]:
-        """Reading -> its columns."""
+        """Name of each reading -> its columns."""
         ends = np.cumsum(list(self.widths.values())).tolist()
         return {name: slice(end - width, end) for end, (name, width) in zip(ends, self.widths.items(), strict=True)}

@@ -1,4 +1,4 @@
-"""Messages of control steps, standard ones of ROS 2, and MCAP files, which Foxglove opens and `ros2 bag` plays."""
+"""Standard ROS 2 messages of control steps, and MCAP files, which Foxglove opens and `ros2 bag` plays."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -27,111 +27,133 @@ STANDARD_TOPICS = {
     "/reward": "std_msgs/msg/Float64",
     "/events": "rcl_interfaces/msg/Log",
 }
-"""Type of each topic that every robot has; `topics` has those that are named after its legs too."""
+"""Topic -> its type, for the topics of every robot; `Messages.topics` adds the contacts of a robot's legs."""
 LATCHED_TOPICS = ("/robot_description", "/tf_static")
-"""Topics of one message, at the beginning, which ROS keeps for those who listen later."""
+"""Topics with one message, at the start, which ROS keeps for later subscribers."""
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 _T: Any = TYPES.types
 _EPISODE_END = "over"
-"""Event at the end of a push or fall."""
+"""Event text at the end of a push or a fall."""
 _NO_COMMAND = np.full(3, np.nan)
 _UNKNOWN_COVARIANCE = np.zeros(9)
-"""A covariance that says nothing."""
+"""Covariance in a message that gives none."""
 
 
 class Message(NamedTuple):
-    """One message."""
+    """One ROS 2 message with its topic and time."""
 
     topic: str
     time: int
-    """Simulated, since the start of the recording, ns."""
+    """Simulated time since the start of the recording, ns."""
     content: Any
+    """Message of `TYPES`."""
 
     @property
     def data(self) -> bytes:
-        """The content in CDR."""
+        """Content in CDR encoding."""
         return bytes(TYPES.serialize_cdr(self.content, self.content.__msgtype__))
 
 
 class Messages:
-    """Makes the messages of rows that follow each other."""
+    """Converts consecutive rows of a recording to messages.
 
-    def __init__(self, source: RecordingSchema) -> None:
-        self._source, self._slices = source, source.slices
-        self._period = round(source.dt * 1e9)
+    Args:
+        schema: Contents of the rows.
+    """
+
+    def __init__(self, schema: RecordingSchema) -> None:
+        self._schema = schema
+        self._slices = schema.slices
+        self._period = round(schema.dt * 1e9)
         self._time = -self._period
-        self._moving = [link for link in source.links if link.joint is not None]
-        self._imu = TrunkImu(source.dt)
-        self._command, self._latest = _NO_COMMAND, _EPISODE_END
-        self._contacts = [topic_name("contacts", name) for name in (*source.legs, "legs", "trunk")]
+        self._moving_links = [link for link in schema.links if link.joint is not None]
+        self._imu = TrunkImu(schema.dt)
+        self._last_command = _NO_COMMAND
+        self._last_event = _EPISODE_END
+        self._contact_topics = [topic_name("contacts", name) for name in (*schema.legs, "legs", "trunk")]
 
     @property
     def topics(self) -> dict[str, str]:
-        """Type of each topic."""
-        return STANDARD_TOPICS | dict.fromkeys(self._contacts, "std_msgs/msg/Bool")
+        """Topic -> its type."""
+        return STANDARD_TOPICS | dict.fromkeys(self._contact_topics, "std_msgs/msg/Bool")
 
     def initial_messages(self) -> Iterator[Message]:
-        """Messages for late subscribers too."""
-        fixed = [_of_link(_stamp(0), link, link.rotation) for link in self._source.links if link.joint is None]
+        """Yield the messages of the latched topics."""
+        fixed = [_link_transform(_stamp(0), link, link.rotation) for link in self._schema.links if link.joint is None]
         yield Message("/tf_static", 0, _T["tf2_msgs/msg/TFMessage"](transforms=fixed))
-        if self._source.description:
-            yield Message("/robot_description", 0, _T["std_msgs/msg/String"](data=self._source.description))
+        if self._schema.description:
+            yield Message("/robot_description", 0, _T["std_msgs/msg/String"](data=self._schema.description))
 
     def row_messages(self, row: Floats) -> Iterator[Message]:
-        """The command and targets at the beginning of its step, then the state at its end, and what is new of it."""
+        """Yield the command and targets at the start of a step, new events, and the state at its end."""
         readings = {name: row[columns] for name, columns in self._slices.items()}
-        starts, command, event = readings["start"][0] > 0.0, readings["command"], _event_of(readings)
-        if not starts:
-            if not np.array_equal(command, self._command):
-                forward, left, turning = command
-                yield self._event(f"command {forward:.2f} m/s forward, {left:.2f} m/s left, {turning:.2f} rad/s")
-            yield Message("/cmd_vel", self._time, _twist(command))
-            yield Message("/position_controller/command", self._time, _numbers(readings["action"]))
-        self._time += self._period
-        if starts and self._time > 0:
-            yield self._event("reset")
-        elif not starts and event != self._latest:
-            yield self._event(event)
-        self._command, self._latest = (_NO_COMMAND, _EPISODE_END) if starts else (command, event)
+        if readings["start"][0] > 0.0:
+            yield from self._start_messages()
+        else:
+            yield from self._step_messages(readings)
         yield from (Message(topic, self._time, content) for topic, content in self._state(readings))
 
-    def _event(self, text: str) -> Message:
-        """An event that happened just now, as a line of a log; falls are errors."""
-        kind = _T["rcl_interfaces/msg/Log"]
-        level = kind.ERROR if text.startswith(("fell", "diverged")) else kind.INFO
+    def _start_messages(self) -> Iterator[Message]:
+        """Yield the event of a reset, except at the start of the recording, and advance the time."""
+        self._time += self._period
+        if self._time > 0:
+            yield self._event_message("reset")
+        self._last_command = _NO_COMMAND
+        self._last_event = _EPISODE_END
+
+    def _step_messages(self, readings: dict[str, Floats]) -> Iterator[Message]:
+        """Yield command, targets and new events of a control step, and advance the time."""
+        command = readings["command"]
+        event = _event_text(readings)
+        if not np.array_equal(command, self._last_command):
+            forward, left, yaw_rate = command
+            text = f"command {forward:.2f} m/s forward, {left:.2f} m/s left, {yaw_rate:.2f} rad/s"
+            yield self._event_message(text)
+        yield Message("/cmd_vel", self._time, _twist(command))
+        yield Message("/position_controller/command", self._time, _numbers(readings["action"]))
+        self._time += self._period
+        if event != self._last_event:
+            yield self._event_message(event)
+        self._last_command = command
+        self._last_event = event
+
+    def _event_message(self, text: str) -> Message:
+        """Return a log message at the present time; falls and divergences are errors."""
+        log = _T["rcl_interfaces/msg/Log"]
+        level = log.ERROR if text.startswith(("fell", "diverged")) else log.INFO
         stamp = _stamp(self._time)
-        line = kind(stamp=stamp, level=level, name="simple_quad", msg=text, file="", function="", line=0)
+        line = log(stamp=stamp, level=level, name="simple_quad", msg=text, file="", function="", line=0)
         return Message("/events", self._time, line)
 
     def _state(self, readings: dict[str, Floats]) -> Iterator[tuple[str, Any]]:
-        """Topic and content of the messages at the end of a step."""
+        """Yield topic and content of the messages at the end of a step."""
         stamp = _stamp(self._time)
         yield "/clock", _T["rosgraph_msgs/msg/Clock"](clock=stamp)
-        turns = rotations(self._moving, readings["joint_position"])
-        frames = [
-            _transform(stamp, "world", TRUNK, readings["position"], readings["quaternion"]),
-            *(_of_link(stamp, link, turn) for link, turn in zip(self._moving, turns, strict=True)),
-        ]
-        yield "/tf", _T["tf2_msgs/msg/TFMessage"](transforms=frames)
+        transforms = [_transform(stamp, "world", TRUNK, readings["position"], readings["quaternion"])]
+        link_rotations = rotations(self._moving_links, readings["joint_position"])
+        for link, rotation in zip(self._moving_links, link_rotations, strict=True):
+            transforms.append(_link_transform(stamp, link, rotation))
+        yield "/tf", _T["tf2_msgs/msg/TFMessage"](transforms=transforms)
         joints = {
             "position": readings["joint_position"],
             "velocity": readings["joint_velocity"],
             "effort": readings["joint_torque"],
         }
         joint_state = _T["sensor_msgs/msg/JointState"]
-        yield "/joint_states", joint_state(header=_header(stamp, TRUNK), name=list(self._source.joints), **joints)
-        force = self._imu.specific_force(readings, starts=readings["start"][0] > 0.0)
+        yield "/joint_states", joint_state(header=_header(stamp, TRUNK), name=list(self._schema.joints), **joints)
+        force = self._imu.specific_force(readings, is_first=readings["start"][0] > 0.0)
         yield "/imu", _imu(stamp, readings["quaternion"], readings["angular_velocity"], force)
-        touching = np.concatenate([readings[name] for name in ("foot_contact", "leg_contact", "trunk_contact")]) > 0.0
-        for topic, touches in zip(self._contacts, touching.tolist(), strict=True):
-            yield topic, _T["std_msgs/msg/Bool"](data=touches)
+        contacts = [readings[name] for name in ("foot_contact", "leg_contact", "trunk_contact")]
+        in_contact = np.concatenate(contacts) > 0.0
+        for topic, has_contact in zip(self._contact_topics, in_contact.tolist(), strict=True):
+            yield topic, _T["std_msgs/msg/Bool"](data=has_contact)
         yield "/reward", _T["std_msgs/msg/Float64"](data=float(readings["reward"][0]))
         if not np.isnan(readings["correction"][0]):
             yield "/correction", _numbers(readings["correction"])
 
 
-def _event_of(readings: dict[str, Floats]) -> str:
-    """What happens to the robot."""
+def _event_text(readings: dict[str, Floats]) -> str:
+    """Return the text of the event in a control step: divergence, fall or push, else the end of one."""
     if readings["diverged"][0]:
         return "diverged"
     if fall := int(readings["fall"][0]):
@@ -140,41 +162,47 @@ def _event_of(readings: dict[str, Floats]) -> str:
 
 
 def topic_name(family: str, name: str) -> str:
-    """A topic as ROS may name it: letters, digits and underscores, and no digit first."""
+    """Return `/family/name` with only letters, digits and underscores in `name`, and no digit first, as ROS demands."""
     part = re.sub(r"\W", "_", name, flags=re.ASCII)
     return f"/{family}/{'_' * part[:1].isdigit()}{part}"
 
 
 def _stamp(time: int) -> Any:
+    """Return a time in ns as a message."""
     return _T["builtin_interfaces/msg/Time"](sec=time // 10**9, nanosec=time % 10**9)
 
 
 def _header(stamp: Any, frame: str) -> Any:
+    """Return the header of a message."""
     return _T["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
 
 
 def _numbers(values: Floats) -> Any:
+    """Return an array as a message."""
     layout = _T["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
     return _T["std_msgs/msg/Float64MultiArray"](layout=layout, data=values)
 
 
 def _vector(values: Iterable[float]) -> Any:
+    """Return three numbers as a message."""
     x, y, z = map(float, values)
     return _T["geometry_msgs/msg/Vector3"](x=x, y=y, z=z)
 
 
 def _quaternion(values: Floats) -> Any:
-    """ROS writes x y z w; MuJoCo and we w x y z."""
+    """Return a quaternion w x y z as a message; ROS orders it x y z w."""
     w, x, y, z = map(float, values)
     return _T["geometry_msgs/msg/Quaternion"](x=x, y=y, z=z, w=w)
 
 
 def _twist(command: Floats) -> Any:
-    forward, left, turning = command
-    return _T["geometry_msgs/msg/Twist"](linear=_vector((forward, left, 0.0)), angular=_vector((0.0, 0.0, turning)))
+    """Return a command as a message."""
+    forward, left, yaw_rate = command
+    return _T["geometry_msgs/msg/Twist"](linear=_vector((forward, left, 0.0)), angular=_vector((0.0, 0.0, yaw_rate)))
 
 
 def _imu(stamp: Any, quaternion: Floats, angular_velocity: Floats, specific_force: Floats) -> Any:
+    """Return the readings of an IMU as a message, without covariances."""
     return _T["sensor_msgs/msg/Imu"](
         header=_header(stamp, IMU_LINK),
         orientation=_quaternion(quaternion),
@@ -186,36 +214,44 @@ def _imu(stamp: Any, quaternion: Floats, angular_velocity: Floats, specific_forc
     )
 
 
-def _of_link(stamp: Any, link: LinkFrame, link_orientation: Floats) -> Any:
-    return _transform(stamp, link.parent, link.name, link.translation, link_orientation)
+def _link_transform(stamp: Any, link: LinkFrame, rotation: Floats) -> Any:
+    """Return the transform of a link with this orientation in its parent's frame."""
+    return _transform(stamp, link.parent, link.name, link.translation, rotation)
 
 
-def _transform(stamp: Any, parent: str, name: str, place: Floats, link_orientation: Floats) -> Any:
+def _transform(stamp: Any, parent: str, name: str, translation: Floats, rotation: Floats) -> Any:
+    """Return the transform of a frame in its parent's frame as a message."""
     return _T["geometry_msgs/msg/TransformStamped"](
         header=_header(stamp, parent),
         child_frame_id=name,
-        transform=_T["geometry_msgs/msg/Transform"](translation=_vector(place), rotation=_quaternion(link_orientation)),
+        transform=_T["geometry_msgs/msg/Transform"](translation=_vector(translation), rotation=_quaternion(rotation)),
     )
 
 
 _INFINITE = "{sec: 9223372036, nsec: 854775807}"
-"""No deadline, no lifespan, no lease: how ROS 2 writes infinity."""
+"""Infinite duration in ROS 2: no deadline, lifespan or lease."""
 _LATCHED_QOS = (
     "- {history: keep_last, depth: 1, reliability: reliable, durability: transient_local, "
     f"deadline: {_INFINITE}, lifespan: {_INFINITE}, liveliness: automatic, liveliness_lease_duration: {_INFINITE}, "
     "avoid_ros_namespace_conventions: false}"
 )
-"""With which `ros2 bag play` keeps a message for those who listen later."""
+"""Quality of service with which `ros2 bag play` keeps a message for later subscribers."""
 
 
 class McapFile:
-    """Messages of ROS 2 in one file; what is in its finished chunks is kept however the process that writes ends."""
+    """MCAP file of ROS 2 messages; its finished chunks survive any end of the writing process.
+
+    Args:
+        path: File to write, which may not exist.
+        topics: Topic -> its type.
+    """
 
     def __init__(self, path: Path, topics: Mapping[str, str]) -> None:
         self._file = path.open("xb")
         self._writer = McapWriter(self._file, chunk_size=1 << 18, compression=CompressionType.LZ4)
         self._writer.start(profile="ros2", library="simple-quad")
-        self._channels, schemas = {}, {}
+        self._channels = {}
+        schemas = {}
         for topic, name in topics.items():
             if name not in schemas:
                 definition, _hash = TYPES.generate_msgdef(name, ros_version=2)
@@ -224,11 +260,11 @@ class McapFile:
             self._channels[topic] = self._writer.register_channel(topic, "cdr", schemas[name], quality)
 
     def write(self, message: Message) -> None:
-        """Add a message. Raises OSError."""
+        """Add a `message`; OSError if it cannot be written."""
         self._writer.add_message(self._channels[message.topic], message.time, message.data, message.time)
 
     def close(self) -> None:
-        """Write the index and close."""
+        """Write the index and close the file."""
         try:
             self._writer.finish()  # type: ignore[no-untyped-call]
         finally:

@@ -1,4 +1,4 @@
-"""Recorder: an observer of control steps that hands them to a process that writes them."""
+"""MCAP recorder: an observer of control steps that sends them to a writer process."""
 
 import contextlib
 import multiprocessing
@@ -21,26 +21,31 @@ from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.task.rewards import REWARD
 
 PACKAGES = ("mcap", "rosbags")
-"""What the extra `recording` installs."""
+"""Packages of the extra `recording`."""
 PIPE_SIZE = 1 << 20
-"""Bytes that may wait where the system allows it, some ten seconds of control steps: while the writer starts, or has to
-wait for its core."""
+"""Bytes. Size of the pipe to the writer, where the system allows it: about ten seconds of control steps, for the start
+of the writer and for times without a free core."""
 SIGNALS = (
     *("position", "quaternion", "angular_velocity", "heading_velocity", "vertical_velocity"),
     *("joint_position", "joint_velocity", "joint_torque", "action", "command", "push"),
     *("foot_contact", "leg_contact", "trunk_contact", "fall", "diverged"),
 )
-"""Readings of a control step that are recorded, by their names in the infos."""
+"""Names of the infos of a control step that are recorded."""
 
 
 @contextmanager
 def recorder_for(path: Path, policy: Policy) -> Iterator["McapRecorder"]:
-    """An observer that records the first robot into an MCAP file. What was recorded is kept however the block ends; a
-    further episode goes on where the first ended.
+    """Open a recorder of the first robot as a context; the recording is kept however the block ends.
 
-    Raises:
-        UsageError: a package is missing, or the path exists already or cannot be written.
-        OSError: the disk is full; what was written by then is left.
+    A further episode continues where the first ended. A missing package or an invalid path raises UsageError. A full
+    disk raises OSError; the part that was written remains.
+
+    Args:
+        path: MCAP file to write, which may not exist.
+        policy: Policy of the robot, for its residual correction.
+
+    Yields:
+        The recorder, an observer.
     """
     check_recordable(path)
     recorder = McapRecorder(path, policy)
@@ -51,7 +56,14 @@ def recorder_for(path: Path, policy: Policy) -> Iterator["McapRecorder"]:
 
 
 def check_recordable(path: Path) -> None:
-    """Raise UsageError where nothing can be recorded into that path."""
+    """Check that a recording can be written.
+
+    Args:
+        path: MCAP file to write.
+
+    Raises:
+        UsageError: A package is missing, or the path exists already, is no .mcap file or has no folder.
+    """
     if missing := [package for package in PACKAGES if find_spec(package) is None]:
         raise UsageError(f'recording needs {missing[0]}: pip install -e ".[recording]"')
     if path.exists():
@@ -62,29 +74,37 @@ def check_recordable(path: Path) -> None:
 
 
 class McapRecorder:
-    """Records the first robot of the steps that it is called with; `recorder_for` makes one and closes it."""
+    """Observer that records the first robot; `recorder_for` makes and closes it.
+
+    Args:
+        path: MCAP file to write.
+        policy: Policy of the robot, for its residual correction.
+    """
 
     def __init__(self, path: Path, policy: Policy) -> None:
-        self._path, self._policy = path, policy
+        self._path = path
+        self._policy = policy
         self._process: BaseProcess | None = None
         self._rows: Connection | None = None
 
     def __call__(self, step: Step) -> None:
-        """Record a control step, or the start of an episode. Raises OSError where it cannot be written."""
-        first = self._rows is None
-        if first:
+        """Record a control `step`, or the start of an episode; OSError if it cannot be written."""
+        is_first = self._rows is None
+        if is_first:
             self._start_writer(step)
         correction = getattr(self._policy, "correction", None)
         readings = {name: step.infos[name][0] for name in SIGNALS}
         readings["reward"] = sum(step.infos[name][0] for name in step.infos if name.startswith(REWARD))
         readings["correction"] = np.full(step.action.shape[1], np.nan) if correction is None else correction[0]
-        readings["start"] = step.number == 0 or first
+        readings["start"] = step.number == 0 or is_first
         self._send(np.concatenate([np.ravel(reading) for reading in readings.values()], dtype=np.float64))
 
     def _start_writer(self, step: Step) -> None:
-        env, robot = step.env, step.env.robot
+        """Start the writer process for the robot of a step."""
+        env = step.env
+        robot = env.robot
         widths = {name: step.infos[name][0].size for name in SIGNALS}
-        source = RecordingSchema(
+        schema = RecordingSchema(
             widths=widths | {"reward": 1, "correction": robot.num_joints, "start": 1},
             joints=robot.joint_names,
             legs=robot.leg_names,
@@ -93,18 +113,18 @@ class McapRecorder:
             dt=env.dt,
         )
         context = multiprocessing.get_context("spawn")
-        theirs, self._rows = context.Pipe(duplex=False)
+        writer_end, self._rows = context.Pipe(duplex=False)
         self._answer, answer = context.Pipe(duplex=False)
         with contextlib.suppress(ImportError, AttributeError, OSError):  # not everywhere
             import fcntl
 
             fcntl.fcntl(self._rows.fileno(), fcntl.F_SETPIPE_SZ, PIPE_SIZE)
-        self._process = context.Process(target=write, args=(theirs, answer, self._path, source))
-        with closing(theirs), closing(answer), without_ctrl_c():  # also where Ctrl-C comes, else `close` waits for ever
+        self._process = context.Process(target=write, args=(writer_end, answer, self._path, schema))
+        with closing(writer_end), closing(answer), without_ctrl_c():  # also on Ctrl-C, else `close` waits for ever
             self._process.start()
 
     def _send(self, row: NDArray[np.float64]) -> None:
-        """A row; it waits where the writer does not keep up."""
+        """Send a row to the writer; this blocks while the pipe is full."""
         assert self._rows is not None
         try:
             if not self._rows.closed:
@@ -113,7 +133,7 @@ class McapRecorder:
             self.close()
 
     def close(self) -> None:
-        """Wait until all of it is written. Raises OSError where it could not be."""
+        """Wait until the recording is written; OSError if it could not be."""
         if self._process is None or self._rows is None or self._rows.closed:
             return
         self._rows.close()

@@ -151,7 +151,7 @@ class Bridge:
             return {name: infos[reading].tolist() for name, reading in names.items()}
 
         imu = numbers(quaternion="quaternion", angular_velocity="angular_velocity")
-        imu["specific_force"] = self._imu.specific_force(infos, starts=step.number == 1).tolist()
+        imu["specific_force"] = self._imu.specific_force(infos, is_first=step.number == 1).tolist()
         packet: Packet = {"time": self._steps * self._period, IMU: imu}
         if self._steps % max(1, round(JOINT_STATE_PERIOD / step.env.dt)) == 0:
             packet[JOINT_STATES] = numbers(position="joint_position", velocity="joint_velocity", torque="joint_torque")
