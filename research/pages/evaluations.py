@@ -52,79 +52,94 @@ _KEYS = "policies", "scores", "baseline", "breaking_points", "versions", "episod
 
 
 def read_results(path: Path) -> dict[str, Any]:
-    """Read a results.json, with NaN for null.
-
-    Raises:
-        UsageError: The file is missing, damaged, unfinished, or without scores.
-    """
+    """Read a results.json, with NaN for null; UsageError if it is missing, unfinished or without scores."""
     if not path.exists():
         raise UsageError(f"there is no {path}; `python -m evaluate --out {path.parent}` makes it")
     try:
-        found = dict(null_to_nan(parse_json(read_bytes(path))))
-        complete, versions = found["complete"], found["versions"]["mujoco"] and found["versions"]["python"]
-        whole = bool(versions) and all(name in found for name in _KEYS if name != "scores")
+        results = dict(null_to_nan(parse_json(read_bytes(path))))
+        is_complete = results["complete"]
+        has_versions = bool(results["versions"]["mujoco"] and results["versions"]["python"])
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise UsageError(f"{path} is not a results.json of `python -m evaluate` ({error!r})") from error
-    if not complete:
+    if not is_complete:
         raise UsageError(f"the evaluation of {path} was interrupted: carry it on with --resume")
-    if not whole:
+    if not has_versions or any(name not in results for name in _KEYS if name != "scores"):
         raise UsageError(f"{path} is not a results.json of `python -m evaluate`: it lacks one of {', '.join(_KEYS)}")
-    if all(len(each["axes"]) < 2 for each in found.get("scores", ())):
+    if all(len(score["axes"]) < 2 for score in results.get("scores", ())):
         raise UsageError(f"the evaluation of {path} has no scores: they need several axes of disturbance")
-    return found
+    return results
 
 
-def scores_of(found: dict[str, Any], kind: str = "scores") -> list[Score]:
-    """Return the scores in `found` under the key `kind`, the highest first; empty without any."""
-    return [Score(**each) for each in found.get(kind, ())]
+def scores_of(results: dict[str, Any], kind: str = "scores") -> list[Score]:
+    """Return the scores in the `results` under the key `kind`, the highest first; empty without any."""
+    return [Score(**score) for score in results.get(kind, ())]
 
 
-def scenarios_of(found: dict[str, Any]) -> list[str]:
+def scenarios_of(results: dict[str, Any]) -> list[str]:
     """Return the names of the scenarios, in the order of the run."""
-    return list(dict.fromkeys(name for policy in found["policies"].values() for name in policy["scenarios"]))
+    return list(dict.fromkeys(name for policy in results["policies"].values() for name in policy["scenarios"]))
 
 
-def made_by(found: dict[str, Any]) -> str:
+def made_by(results: dict[str, Any]) -> str:
     """Return the command of these results, without options at their defaults, and the versions."""
-    provenance, versions, scenarios = found.get("provenance", {}), found["versions"], scenarios_of(found)
-    battery = next((name for name in BATTERIES if [one.name for one in resolve((name,))] == scenarios), None)
+    provenance = results.get("provenance", {})
+    versions = results["versions"]
+    scenarios = scenarios_of(results)
+    battery = next((name for name in BATTERIES if [scenario.name for scenario in resolve((name,))] == scenarios), None)
     only_on = provenance.get("only_on", {})
-    chosen = {
-        "policies": [f"{name}@{','.join(only_on[name])}" if name in only_on else name for name in found["policies"]],
+    options = {
+        "policies": [f"{name}@{','.join(only_on[name])}" if name in only_on else name for name in results["policies"]],
         "scenarios": [battery] if battery else scenarios,
-        "episodes": found["episodes"],
-        "seed": found["seed"],
+        "episodes": results["episodes"],
+        "seed": results["seed"],
     }
-    words = command(chosen | provenance.get("hardware", {}))
+    words = command(options | provenance.get("hardware", {}))
     rule = versions.get("success_rule") or "success/1"
-    older = "" if rule == SUCCESS_RULE else f"; success by the older rule {rule}"
-    return f"`{words}`; MuJoCo {versions['mujoco']}, Python {versions['python']}{older}."
+    older_rule = "" if rule == SUCCESS_RULE else f"; success by the older rule {rule}"
+    return f"`{words}`; MuJoCo {versions['mujoco']}, Python {versions['python']}{older_rule}."
 
 
-def overview_lines(found: dict[str, Any]) -> list[str]:
+def overview_lines(results: dict[str, Any]) -> list[str]:
     """Create a table of scores and effort, a row per policy, with its caption; in lines.
 
     The caption has the success on flat ground of policies without a score.
     """
-    ideal, real = ({each.policy: share(each.score, each.ci) for each in scores_of(found, kind)} for kind in KINDS)
-    place = cost_scenario(scenarios_of(found))
-    heads = {"policy": "policy", "about": "controller", "score": "success", "real": "success with the hardware profile"}
+    scores = {score.policy: share(score.score, score.ci) for score in scores_of(results)}
+    hardware_scores = {score.policy: share(score.score, score.ci) for score in scores_of(results, HARDWARE_SCORES)}
+    cost_on = cost_scenario(scenarios_of(results))
+    heads = {
+        "policy": "policy",
+        "about": "controller",
+        "score": "success",
+        "hardware": "success with the hardware profile",
+    }
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in MAIN_EFFORT_TITLES}
-    cells_by_policy = {policy: of["scenarios"] for policy, of in found["policies"].items()}
+    cells_by_policy = {policy: entry["scenarios"] for policy, entry in results["policies"].items()}
     rows = []
-    for policy in dict.fromkeys((*ideal, *real)):
+    for policy in dict.fromkeys((*scores, *hardware_scores)):
         row = {"policy": f"`{policy}`", "about": SUMMARIES.get(policy, ABSENT)}
-        row |= {"score": ideal.get(policy, ABSENT), "real": real.get(policy, ABSENT)}
-        measured = cells_by_policy.get(policy, {}).get(place, {}).get("effort", {})
-        effort = dict.fromkeys(MAIN_EFFORT_TITLES, math.nan) | measured
-        rows.append(row | {name: format_effort(name, effort[name]) for name in MAIN_EFFORT_TITLES})
-    shown = {name: head for name, head in heads.items() if any(row[name] != ABSENT for row in rows)}
-    count = with_count(found["episodes"], "episode")
-    axes = len(scores_of(found)[0].axes)
-    effort_note = f"; effort {EFFORT_SCENARIOS[place]}" if set(MAIN_EFFORT_TITLES) & set(shown) else ""
-    said = f"Success: mean over {axes} axes of disturbance, {count} at each severity{effort_note}."
-    without_score = {policy: cells for policy, cells in cells_by_policy.items() if policy not in {*ideal, *real}}
-    return [*_with_text_column(table(shown, rows).splitlines(), shown), "", said + _on_flat_ground(without_score)]
+        row |= {"score": scores.get(policy, ABSENT), "hardware": hardware_scores.get(policy, ABSENT)}
+        rows.append(row | _effort_cells(cells_by_policy.get(policy, {}).get(cost_on, {}).get("effort", {})))
+    shown_heads = {name: head for name, head in heads.items() if any(row[name] != ABSENT for row in rows)}
+    effort_note = f"; effort {EFFORT_SCENARIOS[cost_on]}" if set(MAIN_EFFORT_TITLES) & set(shown_heads) else ""
+    caption = _overview_caption(results, effort_note)
+    without_score = {
+        policy: cells for policy, cells in cells_by_policy.items() if policy not in scores | hardware_scores
+    }
+    lines = _with_text_column(table(shown_heads, rows).splitlines(), shown_heads)
+    return [*lines, "", caption + _on_flat_ground(without_score)]
+
+
+def _effort_cells(effort: Mapping[str, float]) -> dict[str, str]:
+    """Format the main figures of effort; a dash for a missing one."""
+    return {name: format_effort(name, effort.get(name, math.nan)) for name in MAIN_EFFORT_TITLES}
+
+
+def _overview_caption(results: dict[str, Any], effort_note: str) -> str:
+    """Describe the figures of the overview."""
+    count = with_count(results["episodes"], "episode")
+    axes = len(scores_of(results)[0].axes)
+    return f"Success: mean over {axes} axes of disturbance, {count} at each severity{effort_note}."
 
 
 def _with_text_column(lines: list[str], heads: dict[str, str]) -> list[str]:
@@ -144,30 +159,41 @@ def _on_flat_ground(cells_by_policy: dict[str, Any]) -> str:
     return sentences
 
 
-def robots_table(found: Sequence[dict[str, Any]]) -> list[str]:
+def robots_table(results: Sequence[dict[str, Any]]) -> list[str]:
     """Create the table of other robots: the score of each policy that all of them have.
 
     A further row has the scores with the hardware profile, if it was evaluated.
     """
-    of_each = [{score.policy: score for score in scores_of(one)} for one in found]
-    names, rows = [name for name in of_each[0] if all(name in each for each in of_each)], []
-    for one, ideal, robot in zip(found, of_each, map(robot_of, found), strict=True):
+    scores_by_robot = [{score.policy: score for score in scores_of(entry)} for entry in results]
+    policies = [name for name in scores_by_robot[0] if all(name in scores for scores in scores_by_robot)]
+    rows = []
+    for entry, scores in zip(results, scores_by_robot, strict=True):
+        robot = robot_of(entry)
         about = f"{robot.name}, {robot.mass:.1f} kg on legs of {robot.leg_length:.2f} m"
-        real = {score.policy: score for score in scores_of(one, HARDWARE_SCORES)}
-        for words, of in ((about, ideal), (f"{robot.name}, hardware profile", real)):
-            shown = {name: share(of[name].score, of[name].ci) if name in of else ABSENT for name in names}
-            rows += [{ROW_LABEL: words, **shown}] if of else []
-    return table({ROW_LABEL: "robot", **{name: f"`{name}`" for name in names}}, rows).splitlines()
+        hardware_scores = {score.policy: score for score in scores_of(entry, HARDWARE_SCORES)}
+        if scores:
+            rows.append({ROW_LABEL: about, **_score_texts(scores, policies)})
+        if hardware_scores:
+            rows.append({ROW_LABEL: f"{robot.name}, hardware profile", **_score_texts(hardware_scores, policies)})
+    return table({ROW_LABEL: "robot", **{name: f"`{name}`" for name in policies}}, rows).splitlines()
 
 
-def robot_of(found: dict[str, Any]) -> Robot:
+def _score_texts(scores: Mapping[str, Score], policies: Sequence[str]) -> dict[str, str]:
+    """Format the scores of these policies; a dash for a missing one."""
+    return {name: share(scores[name].score, scores[name].ci) if name in scores else ABSENT for name in policies}
+
+
+def robot_of(results: dict[str, Any]) -> Robot:
     """Return the robot of the evaluation. Raises UsageError if it is not available here."""
-    name = found.get("provenance", {}).get("hardware", {}).get("robot", HardwareConfig.robot)
+    name = results.get("provenance", {}).get("hardware", {}).get("robot", HardwareConfig.robot)
     return parse_robot_option(name, "the results' robot").robot_model
 
 
 def score_table(
-    of: Sequence[Score], baseline: str, display_names: Mapping[str, str] | None = None, real: Sequence[Score] = ()
+    scores: Sequence[Score],
+    baseline: str,
+    display_names: Mapping[str, str] | None = None,
+    hardware_scores: Sequence[Score] = (),
 ) -> list[str]:
     """Create the table of scores and differences from the baseline.
 
@@ -180,46 +206,57 @@ def score_table(
     Returns:
         Lines of Markdown.
     """
-    found = {name: kind for name, kind in zip(SCORES, (of, real), strict=True) if kind}
-    heads, rows = {"policy": "policy"}, {each.policy: dict[str, str]() for kind in found.values() for each in kind}
-    for name, kind in found.items():
+    columns = {name: column for name, column in zip(SCORES, (scores, hardware_scores), strict=True) if column}
+    heads = {"policy": "policy"}
+    rows: dict[str, dict[str, str]] = {}
+    for name, column in columns.items():
         heads |= {name: f"{name}, %", f"{name} difference": f"minus `{baseline}`, % points"}
-        for each in kind:
-            rows[each.policy] |= _score_cells(each, baseline, name)
-    names = {policy: (display_names or {}).get(policy, f"`{policy}`") for policy in rows}
-    full = ({"policy": names[policy], **dict.fromkeys([*heads][1:], ABSENT), **row} for policy, row in rows.items())
-    return [SCORE_WORDS, "", *table(heads, list(full)).splitlines()]
+        for score in column:
+            row = rows.setdefault(score.policy, {})
+            row |= _score_cells(score, baseline, name)
+    empty_row = dict.fromkeys(heads, ABSENT)
+    complete_rows = []
+    for policy, row in rows.items():
+        name = (display_names or {}).get(policy, f"`{policy}`")
+        complete_rows.append(empty_row | row | {"policy": name})
+    return [SCORE_WORDS, "", *table(heads, complete_rows).splitlines()]
 
 
-def _score_cells(each: Score, baseline: str, name: str) -> dict[str, str]:
+def _score_cells(score: Score, baseline: str, name: str) -> dict[str, str]:
     """Format a score and its difference."""
-    shown = points_with(each.score, each.ci)
-    difference = points_with(each.difference, each.difference_ci)
-    score = f"{shown.value} [{shown.interval}{NO_BREAK}%]"
-    minus = f"{difference.value} [{difference.interval}], {p_value(each.p_value)}"
-    return {name: score, f"{name} difference": minus if each.policy != baseline else ABSENT}
+    percent_score = points_with(score.score, score.ci)
+    difference = points_with(score.difference, score.difference_ci)
+    difference_text = f"{difference.value} [{difference.interval}], {p_value(score.p_value)}"
+    return {
+        name: f"{percent_score.value} [{percent_score.interval}{NO_BREAK}%]",
+        f"{name} difference": difference_text if score.policy != baseline else ABSENT,
+    }
 
 
-def draw_figures(found: dict[str, Any], picture: Path) -> None:
-    """Draw the figures of `found`: success of every policy on every axis as a PNG `picture`.
+def draw_figures(results: dict[str, Any], picture: Path) -> None:
+    """Draw the figures of an evaluation.
 
-    The Pareto front, if any, goes to NAME_pareto.png.
+    Args:
+        results: Results of the evaluation.
+        picture: PNG of the success of every policy on every axis. The Pareto front, if any, goes to NAME_pareto.png.
     """
-    front = found.get("pareto", {"front": ()})
+    front = results.get("pareto", {"front": ()})
     with drawing.plot_settings():
-        write_atomically(
-            picture, figure_to_png(success.draw_heat_map(scores_of(found), scores_of(found, HARDWARE_SCORES)))
-        )
+        heat_map = success.draw_heat_map(scores_of(results), scores_of(results, HARDWARE_SCORES))
+        write_atomically(picture, figure_to_png(heat_map))
         if front["front"]:
-            points = tuple(ParetoPoint(**each) for each in front["points"])
-            drawn = pareto.draw_pareto_front(Pareto(front["cost_on"], front["front"], points), tuple(found["policies"]))
-            write_atomically(picture.with_stem(f"{picture.stem}_pareto"), figure_to_png(drawn))
+            points = tuple(ParetoPoint(**point) for point in front["points"])
+            plot = pareto.draw_pareto_front(
+                Pareto(front["cost_on"], front["front"], points), tuple(results["policies"])
+            )
+            write_atomically(picture.with_stem(f"{picture.stem}_pareto"), figure_to_png(plot))
 
 
-def picture_links(found: dict[str, Any], where: str) -> str:
-    """Return links to the figures of `found` in Markdown; `where` is the path of the first from the page."""
-    front = f" ![{pareto.ALT}]({where.removesuffix('.png')}_pareto.png)" if found.get("pareto", {}).get("front") else ""
-    return f"![{ALT}]({where}){front}"
+def picture_links(results: dict[str, Any], path: str) -> str:
+    """Return links to the figures of the `results` in Markdown; `path` is the first one's from the page."""
+    has_front = bool(results.get("pareto", {}).get("front"))
+    front = f" ![{pareto.ALT}]({path.removesuffix('.png')}_pareto.png)" if has_front else ""
+    return f"![{ALT}]({path}){front}"
 
 
 def figure_to_png(figure: "Figure") -> bytes:

@@ -57,28 +57,29 @@ class LeaderboardOptions:
 
 def main(options: LeaderboardOptions) -> int:
     """Evaluate, write, and return the exit code. Raises UsageError."""
-    leaderboard_policies = policy_list.read_list(options.list)
-    if options.reference not in (None, *leaderboard_policies.names):
-        raise UsageError(
-            f"--reference: {options.reference} is not in the list: {', '.join(leaderboard_policies.names)}"
-        )
+    policies = policy_list.read_list(options.list)
+    if options.reference not in (None, *policies.names):
+        raise UsageError(f"--reference: {options.reference} is not in the list: {', '.join(policies.names)}")
     out = options.out or Path("docs") / f"leaderboard_{options.list.stem}.md"
     data = out.parent / "results" / f"{out.stem}.csv"
     make_folder_of(out, "--out")
     make_folder_of(data, "--out")
-    references = policy_list.resolve_references(leaderboard_policies, options.list, options.files, fetch=options.fetch)
-    plans = {name: _plan(name, policy, leaderboard_policies, options) for name, policy in references.items()}
-    results = _results({name: _run(plan) for name, plan in plans.items()}, leaderboard_policies.ours, options.reference)
+    references = policy_list.resolve_references(policies, options.list, options.files, fetch=options.fetch)
+    plans = {name: _plan(name, policy, policies, options) for name, policy in references.items()}
+    results = _results({name: _run(plan) for name, plan in plans.items()}, policies.ours, options.reference)
     robots = {name: plan.policies[0].policy.robot for name, plan in plans.items()}
-    write_atomically(
-        out, leaderboard_page.render_page(results, leaderboard_policies, robots, _made_by(options, results)).encode()
-    )
+    page = leaderboard_page.render_page(results, policies, robots, _made_by(options, results))
+    write_atomically(out, page.encode())
     rows = [
-        {"scenario": s, "policy": p, **flatten_entry(nan_to_null(asdict(of)))}
-        for (s, p), of in results.summaries.items()
+        {"scenario": scenario, "policy": policy, **flatten_entry(nan_to_null(asdict(summary)))}
+        for (scenario, policy), summary in results.summaries.items()
     ]
     write_atomically(data, to_csv(rows))
-    differences = [flatten_entry(nan_to_null(asdict(of))) for of in results.comparisons if of.b == results.baseline]
+    differences = [
+        flatten_entry(nan_to_null(asdict(comparison)))
+        for comparison in results.comparisons
+        if comparison.b == results.baseline
+    ]
     write_atomically(data.with_stem(f"{out.stem}_differences"), to_csv(differences))
     print(out)
     return 0
@@ -86,27 +87,37 @@ def main(options: LeaderboardOptions) -> int:
 
 def _made_by(options: LeaderboardOptions, results: Results) -> str:
     """Return the command and the versions."""
-    words, usual = ["python -m research leaderboard", options.list.as_posix()], LeaderboardOptions(options.list)
+    words = ["python -m research leaderboard", options.list.as_posix()]
+    defaults = LeaderboardOptions(options.list)
     for name in ("reference", "scenarios", "episodes"):
-        if (value := getattr(options, name)) != getattr(usual, name):
+        value = getattr(options, name)
+        if value != getattr(defaults, name):
             words += [f"--{name}", *map(str, value if isinstance(value, tuple) else (value,))]
     return f"`{' '.join(words)}`; MuJoCo {results.versions['mujoco']}, Python {results.versions['python']}."
 
 
-def _plan(name: str, policy: str, leaderboard_policies: PolicyList, options: LeaderboardOptions) -> Plan:
+def _plan(name: str, policy: str, policies: PolicyList, options: LeaderboardOptions) -> Plan:
     """Create the checked evaluation plan of one policy; a started one is resumed. Raises UsageError."""
     out = options.runs / options.list.stem / re.sub(r"[^\w.-]+", "_", name)
-    same = {each: getattr(options, each) for each in ("trust", "scenarios", "episodes", "threads")}
-    begun, servo = (out / manifest.NAME).is_file(), ""
-    if name in leaderboard_policies.ours:
+    servo = ""
+    if name in policies.ours:
         policy, _, servo = policy.partition(" at ")
-    asked = evaluation.EvaluateOptions(
-        (policy,), robot=leaderboard_policies.robot, servo=servo, out=out, resume=begun, **same
+    plan_options = evaluation.EvaluateOptions(
+        (policy,),
+        robot=policies.robot,
+        servo=servo,
+        out=out,
+        resume=(out / manifest.NAME).is_file(),
+        trust=options.trust,
+        scenarios=options.scenarios,
+        episodes=options.episodes,
+        threads=options.threads,
     )
     try:
-        return check(asked)
+        return check(plan_options)
     except UsageError as error:
-        raise UsageError(f"{name}: {error}{f'; or delete {out}' * asked.resume}") from error
+        remedy = f"; or delete {out}" if plan_options.resume else ""
+        raise UsageError(f"{name}: {error}{remedy}") from error
 
 
 def _run(plan: Plan) -> Run:
@@ -119,10 +130,10 @@ def _run(plan: Plan) -> Run:
 
 def _results(runs: Mapping[str, Run], ours: Sequence[str], reference: str | None) -> Results:
     """Compare all policies with the reference, by default the best one of this project."""
-    made = next(iter(runs.values())).manifest
+    first = next(iter(runs.values())).manifest
     cells = [replace(cell, policy=name) for name, run in runs.items() for cell in run.cells]
-    compared = partial(analyse, cells, seed=made.seed, episodes=made.episodes, complete=True)
+    analyse_cells = partial(analyse, cells, seed=first.seed, episodes=first.episodes, complete=True)
     if reference is None:
-        best = leaderboard_page.mean_success(compared(provenance=made.provenance()))
-        reference = next((name for name in best if name in ours), next(iter(best)))
-    return compared(provenance=made.provenance(), baseline=reference)
+        by_success = leaderboard_page.mean_success(analyse_cells(provenance=first.provenance()))
+        reference = next((name for name in by_success if name in ours), next(iter(by_success)))
+    return analyse_cells(provenance=first.provenance(), baseline=reference)

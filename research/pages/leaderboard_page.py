@@ -27,13 +27,15 @@ COST = "cost_of_transport"
 def mean_success(results: Results) -> dict[str, float]:
     """Return policy -> mean success over the scenarios, the highest first."""
     rates = {
-        policy: float(np.mean([s.success_rate for (_, of), s in results.summaries.items() if of == policy]))
+        policy: float(
+            np.mean([summary.success_rate for (_, name), summary in results.summaries.items() if name == policy])
+        )
         for policy in results.policies
     }
-    return dict(sorted(rates.items(), key=lambda each: -each[1]))
+    return dict(sorted(rates.items(), key=lambda entry: -entry[1]))
 
 
-def render_page(results: Results, listed: PolicyList, robots: Mapping[str, Robot], made_by: str) -> str:
+def render_page(results: Results, policy_list: PolicyList, robots: Mapping[str, Robot], made_by: str) -> str:
     """Render the page.
 
     Args:
@@ -46,11 +48,12 @@ def render_page(results: Results, listed: PolicyList, robots: Mapping[str, Robot
         Markdown.
     """
     robot = next(iter(robots.values()))
-    order = list(mean_success(results))
+    policies = list(mean_success(results))
+    compared = "Our controllers and published policies" if policy_list.published else "Our controllers"
     lines = [
         f"# Leaderboard of {robot.name}",
         "",
-        f"Our controllers{' and published policies' * bool(listed.published)} on {robot.name} ({robot.mass:.1f} kg), "
+        f"{compared} on {robot.name} ({robot.mass:.1f} kg), "
         f"each with its own servo gains: the same {with_count(results.episodes, 'episode')} of each scenario for all. "
         "Success, errors, intervals (95 %) and tests: [numbers.md](numbers.md). Differences are paired by episode, "
         f"minus `{results.baseline}`. Intervals are each by itself; p of success is corrected together with all claims "
@@ -59,73 +62,78 @@ def render_page(results: Results, listed: PolicyList, robots: Mapping[str, Robot
         *(f"{line}.\n" for line in list_warnings(results)),
         made_by,
         "",
-        *_overview(results, robots, order),
-        *(line for scenario in results.scenarios for line in _scenario(results, scenario, order)),
+        *_overview(results, robots, policies),
+        *(line for scenario in results.scenarios for line in _scenario(results, scenario, policies)),
         f"{ISAAC_LAB}: success by the thresholds of Isaac Lab, that is {RULES[ISAAC_LAB].description}.",
         "",
-        *_sources(listed),
+        *_sources(policy_list),
     ]
     return "\n".join(lines)
 
 
-def _overview(results: Results, robots: Mapping[str, Robot], order: Sequence[str]) -> Iterator[str]:
+def _overview(results: Results, robots: Mapping[str, Robot], policies: Sequence[str]) -> Iterator[str]:
     """Render servo gains, success on every scenario, and effort."""
     scores = {score.policy: share(score.score, score.ci) for score in results.scores}
-    place = cost_scenario(results.scenarios) or results.scenarios[0]
-    found = results.summaries
+    effort_on = cost_scenario(results.scenarios) or results.scenarios[0]
+    rows = []
+    for policy in policies:
+        row = {ROW_LABEL: policy, "gains": format_gains(robots[policy]), "mean": scores.get(policy, ABSENT)}
+        for scenario in results.scenarios:
+            row[scenario] = f"{number(100.0 * results.summaries[scenario, policy].success_rate, 0)} %"
+        effort = results.summaries[effort_on, policy].effort
+        rows.append(row | {name: format_effort(name, effort[name]) for name in MAIN_EFFORT_TITLES})
     heads = {ROW_LABEL: "policy", "gains": "servo: N·m/rad; N·m·s/rad", **{name: name for name in results.scenarios}}
-    rows = [
-        {ROW_LABEL: policy, "gains": format_gains(robots[policy]), "mean": scores.get(policy, ABSENT)}
-        | {name: f"{number(100.0 * found[name, policy].success_rate, 0)} %" for name in results.scenarios}
-        | {name: format_effort(name, found[place, policy].effort[name]) for name in MAIN_EFFORT_TITLES}
-        for policy in order
-    ]
-    heads |= {"mean": "mean"} | {
-        name: ", ".join(filter(None, (*EFFORT_TITLES[name], place))) for name in MAIN_EFFORT_TITLES
-    }
+    heads |= {"mean": "mean"}
+    heads |= {name: ", ".join(filter(None, (*EFFORT_TITLES[name], effort_on))) for name in MAIN_EFFORT_TITLES}
     yield from ("## Success", "", table(heads, rows), "")
 
 
 def format_gains(robot: Robot) -> str:
     """Format the distinct stiffnesses and dampings of a robot's servos by joint: `20, 40; 1, 2`."""
-    each = (np.ravel(values) for values in (robot.servo_stiffness, robot.servo_damping))
-    return "; ".join(", ".join(dict.fromkeys(f"{value:.4g}" for value in values)) for values in each)
+    gains = (np.ravel(robot.servo_stiffness), np.ravel(robot.servo_damping))
+    return "; ".join(", ".join(dict.fromkeys(f"{value:.4g}" for value in values)) for values in gains)
 
 
-def _scenario(results: Results, scenario: str, order: Sequence[str]) -> Iterator[str]:
+def _scenario(results: Results, scenario: str, policies: Sequence[str]) -> Iterator[str]:
     """Render figures and differences of every policy on a scenario."""
     cells = {cell.policy: cell for cell in results.cells if cell.scenario.name == scenario}
-    wanted = scenario, results.baseline
-    differences = {(each.a, each.metric): each for each in results.comparisons if (each.scenario, each.b) == wanted}
+    differences = {
+        (comparison.a, comparison.metric): comparison
+        for comparison in results.comparisons
+        if comparison.scenario == scenario and comparison.b == results.baseline
+    }
     heads = {name: IN_A_LINE[name] for name in (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error")}
     heads |= {COST: "cost of transport", ISAAC_LAB: ISAAC_LAB}
     heads |= {f"{name} minus": f"{IN_A_LINE[name].partition(',')[0]}: minus `{results.baseline}`" for name in COMPARED}
     rows = []
-    for policy in order:
-        other = summarise(apply_success_rule(cells[policy], RULES[ISAAC_LAB]), results.hardware.robot_model)
+    for policy in policies:
+        isaac_lab = summarise(apply_success_rule(cells[policy], RULES[ISAAC_LAB]), results.hardware.robot_model)
         figures = summary_figures(results.summaries[scenario, policy], " ")
-        figures[ISAAC_LAB] = share(other.success_rate, other.success_rate_ci)
+        figures[ISAAC_LAB] = share(isaac_lab.success_rate, isaac_lab.success_rate_ci)
         figures |= {f"{name} minus": _difference(differences.get((policy, name))) for name in COMPARED}
         rows.append({ROW_LABEL: policy} | figures)
     yield from (f"## {scenario}", "", table({ROW_LABEL: "policy", **heads}, rows), "")
 
 
-def _difference(of: Comparison | None) -> str:
+def _difference(comparison: Comparison | None) -> str:
     """Format a difference with its interval, for success with its test; for the reference a dash."""
-    if of is None:
+    if comparison is None:
         return ABSENT
-    if of.metric != SUCCESS_RATE:
-        return IDENTICAL_WORDS if of.identical else estimate(of.difference, of.ci).with_interval
-    shown = points_with(of.difference, of.ci).with_interval
-    return f"{shown}, {claim_text(of.p_value_holm, of.ci, identical=of.identical)}"
+    if comparison.metric != SUCCESS_RATE:
+        if comparison.identical:
+            return IDENTICAL_WORDS
+        return estimate(comparison.difference, comparison.ci).with_interval
+    difference = points_with(comparison.difference, comparison.ci).with_interval
+    claim = claim_text(comparison.p_value_holm, comparison.ci, identical=comparison.identical)
+    return f"{difference}, {claim}"
 
 
-def _sources(listed: PolicyList) -> Iterator[str]:
+def _sources(policy_list: PolicyList) -> Iterator[str]:
     """Render the sources of the published policies' files."""
     rows = [
-        {ROW_LABEL: each.name, "file": f"[{path}]({each.url(path)})", "sha256": f"`{sha256}`"}
-        for each in listed.published
-        for path, sha256 in each.files.items()
+        {ROW_LABEL: policy.name, "file": f"[{path}]({policy.url(path)})", "sha256": f"`{sha256}`"}
+        for policy in policy_list.published
+        for path, sha256 in policy.files.items()
     ]
     if rows:
         yield from ("## Sources", "", table({ROW_LABEL: "policy", "file": "file", "sha256": "SHA-256"}, rows), "")

@@ -20,5 +20,5 @@ def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]]) -> str:
     Returns:
         Markdown.
     """
-    first, *rest = (f"| {' | '.join(row[column] for column in heads)} |" for row in (heads, *rows))
-    return "\n".join([first, f"|---|{'---:|' * (len(heads) - 1)}", *rest])
+    head, *body = (f"| {' | '.join(row[column] for column in heads)} |" for row in (heads, *rows))
+    return "\n".join([head, f"|---|{'---:|' * (len(heads) - 1)}", *body])

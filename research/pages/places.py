@@ -24,12 +24,13 @@ def insert_block(text: str, lines: list[str], marker: str = RESULTS) -> str:
     Raises:
         UsageError: The text lacks the block.
     """
-    begin, end = f"<!-- {marker} -->", f"<!-- /{marker} -->"
+    begin = f"<!-- {marker} -->"
+    end = f"<!-- /{marker} -->"
     if begin not in text or end not in text:
         raise UsageError(f"no {begin} and {end} in the file that is to hold the results")
     head, rest = text.split(begin, 1)
-    inserted = "\n".join(lines)
-    return f"{head}{begin}\n{inserted}\n{end}{rest.split(end, 1)[1]}"
+    block = "\n".join(lines)
+    return f"{head}{begin}\n{block}\n{end}{rest.split(end, 1)[1]}"
 
 
 def read_page(page: Path, *places: str) -> str:

@@ -22,7 +22,10 @@ from quad_env.files.reading import MAX_TEXT_SIZE, read_bytes
 from quad_env.files.text import format_exception
 from quad_env.files.writing import write_atomically
 
-_SOURCE, _SHA256 = re.compile(r"https://[\w.-]+(/[\w-][\w.-]*){2}"), re.compile("[0-9a-f]{64}")
+_SOURCE = re.compile(r"https://[\w.-]+(/[\w-][\w.-]*){2}")
+"""Matches the URL of a repository."""
+_SHA256 = re.compile("[0-9a-f]{64}")
+"""Matches a SHA-256."""
 _OUTSIDE = re.compile(r"[\\:]|^/|(^|/)\.\.(/|$)")
 """Matches a path that may leave its folder."""
 _DOWNLOAD_TIMEOUT = 60.0
@@ -74,30 +77,30 @@ class PolicyList:
 def read_list(path: Path) -> PolicyList:
     """Read the list in a file. Raises UsageError, one line."""
     try:
-        found = tomllib.loads(read_bytes(path).decode())
-        published = tuple(PublishedPolicy(**each) for each in found.pop("published", ()))
-        listed = PolicyList(**{"ours": ()} | found, published=published)
-        for value in (listed, *published):
+        content = tomllib.loads(read_bytes(path).decode())
+        published = tuple(PublishedPolicy(**entry) for entry in content.pop("published", ()))
+        policy_list = PolicyList(**{"ours": ()} | content, published=published)
+        for value in (policy_list, *published):
             check_settings(value)
-        _check(listed)
+        _check(policy_list)
     except (OSError, RecursionError, TypeError, ValueError) as error:
         keys = "robot, ours, and tables [[published]] of name, source, revision, policy and files"
         raise UsageError(f"{path} is no list of policies ({format_exception(error)}); a list has {keys}") from error
-    return listed
+    return policy_list
 
 
-def _check(listed: PolicyList) -> None:
+def _check(policy_list: PolicyList) -> None:
     """Raise ValueError for a path that could leave its folder, or for two policies of one name."""
-    if not listed.names or len(set(listed.names)) < len(listed.names):
+    if not policy_list.names or len(set(policy_list.names)) < len(policy_list.names):
         raise ValueError("it names no policy, or one twice")
-    for each in listed.published:
-        if not each.files or any(map(_OUTSIDE.search, (each.policy, *each.files))):
-            raise ValueError(f"{each.name!r} has no files, or one that is not in its repository")
-        if not _SOURCE.fullmatch(each.source) or not all(map(_SHA256.fullmatch, each.files.values())):
-            raise ValueError(f"{each.name!r} wants a source https://HOST/OWNER/REPOSITORY, SHA-256 of 64 digits")
+    for policy in policy_list.published:
+        if not policy.files or any(map(_OUTSIDE.search, (policy.policy, *policy.files))):
+            raise ValueError(f"{policy.name!r} has no files, or one that is not in its repository")
+        if not _SOURCE.fullmatch(policy.source) or not all(map(_SHA256.fullmatch, policy.files.values())):
+            raise ValueError(f"{policy.name!r} wants a source https://HOST/OWNER/REPOSITORY, SHA-256 of 64 digits")
 
 
-def resolve_references(listed: PolicyList, file: Path, folder: Path, *, fetch: bool = False) -> dict[str, str]:
+def resolve_references(policy_list: PolicyList, file: Path, folder: Path, *, fetch: bool = False) -> dict[str, str]:
     """Find the files of all policies and check their hashes.
 
     Args:
@@ -112,34 +115,42 @@ def resolve_references(listed: PolicyList, file: Path, folder: Path, *, fetch: b
     Raises:
         UsageError: A file is missing or has another hash.
     """
-    missing = [line for each in listed.published for line in _missing(each, folder, fetch=fetch)]
+    missing = [line for policy in policy_list.published for line in _missing(policy, folder, fetch=fetch)]
     for line in missing:
         print(line, file=sys.stderr)
     if missing:
         raise UsageError(f"{with_count(len(missing), 'file')} of {file} not in {folder}: get them, or give --fetch")
-    return {name: name for name in listed.ours} | {
-        each.name: str(_described(each, file.parent, folder)) for each in listed.published
-    }
+    references = {name: name for name in policy_list.ours}
+    for policy in policy_list.published:
+        references[policy.name] = str(_described(policy, file.parent, folder))
+    return references
 
 
 def _missing(published: PublishedPolicy, folder: Path, *, fetch: bool) -> Iterator[str]:
     """Yield a line for each missing file. Raises UsageError for a wrong file."""
     for path, sha256 in published.files.items():
-        place, url = published.place(folder, path), published.url(path)
-        there = place.exists()
-        if not there and not fetch:
+        place = published.place(folder, path)
+        url = published.url(path)
+        if not place.exists() and not fetch:
             yield f"{published.name}: download {url} to {place}"
             continue
         try:
-            content = read_bytes(place) if there else _fetched(url)
-            if (found := hashlib.sha256(content).hexdigest()) != sha256:
-                is_not = f"is not the file of {published.name}: its SHA-256 is {found}, not {sha256}"
-                raise UsageError(f"{place} {is_not}; download {url} to it" if there else f"{url} {is_not}")
-            if not there:
-                place.parent.mkdir(parents=True, exist_ok=True)
-                write_atomically(place, content)
+            _check_or_download(published, place, url, sha256)
         except (OSError, http.client.HTTPException) as error:
             raise UsageError(f"{published.name}: {error}; download {url} to {place}") from error
+
+
+def _check_or_download(published: PublishedPolicy, place: Path, url: str, sha256: str) -> None:
+    """Check the hash of a file; download the file if it is missing."""
+    exists = place.exists()
+    content = read_bytes(place) if exists else _fetched(url)
+    digest = hashlib.sha256(content).hexdigest()
+    if digest != sha256:
+        mismatch = f"is not the file of {published.name}: its SHA-256 is {digest}, not {sha256}"
+        raise UsageError(f"{place} {mismatch}; download {url} to it" if exists else f"{url} {mismatch}")
+    if not exists:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(place, content)
 
 
 def _fetched(url: str) -> bytes:

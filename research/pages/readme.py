@@ -34,14 +34,20 @@ class ReadmeOptions:
 
 def main(options: ReadmeOptions) -> int:
     """Write the README and return the exit code. Raises UsageError."""
-    text, found = read_page(options.readme), evaluations.read_results(options.results)
-    others = [evaluations.read_results(path) for path in options.robots]
-    lines = [*evaluations.overview_lines(found), ""]
-    seen = Path(os.path.relpath(options.picture, options.readme.parent)).as_posix()
-    lines += [evaluations.picture_links(found, seen), "", evaluations.made_by(found)]
+    text = read_page(options.readme)
+    results = evaluations.read_results(options.results)
+    results_of_robots = [evaluations.read_results(path) for path in options.robots]
+    picture = Path(os.path.relpath(options.picture, options.readme.parent)).as_posix()
+    lines = [
+        *evaluations.overview_lines(results),
+        "",
+        evaluations.picture_links(results, picture),
+        "",
+        evaluations.made_by(results),
+    ]
     text = insert_block(text, lines)
-    if others:
-        commands = " ".join(map(evaluations.made_by, others))
-        text = insert_block(text, [*evaluations.robots_table(others), "", commands], ROBOTS)
+    if results_of_robots:
+        commands = " ".join(map(evaluations.made_by, results_of_robots))
+        text = insert_block(text, [*evaluations.robots_table(results_of_robots), "", commands], ROBOTS)
     write_atomically(options.readme, text.encode())
     return 0

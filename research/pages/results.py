@@ -47,60 +47,63 @@ def main(options: ResultsOptions) -> int:
     names = [folder.resolve().name for folder in options.folders]
     if not names or len(set(names)) < len(names):
         raise UsageError("name at least one folder, and no two that are called alike")
-    files = (folder / "results.json" for folder in options.folders)
-    found = dict(zip(names, map(evaluations.read_results, files), strict=True))
+    evaluations_by_name = {
+        name: evaluations.read_results(folder / "results.json")
+        for name, folder in zip(names, options.folders, strict=True)
+    }
     texts = {page: read_page(page) for page in options.pages}
     make_writable_folder(options.out)
-    for name, one in found.items():
-        for ending, rows in csv_tables(one).items():
+    for name, results in evaluations_by_name.items():
+        for ending, rows in csv_tables(results).items():
             if rows:
                 write_atomically(options.out / f"{name}{ending}.csv", to_csv(rows))
-        evaluations.draw_figures(one, options.out / f"{name}.png")
+        evaluations.draw_figures(results, options.out / f"{name}.png")
         for page, text in texts.items():
             if f"<!-- {name} -->" in text:
                 folder = Path(os.path.relpath(options.out, page.parent)).as_posix()
-                texts[page] = insert_block(text, markdown_lines(name, one, folder), name)
+                texts[page] = insert_block(text, markdown_lines(name, results, folder), name)
     for page, text in texts.items():
         write_atomically(page, text.encode())
     return 0
 
 
-def csv_tables(found: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
+def csv_tables(results: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
     """Return the rows of each CSV file, by the end of its name."""
-    return {
-        "": [
-            {"scenario": scenario, "policy": policy, **flatten_entry(cell.get("effort", {})), **flatten_entry(cell)}
-            for policy, of_policy in found["policies"].items()
-            for scenario, cell in of_policy["scenarios"].items()
-        ],
-        **{
-            f"_{kind}": [{**flatten_entry(each), "baseline": found["baseline"]} for each in found.get(kind, ())]
-            for kind in ("scores", evaluations.HARDWARE_SCORES)
-        },
-        "_breaking_points": [flatten_entry(each) for each in found["breaking_points"]],
-    }
+    cells = [
+        {"scenario": scenario, "policy": policy, **flatten_entry(cell.get("effort", {})), **flatten_entry(cell)}
+        for policy, entry in results["policies"].items()
+        for scenario, cell in entry["scenarios"].items()
+    ]
+    tables = {"": cells}
+    for kind in ("scores", evaluations.HARDWARE_SCORES):
+        tables[f"_{kind}"] = [
+            {**flatten_entry(score), "baseline": results["baseline"]} for score in results.get(kind, ())
+        ]
+    tables["_breaking_points"] = [flatten_entry(point) for point in results["breaking_points"]]
+    return tables
 
 
-def markdown_lines(name: str, found: dict[str, Any], folder: str) -> list[str]:
+def markdown_lines(name: str, results: dict[str, Any], folder: str) -> list[str]:
     """Create the text of a page on an evaluation.
 
     Args:
         name: Name of the evaluation.
-        found: Its results.
+        results: Its results.
         folder: Path of the files from the page.
 
     Returns:
         Lines of Markdown.
     """
-    scores, real = (evaluations.scores_of(found, kind) for kind in ("scores", evaluations.HARDWARE_SCORES))
-    of = csv_tables(found)
-    files = (f"[{words}]({folder}/{name}{ending}.csv)" for ending, words in TABLES.items() if of[ending])
+    scores = evaluations.scores_of(results)
+    hardware_scores = evaluations.scores_of(results, evaluations.HARDWARE_SCORES)
+    tables = csv_tables(results)
+    files = (f"[{words}]({folder}/{name}{ending}.csv)" for ending, words in TABLES.items() if tables[ending])
     return [
-        *evaluations.score_table(scores, found["baseline"], real=real),
+        *evaluations.score_table(scores, results["baseline"], hardware_scores=hardware_scores),
         "",
-        evaluations.picture_links(found, f"{folder}/{name}.png"),
+        evaluations.picture_links(results, f"{folder}/{name}.png"),
         "",
         f"All figures: {'; '.join(files)}.",
         "",
-        evaluations.made_by(found),
+        evaluations.made_by(results),
     ]

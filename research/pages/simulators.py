@@ -46,7 +46,7 @@ def main(options: SimulatorsOptions) -> int:
     rows = list(_rows(a, b))
     if not rows:
         raise UsageError(f"{options.a} and {options.b} have no finished episodes in common")
-    text = table(_heads(names), map(_shown, rows))
+    text = table(_heads(names), map(_format_row, rows))
     print(text)
     write_block(options.page, text.splitlines(), PLACE)
     if options.table is not None:
@@ -57,27 +57,29 @@ def main(options: SimulatorsOptions) -> int:
 def _rows(a: StoredRun, b: StoredRun) -> Iterator[dict[str, str | float | int]]:
     """Yield the figures of each cell that both runs have, on their common episodes."""
     for match in match_runs([(policy, policy) for policy in a[0].policies], a, b):
-        of = {each.metric: (each.a, each.b) for each in match.contrasts}
-        error = next(each for each in match.contrasts if each.metric == ERROR)
+        means = {contrast.metric: (contrast.a, contrast.b) for contrast in match.contrasts}
+        error = next(contrast for contrast in match.contrasts if contrast.metric == ERROR)
         yield {
             "scenario": match.scenario,
             "policy": match.a,
             "episodes": match.common,
-            **_sides(ERROR, of[ERROR]),
+            **_sides(ERROR, means[ERROR]),
             "difference": error.difference,
             "low": error.ci[0],
             "high": error.ci[1],
             "p_value": error.p_value,
-            **_sides("falls", [round(rate * match.common) for rate in of[FALL_RATE]]),
-            **_sides(COST, of.get(COST, (np.nan, np.nan))),
+            **_sides("falls", [round(rate * match.common) for rate in means[FALL_RATE]]),
+            **_sides(COST, means.get(COST, (np.nan, np.nan))),
         }
 
 
 def _sides(name: str, figures: Sequence[float]) -> dict[str, float]:
+    """Return the columns of a figure of A and B."""
     return {f"{name}_{side}": figure for side, figure in zip("ab", figures, strict=True)}
 
 
 def _heads(names: list[str]) -> dict[str, str]:
+    """Return the headings for the simulators of A and B."""
     a, b = names
     return {
         "cell": "scenario, policy",
@@ -88,15 +90,18 @@ def _heads(names: list[str]) -> dict[str, str]:
     }
 
 
-def _shown(row: dict[str, str | float | int]) -> dict[str, str]:
-    def pair(name: str, places: int) -> str:
-        return ", ".join(number(float(row[f"{name}_{side}"]), places) for side in "ab")
-
+def _format_row(row: dict[str, str | float | int]) -> dict[str, str]:
+    """Format the figures of a cell."""
     difference = estimate(float(row["difference"]), (float(row["low"]), float(row["high"])))
     return {
         "cell": f"{row['scenario']}, `{row['policy']}`",
-        "errors": pair(ERROR, 3),
+        "errors": _format_pair(row, ERROR, 3),
         "difference": difference.with_interval,
         "falls": f"{row['falls_a']}, {row['falls_b']} of {row['episodes']}",
-        "costs": pair(COST, 2),
+        "costs": _format_pair(row, COST, 2),
     }
+
+
+def _format_pair(row: dict[str, str | float | int], name: str, decimals: int) -> str:
+    """Format a figure of A and B."""
+    return ", ".join(number(float(row[f"{name}_{side}"]), decimals) for side in "ab")
