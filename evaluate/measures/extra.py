@@ -33,6 +33,9 @@ class ExtraMeasure:
 def extra_measures() -> dict[str, ExtraMeasure]:
     """Return the measures of extensions by name.
 
+    Returns:
+        Name -> measure.
+
     Raises:
         ValueError: An entry is no `ExtraMeasure`, or has the name of a column of the project.
     """
@@ -48,7 +51,13 @@ COLUMNS = ("policy", "scenario", "severity", "episode", "seed", "fall_reason", "
 
 
 def compute_extra(episodes: Episodes) -> dict[str, Floats]:
-    """Return the measures of extensions of n episodes by name, (n,) each.
+    """Compute the measures of extensions.
+
+    Args:
+        episodes: n recorded episodes.
+
+    Returns:
+        Name -> measure, (n,).
 
     Raises:
         ValueError: A function returned another shape.
