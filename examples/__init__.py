@@ -1,1 +1,1 @@
-"""Other people's ways to use the packages: each file stands alone and is run as a script."""
+"""Examples of the packages with other people's software: each file is a script of its own."""

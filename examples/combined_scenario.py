@@ -1,7 +1,7 @@
-"""A scenario of several disturbances, and how the trot does on it: `python examples/combined_scenario.py`.
+"""Trot on a scenario of several disturbances: `python examples/combined_scenario.py`.
 
 `python -m evaluate --policies trot residual --scenarios examples/combined_scenario.py:hillside` evaluates them on it.
-Where scenarios are named, `payload=5+slope=8+latency=0.02` needs no file.
+The option also takes `payload=5+slope=8+latency=0.02`, which needs no file.
 """
 
 import gymnasium as gym
@@ -22,19 +22,27 @@ hillside = quad_env.Scenario(
 
 
 def main(policy: str = "trot", robots: int = 32, seconds: float = 10.0) -> None:
-    """Walk the robots forward on flat ground and on the hillside, and print how fast they were and how many fell."""
-    walker, steps = policies.make(policy), round(seconds * 100)
+    """Walk forward on flat ground and on the hillside, and print the mean velocity and the falls.
+
+    Args:
+        policy: Name of the policy.
+        robots: Number of robots.
+        seconds: Duration (s).
+    """
+    walker = policies.make(policy)
+    steps = round(seconds * 100)
     for scenario in ("flat", hillside):
         vec = gym.make_vec(quad_env.ENV_ID, num_envs=robots, scenario=scenario, max_episode_steps=None)
         observation, _ = vec.reset(seed=0, options={"command": (0.5, 0.0, 0.0)})
         walker.reset(num_envs=robots)
-        fell, forward = np.zeros(robots, bool), []
+        fell = np.zeros(robots, bool)
+        forward_velocities = []
         for _ in range(steps):
             observation, _, terminated, _, info = vec.step(walker.act(observation))
             fell |= terminated
-            forward.append(info["heading_velocity"][~fell, 0])
+            forward_velocities.append(info["heading_velocity"][~fell, 0])
         name = getattr(scenario, "name", scenario)
-        print(f"{name}: {np.concatenate(forward).mean():.2f} m/s of 0.50 m/s, {fell.sum()} of {robots} fell")
+        print(f"{name}: {np.concatenate(forward_velocities).mean():.2f} m/s of 0.50 m/s, {fell.sum()} of {robots} fell")
 
 
 if __name__ == "__main__":

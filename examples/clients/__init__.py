@@ -1,1 +1,1 @@
-"""Other people's software on the environment as it is, one file for each library."""
+"""Other people's software on the unchanged environment, one file per library."""

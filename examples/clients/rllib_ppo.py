@@ -1,4 +1,4 @@
-"""RLlib's PPO on the native batch, which `gym.make_vec` gives it: `python examples/clients/rllib_ppo.py`."""
+"""PPO of RLlib on the native batch, which `gym.make_vec` makes: `python examples/clients/rllib_ppo.py`."""
 
 import ray
 import tyro
@@ -6,7 +6,12 @@ from ray.rllib.algorithms.ppo import PPOConfig
 
 
 def main(iterations: int = 2, robots: int = 8) -> None:
-    """Train in this process; RLlib rescales actions from -1 to 1 to the joints' limits by itself."""
+    """Train in this process; RLlib itself rescales actions from [-1, 1] to the joint limits.
+
+    Args:
+        iterations: Updates of the policy.
+        robots: Number of robots.
+    """
     ray.init(num_cpus=1, include_dashboard=False, log_to_driver=False)
     config = (
         PPOConfig()

@@ -1,6 +1,6 @@
-"""TorchRL: one robot, three in processes, and the native batch, under a collector and one step of its PPO's loss.
+"""TorchRL with one robot, three in processes, and the native batch under a collector and its PPO loss.
 
-python examples/clients/torchrl_collector.py
+`python examples/clients/torchrl_collector.py`
 """
 
 import gymnasium as gym
@@ -15,15 +15,19 @@ from torchrl.modules import MLP, NormalParamExtractor, ProbabilisticActor, TanhN
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
-NAME = "quad_env:SimpleQuad-v0"
+ENV_ID = "quad_env:SimpleQuad-v0"
 
 
 def main(frames: int = 512) -> None:
-    """Collect from each, and improve a policy on what the batch gave."""
+    """Step each environment, and train a policy on rollouts of the batch.
+
+    Args:
+        frames: Steps of all robots together.
+    """
     torch.set_num_threads(1)
-    robots = gym.make_vec(NAME, num_envs=8, autoreset_mode="DISABLED", max_episode_steps=50)
-    one, batch = (env.auto_register_info_dict() for env in (GymEnv(NAME), GymWrapper(robots)))
-    for env in (one, GymEnv(NAME, num_envs=3), batch):
+    robots = gym.make_vec(ENV_ID, num_envs=8, autoreset_mode="DISABLED", max_episode_steps=50)
+    one, batch = (env.auto_register_info_dict() for env in (GymEnv(ENV_ID), GymWrapper(robots)))
+    for env in (one, GymEnv(ENV_ID, num_envs=3), batch):
         check_env_specs(env)
         print(f"{env.batch_size}: {env.rollout(20)['next', 'reward'].mean():.5f} a step")
     space = batch.action_spec.space
@@ -38,7 +42,8 @@ def main(frames: int = 512) -> None:
         return_log_prob=True,
     )
     critic = ValueOperator(MLP(48, 1, num_cells=[64]), in_keys=["observation"])
-    loss, adam = ClipPPOLoss(actor, critic), torch.optim.Adam([*actor.parameters(), *critic.parameters()], lr=3e-4)
+    loss = ClipPPOLoss(actor, critic)
+    adam = torch.optim.Adam([*actor.parameters(), *critic.parameters()], lr=3e-4)
     for data in Collector(batch, actor, frames_per_batch=frames // 2, total_frames=frames):
         GAE(gamma=0.99, lmbda=0.95, value_network=critic)(data)
         losses = loss(data)

@@ -48,7 +48,7 @@ class Aim(VectorEnv[Any, Any, Any]):
 def test_it_learns_what_it_is_paid_for(monkeypatch) -> None:
     monkeypatch.setattr(residual_ppo, "LOG_STD", -1.0)
     rewards: list[float] = []
-    learner = learn(Aim(), 12 * residual_ppo.ROLLOUT * 16, 0, [0], lambda _, reward: rewards.append(reward))
+    learner = learn(Aim(), 12 * residual_ppo.ROLLOUT_STEPS * 16, 0, [0], lambda _, reward: rewards.append(reward))
     assert len(rewards) == 12
     assert rewards[-1] > 0.5 * rewards[0]
     seen = torch.rand(1000, 2) * 2.0 - 1.0
@@ -73,7 +73,7 @@ def test_an_episode_that_is_cut_goes_on_in_the_critics_eyes() -> None:
     torch.nn.init.constant_(learner.critic[-1].bias, 3.0)
     seen = torch.as_tensor(env.reset(seed=0)[0])
     rollout, _, reward = collect(env, learner, seen)
-    plain = -residual_ppo.REWARD_SCALE * (rollout.actions - rollout.seen).square().sum(-1)
+    plain = -residual_ppo.REWARD_SCALE * (rollout.actions - rollout.observations).square().sum(-1)
     more = (rollout.rewards - plain).mean(1)
     np.testing.assert_allclose(more[[9, 19]], GAMMA * 3.0, rtol=1e-4)
     np.testing.assert_allclose(more[[0, 8, 10, 23]], 0.0, atol=1e-4)
