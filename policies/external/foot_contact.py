@@ -5,7 +5,7 @@ import numpy as np
 from policies.base import Floats, Mask
 from policies.memory import PerRobotState
 from policies.mpc.contact import ContactEstimator
-from policies.mpc.motion import motion
+from policies.mpc.motion import compute_motion_state
 from policies.mpc.parameters import TROT, parameters_of
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
@@ -36,6 +36,8 @@ class FootContactEstimator(PerRobotState):
     def estimate(self, observation: Floats) -> Mask:
         """Update the estimate with an observation of the environment, (n, k); return the feet in contact, (n, 4)."""
         no_load = np.zeros((len(observation), 6))
-        vertical_force = self._forces.estimate(motion(self._robot, self._dynamics, observation), no_load)[..., 2]
+        vertical_force = self._forces.estimate(compute_motion_state(self._robot, self._dynamics, observation), no_load)[
+            ..., 2
+        ]
         in_contact: Mask = vertical_force > CONTACT_WEIGHT_FRACTION * GRAVITY * self._robot.mass
         return in_contact

@@ -335,7 +335,7 @@ class ContactState(NamedTuple):
     """Feet whose positions show the ground."""
 
 
-def contact_states(
+def classify_contacts(
     p: ModelParameters,
     cycle: LegCycle,
     cycle_at_measurement: LegCycle,

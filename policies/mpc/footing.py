@@ -131,7 +131,7 @@ def nominal_footholds(robot: Robot, p: ModelParameters) -> Floats:
     return np.stack((fore_or_hind * p.length / 2.0 + p.shift, robot.side * p.width / 2.0), axis=-1)
 
 
-def footholds(
+def plan_footholds(
     robot: Robot,
     p: ModelParameters,
     motion: MotionState,

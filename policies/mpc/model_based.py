@@ -20,20 +20,20 @@ from policies.mpc.contact import (
     LIFTOFF_PHASE,
     ContactEstimator,
     ContactState,
-    contact_states,
+    classify_contacts,
     wrench_to_acceleration,
 )
 from policies.mpc.footing import (
     Terrain,
     TerrainEstimator,
     TerrainPlane,
-    footholds,
+    plan_footholds,
     ground_velocity,
     point_velocity,
     swing_trajectory,
 )
 from policies.mpc.joint_predictor import JointPredictor
-from policies.mpc.motion import MotionState, PositionErrorIntegrator, add_load, estimated_load
+from policies.mpc.motion import MotionState, PositionErrorIntegrator, add_load, estimate_load
 from policies.mpc.observer import DelayCompensator
 from policies.mpc.parameters import ModelParameters
 from policies.mpc.rigid_body import Friction
@@ -201,7 +201,7 @@ class ModelBased(GaitedPolicy):
         p = self.parameters
         observer = self.observer
         contact_estimator = self.contact_estimator
-        load = estimated_load(contact_estimator.wrench, p.load_height)
+        load = estimate_load(contact_estimator.wrench, p.load_height)
         measured = add_load(observer.read(observation, contact_estimator.wrench), load)
         if observer.noise_unknown.any():
             contact_estimator.reset_where(observer.noise_unknown)  # noise looks like pushes and loads
@@ -250,7 +250,7 @@ class ModelBased(GaitedPolicy):
         cycle = self._gait.legs(self._phase)
         contacts = self._classify_contacts(cycle, control_state.contact_forces)
         ground = self._ground(state, contacts.landed)
-        foothold_positions = footholds(
+        foothold_positions = plan_footholds(
             self.robot,
             p,
             state,
@@ -265,7 +265,7 @@ class ModelBased(GaitedPolicy):
     def _classify_contacts(self, cycle: LegCycle, contact_forces: Floats) -> ContactState:
         """Return stance, late and landed feet by the gait cycle and the contact forces, (n, 4, 3), N."""
         cycle_at_measurement = self._cycle_at_measurement() if self.observer.delays.any() else cycle
-        return contact_states(
+        return classify_contacts(
             self.parameters,
             cycle,
             cycle_at_measurement,

@@ -49,7 +49,7 @@ class MotionState(NamedTuple):
     """(n, 4, 3), m/s."""
 
 
-def motion(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | Floats) -> MotionState:
+def compute_motion_state(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | Floats) -> MotionState:
     """Motion of observations (n, k)."""
     rows = observation.astype(np.float64)
     frame = level_frame(rows[:, OBSERVATION["projected_gravity"]].T)
@@ -83,10 +83,10 @@ def select_robots(whole: P, rows: EnvIndices) -> P:
     return found
 
 
-def with_rows(whole: P, rows: EnvIndices, part: P) -> P:
+def replace_robots(whole: P, rows: EnvIndices, part: P) -> P:
     """The parts of a motion with those rows, (g,), of another's."""
     if isinstance(whole, tuple):
-        return type(whole)(*(with_rows(old, rows, new) for old, new in zip(whole, part, strict=True)))
+        return type(whole)(*(replace_robots(old, rows, new) for old, new in zip(whole, part, strict=True)))
     out: P = whole.copy()
     out[rows] = part
     return out
@@ -157,7 +157,7 @@ class PointLoad(NamedTuple):
         return np.concatenate((force, moment), axis=1)
 
 
-def estimated_load(wrench: Floats, height: float) -> PointLoad:
+def estimate_load(wrench: Floats, height: float) -> PointLoad:
     """The load whose weight is the downward force of a lasting wrench, (n, 6), `height` m above the trunk's centre."""
     mass = (-wrench[:, 2] / GRAVITY).clip(0.0, LARGEST_LOAD)
     mass = np.where(mass < LEAST_LOAD, 0.0, mass)

@@ -15,7 +15,7 @@ from policies.gait_cycle import Floats
 from policies.memory import PerRobotState, per_robot
 from policies.mpc.calibration import Calibration
 from policies.mpc.delay_estimator import MAX_DELAY_STEPS, DelayEstimator
-from policies.mpc.motion import MotionState, motion, with_rows
+from policies.mpc.motion import MotionState, compute_motion_state, replace_robots
 from policies.mpc.reading_noise import NoiseEstimator
 from policies.mpc.readings import JOINT_VELOCITY, SENSED, normalise_gravity, predict_readings
 from policies.mpc.servo_model import ServoModel
@@ -83,7 +83,7 @@ class DelayCompensator(PerRobotState):
         super().copy_state_from(mask, other)
         assert self._state is not None
         assert other._state is not None
-        self._state = with_rows(self._state, mask.nonzero()[0], other._state)
+        self._state = replace_robots(self._state, mask.nonzero()[0], other._state)
 
     @property
     def delays(self) -> NDArray[np.int64]:
@@ -122,7 +122,7 @@ class DelayCompensator(PerRobotState):
         """Robots in calibration with noisy readings, (n,)."""
         if not self._has_encoders:
             self._filter_readings(self.delay_estimator.at_delay(self._stance), wrench)
-        state = motion(self._robot, self._dynamics, self._observation)
+        state = compute_motion_state(self._robot, self._dynamics, self._observation)
         if not self._has_encoders:
             self._state = state
         return state._replace(targets=self.delay_estimator.at_delay(self._filtered_targets))
@@ -136,7 +136,7 @@ class DelayCompensator(PerRobotState):
         """
         if self._has_encoders:
             self._filter_readings(in_contact, wrench)
-            self._state = motion(self._robot, self._dynamics, self._observation)
+            self._state = compute_motion_state(self._robot, self._dynamics, self._observation)
 
     def predict(self, wrench: Floats, in_contact: Mask, slope: Floats, planned: Floats | None = None) -> MotionState:
         """Predict the state when the next targets act, after `read` and `correct`.

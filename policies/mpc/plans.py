@@ -25,8 +25,8 @@ class ForcePlans(PerRobotState):
     """Level frame, N."""
     age: Floats = per_robot(np.inf)
     """Time since the forces were found, (n,), s."""
-    _stands: Mask = per_robot()
-    _arms: Floats = per_robot()
+    _stance: Mask = per_robot()
+    _moment_arms: Floats = per_robot()
 
     def __init__(self, steps: int, period: float, weight: float) -> None:
         self._steps = steps
@@ -45,22 +45,27 @@ class ForcePlans(PerRobotState):
         """Which robots need another plan, (n,): after `interval` s, or where other feet stand than was planned."""
         if (old := self.age > interval - _TICK).all():
             return old
-        others: Mask = (self._stands[self._robots, self._step] != stance).any(axis=1)
+        others: Mask = (self._stance[self._robots, self._step] != stance).any(axis=1)
         return others | old
 
     def renew(self, robots: EnvSelection, forces: Floats, stands: Mask, arms: Floats) -> None:
         """Plans from now on of g robots: forces (g, N, 4, 3), which feet stand, (g, N, 4), and the feet from the centre
         of mass, (g, N, 4, 3), m."""
-        self.forces[robots], self._stands[robots], self._arms[robots], self.age[robots] = forces, stands, arms, 0.0
+        self.forces[robots], self._stance[robots], self._moment_arms[robots], self.age[robots] = (
+            forces,
+            stands,
+            arms,
+            0.0,
+        )
 
     def present_forces(self, stance: Mask, arms: Floats, friction: Friction) -> Floats:
         """Forces of the feet now, (n, 4, 3), N. `arms`: of the feet from the centre of mass, (n, 4, 3), m."""
         robots, step = self._robots, self._step
         forces: Floats = self.forces[robots, step]
-        as_planned = (self._stands[robots, step] == stance).all(axis=1)
+        as_planned = (self._stance[robots, step] == stance).all(axis=1)
         if as_planned.all():
             return forces
-        moment = cross(self._arms[robots, step], forces).sum(axis=1)
+        moment = cross(self._moment_arms[robots, step], forces).sum(axis=1)
         wrench = np.concatenate((forces.sum(axis=1), moment), axis=1)
         return np.where(as_planned[:, None, None], forces, distribute_wrench(wrench, stance, arms, friction))
 

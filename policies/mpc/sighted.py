@@ -56,7 +56,7 @@ class ScannedTerrain(NamedTuple):
 
 
 @cache
-def mean_plane(scan: HeightScan) -> Floats:
+def plane_fit_weights(scan: HeightScan) -> Floats:
     """What heights on the scan's grid are multiplied with to give the least-squares plane of those under the legs:
     height under the trunk's centre and rise per metre ahead and to the left, (3, rows, columns)."""
     x, y = np.moveaxis(scan.grid, -1, 0)
@@ -67,14 +67,14 @@ def mean_plane(scan: HeightScan) -> Floats:
     return shares
 
 
-def seen_ground(scan: HeightScan, shown: Floats, ground: TerrainPlane, foot_radius: float) -> ScannedTerrain:
+def make_scanned_terrain(scan: HeightScan, shown: Floats, ground: TerrainPlane, foot_radius: float) -> ScannedTerrain:
     """The ground that the entries of a scan show, (n, p), m; by the footprints' plane where it is too deep to see."""
-    plane = on_grid(scan, ground)
+    plane = plane_on_grid(scan, ground)
     seen = shown.reshape(plane.shape)
     return ScannedTerrain(scan, np.where(seen > UNSEEN, seen + foot_radius, plane))
 
 
-def on_grid(scan: HeightScan, ground: TerrainPlane) -> Floats:
+def plane_on_grid(scan: HeightScan, ground: TerrainPlane) -> Floats:
     """Heights of the plane at the scan's points, (n, rows, columns), m."""
     grid = scan.grid
     return ground.at(*np.moveaxis(grid, -1, 0).reshape(2, -1)).reshape(-1, *grid.shape[:2])
@@ -86,7 +86,7 @@ def denoise_terrain(seen: ScannedTerrain, ground: TerrainPlane, noise: Floats) -
 
     Every point by the linear estimate of least mean square error that knows nothing of the others.
     """
-    plane = on_grid(seen.scan, ground)
+    plane = plane_on_grid(seen.scan, ground)
     apart = seen.heights - plane
     share = np.clip(1.0 - noise / np.maximum((apart * apart).mean(axis=(1, 2)), _EDGE), 0.0, 1.0)
     return seen._replace(heights=plane + share[:, None, None] * apart), share
@@ -150,11 +150,11 @@ class SightedMpcWbc(MpcWbc):
 
     def _ground(self, now: MotionState, landed: Mask) -> TerrainPlane:
         ground = super()._ground(now, landed)
-        seen = seen_ground(self._scan, self._heights, ground, self.robot.foot_radius)
+        seen = make_scanned_terrain(self._scan, self._heights, ground, self.robot.foot_radius)
         noise = self._scan_noise.update(seen.heights.reshape(self.num_envs, -1))[:, 0]
         self._seen_ground, kept = denoise_terrain(seen, ground, noise)
         self._scan_weight = np.where((self._heights <= UNSEEN).all(axis=1), 0.0, kept)[:, None]
-        mean = np.einsum("cij,nij->cn", mean_plane(self._scan), self._seen_ground.heights)
+        mean = np.einsum("cij,nij->cn", plane_fit_weights(self._scan), self._seen_ground.heights)
         mean[1:] = np.clip(mean[1:], -MAX_SLOPE, MAX_SLOPE)
         share = np.where(self._is_first_step, 1.0, lowpass_gain(self.control_period, PLANE_FILTER_TIME))
         self._level = self._level + share * (mean - self._level)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from policies.gait_cycle import Floats
 from policies.legs.ground_plane import height_above_plane
 from policies.memory import PerRobotState, per_robot
-from policies.mpc.motion import MotionState, motion, with_rows
+from policies.mpc.motion import MotionState, compute_motion_state, replace_robots
 from policies.mpc.readings import JOINT_POSITION, JOINT_VELOCITY, SENSED, predict_readings
 from policies.mpc.servo_step import predict_landing
 from quad_env.columns import EnvIndices, Mask
@@ -85,7 +85,7 @@ class StatePredictor(PerRobotState):
         for steps in range(longest, 0, -1):
             robots = (delays >= steps).nonzero()[0]
             starts = steps == longest and len(robots) == len(delays)
-            before = state if starts else motion(self._robot, self._dynamics, predicted[robots])
+            before = state if starts else compute_motion_state(self._robot, self._dynamics, predicted[robots])
             gaps = _height_above(before, ground.slope[:, robots]) - height[robots, None] - ground.unevenness[robots]
             velocity = predict_landing(
                 self._robot, before, gaps, targets[steps - 1, robots], wrench[robots], self._period
@@ -97,8 +97,8 @@ class StatePredictor(PerRobotState):
         robots = delays.nonzero()[0]
         if not len(robots):
             return state
-        after = motion(self._robot, self._dynamics, predicted[robots])
-        return after if len(robots) == len(delays) else with_rows(state, robots, after)
+        after = compute_motion_state(self._robot, self._dynamics, predicted[robots])
+        return after if len(robots) == len(delays) else replace_robots(state, robots, after)
 
     def locate_ground(self, state: MotionState, in_contact: Mask, slope: Floats) -> ContactGround:
         """Locate the ground by the feet in contact; without one it stays where it was in the world.

@@ -10,7 +10,7 @@ import policies
 from evaluate.hardware import HardwareConfig
 from evaluate.rollouts.rollout import roll_out
 from policies.mpc.contact import ContactEstimator, wrench_to_acceleration
-from policies.mpc.motion import MotionState, motion
+from policies.mpc.motion import MotionState, compute_motion_state
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
 from quad_env import OBSERVATION
@@ -66,7 +66,7 @@ class Trotting:
         for _ in range(SUBSTEPS):
             mujoco.mj_step(self.model, self.data)
             self.forces += self.contact_forces() / SUBSTEPS
-        return motion(SIMPLE_QUAD, DYNAMICS, self.observation()[None])
+        return compute_motion_state(SIMPLE_QUAD, DYNAMICS, self.observation()[None])
 
     def contact_forces(self) -> np.ndarray:
         """Of the ground on each foot, world frame, (4, 3), N."""
@@ -129,8 +129,8 @@ def test_a_robot_on_a_circle_is_pushed_to_the_centre(yaw_rate: float) -> None:
     sense, speed = ContactEstimator(SIMPLE_QUAD, MpcParameters(), PERIOD), np.array([0.8, 0.3])
     sense.reset(1)
     circling = reading(1, linear_velocity=(*speed, 0.0), angular_velocity=(0.0, 0.0, yaw_rate))
-    forces, wrench = sense._solve_contact_forces(motion(SIMPLE_QUAD, DYNAMICS, circling), False)
-    still = motion(SIMPLE_QUAD, DYNAMICS, reading(1, angular_velocity=(0.0, 0.0, yaw_rate)))
+    forces, wrench = sense._solve_contact_forces(compute_motion_state(SIMPLE_QUAD, DYNAMICS, circling), False)
+    still = compute_motion_state(SIMPLE_QUAD, DYNAMICS, reading(1, angular_velocity=(0.0, 0.0, yaw_rate)))
     sense.reset(1)
     at_rest, left = sense._solve_contact_forces(still, False)
     total = (forces - at_rest).sum(axis=1)[0] + (wrench - left)[0, :3]
@@ -191,7 +191,9 @@ def test_zeros_of_encoders_are_known_from_legs_in_the_air() -> None:
         seen[:, OBSERVATION["joint_velocity"]] = (robot.data.qpos[7:] - angles) / PERIOD
         seen[:, OBSERVATION["joint_position"]] += zero
         angles = robot.data.qpos[7:].copy()
-        sense.estimate(motion(SIMPLE_QUAD, DYNAMICS, sense.remove_encoder_offsets(seen.astype(np.float32))), NO_LOAD)
+        sense.estimate(
+            compute_motion_state(SIMPLE_QUAD, DYNAMICS, sense.remove_encoder_offsets(seen.astype(np.float32))), NO_LOAD
+        )
     np.testing.assert_allclose(sense.encoder_offsets[0], zero, atol=0.004)
 
 

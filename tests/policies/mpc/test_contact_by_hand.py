@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from policies.gait_cycle import LegCycle
-from policies.mpc.contact import ContactEstimator, ContactState, contact_states, wrench_to_acceleration
-from policies.mpc.motion import MotionState, PointLoad, PositionErrorIntegrator, estimated_load, motion
+from policies.mpc.contact import ContactEstimator, ContactState, classify_contacts, wrench_to_acceleration
+from policies.mpc.motion import MotionState, PointLoad, PositionErrorIntegrator, estimate_load, compute_motion_state
 from policies.mpc.parameters import MpcParameters
 from quad_env import OBSERVATION
 from quad_env.physics.dynamics import Dynamics
@@ -22,7 +22,7 @@ def states(
 ) -> ContactState:
     """Of the four legs of one robot: whether each swings and how far it is, the same earlier, and its force."""
     swing, progress, swung, gone, force = (np.array([each]) for each in zip(*legs, strict=True))
-    return contact_states(P, LegCycle(swing, progress), LegCycle(swung, gone), force, np.array([new]), flies=flies)
+    return classify_contacts(P, LegCycle(swing, progress), LegCycle(swung, gone), force, np.array([new]), flies=flies)
 
 
 STANDS, FLIES = (False, 0.3, False, 0.2, 60.0), (True, 0.3, True, 0.2, 0.0)
@@ -66,7 +66,7 @@ def test_the_gait_s_feet_bear_a_robot_that_nothing_else_bears_unless_its_gait_fl
     two = [LegCycle(*(np.array([[leg[at] for leg in each] for each in (legs, [STANDS, *legs[1:]])]) for at in pair))
            for pair in ((0, 1), (2, 3))]  # fmt: skip
     force = np.array([[0.0] * 4, [60.0, 0.0, 0.0, 0.0]])
-    found = contact_states(P, *two, force, np.zeros(2, np.bool_), flies=False)
+    found = classify_contacts(P, *two, force, np.zeros(2, np.bool_), flies=False)
     assert found.stance.tolist() == [[True, False, False, True], [True, False, False, False]]
 
 
@@ -86,7 +86,7 @@ def felt(robots: int = 2) -> Felt:
 
 
 def at(robots: int = 2, **readings: Any) -> MotionState:
-    return motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(robots, **readings))
+    return compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(robots, **readings))
 
 
 def firm(robots: int = 2, up: float = 60.0) -> np.ndarray:
@@ -209,7 +209,7 @@ def test_a_load_presses_with_its_weight_and_its_arm_in_the_trunk_s_axes() -> Non
 def test_a_load_is_taken_to_be_on_the_trunk() -> None:
     """Moments of 50 N·m by 98.1 N would be half a metre away."""
     wrench = np.array([[0.0, 0.0, -98.1, -50.0, 50.0, 0.0], [0.0, 0.0, -98.1, 9.81, -4.905, 0.0]])
-    np.testing.assert_allclose(estimated_load(wrench, 0.15).position, [[0.25, 0.25, 0.15], [-0.05, -0.1, 0.15]])
+    np.testing.assert_allclose(estimate_load(wrench, 0.15).position, [[0.25, 0.25, 0.15], [-0.05, -0.1, 0.15]])
 
 
 def following(velocity: tuple[float, float], command: tuple[float, float, float], turning: float = 0.0) -> MotionState:

@@ -5,14 +5,14 @@ import pytest
 
 from policies.mpc.footing import (
     TerrainEstimator,
-    footholds,
+    plan_footholds,
     ground_velocity,
     moment_arms,
     nominal_footholds,
     point_velocity,
     swing_trajectory,
 )
-from policies.mpc.motion import MotionState, motion
+from policies.mpc.motion import MotionState, compute_motion_state
 from policies.mpc.parameters import MpcParameters
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -32,14 +32,14 @@ def moving(
     velocity: tuple[float, float] = (0.0, 0.0), command: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> MotionState:
     """A robot that stands at rest in the home pose but for these, its centre of mass at CENTRE."""
-    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1))
+    now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1))
     centre, com_velocity = np.array([[*CENTRE, 0.0]]), np.array([[*velocity, 0.0]])
     bodies = now.bodies._replace(com_position=centre, com_velocity=com_velocity)
     return now._replace(bodies=bodies, command=np.array([command]))
 
 
 def aims(now: MotionState, pushed: tuple[float, float] = (0.0, 0.0), height: float = HEIGHT) -> np.ndarray:
-    return footholds(SIMPLE_QUAD, P, now, np.array([pushed]), STANCE, height)[0]
+    return plan_footholds(SIMPLE_QUAD, P, now, np.array([pushed]), STANCE, height)[0]
 
 
 def test_feet_of_a_robot_at_rest_are_put_to_their_neutral_places() -> None:
@@ -166,7 +166,7 @@ def test_arms_of_feet_that_stand_lag_behind_and_those_of_feet_that_land_from_the
 
 def standing_on(heights: list[float], **readings: tuple[float, ...]) -> MotionState:
     """A robot whose feet are ±0.25 m ahead and ±0.2 m aside at these heights."""
-    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1, **readings))
+    now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1, **readings))
     feet = np.column_stack(([0.25, 0.25, -0.25, -0.25], [0.2, -0.2, 0.2, -0.2], heights))
     return now._replace(bodies=now.bodies._replace(feet=feet[None]))
 
@@ -220,7 +220,7 @@ def test_no_slope_beyond_the_steepest_is_believed() -> None:
 def test_the_slope_turns_with_the_heading_frame() -> None:
     """A robot that turns at 1.5 rad/s on a slope: a mean in a frame that turns would be 0.1 off."""
     prints, yaw_rate, period, rise = TerrainEstimator(slope_time=0.3, period=0.01), 1.5, 0.01, 0.25
-    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1, angular_velocity=(0.0, 0.0, yaw_rate)))
+    now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1, angular_velocity=(0.0, 0.0, yaw_rate)))
     uphill = np.zeros(2)
     for step in range(300):
         uphill = rise * np.array([np.cos(yaw_rate * period * step), -np.sin(yaw_rate * period * step)])

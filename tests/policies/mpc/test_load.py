@@ -7,7 +7,7 @@ import pytest
 
 from evaluate.rollouts.rollout import roll_out
 from policies.mpc.calibration import CALIBRATION_STEPS
-from policies.mpc.motion import LARGEST_LOAD, LEAST_LOAD, MotionState, PointLoad, add_load, estimated_load
+from policies.mpc.motion import LARGEST_LOAD, LEAST_LOAD, MotionState, PointLoad, add_load, estimate_load
 from policies.mpc.policy import MpcWbc
 from quad_env import Scenario
 from quad_env.config import GRAVITY
@@ -62,7 +62,7 @@ def test_a_load_changes_the_bodies_as_mujoco_says(state: dict[str, np.ndarray]) 
 
 def test_a_level_robots_load_is_told_by_its_weight() -> None:
     load = PointLoad(np.array([MASS, 0.0]), np.stack((PLACE, (0.0, 0.0, PLACE[2]))))
-    found = estimated_load(load.gravity_wrench(np.stack((np.eye(3),) * 2)), PLACE[2])
+    found = estimate_load(load.gravity_wrench(np.stack((np.eye(3),) * 2)), PLACE[2])
     np.testing.assert_allclose(found.mass, load.mass)
     np.testing.assert_allclose(found.position, load.position)
 
@@ -71,7 +71,7 @@ def test_a_level_robots_load_is_told_by_its_weight() -> None:
 def test_lift_and_what_the_model_may_be_wrong_by_are_no_load_and_the_largest_is_bounded(
     force: float, mass: float
 ) -> None:
-    assert estimated_load(np.array([[0.0, 0.0, force, 0.0, 0.0, 0.0]]), 0.15).mass == mass
+    assert estimate_load(np.array([[0.0, 0.0, force, 0.0, 0.0, 0.0]]), 0.15).mass == mass
 
 
 def test_a_walking_robot_feels_what_it_carries() -> None:
@@ -84,7 +84,7 @@ def test_a_walking_robot_feels_what_it_carries() -> None:
     for _ in range(150):
         observation, _, fell, _, _ = env.step(policy.act(observation))
         assert not fell
-        felt.append(estimated_load(policy.contact_estimator.wrench, policy.parameters.load_height))
+        felt.append(estimate_load(policy.contact_estimator.wrench, policy.parameters.load_height))
     assert np.mean([load.mass for load in felt[100:]]) == pytest.approx(15.0, rel=0.1)
     assert np.abs(np.mean([load.place[0, :2] for load in felt[100:]], axis=0)).max() < 0.03
 

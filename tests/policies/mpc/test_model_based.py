@@ -6,7 +6,7 @@ import pytest
 from policies.gait_cycle import LegCycle
 from policies.mpc.contact import ContactState
 from policies.mpc.footing import ground_velocity
-from policies.mpc.motion import MotionState, motion
+from policies.mpc.motion import MotionState, compute_motion_state
 from policies.mpc.policy import MpcWbc
 from policies.mpc.whole_body import Torques
 from quad_env.actuation.models import Actuator, TorqueSpeed
@@ -21,7 +21,7 @@ SPEEDS = np.tile([0.0, 5.0, -5.0, 8.0], 3)
 def turning(robots: int = 1, **readings: object) -> MotionState:
     """Robots whose joints turn at SPEEDS."""
     rows = reading(robots, joint_velocity=SPEEDS, **readings)
-    return motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
+    return compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
 
 
 def policy_of(actuator: Actuator = MOTOR, robots: int = 1) -> MpcWbc:
@@ -76,7 +76,7 @@ def test_a_robot_that_is_off_its_command_steps_faster_by_and_by() -> None:
     policy.parameters = policy.parameters.__class__(frequency_gain=2.0, most_faster=1.5)
     policy.frequency = 2.5
     policy._frequencies = np.full(3, 2.5)
-    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(3))
+    now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(3))
     now = now._replace(
         velocity=np.array([[0.3, 0.0, 0.0], [0.6, -0.8, 0.0], [3.0, 0.0, 0.0]]), command=np.zeros((3, 3))
     )
@@ -111,7 +111,7 @@ def test_ground_is_cleared_the_more_the_rougher_the_footprints_are() -> None:
 def moving_feet(robots: int = 1) -> MotionState:
     """A robot that goes at (0.4, -0.2, 0.1) m/s and turns at 0.5 rad/s, its joints still."""
     rows = reading(robots, linear_velocity=(0.4, -0.2, 0.1), angular_velocity=(0.0, 0.0, 0.5))
-    return motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
+    return compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
 
 
 FIRST_SWINGS = np.array([[True, False, False, True]])

@@ -10,7 +10,7 @@ from evaluate.rollouts.observers import FallRecorder, Step
 from evaluate.rollouts.rollout import roll_out
 from policies.gait_cycle import TURN, leg_phases
 from policies.gaits.parameters import OFFSETS
-from policies.mpc.contact import contact_states
+from policies.mpc.contact import classify_contacts
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
 from quad_env.seeding import episode_seeds
@@ -67,7 +67,7 @@ def test_feet_that_are_late_all_together_bear_a_robot_unless_its_gait_flies(gait
     policy.act(np.r_[0.0, 0.0, -1.0, np.zeros(45)])
     early_in_the_stance = policy._gait.legs(np.array([TURN * (1.1 - policy.parameters.duty)]))
     legs, new = early_in_the_stance, np.zeros(1, np.bool_)
-    contacts = contact_states(policy.parameters, legs, legs, np.zeros((1, 4)), new, flies=policy._gait.has_flight)
+    contacts = classify_contacts(policy.parameters, legs, legs, np.zeros((1, 4)), new, flies=policy._gait.has_flight)
     assert contacts.stance.sum() == bearing
     assert contacts.late.any()
 

@@ -12,7 +12,7 @@ from evaluate.records.provenance import policy_digest
 from evaluate.rollouts import rollout
 from policies.mpc.contact import ContactEstimator
 from policies.mpc.model_based import SOLVER_FAILURE_TIMEOUT
-from policies.mpc.motion import motion
+from policies.mpc.motion import compute_motion_state
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import Mpc, MpcWbc
 from policies.mpc.quadratic_program import QpBatch, Solutions, solve
@@ -74,7 +74,7 @@ def test_the_motion_of_a_robot_alone_has_the_same_bits_as_among_others() -> None
     dynamics, rows = Dynamics(SIMPLE_QUAD), np.random.default_rng(0).normal(size=(3, OBSERVATION_SIZE))
 
     def arrays(rows: np.ndarray) -> list[np.ndarray]:
-        *found, bodies, feet_velocity = motion(SIMPLE_QUAD, dynamics, rows)
+        *found, bodies, feet_velocity = compute_motion_state(SIMPLE_QUAD, dynamics, rows)
         return [*found, *bodies, feet_velocity]
 
     for robot in range(3):

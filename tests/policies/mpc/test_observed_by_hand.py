@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from policies.mpc.joint_predictor import JointPredictor
-from policies.mpc.motion import motion
+from policies.mpc.motion import compute_motion_state
 from policies.mpc.observer import DelayCompensator
 from policies.mpc.reading_noise import NoiseEstimator
 from policies.mpc.readings import predict_readings
@@ -43,7 +43,7 @@ def test_late_motors_go_by_the_targets_of_two_control_periods() -> None:
 def test_feet_that_come_down_to_the_ground_stay_there_and_each_robot_s_own() -> None:
     """A robot that falls at 1 m/s: feet 5 mm above the ground are stopped on it, those 50 mm above it go on falling."""
     rows = reading(2, linear_velocity=(0.0, 0.0, -1.0))
-    now, targets = motion(SIMPLE_QUAD, DYNAMICS, rows), np.tile(SIMPLE_QUAD.home_pose, (2, 1))
+    now, targets = compute_motion_state(SIMPLE_QUAD, DYNAMICS, rows), np.tile(SIMPLE_QUAD.home_pose, (2, 1))
     targets[1] += 0.02
     wrench = np.array([[0.0] * 6, [20.0, -10.0, 5.0, 0.0, 1.0, 0.0]])
     gaps = np.array([[0.05] * 4, [0.005, 0.05, 0.05, 0.005]])
@@ -53,18 +53,18 @@ def test_feet_that_come_down_to_the_ground_stay_there_and_each_robot_s_own() -> 
     np.testing.assert_allclose(feet[1, [0, 3]], -0.5, atol=0.02)  # 5 mm in 10 ms
     assert (feet[1, [1, 2]] < -0.7).all()
     alone = predict_landing(
-        SIMPLE_QUAD, motion(SIMPLE_QUAD, DYNAMICS, rows[1:]), gaps[1:], targets[1:], wrench[1:], PERIOD
+        SIMPLE_QUAD, compute_motion_state(SIMPLE_QUAD, DYNAMICS, rows[1:]), gaps[1:], targets[1:], wrench[1:], PERIOD
     )
     np.testing.assert_array_equal(velocity[1], alone[0])
 
 
 def test_a_foot_does_not_come_down_to_the_ground_faster_than_half_a_metre_a_second_and_never_pulls() -> None:
     rows = reading(1, linear_velocity=(0.0, 0.0, -3.0))
-    now, targets = motion(SIMPLE_QUAD, DYNAMICS, rows), SIMPLE_QUAD.home_pose[None]
+    now, targets = compute_motion_state(SIMPLE_QUAD, DYNAMICS, rows), SIMPLE_QUAD.home_pose[None]
     down = predict_landing(SIMPLE_QUAD, now, np.full((1, 4), 0.02), targets, np.zeros((1, 6)), PERIOD)
     feet = np.matmul(now.bodies.jacobians, down[:, None, :, None])[0, :, 2, 0]
     np.testing.assert_allclose(feet, -0.5, atol=0.02)
-    rising = motion(SIMPLE_QUAD, DYNAMICS, reading(1, linear_velocity=(0.0, 0.0, 2.0)))
+    rising = compute_motion_state(SIMPLE_QUAD, DYNAMICS, reading(1, linear_velocity=(0.0, 0.0, 2.0)))
     up = predict_landing(SIMPLE_QUAD, rising, np.zeros((1, 4)), targets, np.zeros((1, 6)), PERIOD)
     assert (np.matmul(rising.bodies.jacobians, up[:, None, :, None])[0, :, 2, 0] > 1.0).all()
 
@@ -74,7 +74,9 @@ def test_a_foot_that_the_ground_would_have_to_pull_is_let_go() -> None:
     random, let_go = np.random.default_rng(0), 0
     for _ in range(20):
         readings = {"linear_velocity": random.normal(0.0, 1.0, 3), "angular_velocity": random.normal(0.0, 3.0, 3)}
-        now = motion(SIMPLE_QUAD, DYNAMICS, reading(1, joint_velocity=random.normal(0.0, 5.0, 12), **readings))
+        now = compute_motion_state(
+            SIMPLE_QUAD, DYNAMICS, reading(1, joint_velocity=random.normal(0.0, 5.0, 12), **readings)
+        )
         targets, still = SIMPLE_QUAD.home_pose[None], np.zeros((1, 6))
         free = predict_landing(SIMPLE_QUAD, now, np.full((1, 4), 9.0), targets, still, PERIOD)
         down = np.matmul(now.bodies.jacobians, free[:, None, :, None])[..., 2, 0] < 0.0
@@ -91,7 +93,7 @@ def test_a_foot_that_the_ground_would_have_to_pull_is_let_go() -> None:
 
 def test_a_push_on_the_trunk_is_in_the_motion_ahead() -> None:
     """Of a robot in the air: 142 N on 14.2 kg for 10 ms, ahead and up, and as much down by gravity."""
-    now, targets = motion(SIMPLE_QUAD, DYNAMICS, reading(1)), SIMPLE_QUAD.home_pose[None]
+    now, targets = compute_motion_state(SIMPLE_QUAD, DYNAMICS, reading(1)), SIMPLE_QUAD.home_pose[None]
     wrench = np.array([[142.0, 0.0, 142.0, 0.0, 0.0, 0.0]])
     free, pushed = (
         predict_landing(SIMPLE_QUAD, now, np.full((1, 4), 1.0), targets, each, PERIOD)
@@ -107,7 +109,9 @@ def test_a_push_on_the_trunk_is_in_the_motion_ahead() -> None:
 def test_readings_a_control_period_later_are_in_the_axes_that_have_turned() -> None:
     """At 1 rad/s nose down gravity moves to the nose, and a velocity of 0.5 m/s ahead gets a part up; joints go on."""
     speeds = np.linspace(-2.0, 2.0, 12)
-    now = motion(SIMPLE_QUAD, DYNAMICS, reading(1, angular_velocity=(0.0, 1.0, 0.0), joint_velocity=speeds))
+    now = compute_motion_state(
+        SIMPLE_QUAD, DYNAMICS, reading(1, angular_velocity=(0.0, 1.0, 0.0), joint_velocity=speeds)
+    )
     velocity = np.concatenate(([0.5, 0.0, 0.0], [0.0, 1.0, 0.0], 3.0 * speeds))[None]
     found = predict_readings(SIMPLE_QUAD, now, velocity, PERIOD)[0]
     np.testing.assert_allclose(found[OBSERVATION["projected_gravity"]], [0.01, 0.0, -1.0], atol=1e-4)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from policies.mpc.footing import TerrainPlane
-from policies.mpc.motion import MotionState, motion
+from policies.mpc.motion import MotionState, compute_motion_state
 from policies.mpc.policy import Mpc, MpcWbc
 from policies.mpc.quadratic_program import QpBatch, Solutions, solve
 from policies.mpc.rigid_body import CondensedMpc, Friction
@@ -29,7 +29,7 @@ def two() -> MotionState:
     """The second is tilted and moves."""
     rows = reading(2)
     rows[1] = reading(1, projected_gravity=(0.1, -0.05, -0.99), linear_velocity=(0.3, 0.1, 0.0), command=COMMAND[1])
-    return motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
+    return compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
 
 
 class Seen(CondensedMpc):

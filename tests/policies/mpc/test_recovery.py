@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from policies.mpc.motion import PositionErrorIntegrator, motion
+from policies.mpc.motion import PositionErrorIntegrator, compute_motion_state
 from policies.mpc.parameters import MpcParameters, parameters_of
 from policies.mpc.policy import MpcWbc
 from quad_env.physics.dynamics import Dynamics
@@ -26,7 +26,7 @@ def commands(
     rows[1] = reading(command=[0.4, 0.0, 0.2], linear_velocity=[0.4, 0.0, 0.0], angular_velocity=[0.0, 0.0, 0.2])
     for name, values in terms.items():
         rows[0] = reading(command=[0.4, 0.0, 0.2], **{name: values})
-    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
+    now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), rows)
     for _ in range(1 + round(100 * seconds)):
         asked = odometer.with_position_feedback(now, p.position_gain).command
     if then is None:
@@ -62,7 +62,7 @@ def test_a_new_command_forgives() -> None:
 def test_feet_are_lifted_higher_by_how_far_the_footprints_are_off_their_plane() -> None:
     policy = MpcWbc(replace(P, roughness_gain=4.0))
     policy.reset(num_envs=2)
-    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
+    now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     policy.terrain_estimator.footprints = now.bodies.feet.T.copy()
     policy.terrain_estimator.footprints[2, :, 0] += [0.01, -0.01, -0.01, 0.01]
     for _ in range(1000):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from policies.mpc.motion import MotionState, motion
+from policies.mpc.motion import MotionState, compute_motion_state
 from policies.mpc.observer import DelayCompensator
 from policies.mpc.servo_step import compute_response
 from quad_env.physics.dynamics import Dynamics
@@ -18,7 +18,7 @@ def moving(count: int = 1) -> MotionState:
     """Robots whose legs and trunks move fast."""
     speeds = np.random.default_rng(2).normal(0.0, 3.0, 12)
     rows = reading(count, angular_velocity=(1.0, -2.0, 1.5), joint_velocity=speeds)
-    return motion(SIMPLE_QUAD, DYNAMICS, rows)
+    return compute_motion_state(SIMPLE_QUAD, DYNAMICS, rows)
 
 
 def test_feet_on_the_ground_rest_at_the_end_of_the_period() -> None:

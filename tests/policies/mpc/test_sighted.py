@@ -8,7 +8,7 @@ from evaluate.measures.metrics import measure
 from evaluate.records.provenance import policy_digest
 from evaluate.rollouts import rollout
 from policies.mpc.footing import TerrainPlane
-from policies.mpc.motion import motion
+from policies.mpc.motion import compute_motion_state
 from policies.mpc.policy import MpcWbc
 from policies.mpc.sighted import (
     PLANE_FIT_HALF_SIZE,
@@ -17,8 +17,8 @@ from policies.mpc.sighted import (
     SightedMpcWbc,
     SwingProfile,
     denoise_terrain,
-    mean_plane,
-    seen_ground,
+    plane_fit_weights,
+    make_scanned_terrain,
 )
 from quad_env import OBSERVATION_SIZE, HeightScan
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
@@ -42,7 +42,7 @@ def test_between_points_of_a_plane_it_is_that_plane() -> None:
     x, y = SMALL.points.T
     shown = np.stack((-0.3 + 0.4 * x, -0.4 - 0.5 * y)) - 0.02
     there = places(2)
-    seen = seen_ground(SMALL, shown, TWO, 0.02).at(there)
+    seen = make_scanned_terrain(SMALL, shown, TWO, 0.02).at(there)
     by_hand = (-0.3 + 0.4 * there[0, :, 0], -0.4 - 0.5 * there[1, :, 1])
     np.testing.assert_allclose(seen, by_hand, atol=1e-12)
 
@@ -51,10 +51,10 @@ def test_what_it_does_not_see_is_the_footprints_plane() -> None:
     shown = np.full((2, len(SMALL.points)), UNSEEN)
     there = places(2)
     np.testing.assert_allclose(
-        seen_ground(SMALL, shown, TWO, 0.02).at(there), TWO.at(there[..., 0], there[..., 1]), atol=1e-12
+        make_scanned_terrain(SMALL, shown, TWO, 0.02).at(there), TWO.at(there[..., 0], there[..., 1]), atol=1e-12
     )
     shown[:, 1:] = -0.1
-    seen = seen_ground(SMALL, shown, TWO, 0.02).heights.reshape(2, -1)
+    seen = make_scanned_terrain(SMALL, shown, TWO, 0.02).heights.reshape(2, -1)
     np.testing.assert_allclose(seen[:, 1:], -0.08)
     x, y = SMALL.points[0]
     np.testing.assert_allclose(seen[:, 0], TWO.at(np.full((2, 1), x), np.full((2, 1), y))[:, 0], atol=1e-12)
@@ -73,7 +73,7 @@ def test_noise_draws_what_is_seen_to_the_footprints_plane() -> None:
     steps = np.where(SMALL.points[:, 0] > 0.0, 0.1, -0.1)
     rng, flat = np.random.default_rng(0), TerrainPlane(*np.zeros((3, 2)))
     shown = np.stack((steps, steps + 0.1 * rng.choice((-1.0, 1.0), len(steps))))
-    seen = seen_ground(SMALL, shown, flat, 0.0)
+    seen = make_scanned_terrain(SMALL, shown, flat, 0.0)
     found, kept = denoise_terrain(seen, flat, np.array([0.0, 0.01]))
     np.testing.assert_array_equal(found.heights[0], seen.heights[0])
     share = 1.0 - 0.01 / np.square(shown[1]).mean()
@@ -86,8 +86,8 @@ def test_the_trunk_levels_with_the_plane_under_the_legs_whatever_stands_beyond()
     x, y = np.moveaxis(SCAN.grid, -1, 0)
     length, width = PLANE_FIT_HALF_SIZE
     ground = np.where((np.abs(x) < length + 0.01) & (np.abs(y) < width + 0.01), -0.4 + 0.3 * x - 0.2 * y, 5.0)
-    np.testing.assert_allclose(np.einsum("cij,ij->c", mean_plane(SCAN), ground), [-0.4, 0.3, -0.2], atol=1e-9)
-    lame = mean_plane(HeightScan(ahead=1, behind=0, aside=0))
+    np.testing.assert_allclose(np.einsum("cij,ij->c", plane_fit_weights(SCAN), ground), [-0.4, 0.3, -0.2], atol=1e-9)
+    lame = plane_fit_weights(HeightScan(ahead=1, behind=0, aside=0))
     np.testing.assert_allclose(np.einsum("cij,ij->c", lame, np.full((2, 1), -0.4)), [-0.4, 0.0, 0.0], atol=0.05)
 
 
@@ -155,7 +155,7 @@ def shown(height: float, forward: float, lateral: float) -> np.ndarray:
 def test_a_new_robot_believes_the_ground_that_it_sees_at_once_and_another_one_by_and_by() -> None:
     """After 10 ms 1 / 11 of the change, of a time constant of 0.1 s; slopes up to 0.6."""
     policy = looking(shown(-0.35, 0.2, -0.1))
-    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
+    now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     np.testing.assert_allclose(np.array(policy._ground(now, STANDS))[:, 0], [-0.35, 0.2, -0.1], atol=1e-9)
     policy._is_first_step[:] = False, True
     policy._trunk_heights = shown(-0.46, 0.75, -0.65)
@@ -169,7 +169,7 @@ def test_one_point_too_deep_to_see_makes_no_robot_blind_and_none_that_is_seen_do
     heights[0, 3], heights[1] = UNSEEN, UNSEEN
     policy = looking(heights)
     policy._is_first_step[1] = False
-    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
+    now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     ground = policy._ground(now, STANDS)
     assert policy._scan_weight[:, 0].tolist() == [1.0, 0.0]
     np.testing.assert_allclose(np.array(ground)[:, 1], [now.bodies.feet[1, :, 2].mean(), 0.0, 0.0], atol=1e-9)
@@ -180,7 +180,7 @@ def test_forces_are_planned_for_feet_that_stand_at_their_heights_and_for_those_t
     """The first foot stands all along, the second until it is lifted, then on the ground at its foothold; a step of
     0.1 m is 0.25 m ahead."""
     policy = looking(shown(-0.35, 0.2, -0.1) + 0.1 * (SMALL.points[:, 0] > 0.25))
-    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
+    now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     ground = policy._ground(now, STANDS)
     stands = np.array([[[1, 1, 0, 1], [1, 0, 0, 1], [1, 1, 1, 1]]] * 2, np.bool_)
     aim = np.tile([[0.3, 0.2], [0.3, -0.2], [-0.1, 0.2], [-0.1, -0.2]], (2, 1, 1))

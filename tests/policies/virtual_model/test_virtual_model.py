@@ -9,7 +9,7 @@ import pytest
 import policies
 from policies.mpc.footing import TerrainPlane
 from policies.mpc.model_based import ContactPlan, ControlState
-from policies.mpc.motion import MotionState, motion
+from policies.mpc.motion import MotionState, compute_motion_state
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.forces import distribute_wrench, virtual_acceleration
 from policies.virtual_model.parameters import FASTEST, VirtualParameters, searched_parameters
@@ -26,7 +26,7 @@ ALL = np.ones((1, 4), np.bool_)
 
 
 def standing(**readings):
-    return motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1, **readings))
+    return compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(1, **readings))
 
 
 def pull(now, height=0.45, forward=0.0, lateral=0.0):
@@ -159,7 +159,7 @@ def test_forces_are_the_smallest_that_come_nearest_to_the_weighted_accelerations
 
 
 def test_each_robot_s_feet_are_held_to_its_own_friction_and_its_largest_force() -> None:
-    now = motion(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
+    now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     friction = Friction(np.array([0.6, 0.1]), np.array([30.0, 500.0]))
     wanted = np.tile([4.0, 0.0, 5.0, 0.0, 0.0, 0.0], (2, 1))
     found = distribute_wrench(P, now, wanted, np.ones((2, 4), np.bool_), friction)
