@@ -27,8 +27,8 @@ from policies.mpc.footing import (
     Terrain,
     TerrainEstimator,
     TerrainPlane,
-    plan_footholds,
     ground_velocity,
+    plan_footholds,
     point_velocity,
     swing_trajectory,
 )

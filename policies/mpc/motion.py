@@ -1,4 +1,4 @@
-"""What a robot is doing now, from its observation, with the dynamics of its bodies there and of the load it carries."""
+"""Motion state of the robots from their observations, position feedback, and the load on the trunk."""
 
 from typing import Any, NamedTuple, TypeVar
 
@@ -17,138 +17,198 @@ from quad_env.robots.robot import Robot
 
 P = TypeVar("P", bound=Any)
 
-LARGEST_LOAD = 40.0
-"""Largest load that is believed, kg."""
-LOAD_REACH = 0.25
-"""Farthest from the trunk's centre, forward or lateral, that a load is taken to be, m."""
-LEAST_LOAD = 0.5
-"""kg from which a load is believed to be one; less is what the model is wrong by."""
+MAX_LOAD = 40.0
+"""Largest believed load, kg."""
+MAX_LOAD_OFFSET = 0.25
+"""Largest forward or lateral distance of a load from the trunk centre, m."""
+MIN_LOAD = 0.5
+"""kg. A smaller load counts as an error of the model."""
 
 
 class MotionState(NamedTuple):
-    """Motion of n robots, in the level frame at the trunk's centre with x ahead."""
+    """Motion, command and dynamics of n robots; made by `compute_motion_state`.
+
+    The level frame has its origin at the trunk centre, z up and x ahead.
+    """
 
     tilt: Floats
     """Roll and pitch, (n, 2), rad."""
     rotation: Floats
     """From the base to the level frame, (n, 3, 3)."""
     velocity: Floats
-    """Of the trunk's centre, (n, 3), m/s."""
+    """Of the trunk centre, level frame, (n, 3), m/s."""
     angular_velocity: Floats
-    """Angular velocity, (n, 3), rad/s."""
+    """Of the trunk, level frame, (n, 3), rad/s."""
     generalised_velocity: Floats
-    """Generalised velocity, (n, 18), as `quad_env.physics.dynamics` has it."""
+    """As in `quad_env.physics.dynamics`: velocity, level frame, angular velocity, base frame, joint speeds, (n, 18)."""
     joint_position: Floats
-    """Of the joints, (n, 12), rad."""
+    """(n, 12), rad."""
     targets: Floats
-    """Joint targets of the control period that has passed, (n, 12), rad."""
+    """Joint targets of the last control period, (n, 12), rad."""
     command: Floats
-    """(n, 3), m/s, m/s and rad/s."""
+    """Forward and lateral velocity, m/s, and yaw rate, rad/s, (n, 3)."""
     bodies: DynamicsTerms
+    """Dynamics at this state."""
     foot_velocity: Floats
-    """(n, 4, 3), m/s."""
+    """Level frame, (n, 4, 3), m/s."""
 
 
 def compute_motion_state(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | Floats) -> MotionState:
-    """Motion of observations (n, k)."""
+    """Compute the motion state of observations.
+
+    Args:
+        robot: Robot of the observations.
+        dynamics: Its dynamics.
+        observation: (n, k).
+
+    Returns:
+        State of n robots.
+    """
     rows = observation.astype(np.float64)
     frame = level_frame(rows[:, OBSERVATION["projected_gravity"]].T)
     tilt = np.array((frame.roll, frame.pitch))
-    orientation, rotation = _attitude(tilt)
-    turning = rows[:, OBSERVATION["angular_velocity"]]
+    quaternion, rotation = _attitude(tilt)
+    angular_velocity_base = rows[:, OBSERVATION["angular_velocity"]]
     velocity = np.matmul(rotation, rows[:, OBSERVATION["linear_velocity"], None])[..., 0]
-    angles = rows[:, OBSERVATION["joint_position"]] + robot.home_pose
-    speeds = rows[:, OBSERVATION["joint_velocity"]]
-    generalised = np.concatenate((velocity, turning, speeds), axis=1)
-    bodies = dynamics.compute(orientation, velocity, turning, angles, speeds)
+    joint_position = rows[:, OBSERVATION["joint_position"]] + robot.home_pose
+    joint_speed = rows[:, OBSERVATION["joint_velocity"]]
+    generalised_velocity = np.concatenate((velocity, angular_velocity_base, joint_speed), axis=1)
+    bodies = dynamics.compute(quaternion, velocity, angular_velocity_base, joint_position, joint_speed)
     return MotionState(
         tilt=tilt.T,
         rotation=rotation,
         velocity=velocity,
-        angular_velocity=np.matmul(rotation, turning[..., None])[..., 0],
-        generalised_velocity=generalised,
-        joint_position=angles,
+        angular_velocity=np.matmul(rotation, angular_velocity_base[..., None])[..., 0],
+        generalised_velocity=generalised_velocity,
+        joint_position=joint_position,
         targets=rows[:, OBSERVATION["previous_action"]] + robot.home_pose,
         command=rows[:, OBSERVATION["command"]],
         bodies=bodies,
-        foot_velocity=np.matmul(bodies.jacobians, generalised[:, None, :, None])[..., 0],
+        foot_velocity=np.matmul(bodies.jacobians, generalised_velocity[:, None, :, None])[..., 0],
     )
 
 
-def select_robots(whole: P, rows: EnvIndices) -> P:
-    """The parts of a motion of those rows."""
-    if isinstance(whole, tuple):
-        return type(whole)(*(select_robots(each, rows) for each in whole))
-    found: P = whole[rows]
-    return found
+def select_robots(state: P, robots: EnvIndices) -> P:
+    """Return the entries of `robots`, (g,) indices or mask, of every array in a nested tuple `state`."""
+    if isinstance(state, tuple):
+        return type(state)(*(select_robots(part, robots) for part in state))
+    selected: P = state[robots]
+    return selected
 
 
-def replace_robots(whole: P, rows: EnvIndices, part: P) -> P:
-    """The parts of a motion with those rows, (g,), of another's."""
-    if isinstance(whole, tuple):
-        return type(whole)(*(replace_robots(old, rows, new) for old, new in zip(whole, part, strict=True)))
-    out: P = whole.copy()
-    out[rows] = part
-    return out
+def replace_robots(state: P, robots: EnvIndices, replacement: P) -> P:
+    """Return a nested tuple of arrays in which some robots are replaced.
+
+    Args:
+        state: Nested tuple of arrays of n robots.
+        robots: Their indices, (g,).
+        replacement: The same tuple of g robots.
+
+    Returns:
+        Copy of `state` with the entries of `replacement`.
+    """
+    if isinstance(state, tuple):
+        pairs = zip(state, replacement, strict=True)
+        return type(state)(*(replace_robots(old, robots, new) for old, new in pairs))
+    replaced: P = state.copy()
+    replaced[robots] = replacement
+    return replaced
 
 
 def _attitude(tilt: Floats) -> tuple[Floats, Floats]:
-    """Quaternion (w, x, y, z), (n, 4), and rotation matrix, (n, 3, 3), from the base to the level frame, of roll and
-    pitch, (2, n): a turn by roll about x, then by pitch about y."""
-    (cr, cp), (sr, sp) = np.cos(0.5 * tilt), np.sin(0.5 * tilt)
-    quaternion = np.array((cp * cr, cp * sr, sp * cr, -sp * sr)).T
-    (cr, cp), (sr, sp) = np.cos(tilt), np.sin(tilt)
-    # In one layout for any number of robots: the last bits of a product depend on it.
+    """Convert roll and pitch, (2, n), rad, to the rotation from the base to the level frame.
+
+    It is a rotation by roll about x, then by pitch about y.
+
+    Returns:
+        quaternion: (w, x, y, z), (n, 4).
+        rotation: (n, 3, 3).
+    """
+    cos_half_roll, cos_half_pitch = np.cos(0.5 * tilt)
+    sin_half_roll, sin_half_pitch = np.sin(0.5 * tilt)
+    quaternion = np.array(
+        (
+            cos_half_pitch * cos_half_roll,
+            cos_half_pitch * sin_half_roll,
+            sin_half_pitch * cos_half_roll,
+            -sin_half_pitch * sin_half_roll,
+        )
+    ).T
+    cos_roll, cos_pitch = np.cos(tilt)
+    sin_roll, sin_pitch = np.sin(tilt)
+    # One memory layout for any number of robots: the last bits of a product depend on it.
     rotation = np.zeros((tilt.shape[1], 3, 3))
-    rotation[:, 0] = np.array((cp, sp * sr, sp * cr)).T
-    rotation[:, 1, 1], rotation[:, 1, 2] = cr, -sr
-    rotation[:, 2] = np.array((-sp, cp * sr, cp * cr)).T
+    rotation[:, 0] = np.array((cos_pitch, sin_pitch * sin_roll, sin_pitch * cos_roll)).T
+    rotation[:, 1, 1] = cos_roll
+    rotation[:, 1, 2] = -sin_roll
+    rotation[:, 2] = np.array((-sin_pitch, cos_pitch * sin_roll, cos_pitch * cos_roll)).T
     return quaternion, rotation
 
 
 class PositionErrorIntegrator(PerRobotState):
-    """How far n robots are behind their commands since these were given: the integral of the velocity error, in the
-    heading frame, as the position set point of convex MPC on robots; see `ConvexMPCLocomotion` of MIT's
-    Cheetah-Software.
+    """Integrates the velocity error in the heading frame into a position error.
+
+    It plays the part of the position set point of convex MPC on robots, as `ConvexMPCLocomotion` in MIT's
+    Cheetah-Software has it. A new command starts the integral again.
 
     Args:
-        farthest: distance, m, and angle, rad, that is counted at most.
-        period: of control, s.
-        fastest: speed that is asked for at most to catch up, m/s; a faster command keeps its own.
+        max_error: Largest position error, m, and yaw error, rad.
+        period: Control period, s.
+        max_return_speed: Largest speed that the corrected command asks for, m/s; a faster command keeps its own.
     """
 
     position_error: Floats = per_robot(np.zeros(3))
-    """Forward, lateral, m, and yaw, rad, (n, 3)."""
+    """Forward and lateral, m, and yaw, rad, (n, 3)."""
     _command: Floats = per_robot(np.zeros(3))
+    """Last command, (n, 3)."""
 
-    def __init__(self, farthest: float, period: float, fastest: float = np.inf) -> None:
-        self._farthest, self._period, self._fastest = farthest, period, fastest
+    def __init__(self, max_error: float, period: float, max_return_speed: float = np.inf) -> None:
+        self._max_error = max_error
+        self._period = period
+        self._max_return_speed = max_return_speed
         super().__init__()
 
-    def with_position_feedback(self, now: MotionState, gain: float) -> MotionState:
-        """The motion with a command that also makes up for the way lost; `gain`: velocity per distance, 1/s."""
-        velocity = np.concatenate((now.velocity[:, :2], now.angular_velocity[:, 2:]), axis=1)
-        position_error = self.position_error + self._period * (now.command - velocity)
-        same = (now.command == self._command).all(axis=1, keepdims=True)
-        self.position_error = np.where(same, position_error.clip(-self._farthest, self._farthest), 0.0)
-        self._command = now.command
-        wished = now.command + gain * self.position_error
-        speed, own = (np.hypot(each[:, 0], each[:, 1]) for each in (wished, now.command))
-        wished[:, :2] *= np.minimum(1.0, np.maximum(own, self._fastest) / np.maximum(speed, 1e-9))[:, None]
-        return now._replace(command=wished)
+    def with_position_feedback(self, state: MotionState, gain: float) -> MotionState:
+        """Return the state with a command that also corrects the position error.
+
+        Args:
+            state: State of n robots.
+            gain: Velocity per position error, 1/s.
+
+        Returns:
+            The state with another command.
+        """
+        velocity = np.concatenate((state.velocity[:, :2], state.angular_velocity[:, 2:]), axis=1)
+        position_error = self.position_error + self._period * (state.command - velocity)
+        is_same_command = (state.command == self._command).all(axis=1, keepdims=True)
+        bounded_error = position_error.clip(-self._max_error, self._max_error)
+        self.position_error = np.where(is_same_command, bounded_error, 0.0)
+        self._command = state.command
+        command = state.command + gain * self.position_error
+        speed = np.hypot(command[:, 0], command[:, 1])
+        commanded_speed = np.hypot(state.command[:, 0], state.command[:, 1])
+        max_speed = np.maximum(commanded_speed, self._max_return_speed)
+        command[:, :2] *= np.minimum(1.0, max_speed / np.maximum(speed, 1e-9))[:, None]
+        return state._replace(command=command)
 
 
 class PointLoad(NamedTuple):
-    """Loads of n robots, each a point of mass fixed to the trunk."""
+    """Loads of n robots, each a point mass fixed to the trunk."""
 
     mass: Floats
     """(n,), kg."""
     position: Floats
-    """From the trunk's centre, base frame, (n, 3), m."""
+    """From the trunk centre, base frame, (n, 3), m."""
 
     def gravity_wrench(self, rotation: Floats) -> Floats:
-        """Its weight as a wrench, (n, 6): force in the level frame, N, moment about the trunk's centre in the base
-        frame, N·m. `rotation`: from the base to the level frame, (n, 3, 3)."""
+        """Return the weight as a wrench on the trunk.
+
+        Args:
+            rotation: From the base to the level frame, (n, 3, 3).
+
+        Returns:
+            Force in the level frame, N, and moment about the trunk centre in the base frame, N·m, (n, 6).
+        """
         if not self.mass.any():
             return np.zeros((len(self.mass), 6))
         force = np.zeros_like(self.position)
@@ -158,41 +218,73 @@ class PointLoad(NamedTuple):
 
 
 def estimate_load(wrench: Floats, height: float) -> PointLoad:
-    """The load whose weight is the downward force of a lasting wrench, (n, 6), `height` m above the trunk's centre."""
-    mass = (-wrench[:, 2] / GRAVITY).clip(0.0, LARGEST_LOAD)
-    mass = np.where(mass < LEAST_LOAD, 0.0, mass)
-    weight, place = GRAVITY * np.maximum(mass, LEAST_LOAD), np.full((len(mass), 3), height)
-    place[:, 0], place[:, 1] = wrench[:, 4] / weight, -wrench[:, 3] / weight
-    place[:, :2] = place[:, :2].clip(-LOAD_REACH, LOAD_REACH)
-    return PointLoad(mass, place)
+    """Estimate the load whose weight is the downward force of a lasting wrench.
+
+    Args:
+        wrench: On the trunk, (n, 6), N and N·m.
+        height: Of the load above the trunk centre, m.
+
+    Returns:
+        Loads of n robots; their horizontal positions follow from the moments.
+    """
+    mass = (-wrench[:, 2] / GRAVITY).clip(0.0, MAX_LOAD)
+    mass = np.where(mass < MIN_LOAD, 0.0, mass)
+    weight = GRAVITY * np.maximum(mass, MIN_LOAD)
+    position = np.full((len(mass), 3), height)
+    position[:, 0] = wrench[:, 4] / weight
+    position[:, 1] = -wrench[:, 3] / weight
+    position[:, :2] = position[:, :2].clip(-MAX_LOAD_OFFSET, MAX_LOAD_OFFSET)
+    return PointLoad(mass, position)
 
 
 def add_load(motion: MotionState, load: PointLoad) -> MotionState:
-    """The same motion of robots whose bodies have these loads.
+    """Add the loads to the dynamics of the robots.
 
-    A load is a point fixed to the trunk: with J its Jacobian and a its acceleration at zero generalised acceleration,
-    the inertia matrix gains m Jᵀ J and the bias m Jᵀ (a + g).
+    With the Jacobian J of the load and its acceleration a at zero generalised acceleration, the inertia matrix gains
+    m Jᵀ J and the bias force m Jᵀ (a + g).
+
+    Args:
+        motion: State of n robots.
+        load: Their loads.
+
+    Returns:
+        The state with other dynamics; `motion` itself if no robot has a load.
     """
     if not load.mass.any():
         return motion
-    bodies, rotation, generalised = motion.bodies, motion.rotation, motion.generalised_velocity
-    turning, mass, added = generalised[:, 3:6], bodies.mass[:, None], load.mass[:, None]
-    arm = np.einsum("nij,nj->ni", rotation, load.position)
-    drift = np.einsum("nij,nj->ni", rotation, cross(turning, cross(turning, load.position)))
-    jacobian = np.zeros((len(arm), 3, generalised.shape[1]))
-    jacobian[:, :, :3] = np.eye(3)
-    jacobian[:, :, 3:6] = -rotation @ skew(load.position)
-    velocity = np.einsum("nxk,nk->nx", jacobian, generalised)
-    held = drift + np.array([0.0, 0.0, GRAVITY])
-    share = added / (mass + added)
-    apart = skew(arm - bodies.com_position)
-    reduced = (share * mass)[..., None]
+    bodies = motion.bodies
+    added_mass = load.mass[:, None]
+    arm = np.einsum("nij,nj->ni", motion.rotation, load.position)
+    jacobian = _load_jacobian(motion, load)
+    acceleration = _load_bias_acceleration(motion, load) + np.array([0.0, 0.0, GRAVITY])
+    velocity = np.einsum("nxk,nk->nx", jacobian, motion.generalised_velocity)
+    mass = bodies.mass[:, None]
+    mass_fraction = added_mass / (mass + added_mass)
+    com_to_load = skew(arm - bodies.com_position)
+    reduced_mass = (mass_fraction * mass)[..., None]
     loaded_bodies = bodies._replace(
         mass=bodies.mass + load.mass,
-        inertia=bodies.inertia + added[..., None] * np.einsum("nxi,nxj->nij", jacobian, jacobian),
-        bias_force=bodies.bias_force + added * np.einsum("nxk,nx->nk", jacobian, held),
-        com_position=bodies.com_position + share * (arm - bodies.com_position),
-        com_velocity=bodies.com_velocity + share * (velocity - bodies.com_velocity),
-        rotational_inertia=bodies.rotational_inertia - reduced * (apart @ apart),
+        inertia=bodies.inertia + added_mass[..., None] * np.einsum("nxi,nxj->nij", jacobian, jacobian),
+        bias_force=bodies.bias_force + added_mass * np.einsum("nxk,nx->nk", jacobian, acceleration),
+        com_position=bodies.com_position + mass_fraction * (arm - bodies.com_position),
+        com_velocity=bodies.com_velocity + mass_fraction * (velocity - bodies.com_velocity),
+        rotational_inertia=bodies.rotational_inertia - reduced_mass * (com_to_load @ com_to_load),
     )
     return motion._replace(bodies=loaded_bodies)
+
+
+def _load_jacobian(motion: MotionState, load: PointLoad) -> Floats:
+    """Return the Jacobian of the load position, level frame, (n, 3, 18)."""
+    count, size = motion.generalised_velocity.shape
+    jacobian = np.zeros((count, 3, size))
+    jacobian[:, :, :3] = np.eye(3)
+    jacobian[:, :, 3:6] = -motion.rotation @ skew(load.position)
+    return jacobian
+
+
+def _load_bias_acceleration(motion: MotionState, load: PointLoad) -> Floats:
+    """Return the centripetal acceleration of the load, level frame, (n, 3), m/s²."""
+    angular_velocity_base = motion.generalised_velocity[:, 3:6]
+    centripetal = cross(angular_velocity_base, cross(angular_velocity_base, load.position))
+    acceleration: Floats = np.einsum("nij,nj->ni", motion.rotation, centripetal)
+    return acceleration

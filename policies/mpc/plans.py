@@ -1,7 +1,7 @@
-"""Plans in force: forces of the feet over the horizon, each as old as the time since it was found.
+"""Force plans of the robots: contact forces over the horizon, and their age.
 
-A plan that is not renewed goes on where it was left: at its age. It says which feet were to stand then; where others
-do, those share the wrench that the planned forces have about the centre of mass.
+A plan that is not renewed is followed at its age. It stores its stance feet; where other feet are in stance, these
+share the wrench that the planned forces have about the centre of mass.
 """
 
 import numpy as np
@@ -13,54 +13,82 @@ from quad_env.columns import EnvIndices, EnvSelection, Mask
 from quad_env.physics.rotations import cross, skew
 
 _DAMPING = 1e-4
-"""Added to the squared arms, m², and to the number of feet: two feet bear no moment about their line."""
-_TICK = 1e-6
+"""Added to the squared moment arms, m², and to the number of feet: two feet bear no moment about their line."""
+_CLOCK_ROUNDING = 1e-6
 """Rounding of a clock, s."""
 
 
 class ForcePlans(PerRobotState):
-    """Plans of n robots for N steps of `period` s; at first every foot bears a quarter of `weight`, N, for ever."""
+    """Force plans of n robots for N steps; initially every foot bears a quarter of the weight, and each plan is due.
+
+    Args:
+        steps: N.
+        period: Duration of a step, s.
+        weight: Of the robot, N.
+    """
 
     forces: Floats = per_robot()
-    """Level frame, N."""
+    """Planned contact forces, level frame, (n, N, 4, 3), N."""
     age: Floats = per_robot(np.inf)
-    """Time since the forces were found, (n,), s."""
+    """Time since the forces were planned, (n,), s."""
     _stance: Mask = per_robot()
+    """Stance feet of the plan, (n, N, 4)."""
     _moment_arms: Floats = per_robot()
+    """Planned vectors from the centre of mass to the feet, (n, N, 4, 3), m."""
 
     def __init__(self, steps: int, period: float, weight: float) -> None:
         self._steps = steps
         self._period = period
         super().__init__(
             forces=np.tile([0.0, 0.0, 0.25 * weight], (steps, 4, 1)),
-            _stands=np.ones((steps, 4), np.bool_),
-            _arms=np.zeros((steps, 4, 3)),
+            _stance=np.ones((steps, 4), np.bool_),
+            _moment_arms=np.zeros((steps, 4, 3)),
         )
 
     def advance(self, time: float) -> None:
-        """So many s have passed."""
+        """Advance the age of the plans by `time`, s."""
         self.age += time
 
     def due(self, stance: Mask, interval: float) -> Mask:
-        """Which robots need another plan, (n,): after `interval` s, or where other feet stand than was planned."""
-        if (old := self.age > interval - _TICK).all():
-            return old
-        others: Mask = (self._stance[self._robots, self._step] != stance).any(axis=1)
-        return others | old
+        """Return the robots that need a new plan, (n,).
 
-    def renew(self, robots: EnvSelection, forces: Floats, stands: Mask, arms: Floats) -> None:
-        """Plans from now on of g robots: forces (g, N, 4, 3), which feet stand, (g, N, 4), and the feet from the centre
-        of mass, (g, N, 4, 3), m."""
-        self.forces[robots], self._stance[robots], self._moment_arms[robots], self.age[robots] = (
-            forces,
-            stands,
-            arms,
-            0.0,
-        )
+        Args:
+            stance: Present stance feet, (n, 4): a plan with other ones is due.
+            interval: Age from which a plan is due, s.
+        """
+        is_old = self.age > interval - _CLOCK_ROUNDING
+        if is_old.all():
+            return is_old
+        has_other_stance: Mask = (self._stance[self._robots, self._step] != stance).any(axis=1)
+        return has_other_stance | is_old
+
+    def renew(self, robots: EnvSelection, forces: Floats, stance: Mask, arms: Floats) -> None:
+        """Set the plans of g robots from now on.
+
+        Args:
+            robots: Their indices, (g,).
+            forces: Level frame, (g, N, 4, 3), N.
+            stance: Stance feet, (g, N, 4).
+            arms: Vectors from the centre of mass to the feet, level frame, (g, N, 4, 3), m.
+        """
+        self.forces[robots] = forces
+        self._stance[robots] = stance
+        self._moment_arms[robots] = arms
+        self.age[robots] = 0.0
 
     def present_forces(self, stance: Mask, arms: Floats, friction: Friction) -> Floats:
-        """Forces of the feet now, (n, 4, 3), N. `arms`: of the feet from the centre of mass, (n, 4, 3), m."""
-        robots, step = self._robots, self._step
+        """Return the contact forces of the present step of each plan.
+
+        Args:
+            stance: Present stance feet, (n, 4).
+            arms: Present vectors from the centre of mass to the feet, level frame, (n, 4, 3), m.
+            friction: Bounds, used where other feet are in stance than planned.
+
+        Returns:
+            Level frame, (n, 4, 3), N.
+        """
+        robots = self._robots
+        step = self._step
         forces: Floats = self.forces[robots, step]
         as_planned = (self._stance[robots, step] == stance).all(axis=1)
         if as_planned.all():
@@ -71,32 +99,51 @@ class ForcePlans(PerRobotState):
 
     @property
     def _robots(self) -> EnvIndices:
+        """Indices of all robots, (n,)."""
         return np.arange(len(self.age))
 
     @property
     def _step(self) -> EnvIndices:
-        """Step of its plan that each robot is in, the last one afterwards, (n,)."""
-        return np.minimum((self.age + _TICK) / self._period, self._steps - 1).astype(np.intp)
+        """Present step of each plan, the last one after the horizon, (n,)."""
+        return np.minimum((self.age + _CLOCK_ROUNDING) / self._period, self._steps - 1).astype(np.intp)
 
 
 def distribute_wrench(wrench: Floats, stance: Mask, arms: Floats, friction: Friction) -> Floats:
-    """The smallest forces of the stance feet, (n, 4, 3), N, that together have that wrench about the centre of mass,
-    (n, 6), N and N·m, as near as may be; then drawn into the friction's bounds."""
+    """Distribute a wrench over the stance feet.
+
+    Args:
+        wrench: About the centre of mass, (n, 6), N and N·m.
+        stance: Stance feet, (n, 4).
+        arms: Vectors from the centre of mass to the feet, (n, 4, 3), m.
+        friction: Bounds of the forces.
+
+    Returns:
+        Minimum-norm contact forces clipped to the friction pyramid, (n, 4, 3), N. The clipped forces may not sum to
+        the wrench.
+    """
     effects = np.concatenate((np.broadcast_to(np.eye(3), (len(arms), 4, 3, 3)), skew(arms)), axis=2)
     forces = min_norm_forces(effects, wrench, stance, _DAMPING)
-    up = np.clip(forces[..., 2], 0.0, friction.max_normal_force[:, None])
-    across = friction.coefficient[:, None, None] * up[..., None]
-    drawn = np.concatenate((np.clip(forces[..., :2], -across, across), up[..., None]), axis=-1)
-    return np.where(stance[..., None], drawn, 0.0)
+    normal = np.clip(forces[..., 2], 0.0, friction.max_normal_force[:, None])
+    max_tangential = friction.coefficient[:, None, None] * normal[..., None]
+    tangential = np.clip(forces[..., :2], -max_tangential, max_tangential)
+    clipped = np.concatenate((tangential, normal[..., None]), axis=-1)
+    return np.where(stance[..., None], clipped, 0.0)
 
 
-def min_norm_forces(effects: Floats, wanted: Floats, stance: Mask, least: float) -> Floats:
-    """The smallest forces of the stance feet, (n, 4, 3), that together do what is wanted, (n, 6), as near as may be.
+def min_norm_forces(effects: Floats, wanted: Floats, stance: Mask, damping: float) -> Floats:
+    """Return the smallest forces of the stance feet with a wanted effect: f = Eᵀ (E Eᵀ + damping)⁻¹ wanted.
 
-    `effects`: of each force, (n, 4, 6, 3); `least`: added to their squares, for what the feet cannot do.
+    Args:
+        effects: Effect of each force, E, (n, 4, 6, 3).
+        wanted: Wanted effect, (n, 6).
+        stance: Stance feet, (n, 4).
+        damping: Regularisation for effects that the feet cannot have.
+
+    Returns:
+        Forces, (n, 4, 3).
     """
-    per_force = np.where(stance[..., None, None], effects, 0.0).transpose(0, 2, 1, 3).reshape(len(wanted), 6, 12)
-    square = np.matmul(per_force, per_force.transpose(0, 2, 1)) + least * np.eye(6)
-    share = np.linalg.solve(square, wanted[..., None])
-    forces: Floats = np.matmul(per_force.transpose(0, 2, 1), share).reshape(*stance.shape, 3)
+    matrix = np.where(stance[..., None, None], effects, 0.0).transpose(0, 2, 1, 3).reshape(len(wanted), 6, 12)
+    square = np.matmul(matrix, matrix.transpose(0, 2, 1)) + damping * np.eye(6)
+    multipliers = np.linalg.solve(square, wanted[..., None])
+    forces: Floats = np.matmul(matrix.transpose(0, 2, 1), multipliers).reshape(*stance.shape, 3)
     return forces

@@ -1,4 +1,4 @@
-"""Small dense quadratic programs of one shape: minimise ½ xᵀHx + gᵀx where lower ≤ Ax ≤ upper."""
+"""Small dense quadratic programs of one shape: minimise ½ xᵀHx + gᵀx subject to lower ≤ Ax ≤ upper."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -9,67 +9,71 @@ from numpy.typing import NDArray
 
 from policies.gait_cycle import Floats
 
-EQUALITY = 5
-"""How DAQP marks a row that holds with equality."""
-SOLVED = 1
-"""DAQP's answer where it has found the optimum."""
-LARGEST_VIOLATION = 1e-4
-"""Of a row by a solution, relative to the largest of the program's finite bounds or 1."""
-MOST_ITERATIONS = 300
-"""Of DAQP, ten times what a robot's programs take: one that needs more comes too late. Every machine counts alike."""
+DAQP_EQUALITY = 5
+"""DAQP's mark of an equality constraint."""
+DAQP_OPTIMAL = 1
+"""DAQP's exit flag of an optimum."""
+MAX_VIOLATION = 1e-4
+"""Largest violation of a constraint by a solution, relative to the largest finite bound of its program, or 1."""
+MAX_ITERATIONS = 300
+"""Of DAQP: ten times the iterations of a robot's programs, for a later solution comes too late. An iteration limit, no
+time limit, gives the same result on every machine."""
 
 
 class QpBatch(NamedTuple):
-    """g quadratic programs of k variables and m rows; the first `equalities` rows have lower = upper."""
+    """g quadratic programs of k variables and m constraints."""
 
     hessian: Floats
-    """(g, k, k), positive definite."""
+    """H, positive definite, (g, k, k)."""
     gradient: Floats
     """(g, k)."""
     constraint_matrix: Floats
-    """(g, m, k)."""
+    """A, (g, m, k)."""
     lower: Floats
     """(g, m)."""
     upper: Floats
     """(g, m)."""
     equalities: int = 0
+    """Number of equality constraints: the first ones, with lower = upper."""
 
 
 class Solutions(NamedTuple):
-    """What came of g programs."""
+    """Solutions of g quadratic programs."""
 
     x: Floats
-    """(g, k)."""
+    """Variables, (g, k)."""
     solved: NDArray[np.bool_]
-    """Whether the solver says so, and the value is finite and within all bounds; (g,)."""
+    """True where the solver reports an optimum, and it is finite and within all bounds, (g,)."""
 
 
 Solver = Callable[[QpBatch], Solutions]
 
 
 def solve(programs: QpBatch) -> Solutions:
-    """The minima, by DAQP's dual active-set method, program by program.
-
-    A program without an answer within `MOST_ITERATIONS` is not solved.
-    """
-    hessian, gradient, constraint_matrix, lower, upper = (np.ascontiguousarray(part) for part in programs[:5])
-    x, answers = np.empty_like(gradient), np.empty(len(gradient), np.int64)
+    """Solve the programs one by one with DAQP's dual active-set method, in at most `MAX_ITERATIONS` each."""
+    hessian = np.ascontiguousarray(programs.hessian)
+    gradient = np.ascontiguousarray(programs.gradient)
+    constraint_matrix = np.ascontiguousarray(programs.constraint_matrix)
+    lower = np.ascontiguousarray(programs.lower)
+    upper = np.ascontiguousarray(programs.upper)
+    x = np.empty_like(gradient)
+    exit_flags = np.empty(len(gradient), np.int64)
     sense = np.zeros(lower.shape[1], dtype=np.intc)
-    sense[: programs.equalities] = EQUALITY
+    sense[: programs.equalities] = DAQP_EQUALITY
     for i in range(len(gradient)):
-        x[i], _, answers[i], _ = daqp.solve(
-            hessian[i], gradient[i], constraint_matrix[i], upper[i], lower[i], sense.copy(), iter_limit=MOST_ITERATIONS
+        x[i], _, exit_flags[i], _ = daqp.solve(
+            hessian[i], gradient[i], constraint_matrix[i], upper[i], lower[i], sense.copy(), iter_limit=MAX_ITERATIONS
         )
-    return Solutions(x, (answers == SOLVED) & _within(programs, x))
+    return Solutions(x, (exit_flags == DAQP_OPTIMAL) & _is_feasible(programs, x))
 
 
-def _within(programs: QpBatch, value: Floats) -> NDArray[np.bool_]:
-    """Whether these values, (g, k), are within the bounds but for `LARGEST_VIOLATION`, and finite; (g,)."""
-    reached = np.matmul(programs.constraint_matrix, value[..., None])[..., 0]
-    beyond: Floats = np.maximum(reached - programs.upper, programs.lower - reached).max(axis=1, initial=0.0)
-    within = beyond < LARGEST_VIOLATION
-    if within.all():
-        return within
+def _is_feasible(programs: QpBatch, x: Floats) -> NDArray[np.bool_]:
+    """Return True where `x`, (g, k), is finite and violates no bound by more than `MAX_VIOLATION`, (g,)."""
+    values = np.matmul(programs.constraint_matrix, x[..., None])[..., 0]
+    violation: Floats = np.maximum(values - programs.upper, programs.lower - values).max(axis=1, initial=0.0)
+    is_small = violation < MAX_VIOLATION
+    if is_small.all():
+        return is_small
     bounds = np.concatenate((programs.lower, programs.upper), axis=1)
     largest: Floats = np.abs(np.where(np.isfinite(bounds), bounds, 0.0)).max(axis=1, initial=1.0)
-    return beyond < LARGEST_VIOLATION * largest
+    return violation < MAX_VIOLATION * largest

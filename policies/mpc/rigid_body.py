@@ -1,8 +1,8 @@
-"""The robot as one rigid body on its feet, predicted over a horizon, and the forces that move it best.
+"""Condensed MPC: the robot as a single rigid body, predicted over a horizon, and the optimal contact forces.
 
 Di Carlo et al., "Dynamic locomotion in the MIT Cheetah 3 through convex model-predictive control", IROS 2018, with the
-states eliminated: the variables are the forces of the feet that stand. In a level frame at the robot's heading, small
-tilts and a constant inertia make the prediction linear: with accelerations constant over each step of τ s,
+states eliminated: the variables are the forces of the stance feet. In a level frame at the heading of the robot, small
+tilts and a constant inertia make the prediction linear. With accelerations constant over each step of τ s,
 
     v_k = v_0 + τ Σ_{j<k} a_j        p_k = p_0 + kτ v_0 + τ² Σ_{j<k} (k - j - ½) a_j
 
@@ -24,17 +24,19 @@ from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 
 LEGS = 4
-_EYE = np.eye(3)
-_FALL = np.array([0.0, 0.0, 0.0, 0.0, 0.0, GRAVITY])
+"""Number of legs."""
 MAX_GROUP_SIZE = 32
-"""Robots whose programs are made at once: their matrices fit into a processor's cache."""
+"""Largest number of robots whose programs are assembled at once: their matrices fit into the cache of a processor."""
+_EYE = np.eye(3)
+_GRAVITY_ACCELERATION = np.array([0.0, 0.0, 0.0, 0.0, 0.0, GRAVITY])
+"""Downward acceleration of a falling body, rad/s² and m/s²."""
 
 
 class RigidBodyState(NamedTuple):
-    """Rigid bodies of n robots now, each in a level frame with its origin at the centre of mass, x ahead."""
+    """Single rigid bodies of n robots, each in a level frame with its origin at the centre of mass, x ahead."""
 
     pose: Floats
-    """Roll, pitch and yaw, rad, and the centre of mass, the origin being where it is to be, m; (n, 6)."""
+    """Roll, pitch and yaw, rad, and the centre of mass relative to its reference position, m; (n, 6)."""
     rate: Floats
     """Angular velocity, rad/s, and velocity, m/s, (n, 6)."""
     mass: Floats
@@ -42,143 +44,207 @@ class RigidBodyState(NamedTuple):
     inertia: Floats
     """About the centre of mass, (n, 3, 3), kg·m²."""
     acceleration: Floats
-    """What no foot explains: angular, rad/s², and linear, m/s², (n, 6)."""
+    """By the external wrench: angular, rad/s², and linear, m/s², (n, 6)."""
 
 
 class MpcWeights(NamedTuple):
-    """Of the squares in the cost, (6,) each, and of the squared forces."""
+    """Weights of the cost."""
 
     pose: Floats
+    """Of squared errors of the pose, (6,)."""
     rate: Floats
+    """Of squared errors of the rate, (6,)."""
     force: float
-    """Of the squared differences from forces that share the weight among the feet that stand: from none at all, and the
-    plan sinks towards its end."""
+    """Of squared differences from forces that distribute the weight evenly over the stance feet. With differences from
+    zero the planned body would sink towards the end of the horizon."""
 
 
 class MpcReference(NamedTuple):
-    """Where n bodies are to be after each step of the horizon, and how they are to move; (n, N or 1, 6)."""
+    """Reference of n bodies after each step of the horizon."""
 
     pose: Floats
+    """As in `RigidBodyState`, (n, N, 6)."""
     rate: Floats
+    """As in `RigidBodyState`, (n, N or 1, 6)."""
 
 
 class Friction(NamedTuple):
-    """Bounds of the force of a stance foot of each robot."""
+    """Bounds of the contact force of a stance foot, for each of n robots."""
 
     coefficient: Floats
-    """Largest horizontal force along each axis, per vertical; (n,)."""
+    """Largest horizontal force along each axis, per vertical force, (n,)."""
     max_normal_force: Floats
-    """Vertical, (n,), N."""
+    """Largest vertical force, (n,), N."""
 
     def select(self, robots: EnvSelection) -> "Friction":
-        """Those of some robots."""
+        """Return the bounds of `robots`."""
         return Friction(self.coefficient[robots], self.max_normal_force[robots])
 
 
 @dataclass(eq=False)
 class CondensedMpc:
-    """A prediction over `steps` steps of `period` s, and what its cost weighs; all else follows from these."""
+    """Prediction over a horizon and its cost; assembles the quadratic programs of the contact forces."""
 
     steps: int
+    """Number of steps, N."""
     period: float
+    """Duration of a step, s."""
     weights: MpcWeights
+    """Weights of the cost."""
 
     def __post_init__(self) -> None:
-        steps, period, weights = self.steps, self.period, self.weights
-        k, j = np.arange(1, steps + 1)[:, None], np.arange(steps)
-        before = j < k
-        self.velocity_response = np.where(before, period, 0.0)
+        k = np.arange(1, self.steps + 1)[:, None]
+        j = np.arange(self.steps)
+        is_before = j < k
+        self.velocity_response = np.where(is_before, self.period, 0.0)
         """Velocity after step k per acceleration in step j, (N, N), s."""
-        self.position_response = np.where(before, period**2 * (k - j - 0.5), 0.0)
+        self.position_response = np.where(is_before, self.period**2 * (k - j - 0.5), 0.0)
         """Position after step k per acceleration in step j, (N, N), s²."""
-        self.step_ends: Floats = period * np.arange(1.0, steps + 1.0)
+        self.step_ends: Floats = self.period * np.arange(1.0, self.steps + 1.0)
         """Ends of the steps, (N,), s."""
-        self.step_middles: Floats = self.step_ends - 0.5 * period
-        """Their middles, (N,), s."""
-        roots = [
-            self._root(position_response, velocity_response)
-            for position_response, velocity_response in zip(weights.pose, weights.rate, strict=True)
-        ]
-        self._roots = np.stack(roots, axis=1).transpose(2, 1, 0).copy()  # (step, axis, row of the root)
+        self.step_middles: Floats = self.step_ends - 0.5 * self.period
+        """Middles of the steps, (N,), s."""
+        axes = zip(self.weights.pose, self.weights.rate, strict=True)
+        roots = [self._cost_root(pose_weight, rate_weight) for pose_weight, rate_weight in axes]
+        self._roots = np.stack(roots, axis=1).transpose(2, 1, 0).copy()
+        """Square roots of the cost of the accelerations, (step, axis, row of the root)."""
 
-    def _root(self, place: float, rate: float) -> Floats:
-        """R with RᵀR the cost's matrix of the accelerations along one axis, (N, N)."""
-        stacked = np.concatenate((np.sqrt(place) * self.position_response, np.sqrt(rate) * self.velocity_response))
+    def _cost_root(self, pose_weight: float, rate_weight: float) -> Floats:
+        """Return R, with RᵀR the cost matrix of the accelerations along one axis, (N, N)."""
+        stacked = np.concatenate(
+            (np.sqrt(pose_weight) * self.position_response, np.sqrt(rate_weight) * self.velocity_response)
+        )
         return np.linalg.qr(stacked)[1]
 
     def free_response(self, body: RigidBodyState) -> MpcReference:
-        """Where the bodies go by themselves, gravity and what no foot explains included."""
-        acceleration, velocity_response, t = (
-            (body.acceleration - _FALL)[:, None],
-            body.rate[:, None],
-            self.step_ends[:, None],
-        )
-        return MpcReference(
-            body.pose[:, None] + t * velocity_response + 0.5 * t * t * acceleration,
-            velocity_response + t * acceleration,
-        )
+        """Predict the bodies without contact forces: gravity and the external wrench act on `body`."""
+        acceleration = (body.acceleration - _GRAVITY_ACCELERATION)[:, None]
+        rate = body.rate[:, None]
+        t = self.step_ends[:, None]
+        return MpcReference(body.pose[:, None] + t * rate + 0.5 * t * t * acceleration, rate + t * acceleration)
 
     def make_programs(
-        self, body: RigidBodyState, arms: Floats, stance: Mask, wanted: MpcReference, friction: Friction
+        self, body: RigidBodyState, arms: Floats, stance: Mask, reference: MpcReference, friction: Friction
     ) -> Iterator[tuple[EnvIndices, QpBatch]]:
-        """The forces' programs, those of one shape together, with the robots whose they are.
+        """Assemble the quadratic programs of the contact forces, in groups of one shape.
 
-        Variables are those of the feet that stand, (step, foot, axis) in order. `arms`: feet from the centre of mass in
-        each step, (n, N, 4, 3), m; `stance`: which of them stand, (n, N, 4).
+        The variables are the forces of the stance feet, in the order of (step, foot, axis).
+
+        Args:
+            body: Present state of n robots.
+            arms: Vectors from the centre of mass to the feet in each step, (n, N, 4, 3), m.
+            stance: Stance feet in each step, (n, N, 4).
+            reference: Reference of the bodies.
+            friction: Bounds of the forces.
+
+        Yields:
+            Indices of g robots, and their programs.
         """
-        weights, count = self.weights, len(arms)
-        # Angular and linear acceleration by each variable, (n, variable, 6).
-        moved: Floats = np.zeros((count, self.steps * LEGS, 3, 6))
-        turned = np.matmul(skew(-arms).reshape(count, -1, 3), np.linalg.inv(body.inertia))  # which is symmetric
-        moved[..., :3] = turned.reshape(count, -1, 3, 3)
-        moved[..., 3:] = _EYE / body.mass[:, None, None, None]
-        moved, free_response = moved.reshape(count, -1, 6), self.free_response(body)
-        pull = np.matmul(self.position_response.T, weights.pose * (free_response.pose - wanted.pose))
-        pull += np.matmul(self.velocity_response.T, weights.rate * (free_response.rate - wanted.rate))
-        gradient = np.matmul(moved.reshape(count, self.steps, 3 * LEGS, 6), pull[..., None]).reshape(count, -1)
-        coefficient = body.mass[:, None] * GRAVITY / np.maximum(stance.sum(axis=2), 1)
-        gradient.reshape(count, self.steps, LEGS, 3)[..., 2] -= weights.force * coefficient[..., None]
-        kept = stance.reshape(count, -1).repeat(3, axis=1)
+        count = len(arms)
+        accelerations = self._accelerations_by_force(body, arms)
+        gradient = self._gradient(body, stance, reference, accelerations)
+        is_variable = stance.reshape(count, -1).repeat(3, axis=1)
         for robots in group_by_stance_count(stance.sum(axis=(1, 2))):
-            chosen = np.nonzero(kept[robots])[1].reshape(len(robots), -1)
-            of_these = robots[:, None]
-            roots = self._roots[chosen // (3 * LEGS)] * moved[of_these, chosen][..., None]
-            roots = roots.reshape(*chosen.shape, 6 * self.steps)
-            hessian = np.matmul(roots, roots.transpose(0, 2, 1))
-            hessian.reshape(len(robots), -1)[:, :: chosen.shape[1] + 1] += weights.force  # on the diagonals
-            bounds = friction_constraints(chosen.shape[1] // 3, friction.select(robots))
-            yield robots, QpBatch(hessian, gradient[of_these, chosen], *bounds)
+            variables = np.nonzero(is_variable[robots])[1].reshape(len(robots), -1)
+            rows = robots[:, None]
+            hessian = self._hessian(accelerations[rows, variables], variables)
+            bounds = friction_constraints(variables.shape[1] // 3, friction.select(robots))
+            yield robots, QpBatch(hessian, gradient[rows, variables], *bounds)
+
+    def _accelerations_by_force(self, body: RigidBodyState, arms: Floats) -> Floats:
+        """Return the angular and linear acceleration per force of each foot in each step, (n, 12 N, 6)."""
+        count = len(arms)
+        accelerations: Floats = np.zeros((count, self.steps * LEGS, 3, 6))
+        angular = np.matmul(skew(-arms).reshape(count, -1, 3), np.linalg.inv(body.inertia))  # the inertia is symmetric
+        accelerations[..., :3] = angular.reshape(count, -1, 3, 3)
+        accelerations[..., 3:] = _EYE / body.mass[:, None, None, None]
+        return accelerations.reshape(count, -1, 6)
+
+    def _gradient(self, body: RigidBodyState, stance: Mask, reference: MpcReference, accelerations: Floats) -> Floats:
+        """Return the gradient of the cost at zero forces of all feet, (n, 12 N)."""
+        count = len(stance)
+        weights = self.weights
+        free = self.free_response(body)
+        pull = np.matmul(self.position_response.T, weights.pose * (free.pose - reference.pose))
+        pull += np.matmul(self.velocity_response.T, weights.rate * (free.rate - reference.rate))
+        by_step = accelerations.reshape(count, self.steps, 3 * LEGS, 6)
+        gradient: Floats = np.matmul(by_step, pull[..., None]).reshape(count, -1)
+        even_force = body.mass[:, None] * GRAVITY / np.maximum(stance.sum(axis=2), 1)
+        gradient.reshape(count, self.steps, LEGS, 3)[..., 2] -= weights.force * even_force[..., None]
+        return gradient
+
+    def _hessian(self, accelerations: Floats, variables: EnvIndices) -> Floats:
+        """Return the Hessian of the cost of g robots, (g, k, k).
+
+        Args:
+            accelerations: Accelerations per variable, (g, k, 6).
+            variables: Indices of the variables among the forces of all feet, (g, k).
+        """
+        roots = self._roots[variables // (3 * LEGS)] * accelerations[..., None]
+        roots = roots.reshape(*variables.shape, 6 * self.steps)
+        hessian: Floats = np.matmul(roots, roots.transpose(0, 2, 1))
+        diagonal = np.arange(variables.shape[1])
+        hessian[:, diagonal, diagonal] += self.weights.force
+        return hessian
 
     def scatter_forces(self, solution: Floats, stance: Mask) -> Floats:
-        """Forces of every foot in every step, (g, N, 4, 3), N, zero where it does not stand, of solutions (g, k)."""
+        """Return the forces of every foot in every step, zero for feet in the air.
+
+        Args:
+            solution: Variables of g programs, (g, k), N.
+            stance: Stance feet in each step, (g, N, 4).
+
+        Returns:
+            (g, N, 4, 3), N.
+        """
         forces = np.zeros((*stance.shape, 3))
         forces[stance] = solution.reshape(-1, 3)
         return forces
 
 
 def group_by_stance_count(counts: NDArray[np.int64]) -> Iterator[EnvIndices]:
-    """Robots with the same count, (n,), of feet that stand, the smallest count first, at most `TOGETHER` at once."""
+    """Yield groups of robots with the same number of stance feet in `counts`, (n,), at most MAX_GROUP_SIZE each."""
     for count in sorted(set(counts.tolist())):
         robots = (counts == count).nonzero()[0]
         yield from (robots[start : start + MAX_GROUP_SIZE] for start in range(0, len(robots), MAX_GROUP_SIZE))
 
 
+class PyramidTemplate(NamedTuple):
+    """Friction pyramids of some feet, without the friction coefficient."""
+
+    constraint_matrix: Floats
+    """(5 feet, 3 feet)."""
+    lower: Floats
+    """(5 feet,)."""
+    friction_entries: EnvIndices
+    """Flat indices of the entries that are minus the friction coefficient."""
+
+
 @cache
-def _pyramids(feet: int) -> tuple[Floats, Floats, EnvIndices]:
-    """Rows of the forces of so many feet without friction, their lower bounds, and the flat places of the friction."""
-    one = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1.0]])
-    friction = np.kron(np.eye(feet), [[0, 0, 1]] * 4 + [[0, 0, 0]])
-    return np.kron(np.eye(feet), one), np.tile([*4 * [-np.inf], 0.0], feet), np.flatnonzero(friction)
+def _pyramid_template(feet: int) -> PyramidTemplate:
+    """Return the template of the pyramids of `feet` feet: ±fx - μ fz ≤ 0, ±fy - μ fz ≤ 0, 0 ≤ fz ≤ maximum."""
+    one_foot = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1.0]])
+    friction_entries = np.kron(np.eye(feet), [[0, 0, 1]] * 4 + [[0, 0, 0]])
+    lower = np.tile([*4 * [-np.inf], 0.0], feet)
+    return PyramidTemplate(np.kron(np.eye(feet), one_foot), lower, np.flatnonzero(friction_entries))
 
 
 def friction_constraints(feet: int, friction: Friction) -> tuple[Floats, Floats, Floats]:
-    """Rows of the forces of so many feet of each robot, (n, 5 feet, 3 feet), with their bounds: a pyramid, and the
-    vertical force."""
-    template, least, places = _pyramids(feet)
-    rows, upper = (
-        template[None].repeat(len(friction.coefficient), axis=0),
-        np.zeros((len(friction.coefficient), 5 * feet)),
-    )
-    rows.reshape(len(rows), -1)[:, places] = -friction.coefficient[:, None]
+    """Return the constraints on the contact forces: a friction pyramid, and bounds of the vertical force.
+
+    Args:
+        feet: Number of stance feet of each robot.
+        friction: Bounds of g robots.
+
+    Returns:
+        constraint_matrix: (g, 5 feet, 3 feet).
+        lower: (g, 5 feet).
+        upper: (g, 5 feet).
+    """
+    template = _pyramid_template(feet)
+    count = len(friction.coefficient)
+    constraint_matrix = template.constraint_matrix[None].repeat(count, axis=0)
+    constraint_matrix.reshape(count, -1)[:, template.friction_entries] = -friction.coefficient[:, None]
+    upper = np.zeros((count, 5 * feet))
     upper[:, 4::5] = friction.max_normal_force[:, None]
-    return rows, least[None].repeat(len(rows), axis=0), upper
+    return constraint_matrix, template.lower[None].repeat(count, axis=0), upper

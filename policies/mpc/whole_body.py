@@ -1,8 +1,8 @@
-"""Joint torques that make of planned forces and motions what the whole body can do.
+"""Whole-body controller: a QP for joint torques that track planned contact forces and accelerations.
 
-A program over the generalised acceleration and the forces of the stance feet: the trunk is to turn and the centre of
-mass to move as planned, stance feet are to rest, swinging ones to follow their paths; the floating base has no motor,
-forces lie within friction, torques within the motors' limits.
+The variables are the generalised acceleration and the forces of the stance feet. The trunk tracks its angular
+acceleration, stance feet rest, swing feet track their trajectories, and the forces stay near the planned ones. The
+floating base has no motor, the forces lie within the friction pyramid, and the torques within the limits of the motors.
 """
 
 from collections.abc import Iterator
@@ -14,38 +14,42 @@ from policies.gait_cycle import Floats
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.quadratic_program import QpBatch, Solver, solve
 from policies.mpc.rigid_body import Friction, friction_constraints, group_by_stance_count
-from quad_env.columns import EnvIndices, Mask
+from quad_env.columns import EnvIndices, EnvSelection, Mask
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import DynamicsTerms
 
-TRUNK = slice(3, 6)
+TRUNK_ROTATION = slice(3, 6)
 """Angular part of the generalised velocity."""
-JOINT_ACCELERATION_WEIGHT, BASE_ACCELERATION_WEIGHT = 1e-5, 1e-6
-"""Weights of squared joint accelerations and of the trunk's, which make the program definite."""
+JOINT_ACCELERATION_WEIGHT = 1e-5
+"""Weight of squared joint accelerations, which makes the program definite."""
+BASE_ACCELERATION_WEIGHT = 1e-6
+"""Weight of squared trunk accelerations, which makes the program definite."""
+_DAMPING = 1e-4
+"""Added to the squared Jacobian of a leg, m²: a straight leg does not accelerate along itself."""
 
 
 class WholeBodyReference(NamedTuple):
-    """What the bodies of n robots are to do now."""
+    """Reference of the whole-body controller, of n robots."""
 
     base_angular_acceleration: Floats
-    """Angular accelerations of the trunks, base frame, (n, 3), rad/s²."""
+    """Base frame, (n, 3), rad/s²."""
     foot_acceleration: Floats
-    """Accelerations of the feet, world frame, (n, 4, 3), m/s²."""
+    """Level frame, (n, 4, 3), m/s²."""
     contact_force: Floats
-    """Of the stance feet, world frame, (n, 4, 3), N."""
+    """Of the stance feet, level frame, (n, 4, 3), N."""
     stance: Mask
     """(n, 4)."""
 
 
 class Torques(NamedTuple):
-    """What the joints of n robots are to do."""
+    """Joint torques of n robots, and the accelerations that they cause."""
 
     torque: Floats
     """(n, 12), N·m."""
     acceleration: Floats
     """Of the joints, (n, 12), rad/s²."""
     has_solution: Mask
-    """For which robots there is an answer; the others' is zero, (n,)."""
+    """True where the QP is solved; torque and acceleration of the others are zero, (n,)."""
 
 
 def solve_whole_body(
@@ -57,18 +61,30 @@ def solve_whole_body(
     p: MpcParameters,
     solver: Solver = solve,
 ) -> Torques:
-    """The programs of the bodies, solved; see `programs`."""
+    """Solve the whole-body QPs, see `make_programs`.
+
+    Args:
+        bodies: Dynamics of n robots.
+        reference: Accelerations and forces to track.
+        wrench: External wrench on the trunks, (n, 6), N and N·m.
+        friction: Bounds of the contact forces.
+        limits: Minimum and maximum joint torques, (n, 12) each, N·m.
+        p: Weights.
+        solver: Solves the programs.
+
+    Returns:
+        Joint torques.
+    """
     count, size = bodies.bias_force.shape
-    torque, acceleration, has_solution = (
-        np.zeros((count, size - 6)),
-        np.zeros((count, size - 6)),
-        np.zeros(count, np.bool_),
-    )
-    for robots, each in make_programs(bodies, reference, wrench, friction, limits, p):
-        solutions = solver(each)
-        needed = np.matmul(each.constraint_matrix[:, 6:size], solutions.x[..., None])[..., 0]
-        torque[robots] = np.where(solutions.solved[:, None], needed + bodies.bias_force[robots, 6:], 0.0)
-        acceleration[robots] = np.where(solutions.solved[:, None], solutions.x[:, 6:size], 0.0)
+    torque = np.zeros((count, size - 6))
+    acceleration = np.zeros((count, size - 6))
+    has_solution = np.zeros(count, np.bool_)
+    for robots, programs in make_programs(bodies, reference, wrench, friction, limits, p):
+        solutions = solver(programs)
+        solved = solutions.solved[:, None]
+        without_bias = np.matmul(programs.constraint_matrix[:, 6:size], solutions.x[..., None])[..., 0]
+        torque[robots] = np.where(solved, without_bias + bodies.bias_force[robots, 6:], 0.0)
+        acceleration[robots] = np.where(solved, solutions.x[:, 6:size], 0.0)
         has_solution[robots] = solutions.solved
     return Torques(torque, acceleration, has_solution)
 
@@ -81,67 +97,144 @@ def make_programs(
     limits: tuple[Floats, Floats],
     p: MpcParameters,
 ) -> Iterator[tuple[EnvIndices, QpBatch]]:
-    """Programs over generalised acceleration and forces of the stance feet, those of one shape together, with the
-    robots whose they are. `wrench` pushes their trunks, (n, 6), N and N·m; `limits`: least and largest torques, N·m."""
-    size = bodies.bias_force.shape[1]
+    """Assemble the programs over generalised acceleration q̈ and forces f of the stance feet, in groups of one shape.
+
+    Cost: Σ weight |J q̈ + J̇ q̇ - foot acceleration|² + the weighted squares of α - reference and f - reference.
+    Constraints: M q̈ + h - w - Jᵀ f = (0, τ), with τ within the limits, and the friction pyramid of f.
+
+    Args:
+        bodies: Dynamics of n robots.
+        reference: Accelerations and forces to track.
+        wrench: External wrench on the trunks w, (n, 6), N and N·m.
+        friction: Bounds of the contact forces.
+        limits: Minimum and maximum joint torques, (n, 12) each, N·m.
+        p: Weights.
+
+    Yields:
+        Indices of g robots, and their programs.
+    """
+    foot_cost = _foot_tracking_cost(bodies, reference, p)
+    lower, upper = _torque_bounds(bodies, wrench, limits)
+    count = len(lower)
+    for robots in group_by_stance_count(reference.stance.sum(axis=1)):
+        selection: EnvSelection = slice(None) if len(robots) == count else robots
+        hessian, gradient = _cost(reference, foot_cost, selection, len(robots), p)
+        constraint_matrix, force_lower, force_upper = _constraints(bodies, reference.stance, friction, selection)
+        yield (
+            robots,
+            QpBatch(
+                hessian,
+                gradient,
+                constraint_matrix,
+                np.concatenate((lower[selection], force_lower), axis=1),
+                np.concatenate((upper[selection], force_upper), axis=1),
+                equalities=6,
+            ),
+        )
+
+
+def _foot_tracking_cost(bodies: DynamicsTerms, reference: WholeBodyReference, p: MpcParameters) -> Floats:
+    """Return Jᵀ W J and Jᵀ W (foot acceleration - J̇ q̇) side by side, (n, 18, 19)."""
+    count, size = bodies.bias_force.shape
+    jacobian = bodies.jacobians.reshape(count, -1, size)
+    priority = np.where(reference.stance, p.standing_priority, p.swinging_priority)
+    weight = priority.repeat(3, axis=1)[..., None]
+    wanted = (reference.foot_acceleration - bodies.foot_bias_acceleration).reshape(weight.shape)
+    weighted = np.concatenate((weight * jacobian, weight * wanted), axis=2)
+    cost: Floats = np.matmul(jacobian.transpose(0, 2, 1), weighted)
+    return cost
+
+
+def _torque_bounds(bodies: DynamicsTerms, wrench: Floats, limits: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+    """Return the bounds of M q̈ - Jᵀ f, (n, 18) each: w - h for the floating base, which has no motor, and + limits."""
     bias = bodies.bias_force.copy()
     bias[:, :6] -= wrench
-    feet = bodies.jacobians.reshape(len(bias), -1, size)
-    weight = np.where(reference.stance, p.standing_priority, p.swinging_priority).repeat(3, axis=1)[..., None]
-    aims = (reference.foot_acceleration - bodies.foot_bias_acceleration).reshape(weight.shape)
-    following = np.matmul(feet.transpose(0, 2, 1), np.concatenate((weight * feet, weight * aims), axis=2))
-    least, most = -bias, -bias.copy()  # the floating base has no motor
-    least[:, 6:] += limits[0]
-    most[:, 6:] += limits[1]
-    for robots in group_by_stance_count(reference.stance.sum(axis=1)):
-        group, these = len(robots), slice(None) if len(robots) == len(bias) else robots
-        stance = reference.stance[these]
-        contact = bodies.jacobians[these][stance].reshape(group, -1, size)
-        forces = slice(size, size + contact.shape[1])
-        hessian = np.zeros((group, forces.stop, forces.stop))
-        hessian[:, :size, :size] = following[these, :, :size]
-        diagonal = np.full(forces.stop, JOINT_ACCELERATION_WEIGHT)
-        diagonal[:6], diagonal[forces] = BASE_ACCELERATION_WEIGHT, p.force_priority
-        diagonal[TRUNK] += p.turning_priority
-        hessian.reshape(group, -1)[:, :: forces.stop + 1] += diagonal
-        gradient = np.zeros((group, forces.stop))
-        gradient[:, TRUNK] = -p.turning_priority * reference.base_angular_acceleration[these]
-        gradient[:, :size] -= following[these, :, size]
-        gradient[:, forces] = -p.force_priority * reference.contact_force[these][stance].reshape(group, -1)
-        pyramid, lower, upper = friction_constraints(contact.shape[1] // 3, friction.select(these))
-        rows = np.zeros((group, size + pyramid.shape[1], forces.stop))
-        rows[:, :size, :size] = bodies.inertia[these]
-        rows[:, :size, forces] = -contact.transpose(0, 2, 1)  # less bias: what the motors have to give
-        rows[:, size:, forces] = pyramid
-        lower = np.concatenate((least[these], lower), axis=1)
-        upper = np.concatenate((most[these], upper), axis=1)
-        yield robots, QpBatch(hessian, gradient, rows, lower, upper, equalities=6)
+    lower = -bias
+    upper = lower.copy()
+    lower[:, 6:] += limits[0]
+    upper[:, 6:] += limits[1]
+    return lower, upper
 
 
-_DAMPING = 1e-4
-"""Added to the squared Jacobian of a leg, m²: a straight one does not accelerate along itself."""
+def _cost(
+    reference: WholeBodyReference, foot_cost: Floats, selection: EnvSelection, group: int, p: MpcParameters
+) -> tuple[Floats, Floats]:
+    """Return Hessian, (g, k, k), and gradient, (g, k), of the robots in `selection`, `group` of them."""
+    size = foot_cost.shape[1]
+    stance = reference.stance[selection]
+    planned_force = reference.contact_force[selection][stance].reshape(group, -1)
+    forces = slice(size, size + planned_force.shape[1])
+    hessian = np.zeros((group, forces.stop, forces.stop))
+    hessian[:, :size, :size] = foot_cost[selection, :, :size]
+    weights = np.full(forces.stop, JOINT_ACCELERATION_WEIGHT)
+    weights[:6] = BASE_ACCELERATION_WEIGHT
+    weights[forces] = p.force_priority
+    weights[TRUNK_ROTATION] += p.turning_priority
+    diagonal = np.arange(forces.stop)
+    hessian[:, diagonal, diagonal] += weights
+    gradient = np.zeros((group, forces.stop))
+    gradient[:, TRUNK_ROTATION] = -p.turning_priority * reference.base_angular_acceleration[selection]
+    gradient[:, :size] -= foot_cost[selection, :, size]
+    gradient[:, forces] = -p.force_priority * planned_force
+    return hessian, gradient
+
+
+def _constraints(
+    bodies: DynamicsTerms, stance: Mask, friction: Friction, selection: EnvSelection
+) -> tuple[Floats, Floats, Floats]:
+    """Return the constraint matrix, and the bounds of its friction rows, of the robots in `selection`.
+
+    The first 18 rows are M q̈ - Jᵀ f: with the bias force the torques of the motors.
+    """
+    group, size = bodies.bias_force[selection].shape
+    jacobian = bodies.jacobians[selection][stance[selection]].reshape(group, -1, size)
+    num_forces = jacobian.shape[1]
+    pyramid, force_lower, force_upper = friction_constraints(num_forces // 3, friction.select(selection))
+    constraint_matrix = np.zeros((group, size + pyramid.shape[1], size + num_forces))
+    constraint_matrix[:, :size, :size] = bodies.inertia[selection]
+    constraint_matrix[:, :size, size:] = -jacobian.transpose(0, 2, 1)
+    constraint_matrix[:, size:, size:] = pyramid
+    return constraint_matrix, force_lower, force_upper
 
 
 def leg_torques(
     bodies: DynamicsTerms, reference: WholeBodyReference, wrench: Floats, limits: tuple[Floats, Floats]
 ) -> Torques:
-    """Torques without a program: each leg bears its planned force and follows its path; the trunk moves as planned.
+    """Compute torques without a QP: each leg applies its planned force and tracks its foot acceleration by itself.
 
-    τ = M q̈ + h - Jᵀf, with q̈ of the trunk from the planned forces and of each leg such that its foot has the wished
-    acceleration. What one leg's motion does to the others is left out; friction is the plan's; torques are clipped to
-    `limits`, N·m. `wrench`: on the trunks, (n, 6), N and N·m.
+    τ = M q̈ + h - Jᵀ f, with q̈ of the trunk by the planned forces, and q̈ of each leg by its foot acceleration. The
+    effect of the motion of one leg on the others is neglected; friction is respected by the planned forces.
+
+    Args:
+        bodies: Dynamics of n robots.
+        reference: Accelerations and forces to track.
+        wrench: External wrench on the trunks, (n, 6), N and N·m.
+        limits: Minimum and maximum joint torques, (n, 12) each, N·m; the torques are clipped to them.
+
+    Returns:
+        Joint torques.
     """
     forces = np.where(reference.stance[..., None], reference.contact_force, 0.0)
     linear = (forces.sum(axis=1) + wrench[:, :3]) / bodies.mass[:, None] - (0.0, 0.0, GRAVITY)
-    trunk = np.concatenate((linear, reference.base_angular_acceleration), axis=1)
-    carried = np.einsum("nlxk,nk->nlx", bodies.jacobians[..., :6], trunk)
-    legs = bodies.leg_jacobians
-    across = legs.swapaxes(2, 3)
-    squares = np.matmul(across, legs) + _DAMPING * np.eye(3)
-    asked = np.matmul(across, (reference.foot_acceleration - bodies.foot_bias_acceleration - carried)[..., None])
-    joints = np.linalg.solve(squares, asked)[..., 0].reshape(len(trunk), 12)
-    motion = np.concatenate((trunk, joints), axis=1)
-    needed = np.einsum("nij,nj->ni", bodies.inertia[:, 6:], motion) + bodies.bias_force[:, 6:]
-    stance_forces = np.matmul(across, forces[..., None])[..., 0].reshape(joints.shape)
-    torque = np.clip(needed - stance_forces, *limits)
-    return Torques(torque, joints, np.isfinite(torque).all(axis=1))
+    trunk_acceleration = np.concatenate((linear, reference.base_angular_acceleration), axis=1)
+    jacobian_transposed = bodies.leg_jacobians.swapaxes(2, 3)
+    joint_acceleration = _leg_accelerations(bodies, reference.foot_acceleration, trunk_acceleration)
+    acceleration = np.concatenate((trunk_acceleration, joint_acceleration), axis=1)
+    needed = np.einsum("nij,nj->ni", bodies.inertia[:, 6:], acceleration) + bodies.bias_force[:, 6:]
+    contact_torque = np.matmul(jacobian_transposed, forces[..., None])[..., 0].reshape(joint_acceleration.shape)
+    torque = np.clip(needed - contact_torque, *limits)
+    return Torques(torque, joint_acceleration, np.isfinite(torque).all(axis=1))
+
+
+def _leg_accelerations(bodies: DynamicsTerms, foot_acceleration: Floats, trunk_acceleration: Floats) -> Floats:
+    """Return the joint accelerations, (n, 12), rad/s², that give the feet their accelerations, by damped least squares.
+
+    `foot_acceleration`: (n, 4, 3), m/s²; `trunk_acceleration`: (n, 6), m/s² and rad/s².
+    """
+    by_trunk = np.einsum("nlxk,nk->nlx", bodies.jacobians[..., :6], trunk_acceleration)
+    jacobian = bodies.leg_jacobians
+    transposed = jacobian.swapaxes(2, 3)
+    squares = np.matmul(transposed, jacobian) + _DAMPING * np.eye(3)
+    by_legs = foot_acceleration - bodies.foot_bias_acceleration - by_trunk
+    projected = np.matmul(transposed, by_legs[..., None])
+    return np.linalg.solve(squares, projected)[..., 0].reshape(len(trunk_acceleration), 12)

@@ -7,7 +7,7 @@ import pytest
 
 from policies.gait_cycle import LegCycle
 from policies.mpc.contact import ContactEstimator, ContactState, classify_contacts, wrench_to_acceleration
-from policies.mpc.motion import MotionState, PointLoad, PositionErrorIntegrator, estimate_load, compute_motion_state
+from policies.mpc.motion import MotionState, PointLoad, PositionErrorIntegrator, compute_motion_state, estimate_load
 from policies.mpc.parameters import MpcParameters
 from quad_env import OBSERVATION
 from quad_env.physics.dynamics import Dynamics

@@ -5,10 +5,10 @@ import pytest
 
 from policies.mpc.footing import (
     TerrainEstimator,
-    plan_footholds,
     ground_velocity,
     moment_arms,
     nominal_footholds,
+    plan_footholds,
     point_velocity,
     swing_trajectory,
 )

@@ -7,7 +7,7 @@ import pytest
 
 from evaluate.rollouts.rollout import roll_out
 from policies.mpc.calibration import CALIBRATION_STEPS
-from policies.mpc.motion import LARGEST_LOAD, LEAST_LOAD, MotionState, PointLoad, add_load, estimate_load
+from policies.mpc.motion import MAX_LOAD, MIN_LOAD, MotionState, PointLoad, add_load, estimate_load
 from policies.mpc.policy import MpcWbc
 from quad_env import Scenario
 from quad_env.config import GRAVITY
@@ -67,7 +67,7 @@ def test_a_level_robots_load_is_told_by_its_weight() -> None:
     np.testing.assert_allclose(found.position, load.position)
 
 
-@pytest.mark.parametrize(("force", "mass"), [(30.0, 0.0), (-0.5 * LEAST_LOAD * GRAVITY, 0.0), (-1e4, LARGEST_LOAD)])
+@pytest.mark.parametrize(("force", "mass"), [(30.0, 0.0), (-0.5 * MIN_LOAD * GRAVITY, 0.0), (-1e4, MAX_LOAD)])
 def test_lift_and_what_the_model_may_be_wrong_by_are_no_load_and_the_largest_is_bounded(
     force: float, mass: float
 ) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import policies.mpc.quadratic_program as quadratic_program
-from policies.mpc.quadratic_program import SOLVED, QpBatch, solve
+from policies.mpc.quadratic_program import DAQP_OPTIMAL, QpBatch, solve
 
 
 def programs(count: int = 3, size: int = 8) -> QpBatch:
@@ -43,20 +43,20 @@ def test_a_solver_that_is_content_with_a_wrong_answer_is_not_believed(
 ) -> None:
     def answer(hessian: np.ndarray, gradient: np.ndarray, *_: Any, **__: Any) -> Any:
         free = np.linalg.solve(hessian, -gradient)
-        return np.full_like(free, np.nan) if kind == "nan" else free, 0.0, SOLVED, {}
+        return np.full_like(free, np.nan) if kind == "nan" else free, 0.0, DAQP_OPTIMAL, {}
 
     monkeypatch.setattr(quadratic_program.daqp, "solve", answer)
     assert not solve(programs()).solved.any()
 
 
 def test_a_program_beyond_the_limit_of_iterations_is_not_solved(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(quadratic_program, "MOST_ITERATIONS", 2)
+    monkeypatch.setattr(quadratic_program, "MAX_ITERATIONS", 2)
     assert not solve(programs()).solved.any()
 
 
 def test_of_two_answers_only_the_one_beyond_its_bounds_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
     """A violation counts by the largest bound: 0.05 of 1000 N is none, 0.05 of 1 N is one."""
-    answer = np.array([1000.05, 0.0]), 0.0, SOLVED, {}
+    answer = np.array([1000.05, 0.0]), 0.0, DAQP_OPTIMAL, {}
     monkeypatch.setattr(quadratic_program.daqp, "solve", lambda *_, **__: answer)
     parts = [np.repeat(part, 3, axis=0) for part in small([[1.0, 0.0]], [-np.inf], [1000.0])[:5]]
     parts[4][:, 0] = 1000.0, 2000.0, 999.0
@@ -70,6 +70,6 @@ def test_each_program_has_its_own_bounds_and_an_answer_below_one_is_rejected(mon
     found = solve(QpBatch(*parts))
     assert found.solved.all()
     np.testing.assert_allclose(found.x, [[1.0, 0.0], [2.0, 0.0], [0.0, 0.0], [-3.0, 0.0]], atol=1e-9)
-    answer = np.array([1.5, 0.0]), 0.0, SOLVED, {}
+    answer = np.array([1.5, 0.0]), 0.0, DAQP_OPTIMAL, {}
     monkeypatch.setattr(quadratic_program.daqp, "solve", lambda *_, **__: answer)
     assert solve(QpBatch(*parts)).solved.tolist() == [True, False, True, False]

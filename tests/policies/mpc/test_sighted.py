@@ -17,8 +17,8 @@ from policies.mpc.sighted import (
     SightedMpcWbc,
     SwingProfile,
     denoise_terrain,
-    plane_fit_weights,
     make_scanned_terrain,
+    plane_fit_weights,
 )
 from quad_env import OBSERVATION_SIZE, HeightScan
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
