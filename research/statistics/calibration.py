@@ -54,8 +54,8 @@ def main(options: CalibrationOptions) -> int:
     if not options.episodes or not options.fall_probabilities:
         raise UsageError("--episodes and --fall-probabilities must each have at least one value")
     check_numbers(options, LIMITS)
-    every = checks.all_checks(options.episodes, options.fall_probabilities)
-    rows = [check for check in every if options.only in check.name]
+    all_checks = checks.all_checks(options.episodes, options.fall_probabilities)
+    rows = [check for check in all_checks if options.only in check.name]
     batteries = [battery for battery in settled.BATTERIES if options.only in battery.name]
     if not rows and not batteries:
         raise UsageError(f"--only: no row is named like {options.only}")
@@ -72,15 +72,22 @@ def main(options: CalibrationOptions) -> int:
 
 def _run(rows: list[CalibrationCheck], options: CalibrationOptions) -> None:
     """Print each row as soon as it is complete."""
-    standard_error, outside = 100.0 * np.sqrt(0.05 * 0.95 / options.sets), 0
+    standard_error = 100.0 * np.sqrt(0.05 * 0.95 / options.sets)
     print(f"share of {options.sets} data sets, %; its standard error is {standard_error:.1f}")
     head = "interval holds the truth, or test claims a difference"
     print(f"{head:54} {'n':>4} {'falls':>6} {'share':>6} {'meant':>6}")
+    num_outside = 0
     for check in track(rows, "intervals and tests", console=Console(stderr=True)):
-        share, (low, high) = checks.rejection_rate(check, options.sets, options.seed), check.bounds
-        outside += not low <= share <= high
-        values = (check.fall_probability, share, check.expected)
-        figures = " ".join(f"{'' if np.isnan(value) else f'{100 * value:.1f}':>6}" for value in values)
-        verdict = "" if low <= share <= high else f"  not in {100 * low:g} to {100 * high:g}"
+        share = checks.rejection_rate(check, options.sets, options.seed)
+        low, high = check.bounds
+        is_within = low <= share <= high
+        num_outside += not is_within
+        figures = " ".join(f"{_percent(value):>6}" for value in (check.fall_probability, share, check.expected))
+        verdict = "" if is_within else f"  not in {100 * low:g} to {100 * high:g}"
         print(f"{check.name:54} {check.count:4} {figures}{verdict}", flush=True)
-    print(f"{outside} of {len(rows)} rows out of bounds")
+    print(f"{num_outside} of {len(rows)} rows out of bounds")
+
+
+def _percent(value: float) -> str:
+    """Format a proportion in per cent; empty for NaN."""
+    return "" if np.isnan(value) else f"{100 * value:.1f}"

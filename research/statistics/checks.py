@@ -124,10 +124,10 @@ def _within(interval: Interval, truth: float) -> bool:
 
 
 def _make_episodes(
-    generator: np.random.Generator, count: int, fall_probability: float, *easier: float
+    generator: np.random.Generator, count: int, fall_probability: float, *ratios: float
 ) -> SyntheticEpisodes:
     """Create the episodes of a policy with that fall probability, and of others with a ratio to it."""
-    return make_episodes(generator, (fall_probability, *(each * fall_probability for each in easier)), count)
+    return make_episodes(generator, (fall_probability, *(ratio * fall_probability for ratio in ratios)), count)
 
 
 def _fall_rate(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
@@ -172,10 +172,11 @@ def _randomized_mcnemar(count: int, fall_probability: float, generator: np.rando
     every level.
     """
     a, b = _make_episodes(generator, count, fall_probability, 1.0).fell
-    rarer, discordant = sorted((int((a & ~b).sum()), int((b & ~a).sum())))[0], int((a ^ b).sum())
+    rarer = min(int((a & ~b).sum()), int((b & ~a).sum()))
+    discordant = int((a ^ b).sum())
     p_value = _mcnemar_p_value(rarer, discordant)
-    rarer_still = _mcnemar_p_value(rarer - 1, discordant) if rarer else 0.0
-    return rarer_still + generator.random() * (p_value - rarer_still) < SIGNIFICANT
+    p_value_beyond = _mcnemar_p_value(rarer - 1, discordant) if rarer else 0.0
+    return p_value_beyond + generator.random() * (p_value - p_value_beyond) < SIGNIFICANT
 
 
 @cache

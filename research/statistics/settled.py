@@ -16,9 +16,10 @@ from research.pages import markdown
 
 MAX_EPISODES = 96
 """Maximum number of episodes of a run."""
-SHARES = {"episode": 0.02, "scenario": 0.4, "policy": 0.01, "own": 0.57}
+VARIANCE_SHARES = {"episode": 0.02, "scenario": 0.4, "policy": 0.01, "own": 0.57}
 """Source of variance of an outcome -> its share: the episode, the episode on a scenario, the episode with a policy, and
-the rest."""
+the rest.
+"""
 EASIEST_SUCCESS, HARDEST_SUCCESS = 0.9, 0.05
 """Success of the worst policy on the hardest scenario."""
 FIXED_PLANS = tuple(range(4, MAX_EPISODES + 1, 2))
@@ -37,9 +38,14 @@ class Battery:
     @property
     def name(self) -> str:
         """Description of the battery."""
-        apart = [high - low for low, high in pairwise(sorted(set(self.points)))]
-        alike = "alike" if not apart else f"{'in pairs ' if 0 in np.diff(self.points) else ''}{apart[0]:g} points apart"
-        return f"settled: {len(self.points)} policies {alike}, {self.scenarios} scenarios"
+        gaps = [high - low for low, high in pairwise(sorted(set(self.points)))]
+        if not gaps:
+            spacing = "alike"
+        elif 0 in np.diff(self.points):
+            spacing = f"in pairs {gaps[0]:g} points apart"
+        else:
+            spacing = f"{gaps[0]:g} points apart"
+        return f"settled: {len(self.points)} policies {spacing}, {self.scenarios} scenarios"
 
     def values(self, generator: np.random.Generator, count: int = MAX_EPISODES) -> dict[str, Floats]:
         """Draw the success of each policy in each episode.
@@ -53,11 +59,16 @@ class Battery:
         """
         from scipy.special import ndtri
 
-        policies, scenarios = len(self.points), self.scenarios
+        policies = len(self.points)
+        scenarios = self.scenarios
         shapes = ((1, 1, count), (1, scenarios, count), (policies, 1, count), (policies, scenarios, count))
-        luck = sum(np.sqrt(s) * generator.normal(size=n) for s, n in zip(SHARES.values(), shapes, strict=True))
-        chances = np.linspace(EASIEST_SUCCESS, HARDEST_SUCCESS, scenarios) + np.array(self.points)[:, None] / 100.0
-        return {str(number): row for number, row in enumerate((luck < ndtri(chances)[..., None]).mean(axis=1))}
+        noise = sum(
+            np.sqrt(share) * generator.normal(size=shape)
+            for share, shape in zip(VARIANCE_SHARES.values(), shapes, strict=True)
+        )
+        success = np.linspace(EASIEST_SUCCESS, HARDEST_SUCCESS, scenarios) + np.array(self.points)[:, None] / 100.0
+        succeeded = noise < ndtri(success)[..., None]
+        return {str(index): row for index, row in enumerate(succeeded.mean(axis=1))}
 
 
 BATTERIES = tuple(
@@ -87,15 +98,17 @@ def simulate_run(battery: Battery, generator: np.random.Generator) -> Sequential
     values = battery.values(generator)
     fixed = tuple(_found_by_fixed(battery, values, count) for count in FIXED_PLANS)
     for episodes in sequential.looks(MAX_EPISODES):
-        pairs = sequential.compare_adjacent_policies(
-            {name: each[:episodes] for name, each in values.items()}, MAX_EPISODES
-        )
-        if all(pair.distinguished or pair.futile for pair in pairs):
+        values_so_far = {name: row[:episodes] for name, row in values.items()}
+        tests = sequential.compare_adjacent_policies(values_so_far, MAX_EPISODES)
+        if all(test.distinguished or test.futile for test in tests):
             break
-    apart = [(battery.points[int(pair.ahead)] - battery.points[int(pair.behind)], pair.distinguished) for pair in pairs]
-    has_false_claim = any(known and points <= 0.0 for points, known in apart)
+    differences = [battery.points[int(test.ahead)] - battery.points[int(test.behind)] for test in tests]
+    claims = [(points, test.distinguished) for points, test in zip(differences, tests, strict=True)]
     return SequentialRunResult(
-        episodes, has_false_claim, all(known and points > 0.0 for points, known in apart if points), fixed
+        episodes=episodes,
+        has_false_claim=any(is_claimed and points <= 0.0 for points, is_claimed in claims),
+        has_found_all=all(is_claimed and points > 0.0 for points, is_claimed in claims if points),
+        fixed=fixed,
     )
 
 
@@ -103,12 +116,14 @@ def _found_by_fixed(battery: Battery, values: dict[str, Floats], count: int) -> 
     """Return whether corrected paired t-tests after that number of episodes distinguish all that differ."""
     from scipy.special import stdtr
 
-    order = sorted(values, key=lambda name: -values[name][:count].mean())
-    for ahead, behind in pairwise(order):
-        points, difference = battery.points[int(ahead)] - battery.points[int(behind)], values[ahead] - values[behind]
-        error = difference[:count].std(ddof=1) / np.sqrt(count)
-        p_value = 2.0 * stdtr(count - 1, -difference[:count].mean() / error) if error > 0.0 else 1.0
-        if points and (points < 0.0 or p_value > (1.0 - CONFIDENCE) / (len(order) - 1)):
+    ranked = sorted(values, key=lambda name: -values[name][:count].mean())
+    level = (1.0 - CONFIDENCE) / (len(ranked) - 1)
+    for ahead, behind in pairwise(ranked):
+        points = battery.points[int(ahead)] - battery.points[int(behind)]
+        differences = (values[ahead] - values[behind])[:count]
+        error = differences.std(ddof=1) / np.sqrt(count)
+        p_value = 2.0 * stdtr(count - 1, -differences.mean() / error) if error > 0.0 else 1.0
+        if points and (points < 0.0 or p_value > level):
             return False
     return True
 
@@ -124,16 +139,17 @@ def simulate_runs(battery: Battery, runs: int, seed: int) -> dict[str, float]:
     Returns:
         Proportions of the runs, mean number of episodes, and the fixed plan with the same power.
     """
-    ended = [simulate_run(battery, np.random.default_rng([seed, number])) for number in range(runs)]
-    power, episodes = np.mean([each.has_found_all for each in ended]), np.mean([each.episodes for each in ended])
-    of_fixed = np.maximum.accumulate(np.mean([each.fixed for each in ended], axis=0))
-    differ = len(set(battery.points)) > 1
-    enough = [count for count, of in zip(FIXED_PLANS, of_fixed, strict=True) if of >= power]
+    results = [simulate_run(battery, np.random.default_rng([seed, number])) for number in range(runs)]
+    power = np.mean([result.has_found_all for result in results])
+    episodes = np.mean([result.episodes for result in results])
+    fixed_power = np.maximum.accumulate(np.mean([result.fixed for result in results], axis=0))
+    has_differences = len(set(battery.points)) > 1
+    sufficient = [count for count, value in zip(FIXED_PLANS, fixed_power, strict=True) if value >= power]
     return {
-        "wrong": float(np.mean([each.has_false_claim for each in ended])),
-        "found": float(power) if differ else np.nan,
+        "wrong": float(np.mean([result.has_false_claim for result in results])),
+        "found": float(power) if has_differences else np.nan,
         "episodes": float(episodes),
-        "fixed": float(next(iter(enough), MAX_EPISODES)) if power > 0.0 and differ else np.nan,
+        "fixed": float(next(iter(sufficient), MAX_EPISODES)) if power > 0.0 and has_differences else np.nan,
     }
 
 
@@ -152,8 +168,15 @@ def markdown_table(batteries: Sequence[Battery], runs: int, seed: int) -> list[s
     heads |= {"episodes": "mean episodes", "most": f"fewer than {MAX_EPISODES}, %", "fixed": "fixed plan, episodes"}
     rows = []
     for battery in track(batteries, "runs until settled", console=Console(stderr=True)):
-        of = simulate_runs(battery, runs, seed)
-        row = {"episodes": number(of["episodes"], 1), "fixed": number(of["fixed"], 0)}
-        shares = {"wrong": of["wrong"], "found": of["found"], "most": 1.0 - of["episodes"] / MAX_EPISODES}
-        rows.append({ROW_LABEL: battery.name} | row | {name: number(100.0 * each, 1) for name, each in shares.items()})
+        figures = simulate_runs(battery, runs, seed)
+        rows.append(
+            {
+                ROW_LABEL: battery.name,
+                "episodes": number(figures["episodes"], 1),
+                "fixed": number(figures["fixed"], 0),
+                "wrong": number(100.0 * figures["wrong"], 1),
+                "found": number(100.0 * figures["found"], 1),
+                "most": number(100.0 * (1.0 - figures["episodes"] / MAX_EPISODES), 1),
+            }
+        )
     return [markdown.table(heads, rows)]

@@ -13,8 +13,10 @@ from evaluate.statistics.intervals import Bools, Floats
 
 CAP = 2.0
 """m/s. Error after a fall."""
-TRACKING_SHAPE, TRACKING_SCALE = 6.0, 0.05
+TRACKING_SHAPE = 6.0
 """Shape of the gamma distribution of an upright error."""
+TRACKING_SCALE = 0.05
+"""m/s. Scale of the gamma distribution of an upright error."""
 EARLIEST_FALL = 0.1
 """Earliest fall, as a share of an episode."""
 SHARED_VARIANCE = 0.5
@@ -55,13 +57,15 @@ def _correlated_uniforms(generator: np.random.Generator, rows: int, count: int) 
     """Draw uniform numbers on 0 … 1, (rows, count), with a common part in each column."""
     from scipy.special import ndtr
 
-    common, own = generator.normal(size=count), generator.normal(size=(rows, count))
-    return np.asarray(ndtr(np.sqrt(SHARED_VARIANCE) * common + np.sqrt(1.0 - SHARED_VARIANCE) * own))
+    common = generator.normal(size=count)
+    individual = generator.normal(size=(rows, count))
+    return np.asarray(ndtr(np.sqrt(SHARED_VARIANCE) * common + np.sqrt(1.0 - SHARED_VARIANCE) * individual))
 
 
 def mean_error(fall_probability: float) -> float:
     """Return the true mean of an episode's error, m/s."""
-    tracking, upright = TRACKING_SHAPE * TRACKING_SCALE, (1.0 + EARLIEST_FALL) / 2.0
+    tracking = TRACKING_SHAPE * TRACKING_SCALE
+    upright = (1.0 + EARLIEST_FALL) / 2.0
     return (1.0 - fall_probability) * tracking + fall_probability * (upright * tracking + (1.0 - upright) * CAP)
 
 
@@ -104,10 +108,13 @@ class SyntheticAxis:
         from scipy.special import expit
 
         with np.errstate(divide="ignore"):
-            curves = [k.share * expit(self.direction * k.steepness * np.log(severities / k.median)) for k in self.kinds]
+            curves = [
+                kind.share * expit(self.direction * kind.steepness * np.log(severities / kind.median))
+                for kind in self.kinds
+            ]
         return np.asarray(np.sum(curves, axis=0))
 
     def falls(self, generator: np.random.Generator, count: int) -> Bools:
         """Draw falls with a `generator`, (levels, `count`); the outcomes of an episode are correlated."""
-        luck = _correlated_uniforms(generator, len(self.severities), count)
-        return np.asarray(luck < self.probability(np.array(self.severities))[:, None])
+        uniforms = _correlated_uniforms(generator, len(self.severities), count)
+        return np.asarray(uniforms < self.probability(np.array(self.severities))[:, None])

@@ -50,16 +50,20 @@ def main(options: CurvesOptions) -> int:
     if options.out.suffix not in DATE_METADATA:
         raise UsageError(f"--out must end in {', '.join(DATE_METADATA)}, unlike {options.out}")
     runs = [read_curve(folder) for folder in options.runs]
+    validated_runs = [run for run in runs if len(run.steps)]
     for run in runs:
         if not len(run.steps):
             print(f"{run.folder} has no validation yet: left out", file=sys.stderr)
-    if not (drawn := [run for run in runs if len(run.steps)]):
+    if not validated_runs:
         raise UsageError("no run with a validation to draw: name the folders of training runs, such as runs/residual-0")
-    bands = group_by_seed(drawn)
+    bands = group_by_seed(validated_runs)
     make_folder_of(options.out, "--out")
     write_figure(partial(draw_bands, bands), options.out)
     for band in bands:
-        for steps, (success, cost) in list(zip(band.steps, band.over_seeds()[0].T, strict=True))[-1:]:
+        if len(band.steps):
+            mean, _, _ = band.over_seeds()
+            success, cost = mean[:, -1]
+            steps = band.steps[-1]
             print(f"{band.label}: success {success:.0%}, cost of transport {number(cost, 2)} after {steps:,.0f} steps")
     print(options.out)
     return 0
@@ -113,13 +117,13 @@ def group_by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
     """Group runs that differ in their seed alone. Raises UsageError for a seed given twice."""
     groups = dict[str, list[RunCurve]]()
     for run in runs:
-        same = groups.setdefault(json.dumps(run.settings, sort_keys=True), [])
-        if twice := [each for each in same if each.seed == run.seed]:
-            raise UsageError(f"{twice[0].folder} and {run.folder} are both seed {run.seed} of one recipe: name one")
-        same.append(run)
-    recipes = [each[0].settings for each in groups.values()]
-    differ = [name for name in recipes[0] if any(each.get(name) != recipes[0][name] for each in recipes)]
-    return [SeedBand(_label(each, differ or ["policy", "base"]), tuple(each)) for each in groups.values()]
+        group = groups.setdefault(json.dumps(run.settings, sort_keys=True), [])
+        if same_seed := [other for other in group if other.seed == run.seed]:
+            raise UsageError(f"{same_seed[0].folder} and {run.folder} are both seed {run.seed} of one recipe: name one")
+        group.append(run)
+    recipes = [group[0].settings for group in groups.values()]
+    differing = [name for name in recipes[0] if any(recipe.get(name) != recipes[0][name] for recipe in recipes)]
+    return [SeedBand(_label(group, differing or ["policy", "base"]), tuple(group)) for group in groups.values()]
 
 
 def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
