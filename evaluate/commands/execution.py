@@ -3,6 +3,7 @@
 import shlex
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -107,33 +108,41 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
         run: The finished cells, in the order of the run.
         interrupted: True after Ctrl-C.
 
-    UsageError, with the command that continues the run, if memory, disk or a worker failed; KeyboardInterrupt if the
-    user interrupted before the first chunk was saved.
+    Raises:
+        KeyboardInterrupt: The user interrupted before the first chunk was saved.
     """
     run = Run(store.manifest, ())
     finished: list[PolicyScenarioResult] = []
     interrupted = False
     try:
-        launcher.raise_on_interrupt()
-        launcher.preallocate_blas_buffers()
-        with Interrupt() as interrupt:
-            while not run.complete:
-                if run.cells:
-                    episodes = min(each for each in looks(run.manifest.limit) if each > run.manifest.episodes)
-                    store.manifest = replace(run.manifest, episodes=episodes)
-                    finished = []
-                finished.extend(_cells(plan, store, interrupt))
-                run = _after_interim_analysis(_run(store.manifest, finished), store.folder)
+        with _explained_errors(store):
+            launcher.raise_on_interrupt()
+            launcher.preallocate_blas_buffers()
+            with Interrupt() as interrupt:
+                while not run.complete:
+                    if run.cells:
+                        episodes = min(each for each in looks(run.manifest.limit) if each > run.manifest.episodes)
+                        store.manifest = replace(run.manifest, episodes=episodes)
+                        finished = []
+                    finished.extend(_cells(plan, store, interrupt))
+                    run = _after_interim_analysis(_run(store.manifest, finished), store.folder)
     except KeyboardInterrupt:
         if not store.begun:
             raise
         interrupted = True
+    return run if run.cells else _run(store.manifest, finished), interrupted
+
+
+@contextmanager
+def _explained_errors(store: ChunkStore) -> Iterator[None]:
+    """Context in which failures of memory, disk or a worker become a UsageError with the remedy."""
+    try:
+        yield
     except Exception as error:
         message = _error_message(error, store)
         if message is None:
             raise
         raise UsageError(message) from error
-    return run if run.cells else _run(store.manifest, finished), interrupted
 
 
 def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[PolicyScenarioResult]:
