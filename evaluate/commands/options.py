@@ -27,30 +27,30 @@ class EvaluateOptions:
     """Policies and scenarios to compare, and the folder of the results."""
 
     policies: tuple[str, ...] = DEFAULT_POLICIES
-    """Names of policies, or folders of trained ones such as models/residual; document@flat runs on that scenario alone.
-    Or one of yours: my_file.py:MyPolicy, an .onnx file, a .zip of Stable-Baselines3 (with --trust), or a deployment
-    file of another project, such as deploy.yaml."""
+    """Policies to compare: names, bundle folders (models/residual), my_file.py:MyPolicy, .onnx files, .zip files of
+    Stable-Baselines3 (with --trust), or deployment files of other projects (deploy.yaml). NAME@SCENARIO restricts a
+    policy to one scenario: document@flat."""
     trust: Flag = False
     """Load policies from files that can hide code: a .zip of Stable-Baselines3, TorchScript .pt."""
     scenarios: tuple[str, ...] = DEFAULT_BATTERY
-    """Names of scenarios such as push, levels of severity such as push:3 or push:all, severities in their axes' units
-    such as push=42 or, together, payload=15+slope=10, a battery (quick, default, full, all), a terrain of yours,
-    hill.toml, or a quad_env.Scenario in a file of yours, my_file.py:NAME; each with +randomised at its end for domain
-    randomisation, with +hardware for the robot's hardware profile, as push:3+hardware."""
+    """Scenarios: names (push), levels (push:3, push:all), severities in the unit of the axis (push=42) and combinations
+    (payload=15+slope=10), batteries (quick, default, full, all), terrain files (hill.toml), or a quad_env.Scenario in
+    my_file.py:NAME. The ending +randomised adds domain randomisation, +hardware the robot's hardware profile
+    (push:3+hardware)."""
     hardware: Flag = False
-    """Every scenario with the robot's hardware profile: motors, delays, sensors and estimator like the real ones."""
+    """Run every scenario with the robot's hardware profile: motors, delays, sensors and estimator of the real robot."""
     quick: Flag = False
-    """The quick battery, for a first look: --scenarios quick."""
+    """Run the quick battery, as --scenarios quick does."""
     episodes: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 20)")] = None
-    """Episodes of 10 s of each policy on each scenario (count). The same for every policy."""
+    """Episodes of 10 s of each policy on each scenario (count), the same episodes for every policy."""
     until: Literal["settled"] | None = None
-    """settled: simulate a quarter of --episodes (then by default 96) at a time, until every two neighbours in the
-    ranking are distinguished, or hardly can be: a group-sequential test with one error rate for all looks."""
+    """settled: add episodes in four stages until adjacent policies of the ranking differ significantly or are unlikely
+    to; --episodes is the maximum (default 96). Group-sequential test, one error rate for all stages."""
     robot: str = "simple_quad"
     """Robot of every policy: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
     servo: str = ""
-    """Stiffness/damping of the servos for every controller of ours, N·m/rad and N·m·s/rad, such as 35/0.5. By default
-    each policy commands its own; policies from outside always do."""
+    """Stiffness/damping of the servos for our controllers, N·m/rad and N·m·s/rad (35/0.5). By default each policy
+    commands its own gains; external policies always do."""
     actuator: str = "ideal"
     """Motors of the joints, one of quad_env.ACTUATORS: ideal, torque_speed or motor."""
     sensors: str = "truth"
@@ -58,10 +58,11 @@ class EvaluateOptions:
     estimator: str = "complementary"
     """Estimator of gravity and velocity from the sensors, one of quad_env.ESTIMATORS: complementary or kalman."""
     simulator: str = "mujoco"
-    """Simulator of the physics: mujoco, or drake (pip install -e ".[drake]"; twelve times slower) with ideal motors
-    and the true state, on flat, steady, push, force, slippery, slope, stairs, payload; of a battery it takes these."""
+    """Simulator of the physics: mujoco, or drake (pip install -e ".[drake]"; twelve times slower). drake supports ideal
+    motors and the true state, on flat, steady, push, force, slippery, slope, stairs and payload; other scenarios of a
+    battery are left out."""
     seed: int = 0
-    """Which set of episodes (whole number from 0). Training never sees any of them, whatever its own seed."""
+    """Evaluation seed (whole number >= 0). Evaluation episodes are never used in training."""
     out: Path = Path("results/evaluation")
     """Folder for results.json, episodes.parquet, report.html and manifest.json; files of these names are replaced."""
     resume: Flag = False
@@ -75,7 +76,7 @@ class EvaluateOptions:
 
     @property
     def hardware_config(self) -> HardwareConfig:
-        """Hardware of the robots where a scenario does not bring the hardware profile."""
+        """Hardware of the robots in scenarios without the hardware profile."""
         return HardwareConfig(self.actuator, self.sensors, self.estimator, self.robot, self.servo, self.simulator)
 
     @property
