@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from quad_env.cli.command_line import UsageError
-from quad_env.files.writing import FolderInUse, exclusive_lock, make_writable_folder
+from quad_env.files.writing import FolderInUseError, exclusive_lock, make_writable_folder
 
 CONFIG_FILE = "config.json"
 """Settings of the run."""
@@ -77,7 +77,7 @@ def report_write_errors(folder: Path) -> Iterator[None]:
     """Turn a failure to write into `folder` into a UsageError with a remedy."""
     try:
         yield
-    except FolderInUse:
+    except FolderInUseError:
         raise
     except OSError as error:
         can_resume = has_checkpoint(folder)

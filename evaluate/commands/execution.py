@@ -38,7 +38,7 @@ def execute(plan: Plan, show: Show = print_results) -> int:
         show: Prints the results.
 
     Returns:
-        The exit code. Raises UsageError, FolderInUse, and after Ctrl-C a KeyboardInterrupt with the saved part.
+        The exit code. Raises UsageError, FolderInUseError, and after Ctrl-C a KeyboardInterrupt with the saved part.
     """
     with exclusive_lock(plan.options.out):
         return _execute(plan, show)

@@ -239,7 +239,7 @@ def _check_folder(out: Path) -> None:
 
 
 def _check_unused(out: Path) -> None:
-    """Raise FolderInUse, one line, while another run writes to the folder."""
+    """Raise FolderInUseError, one line, while another run writes to the folder."""
     with exclusive_lock(out):
         pass
 

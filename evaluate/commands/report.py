@@ -36,7 +36,7 @@ def main(options: ReportOptions) -> int:
     from evaluate.measures.outcomes import RULES, SUCCESS_RULE
     from evaluate.records.store import read_run, remove_chunks
     from evaluate.report.table import print_results
-    from quad_env.files.writing import FolderInUse, exclusive_lock
+    from quad_env.files.writing import FolderInUseError, exclusive_lock
 
     run = read_run(options.folder)
     if not run.cells:
@@ -57,7 +57,7 @@ def main(options: ReportOptions) -> int:
             write_results(run, options.folder, options.baseline)
             if run.complete:
                 remove_chunks(options.folder)
-    except FolderInUse:
+    except FolderInUseError:
         print_results(analyse_run(run, options.baseline), Terminal())
         print(f"{options.folder} belongs to a run that is going on, which writes the files itself", file=sys.stderr)
     return 0

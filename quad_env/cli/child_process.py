@@ -1,6 +1,6 @@
-"""Processes that serve the one that began them: Ctrl-C is for that one, and they end when it ends, however it does.
+"""Child processes that serve their parent: Ctrl-C reaches the parent alone, and they end when the parent ends.
 
-The number of them is up to the processor's cores.
+The number of processor cores limits their number.
 """
 
 import contextlib
@@ -16,13 +16,13 @@ from typing import Any
 
 
 def available_cores() -> int:
-    """Processor cores that this process may run on."""
+    """Return the number of processor cores on which this process may run."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextlib.contextmanager
 def without_ctrl_c() -> Iterator[None]:
-    """Context in which processes are begun that never receive Ctrl-C, not even while they load.
+    """Return a context for the start of processes that never receive Ctrl-C, not even while they load.
 
     Ctrl-C within the context reaches this process after it. On Windows they receive it until they call
     `exit_with_parent`.
@@ -63,36 +63,37 @@ class Watchdog:
     """Kills a process after a limit of its run time, see `RunClock`.
 
     Args:
-        process: of `multiprocessing`.
-        patience: s.
+        process: Process of `multiprocessing`.
+        timeout: Limit, s.
     """
 
-    def __init__(self, process: Any, patience: float) -> None:
+    def __init__(self, process: Any, timeout: float) -> None:
         self._process = process
-        self._patience = patience
+        self._timeout = timeout
         self._clock = RunClock(process.pid)
-        self._called_off = threading.Event()
+        self._cancelled = threading.Event()
         self.has_killed = False
+        """True once the process has been killed."""
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
         self._thread.start()
 
     def _watch(self) -> None:
-        left = self._patience
-        while left > 0.0:
-            if self._called_off.wait(max(left, 0.01)):
+        remaining = self._timeout
+        while remaining > 0.0:
+            if self._cancelled.wait(max(remaining, 0.01)):
                 return
-            left = self._patience - self._clock.elapsed()
+            remaining = self._timeout - self._clock.elapsed()
         self.has_killed = True
         self._process.kill()
 
     def cancel(self) -> None:
-        """Let the process live."""
-        self._called_off.set()
+        """Stop the watch; the process is not killed."""
+        self._cancelled.set()
         self._thread.join()
 
 
 def exit_with_parent() -> None:
-    """Called first in such a process: from now on Ctrl-C is ignored, and the end of the parent ends it at once."""
+    """Ignore Ctrl-C from now on, and end this process at once when its parent ends; called first in the child."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_with_parent, daemon=True).start()
 
@@ -117,23 +118,23 @@ class RunClock:
 
     def restart(self) -> None:
         """Restart at 0."""
-        self._began = time.monotonic()
-        self._waited = _waiting_times(self._tasks)
+        self._start_time = time.monotonic()
+        self._waiting_times = _waiting_times(self._tasks)
 
     def elapsed(self) -> float:
         """Return the time since the start, s."""
-        waits = (now - self._waited.get(task, 0.0) for task, now in _waiting_times(self._tasks).items())
-        return time.monotonic() - self._began - max(waits, default=0.0)
+        waits = (now - self._waiting_times.get(task, 0.0) for task, now in _waiting_times(self._tasks).items())
+        return time.monotonic() - self._start_time - max(waits, default=0.0)
 
 
 def _waiting_times(tasks: str) -> dict[str, float]:
     """Return the time that each thread has waited for a processor, s; empty where the system does not report it."""
-    found = {}
+    times = {}
     with contextlib.suppress(OSError):  # the process has ended, or the system is another one
         for task in os.listdir(tasks):
             with (
                 contextlib.suppress(OSError, ValueError, IndexError),
                 open(f"{tasks}/{task}/schedstat", encoding="ascii") as file,
             ):
-                found[task] = int(file.read().split()[1]) / 1e9
-    return found
+                times[task] = int(file.read().split()[1]) / 1e9
+    return times

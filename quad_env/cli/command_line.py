@@ -1,4 +1,4 @@
-"""Command lines as frozen dataclasses: options from their docstrings, mistakes as one line."""
+"""Command lines as frozen dataclasses: --help from their docstrings, mistakes as one line."""
 
 import contextlib
 import difflib
@@ -27,36 +27,49 @@ SYNONYMS = (
     ("seed", "random_seed"),
 )
 """Groups of names that other programs have for one option."""
-_PAIRS = ("policy", "policies"), ("scenario", "scenarios")
+_PLURALS = (("policy", "policies"), ("scenario", "scenarios"))
+"""Options that are valid in singular and plural."""
 _RULE = re.compile(r"[─-]{3,}")
+"""Horizontal rule of tyro's box."""
 _NO_NUMBER = re.compile(r"invalid literal for int\(\) with base 10|could not convert string to float")
-"""Python's words for what is no whole number, or no number."""
+"""Python's message about a word that is no whole number, or no number."""
 _OPTIONAL = re.compile(r"Error parsing (.+?): no type matching .+ Got errors: .*- <class '\w+'>: (.+)")
 """tyro's message about an optional value; the last of its errors is about the value."""
 
 
 class UserError(Exception):
-    """A user's mistake, which any package may find; its text is one line that names the remedy."""
+    """A user's mistake, found by any package; its text is one line with the remedy."""
 
 
 class UsageError(UserError):
-    """A mistake on a command line; its text is one line that names the remedy."""
+    """A mistake on a command line; its text is one line with the remedy."""
 
 
 def parse(
     kind: type[Options], arguments: list[str] | None, *, program: str, description: str, default: Options | None = None
 ) -> Options:
-    """Options of that dataclass from the command line; UsageError for what does not fit, SystemExit(0) after --help.
+    """Return the options of a command line. After --help tyro raises SystemExit(0).
 
-    What the command line leaves out is as in `default`, or as the dataclass has it.
+    Args:
+        kind: Dataclass of the options; its docstrings are the help.
+        arguments: Words of the command line; None for those of this process.
+        program: Name of the program, as it is called.
+        description: Description of the program, for --help.
+        default: Values of missing options; None for those of the dataclass.
+
+    Returns:
+        The options.
+
+    Raises:
+        UsageError: An option is unknown, or a value is invalid or missing.
     """
     import tyro
 
     words = normalise_option_names(kind, sys.argv[1:] if arguments is None else arguments)
-    if "" in words or any(word.startswith("--") and word.endswith("=") for word in words):
-        raise UsageError(f"a value is empty, which names no file, folder or number; see `{program} --help`")
-    complaint, registry = io.StringIO(), tyro.constructors.ConstructorRegistry()
-    registry.primitive_rule(_whole_numbers)
+    _check_values(words, program)
+    complaint = io.StringIO()
+    registry = tyro.constructors.ConstructorRegistry()
+    registry.primitive_rule(_whole_number_rule)
     settings: dict[str, Any] = {"args": words, "default": default, "registry": registry}
     try:
         with contextlib.redirect_stderr(complaint):
@@ -64,24 +77,34 @@ def parse(
     except SystemExit as end:
         if not end.code:
             raise
-        said = complaint.getvalue()
-        raise UsageError(f"{first_sentence(said)}; see `{program} --help`{_suggestion(kind, said)}") from None
+        text = complaint.getvalue()
+        raise UsageError(f"{first_sentence(text)}; see `{program} --help`{_suggestion(kind, text)}") from None
+
+
+def _check_values(words: list[str], program: str) -> None:
+    """Raise UsageError for an empty value: it is no file, folder or number."""
+    for previous, word in zip(("", *words), words, strict=False):
+        option, equals, value = word.partition("=")
+        if word == "":
+            raise UsageError(f"{previous if previous.startswith('--') else 'value'}: empty; see `{program} --help`")
+        if option.startswith("--") and equals and not value:
+            raise UsageError(f"{option}: empty value; see `{program} --help`")
 
 
 def _suggestion(kind: type, complaint: str) -> str:
     """Return `; did you mean --threads?` for an unknown option with a synonym or a close match, else an empty text."""
     known = [field.name for field in fields(kind)]
     for name in re.findall(r"--([\w-]+)", complaint.partition("Unrecognized options")[2]):
-        asked = name.replace("-", "_")
-        same = next((group for group in SYNONYMS if asked in group), ())
-        meant = [each for each in known if each in same] or difflib.get_close_matches(asked, known, 1, 0.7)
-        if meant:
-            return f"; did you mean --{meant[0].replace('_', '-')}?"
+        unknown = name.replace("-", "_")
+        synonyms = next((group for group in SYNONYMS if unknown in group), ())
+        matches = [each for each in known if each in synonyms] or difflib.get_close_matches(unknown, known, 1, 0.7)
+        if matches:
+            return f"; did you mean --{matches[0].replace('_', '-')}?"
     return ""
 
 
-def _whole_numbers(asked: Any) -> Any:
-    """tyro's rule for whole numbers, which may be written as 1e6."""
+def _whole_number_rule(option: Any) -> Any:
+    """Return the rule of tyro for whole numbers, also of the form 1e6; None for options of other types."""
     import tyro
 
     def number(word: str) -> int:
@@ -92,7 +115,7 @@ def _whole_numbers(asked: Any) -> Any:
         except ValueError:
             raise ValueError(f"{word!r} is no whole number") from None
 
-    if asked.type is not int:
+    if option.type is not int:
         return None
     return tyro.constructors.PrimitiveConstructorSpec(
         nargs=1,
@@ -104,21 +127,27 @@ def _whole_numbers(asked: Any) -> Any:
 
 
 def normalise_option_names(kind: type, words: list[str]) -> list[str]:
-    """The words with `--policies` for `--policy` and `--scenarios` for `--scenario`, or the reverse, as the command of
-    these options has it."""
+    """Return the words with `--policies` for `--policy` and `--scenarios` for `--scenario`, or the reverse.
+
+    Args:
+        kind: Dataclass of the options, which has one form of each.
+        words: Words of a command line.
+
+    Returns:
+        The words with the form of the dataclass.
+    """
     known = {field.name for field in fields(kind)}
-    renamed = {
-        f"--{other}": f"--{name}"
-        for one, all_ in _PAIRS
-        for name, other in ((one, all_), (all_, one))
-        if name in known and other not in known
-    }
+    known_forms: dict[str, str] = {}
+    for singular, plural in _PLURALS:
+        for name, other in ((singular, plural), (plural, singular)):
+            if name in known and other not in known:
+                known_forms[f"--{other}"] = f"--{name}"
     split = [word.partition("=") for word in words]
-    return [renamed.get(option, option) + equals + value for option, equals, value in split]
+    return [known_forms.get(option, option) + equals + value for option, equals, value in split]
 
 
 def first_sentence(box: str) -> str:
-    """What tyro's box says below its title and above its next rule, on one line."""
+    """Return the text of tyro's box below its title and above its next rule, on one line."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", box)
     lines = [line.strip(" │").strip() for line in plain.splitlines()[1:]]
     # Where the terminal cannot draw boxes, a rule follows the title.
@@ -130,16 +159,33 @@ def first_sentence(box: str) -> str:
 
 
 def check_numbers(options: object, limits: Mapping[str, tuple[float, float]], group: str = "") -> None:
-    """Raise UsageError, one line, for the first of these numbers, or of its entries, that is outside its limits; None
-    is outside none. `group` comes before their names."""
+    """Check numbers of a command line against their limits; None is valid.
+
+    Args:
+        options: Object with the numbers, or tuples of them, as attributes.
+        limits: Least and largest valid value by name of the attribute.
+        group: Prefix of the names in the error, as `ppo.`.
+
+    Raises:
+        UsageError: A number is outside its limits; one line.
+    """
     for name, (low, high) in limits.items():
         value = getattr(options, name)
-        if not all(each is None or low <= each <= high for each in (value if isinstance(value, tuple) else (value,))):
+        numbers = value if isinstance(value, tuple) else (value,)
+        if not all(number is None or low <= number <= high for number in numbers):
             raise UsageError(f"--{group}{name.replace('_', '-')} must be from {low} to {high}, not {value}")
 
 
 def make_folder_of(file: Path, option: str) -> None:
-    """Make the folder that a file is to be written into. Raises UsageError, one line, where it cannot be written."""
+    """Make the folder of an output file.
+
+    Args:
+        file: The file.
+        option: Option that names it, for the error.
+
+    Raises:
+        UsageError: The folder cannot be written, or the file is a folder; one line.
+    """
     try:
         make_writable_folder(file.parent)
     except OSError as error:
@@ -149,7 +195,7 @@ def make_folder_of(file: Path, option: str) -> None:
 
 
 def survive_narrow_encodings() -> None:
-    """Print `?` for a sign that the terminal's encoding lacks, instead of failing on it, and something at no width."""
+    """Print `?` for characters that the terminal's encoding lacks, and ignore a terminal width of zero."""
     if re.fullmatch("0+", os.environ.get("COLUMNS", "")):
         del os.environ["COLUMNS"]
     for stream in (sys.stdout, sys.stderr):

@@ -1,7 +1,7 @@
-"""How a program ends without a traceback: Ctrl-C at any moment, a reader that closes the pipe, too little memory.
+"""Ends of a program without a traceback: Ctrl-C at any moment, a reader that closes the pipe, too little memory.
 
 A launcher calls `leave_on_interrupt` before its slow imports, and then `launch`. The program itself calls
-`raise_on_interrupt` once it has everything loaded and can keep what it has done. It imports next to nothing.
+`raise_on_interrupt` once it has everything loaded and can keep its results. This module imports next to nothing.
 """
 
 import errno
@@ -15,28 +15,32 @@ from types import FrameType, TracebackType
 from typing import NoReturn
 
 INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
 FAILED = 2
+"""Exit code after a mistake of the user or a failure of the system."""
 NOTHING_KEPT = "interrupted: no further file was written"
 ROOT = Path(__file__).resolve().parents[2]
-"""The clone of the project, or the folder that quad_env alone is installed in."""
+"""Clone of the project, or the folder into which quad_env alone is installed."""
 IS_CLONE = (ROOT / "live").is_dir() and (ROOT / "pyproject.toml").is_file()
+"""True in a clone of the project."""
 _MEMORY_SIGNS = (
     "cannot allocate memory",  # of the system
     "could not allocate memory",  # of MuJoCo
     "failed to map segment",  # of a library that is loaded
-    "can't start new thread",  # whose stack has no room
+    "can't start new thread",  # its stack has no room
 )
-_OF_CPP = "caught an unknown exception"
-"""What MuJoCo's compiler gives where it cannot start its threads, and after whatever else it does not expect."""
+"""Parts of error messages about too little memory."""
+_UNKNOWN_CPP_ERROR = "caught an unknown exception"
+"""Message of MuJoCo's compiler if it cannot start its threads, and for any other unexpected error."""
 _BLAS_BUFFER = 2**26
-"""Bytes that OpenBLAS wants at its first large product, at most."""
+"""Byte. Largest memory that OpenBLAS allocates at its first large product."""
 OUT_OF_MEMORY = "out of memory: end other programs, or raise the limit of `ulimit -v` if there is one"
 
 
 def leave_on_interrupt() -> None:
-    """From now on Ctrl-C ends the process at once, and too little memory with one line.
+    """End the process at once after Ctrl-C from now on, and with one line after too little memory.
 
-    A KeyboardInterrupt out of an import can turn into an ImportError, or get lost in a callback, so none is raised.
+    A KeyboardInterrupt from an import can turn into an ImportError, or get lost in a callback, so none is raised.
     """
     sys.excepthook = _end_by
     save_memory_where_limited()
@@ -46,13 +50,13 @@ def leave_on_interrupt() -> None:
 
 
 def raise_on_interrupt() -> None:
-    """From now on Ctrl-C is a KeyboardInterrupt again, if `leave_on_interrupt` made it something else."""
+    """Raise KeyboardInterrupt after Ctrl-C from now on, if `leave_on_interrupt` has changed that."""
     if signal.getsignal(signal.SIGINT) is _leave:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def launch(main: Callable[[], int]) -> int:
-    """Run a program and flush what it printed; its exit code."""
+    """Run a program, flush its output and return its exit code."""
     code = 0
     try:
         try:
@@ -73,7 +77,7 @@ def launch(main: Callable[[], int]) -> int:
             code = code or FAILED
         else:
             raise
-    # What is left takes milliseconds, and an interrupt in it would be a traceback.
+    # The rest takes milliseconds, and an interrupt in it would be a traceback.
     if signal.getsignal(signal.SIGINT) in (_leave, signal.default_int_handler):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     if code == INTERRUPTED:
@@ -83,18 +87,18 @@ def launch(main: Callable[[], int]) -> int:
 
 
 def is_broken_pipe(error: OSError) -> bool:
-    """Whether the reader of the output has gone; Windows calls that an invalid argument."""
+    """Return True if the reader of the output has gone; Windows calls this an invalid argument."""
     invalid = sys.platform == "win32" and error.errno == errno.EINVAL and error.filename is None
     return invalid or isinstance(error, BrokenPipeError)
 
 
 def silence_stdout() -> None:
-    """Send what is still to be printed nowhere, so that nothing fails on it when the interpreter ends."""
+    """Discard all further output, so that the end of the interpreter does not fail on it."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
 def leave(text: str) -> NoReturn:
-    """End the process at once after Ctrl-C, with a line on stderr."""
+    """End the process at once after Ctrl-C, with the line `text` on stderr."""
     # Without buffers and exit handlers: the interrupt may have come in the middle of anything.
     shown_again = "\r\x1b[?25h" if os.isatty(2) else ""  # the cursor, which a progress bar hides
     os.write(2, f"{shown_again}{text}\n".encode())
@@ -102,7 +106,7 @@ def leave(text: str) -> NoReturn:
 
 
 def _end_by(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """End by an error that nothing else has taken, such as of an import."""
+    """Handle an error that nothing else has caught, as of an import: one line if it is too little memory."""
     if not is_out_of_memory(error):
         sys.__excepthook__(kind, error, trace)
         return
@@ -115,7 +119,7 @@ def _leave(number: int, frame: FrameType | None) -> None:
 
 
 def memory_is_limited() -> bool:
-    """Whether this process may have only so much address space, as `ulimit -v` sets it."""
+    """Return True if the address space of this process is limited, as by `ulimit -v`."""
     if sys.platform == "win32":
         return False
     import resource
@@ -124,14 +128,16 @@ def memory_is_limited() -> bool:
 
 
 def save_memory_where_limited() -> None:
-    """To be called before NumPy is loaded: its OpenBLAS, which reserves memory for each of its threads and ends the
-    process or waits for ever where it gets none, has one thread where memory is limited."""
+    """Limit OpenBLAS to one thread where memory is limited; called before NumPy is imported.
+
+    OpenBLAS reserves memory for each of its threads; without it, it ends the process or waits for ever.
+    """
     if memory_is_limited():
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def is_out_of_memory(error: BaseException) -> bool:
-    """Whether an exception comes from too little memory, whatever its type."""
+    """Return True if an exception of any type comes from too little memory."""
     if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
         return True
     if not isinstance(error, Exception):
@@ -140,13 +146,13 @@ def is_out_of_memory(error: BaseException) -> bool:
         text = str(error).lower()
     except Exception:  # of a user
         return False
-    return any(sign in text for sign in _MEMORY_SIGNS) or (_OF_CPP in text and memory_is_limited())
+    return any(sign in text for sign in _MEMORY_SIGNS) or (_UNKNOWN_CPP_ERROR in text and memory_is_limited())
 
 
 def preallocate_blas_buffers() -> None:
-    """To be called once everything is loaded: OpenBLAS takes now what it would end the process for later.
+    """Have OpenBLAS allocate its buffers now where memory is limited; called once everything is loaded.
 
-    Raises OSError where there is too little for it.
+    Later OpenBLAS would end the process if it had too little memory. Here too little memory raises OSError.
     """
     if memory_is_limited():
         import numpy as np

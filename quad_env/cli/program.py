@@ -1,4 +1,4 @@
-"""A program of several commands: one table of them, and one way for all to end.
+"""A program of several commands, with one table of the commands and one way for all to end.
 
 A command is a module with a function `main(options)` that returns the exit code. The annotation of its parameter names
 the options: a frozen dataclass with docstrings that --help shows. `main` raises UserError or OSError for an error that
@@ -29,42 +29,42 @@ EXTRAS = dict.fromkeys(_TRAIN, "train") | {
     "onnxruntime": "onnx",
     "rosbags": "recording",
 }
-"""Extra that installs a package, by the name that it is imported by."""
+"""Extra that installs a package, by the import name of the package."""
 OURS = "quad_env", "policies", "evaluate", "train", "live", "research"
 
 
 @dataclass(frozen=True)
 class Command:
-    """One command of a program."""
+    """One command of a program; the programs have tables of them."""
 
     module: str
     """Module of its `main`; loaded when it is called, so that no other command waits for it."""
     summary: str
-    """What it does, for the list of commands."""
+    """Summary for the list of commands."""
 
 
 @dataclass(frozen=True)
 class Program:
-    """Commands, and what is done where none of them is called."""
+    """Program of several commands; each package with a `__main__` has one."""
 
     name: str
-    """As it is called, `python -m train`."""
+    """Call of the program, `python -m train`."""
     commands: Mapping[str, Command]
-    """By the word that calls them."""
+    """Commands by the word that calls them."""
     fallback: Callable[[list[str]], int] | None = None
-    """Runs the words that begin with no command, and gives the exit code; None where they are a mistake."""
+    """Function that runs words without a command and returns the exit code; None if such words are a mistake."""
     moved_commands: Mapping[str, str] = field(default_factory=dict)
-    """Where commands are that are not here, such as those of older versions: "now `python -m research jump`"."""
+    """Places of commands that moved, as of older versions: "now `python -m research jump`"."""
     note: str = ""
     """Last line of the list of commands."""
 
     def main(self, arguments: list[str] | None = None) -> int:
-        """Run the command that the arguments begin with; its exit code, 2 after a mistake, 130 after Ctrl-C."""
+        """Run the command of the arguments and return its exit code; 2 after a mistake, 130 after Ctrl-C."""
         words = sys.argv[1:] if arguments is None else arguments
         return exit_code(partial(self._run, words))
 
     def listing(self) -> str:
-        """The commands, with a line each."""
+        """Return the list of commands, a line each."""
         width = max(map(len, self.commands)) + 2
         lines = [f"  {name:{width}}{command.summary}" for name, command in self.commands.items()]
         return "\n".join([*lines, self.note] if self.note else lines)
@@ -82,8 +82,8 @@ class Program:
         try:
             return self.fallback(words) if self.fallback else self._list(words)
         except UsageError as mistake:
-            if meant := difflib.get_close_matches(first, self.commands, 1, 0.7):
-                raise UsageError(f"{mistake}; did you mean the command {meant[0]}?") from mistake
+            if matches := difflib.get_close_matches(first, self.commands, 1, 0.7):
+                raise UsageError(f"{mistake}; did you mean the command {matches[0]}?") from mistake
             raise
 
     def _list(self, words: list[str]) -> int:
@@ -102,7 +102,7 @@ def options_class(module: Any) -> type[Any]:
 
 
 def exit_code(run: Callable[[], int]) -> int:
-    """What `run` gives, or 2 after a user's mistake and 130 after Ctrl-C, with one line on stderr."""
+    """Return the result of `run`, or 2 after a user's mistake and 130 after Ctrl-C, with one line on stderr."""
     survive_narrow_encodings()
     try:
         return run()
@@ -117,7 +117,7 @@ def exit_code(run: Callable[[], int]) -> int:
 
 
 def _line_for(error: Exception) -> str:
-    """The line that a user sees for an error that is not of the program; any other is raised again."""
+    """Return the line for an error that is no fault of the program; any other error is raised again."""
     if isinstance(error, UserError):
         return str(error)
     if is_out_of_memory(error):
@@ -137,7 +137,7 @@ def _line_for(error: Exception) -> str:
 
 
 def format_os_error(error: Exception) -> str:
-    """`cannot use FILE (No such file or directory)` of a failure of the system, which does not say so by itself."""
+    """Return `cannot use FILE (No such file or directory)` for an error of the system, else the error's own text."""
     if not isinstance(error, OSError) or error.strerror is None:
         return str(error)
     return f"cannot use {error.filename} ({error.strerror})" if error.filename else f"cannot go on ({error.strerror})"

@@ -11,36 +11,40 @@ from typing import TypeAlias
 
 from quad_env.cli.interrupt import Interrupt
 
-QUIET = 5.0
+FIRST_LINE_TIME = 5.0
 """s. Time before the first line of progress where there is no terminal."""
-PERIOD = 10.0
+LINE_PERIOD = 10.0
 """s. Time between two of these lines."""
 CellProgress: TypeAlias = Callable[[str, str, float], None]
-"""Takes the policy and the scenario of a cell, and the share of it that is done, 0 to 1; 1 exactly once."""
+"""Callback with policy and scenario of a cell, and its completed fraction, 0 to 1; 1 exactly once."""
 
 
 @contextmanager
 def show_progress(total: int) -> Iterator[CellProgress]:
-    """A callback that shows how far a comparison of so many cells is, and how long the rest takes at the pace so far.
+    """Return a context whose callback shows the progress of `total` cells and estimates the remaining time.
 
-    Several cells may be under way. What is done at a cell's first report was kept by an earlier run and took no time.
+    Several cells may run at once. The fraction at a cell's first report is from an earlier run and took no time.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-    console, begun, finished = Console(stderr=True), time.perf_counter(), itertools.count(1)
-    kept: dict[tuple[str, str], float] = {}
+    console = Console(stderr=True)
+    start = time.perf_counter()
+    finished = itertools.count(1)
+    earlier: dict[tuple[str, str], float] = {}
     shares: dict[tuple[str, str], float] = {}
-    what, to_come = TextColumn("{task.description}"), TextColumn("{task.fields[left]}")
-    columns = what, BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), to_come
+    description = TextColumn("{task.description}")
+    remaining = TextColumn("{task.fields[left]}")
+    columns = (description, BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), remaining)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("starting", total=total, left="")
 
         def show(policy: str, scenario: str, share: float) -> None:
-            kept.setdefault((policy, scenario), share)
+            earlier.setdefault((policy, scenario), share)
             shares[policy, scenario] = share
-            done, elapsed = sum(shares.values()), time.perf_counter() - begun
-            advance = done - sum(kept.values())
+            done = sum(shares.values())
+            elapsed = time.perf_counter() - start
+            advance = done - sum(earlier.values())
             left = (
                 f"{format_duration(elapsed * (total - done) / advance)} left" if advance > 0.0 and done < total else ""
             )
@@ -48,13 +52,13 @@ def show_progress(total: int) -> Iterator[CellProgress]:
             if share < 1.0 or console.is_terminal:
                 return
             took = format_duration(elapsed) + (left and f", about {left}")
-            _say(f"[{next(finished)}/{total}] {scenario}: {policy} ({took})")
+            _print_line(f"[{next(finished)}/{total}] {scenario}: {policy} ({took})")
 
         yield show
 
 
 def format_duration(seconds: float) -> str:
-    """`8 s`, `3 min 20 s`, `2 h 5 min`."""
+    """Format a time as `8 s`, `3 min 20 s` or `2 h 5 min`."""
     whole = round(seconds)
     if whole < 60:
         return f"{whole} s"
@@ -64,11 +68,17 @@ def format_duration(seconds: float) -> str:
 
 
 @contextmanager
-def show_bar(what: str, *, in_lines: bool = True) -> Iterator[Callable[[float], None]]:
-    """Show the progress of some work; the result takes the share that is done, 0 … 1.
+def show_bar(description: str, *, in_lines: bool = True) -> Iterator[Callable[[float], None]]:
+    """Show the progress of some work.
 
-    The display is a bar on a terminal. Elsewhere it is a line after QUIET seconds and then every PERIOD seconds, if
-    `in_lines`. A report raises KeyboardInterrupt after Ctrl-C.
+    The display is a bar on a terminal. Elsewhere it is a line after FIRST_LINE_TIME and then every LINE_PERIOD.
+
+    Args:
+        description: Name of the work.
+        in_lines: True to print lines where there is no terminal.
+
+    Yields:
+        Callback with the completed fraction, 0 to 1; it raises KeyboardInterrupt after Ctrl-C.
     """
     from rich.console import Console
     from rich.progress import (
@@ -81,40 +91,40 @@ def show_bar(what: str, *, in_lines: bool = True) -> Iterator[Callable[[float], 
     )
 
     console = Console(stderr=True)
-    begun = time.perf_counter()
+    start = time.perf_counter()
     columns = (
         TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
     )  # fmt: skip
-    shown = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
-    with Interrupt() as interrupt, shown as progress:
-        task = progress.add_task(what, total=1.0)
-        due = QUIET
+    display = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    with Interrupt() as interrupt, display as progress:
+        task = progress.add_task(description, total=1.0)
+        next_line = FIRST_LINE_TIME
 
         def report(share: float) -> None:
-            nonlocal due
+            nonlocal next_line
             interrupt.check()
             progress.update(task, completed=share)
-            elapsed = time.perf_counter() - begun
-            if console.is_terminal or not in_lines or elapsed < due:
+            elapsed = time.perf_counter() - start
+            if console.is_terminal or not in_lines or elapsed < next_line:
                 return
-            due = elapsed + PERIOD
+            next_line = elapsed + LINE_PERIOD
             left = f", about {format_duration(elapsed * (1.0 - share) / share)} left" if 0.0 < share < 1.0 else ""
-            _say(f"{what}: {100.0 * share:.0f} % ({format_duration(elapsed)}{left})")
+            _print_line(f"{description}: {100.0 * share:.0f} % ({format_duration(elapsed)}{left})")
 
         yield report
 
 
 @contextmanager
-def show_waiting(what: str) -> Iterator[None]:
-    """Show that work of unknown duration goes on: a spinner on a terminal, else a line after QUIET seconds."""
+def show_waiting(description: str) -> Iterator[None]:
+    """Show that work of unknown duration goes on: a spinner on a terminal, else a line after FIRST_LINE_TIME."""
     from rich.console import Console
 
     console = Console(stderr=True)
     if console.is_terminal:
-        with console.status(what):
+        with console.status(description):
             yield
         return
-    timer = threading.Timer(QUIET, _say, (f"{what} …",))
+    timer = threading.Timer(FIRST_LINE_TIME, _print_line, (f"{description} …",))
     timer.daemon = True
     timer.start()
     try:
@@ -123,6 +133,7 @@ def show_waiting(what: str) -> Iterator[None]:
         timer.cancel()
 
 
-def _say(line: str) -> None:
+def _print_line(line: str) -> None:
+    """Print a line on stderr."""
     with contextlib.suppress(OSError):  # a log that cannot be written is no reason to lose the work
         print(line, file=sys.stderr, flush=True)

@@ -1,40 +1,43 @@
-"""Pace: holds a loop of control steps back to real time, or to a share of it."""
+"""Real-time rate: holds a loop of control steps to real time, or to a multiple of it."""
 
 import time
 
-LAG = 0.25
-"""Wall time by which a loop may be behind before it gives up catching up, s."""
+MAX_LAG = 0.25
+"""s. Wall time that a loop may be late; a later loop does not catch up."""
+MEASURED_TIME = 1.0
+"""s. Wall time over which the speed of the loop is measured."""
 
 
 class RealTimeRate:
-    """Says when the next step is due, and how fast the loop really is.
+    """Waits until the next step is due, and measures the speed of the loop.
 
     Args:
-        period: simulated time of a step, s.
-        speed: simulated s a wall s; may be changed under way.
+        period: Simulated time of a step, s.
+        speed: Simulated s per wall s; may be changed under way.
     """
 
     def __init__(self, period: float, speed: float = 1.0) -> None:
         self.speed = speed
         self._period = period
-        self._due = self._since = time.perf_counter()
-        self._steps = 0
         self.measured = 0.0
-        """Simulated s a wall s over the latest second, 0 before it."""
+        """Simulated s per wall s over the latest MEASURED_TIME; 0 before that."""
+        self._due_time = self._measured_since = time.perf_counter()
+        self._step_count = 0
 
     def wait(self) -> None:
         """Sleep until the next step is due."""
         now = time.perf_counter()
-        if now - self._due > LAG:
-            self._due = now
-        time.sleep(max(0.0, self._due - now))
-        self._due += self._period / self.speed
-        self._steps += 1
-        if (passed := time.perf_counter() - self._since) >= 1.0:
-            self.measured = self._steps * self._period / passed
-            self._steps, self._since = 0, time.perf_counter()
+        if now - self._due_time > MAX_LAG:
+            self._due_time = now
+        time.sleep(max(0.0, self._due_time - now))
+        self._due_time += self._period / self.speed
+        self._step_count += 1
+        if (elapsed := time.perf_counter() - self._measured_since) >= MEASURED_TIME:
+            self.measured = self._step_count * self._period / elapsed
+            self._step_count = 0
+            self._measured_since = time.perf_counter()
 
     def resume(self) -> None:
-        """Go on after a pause, without catching up what was not stepped in it."""
-        self._due = self._since = time.perf_counter()
-        self._steps = 0
+        """Go on after a pause without catching up the missed steps."""
+        self._due_time = self._measured_since = time.perf_counter()
+        self._step_count = 0

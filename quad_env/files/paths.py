@@ -1,4 +1,4 @@
-"""Check of names and paths: finds texts that can only be a path to a missing file."""
+"""Check of names and paths: detects a text that can only be a path to a missing file."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ ENDINGS = frozenset(
         *(".stl", ".toml", ".urdf", ".xml", ".yaml", ".yml", ".zip"),
     )
 )
-"""Endings of the files that users name; a severity such as `noise=0.2` does not end in one of them."""
+"""Endings of the files that users name; a severity as `noise=0.2` does not end in one of them."""
 
 
 def missing_file(text: str) -> str | None:

@@ -1,4 +1,4 @@
-"""Files that users name, or that their folders hold: read whole, if they are regular and of a bounded size."""
+"""Reading of users' files: whole, if they are regular and of a bounded size."""
 
 import errno
 import json
@@ -12,47 +12,56 @@ from typing import Any
 from quad_env.files.text import brief
 
 MAX_TEXT_SIZE = 64 * 2**20
-"""Largest text, such as a description, a model or a script, byte."""
+"""Byte. Largest text, as a description, a model or a script."""
 MAX_DATA_SIZE = 4 * 2**30
-"""Byte. Largest file of numbers that this project writes, such as a table or a checkpoint."""
+"""Byte. Largest file of numbers that this project writes, as a table or a checkpoint."""
 MAX_TOML_SIZE = 2**17
 """Byte. Largest TOML; the time of Python's reader grows with the square of its size."""
 MAX_KEY_PARTS = 20
 """Largest number of parts of a dotted key, for the same reason."""
-_BETWEEN = re.compile(r"[],=[{}\"']")
+_DELIMITERS = re.compile(r"[],=[{}\"']")
+"""Characters between the keys and values of a line of TOML."""
 NETWORK_LIMIT = "QUAD_ENV_LARGEST_NETWORK"
-"""Environment variable: the largest network of a policy that is read, MiB."""
+"""Environment variable: largest policy network that is read, MiB."""
 _NETWORK_MIB = 128
-"""MiB. Networks of published policies have 0.1 to 20 MiB, with an image encoder up to 100 MiB."""
+"""MiB. Default limit. Networks of published policies have 0.1 to 20 MiB, with an image encoder up to 100 MiB."""
 
 
 def max_network_size() -> int:
     """Return the size of the largest policy network that is read, byte."""
-    given = os.environ.get(NETWORK_LIMIT, "")
-    number = int(given) if given.isascii() and given.isdigit() and len(given) < 10 else 0
+    text = os.environ.get(NETWORK_LIMIT, "")
+    number = int(text) if text.isascii() and text.isdigit() and len(text) < 10 else 0
     return (number or _NETWORK_MIB) * 2**20
 
 
 def read_bytes(path: Path, limit: int = MAX_TEXT_SIZE) -> bytes:
-    """The content of a regular file of at most so many bytes; OSError for what is none."""
+    """Return the content of the file at `path`; raise OSError unless it is regular and has at most `limit` bytes."""
     check_file(path, limit)
     return path.read_bytes()
 
 
 def check_file(path: Path, limit: int = MAX_DATA_SIZE) -> None:
-    """Raise OSError unless it is a regular file of at most so many bytes: to read a pipe or a device may never end."""
-    found = path.stat()
-    if not stat.S_ISREG(found.st_mode):
+    """Check that a file may be read: reading a pipe or a device may never end.
+
+    Args:
+        path: The file.
+        limit: Largest size, byte.
+
+    Raises:
+        OSError: It is missing, not regular, or too large.
+    """
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
         raise OSError(errno.EINVAL, "it is no regular file", str(path))
-    if found.st_size > limit:
+    if status.st_size > limit:
         remedy = f"; {NETWORK_LIMIT} raises the limit, MiB" if limit == max_network_size() else ""
         raise OSError(errno.EFBIG, f"it is larger than {limit // 2**20} MiB{remedy}", str(path))
 
 
 def parse_json(content: bytes | str) -> Any:
-    """JSON values; ValueError for what is no JSON, for a key that an object has twice, and for too deep a nesting."""
+    """Parse JSON. Raises ValueError for invalid JSON, a key that an object has twice, and too deep a nesting."""
     try:
-        return json.loads(content, object_pairs_hook=_distinct)
+        return json.loads(content, object_pairs_hook=_unique_keys)
     except RecursionError:
         raise ValueError("its values are nested too deeply") from None
 
@@ -64,7 +73,10 @@ def parse_toml(content: bytes | str) -> dict[str, Any]:
     text = content if isinstance(content, str) else content.decode()
     for number, line in enumerate(text.splitlines(), 1):
         plain = line.partition("#")[0]
-        if plain.count(".") > MAX_KEY_PARTS and max(part.count(".") for part in _BETWEEN.split(plain)) >= MAX_KEY_PARTS:
+        if (
+            plain.count(".") > MAX_KEY_PARTS
+            and max(part.count(".") for part in _DELIMITERS.split(plain)) >= MAX_KEY_PARTS
+        ):
             raise ValueError(f"line {number} has a key of more than {MAX_KEY_PARTS} parts")
     try:
         return tomllib.loads(text)
@@ -72,10 +84,11 @@ def parse_toml(content: bytes | str) -> dict[str, Any]:
         raise ValueError("its values are nested too deeply") from None
 
 
-def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of JSON as a dictionary. Raises ValueError for a key that it has twice."""
+    values: dict[str, Any] = {}
     for name, value in pairs:
-        if name in found:
+        if name in values:
             raise ValueError(f"{brief(name)} is given twice")
-        found[name] = value
-    return found
+        values[name] = value
+    return values

@@ -1,24 +1,26 @@
-"""Texts that others write, as lines that may be printed whatever is in them."""
+"""Texts of others as lines that are safe to print."""
 
 from itertools import islice
 from traceback import TracebackException
 
 MAX_LINE_LENGTH = 2000
-"""Characters of a line that is printed."""
+"""Largest number of characters of a printed line."""
 MAX_SHOWN = 60
-"""Number of characters of a value that an error shows."""
+"""Largest number of characters of a value that an error shows."""
 _MAX_ENTRIES = 4
+"""Largest number of entries of a collection that an error shows."""
 _MAX_BITS = 200
+"""Largest number of bits of a whole number that an error shows."""
 
 
 def one_line(text: str) -> str:
-    """A text on one line of bounded length, without the characters that steer a terminal."""
+    """Return a text on one line of bounded length, without control characters."""
     plain = " ".join("".join(sign if sign.isprintable() else " " for sign in text).split())
     return plain if len(plain) <= MAX_LINE_LENGTH else f"{plain[:MAX_LINE_LENGTH]} …"
 
 
 def escape_control_characters(text: str) -> str:
-    """Return a text whose control characters, other than line breaks, are shown as escapes such as `\\x1b`."""
+    """Return a text with its control characters, other than line breaks, as escapes like `\\x1b`."""
     return "".join(
         sign if sign.isprintable() or sign == "\n" else sign.encode("unicode_escape").decode("ascii") for sign in text
     )
@@ -27,7 +29,14 @@ def escape_control_characters(text: str) -> str:
 def brief(value: object, depth: int = 2) -> str:
     """Return a short text of a value for an error, in bounded time: the start of a text, few entries of a collection.
 
-    A collection of a YAML file can contain itself, or the same one many times, so its `repr` can be endless.
+    A collection of a YAML file can contain itself, or one collection many times, so its `repr` can be endless.
+
+    Args:
+        value: The value.
+        depth: Levels of nested collections that are shown.
+
+    Returns:
+        The text.
     """
     if isinstance(value, str | bytes):
         return repr(value) if len(value) <= MAX_SHOWN else f"{value[:MAX_SHOWN]!r}…"
@@ -51,6 +60,6 @@ def brief(value: object, depth: int = 2) -> str:
 def format_exception(error: BaseException) -> str:
     """`ValueError: its text`, on one line.
 
-    Code of a user can raise an exception whose `__str__` fails; then the line says so.
+    The `__str__` of a user's exception can fail; then the line says so.
     """
     return one_line(f"{type(error).__name__}: {TracebackException.from_exception(error)}")

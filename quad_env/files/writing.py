@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, and folders that one process at a time writes to."""
+"""Atomic writing of files, and exclusive locks of folders."""
 
 import contextlib
 import hashlib
@@ -8,13 +8,19 @@ from collections.abc import Iterator
 from pathlib import Path
 
 
-class FolderInUse(OSError):
-    """Another process writes to the folder; the message is one line that names the remedy."""
+class FolderInUseError(OSError):
+    """Another process writes to the folder; the message is one line with the remedy."""
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write through a temporary file in the same folder: at any moment, and after a power cut, `path` is the old file
-    or the new one, whole."""
+    """Write a file through a temporary file in the same folder.
+
+    At any moment, and after a power cut, the file is the old one or the new one, whole.
+
+    Args:
+        path: The file.
+        content: Its new content.
+    """
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
@@ -29,7 +35,7 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 
 def make_writable_folder(path: Path) -> None:
-    """Make the folder if need be and prove that files can be written there; OSError if not."""
+    """Make the folder if needed and check that files can be written there. Raises OSError."""
     path.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=path):
         pass
@@ -37,10 +43,18 @@ def make_writable_folder(path: Path) -> None:
 
 @contextlib.contextmanager
 def exclusive_lock(folder: Path) -> Iterator[None]:
-    """Context in which no other process has sole use of the folder; FolderInUse at once where one has.
+    """Return a context with sole use of a folder among processes. A missing folder raises OSError.
 
-    A lock of the system, which ends with its process however that ends. Some network drives have no locks: there no
-    process is kept out. OSError if the folder is not there.
+    The lock of the system ends with its process in any case. Network drives without locks exclude no process.
+
+    Args:
+        folder: The folder.
+
+    Yields:
+        Nothing, while the lock is held.
+
+    Raises:
+        FolderInUseError: Another process has the folder.
     """
     from filelock import FileLock, Timeout
 
@@ -50,7 +64,7 @@ def exclusive_lock(folder: Path) -> Iterator[None]:
         lock.acquire()
     except Timeout:
         remedy = "wait until it ends, or name another folder with --out"
-        raise FolderInUse(f"{folder} is being written to by another process: {remedy}") from None
+        raise FolderInUseError(f"{folder} is being written to by another process: {remedy}") from None
     except OSError:  # no locks here
         pass
     try:

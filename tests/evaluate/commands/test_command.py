@@ -14,7 +14,7 @@ import pytest
 import policies
 from evaluate.__main__ import main
 from evaluate.records.store import FILES
-from quad_env.files.writing import FolderInUse, exclusive_lock
+from quad_env.files.writing import FolderInUseError, exclusive_lock
 
 PYTHON = (sys.executable, "-W", "error")
 
@@ -170,7 +170,7 @@ def test_the_folder_is_the_runs_own_until_everything_is_written(capsys, tmp_path
         try:
             with exclusive_lock(tmp_path):
                 held.append(False)
-        except FolderInUse:
+        except FolderInUseError:
             held.append(True)
         raise KeyboardInterrupt
 

@@ -20,7 +20,7 @@ from quad_env.cli.interrupt import Interrupt
 signal.signal(signal.SIGINT, signal.default_int_handler)
 with Interrupt() as interrupt:
     signal.raise_signal(signal.SIGINT)
-    print(interrupt.asked, flush=True)
+    print(interrupt.requested, flush=True)
     try:
         signal.raise_signal(signal.SIGINT)
         print("goes on")

@@ -107,7 +107,7 @@ def test_a_crash_is_one_line_here(function: object, words: str) -> None:
 
 
 def test_a_file_is_read_apart_once_as_long_as_it_is_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(limited_process._READ, "")
+    monkeypatch.setenv(limited_process.READ_FILES, "")
     file = tmp_path / "a"
     file.write_text("abc")
     length, apart = read_limited(size, file)
@@ -142,7 +142,7 @@ print(call(answer, 3)[1] == first)
 
 
 def test_where_no_process_can_be_started_it_is_called_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    limited_process._end()
+    limited_process.end_process()
     monkeypatch.setattr(sys, "executable", "/no/python")
     assert call(answer, 1) == (1, os.getpid())
 

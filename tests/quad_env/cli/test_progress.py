@@ -48,7 +48,7 @@ def test_work_that_is_done_at_once_says_nothing(capsys) -> None:
 
 
 def test_work_of_unknown_length_is_named_after_a_while(monkeypatch, capsys) -> None:
-    monkeypatch.setattr("quad_env.cli.progress.QUIET", 0.01)
+    monkeypatch.setattr("quad_env.cli.progress.FIRST_LINE_TIME", 0.01)
     with show_waiting("writing report.html"):
         deadline = time.monotonic() + 20.0
         said = ""

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from quad_env.files.writing import FolderInUse, exclusive_lock
+from quad_env.files.writing import FolderInUseError, exclusive_lock
 
 HOLDER = """
 import sys, time
@@ -20,7 +20,7 @@ with exclusive_lock(Path(sys.argv[1])):
 def test_a_folder_in_use_is_refused_at_once_and_free_afterwards(tmp_path) -> None:
     with exclusive_lock(tmp_path):
         for _ in range(2):  # a refusal frees nothing
-            with pytest.raises(FolderInUse, match="--out"), exclusive_lock(tmp_path):
+            with pytest.raises(FolderInUseError, match="--out"), exclusive_lock(tmp_path):
                 pass
         (tmp_path / "other").mkdir()
         with exclusive_lock(tmp_path / "other"):
@@ -34,7 +34,7 @@ def test_a_folder_in_use_is_refused_at_once_and_free_afterwards(tmp_path) -> Non
 def test_the_lock_ends_with_its_process_however_that_ends(tmp_path, running) -> None:
     with running([sys.executable, "-c", HOLDER, str(tmp_path)]) as holder:
         assert holder.stdout.readline() == "locked\n"
-        with pytest.raises(FolderInUse), exclusive_lock(tmp_path):
+        with pytest.raises(FolderInUseError), exclusive_lock(tmp_path):
             pass
         holder.kill()
         holder.wait()

@@ -1,0 +1,110 @@
+"""The child of `limited_process`: answers questions within limits of processor time and memory."""
+
+import contextlib
+import importlib
+import math
+import os
+import pickle
+import signal
+import sys
+from typing import Any, BinaryIO
+
+from quad_env.cli.launcher import is_out_of_memory
+from quad_env.cli.limited_protocol import BEGUN, MEMORY, READY, Failure, LimitExceededError, Question, receive, send
+from quad_env.files.text import format_exception
+
+_IDLE_TIME = 30.0
+"""s without a question after which the process ends."""
+_MAX_RETAINED_MEMORY = 2**28
+"""Byte. The process ends after an answer that took more memory, since that memory may stay allocated."""
+
+
+def serve() -> None:
+    """Answer questions in the limited process until none comes for `_IDLE_TIME`, s."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # discard printed text
+    questions = os.fdopen(os.dup(0), "rb", buffering=0)
+    send(answers, READY)
+    with contextlib.suppress(EOFError, OSError):
+        while _has_question(questions):
+            if _serve_question(receive(questions), answers) > _MAX_RETAINED_MEMORY:
+                return
+
+
+def _serve_question(question: Question, answers: BinaryIO) -> int:
+    """Send the answer to a question and return the memory that it took, byte."""
+    function: Any = importlib.import_module(question.module)
+    for part in question.name.split("."):
+        function = getattr(function, part)
+    with contextlib.suppress(OSError):
+        os.chdir(question.folder)
+    send(answers, BEGUN)
+    before = _peak_memory()
+    _set_limits(question)
+    value = _answer(function, question)
+    if _peak_memory() - before > question.mebibytes * 2**20:
+        value = Failure(_memory_error(question))
+    send(answers, (value,))
+    return _peak_memory() - before
+
+
+def _has_question(questions: BinaryIO) -> bool:
+    """Return True if a question comes within `_IDLE_TIME`, s."""
+    if sys.platform == "win32":
+        return True
+    import select
+
+    return bool(select.select([questions], [], [], _IDLE_TIME)[0])
+
+
+def _answer(function: Any, question: Question) -> Any:
+    """Return the picklable result of a call, or its `Failure`."""
+    try:
+        value = function(*question.arguments)
+        pickle.dumps(value)
+        return value
+    except Exception as error:
+        if is_out_of_memory(error):
+            return Failure(_memory_error(question))
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:
+            return Failure(RuntimeError(format_exception(error)))
+        return Failure(error)
+
+
+def _memory_error(question: Question) -> LimitExceededError:
+    return LimitExceededError(f"it takes more than {question.mebibytes} MiB of memory; {MEMORY} raises the limit, MiB")
+
+
+def _peak_memory() -> int:
+    """Return the largest memory of this process so far, byte; 0 where it is not known."""
+    if sys.platform == "win32":
+        return 0
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+
+def _set_limits(question: Question) -> None:
+    """Limit processor time and memory from now on."""
+    if sys.platform == "win32":
+        return
+    import resource
+    import time
+
+    _set_limit(resource.RLIMIT_CORE, 0)
+    _set_limit(resource.RLIMIT_CPU, math.ceil(time.process_time()) + question.seconds)
+    if sys.platform == "linux":
+        with open("/proc/self/statm", encoding="ascii") as file:
+            data = int(file.read().split()[5]) * resource.getpagesize()
+        _set_limit(resource.RLIMIT_DATA, data + question.mebibytes * 2**20)
+
+
+def _set_limit(kind: int, value: int) -> None:
+    """Set a soft limit of the system, at most the hard limit."""
+    import resource
+
+    _, hard = resource.getrlimit(kind)
+    resource.setrlimit(kind, (value if hard == resource.RLIM_INFINITY else min(value, hard), hard))
