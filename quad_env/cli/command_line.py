@@ -48,19 +48,20 @@ class UsageError(UserError):
 def parse(
     kind: type[Options], arguments: list[str] | None, *, program: str, description: str, default: Options | None = None
 ) -> Options:
-    """Return the options of a command line. After --help tyro raises SystemExit(0).
+    """Return the options of a command line.
 
     Args:
         kind: Dataclass of the options; its docstrings are the help.
-        arguments: Words of the command line; None for those of this process.
+        arguments: Words of the command line; None for the arguments of this process.
         program: Name of the program, as it is called.
         description: Description of the program, for --help.
-        default: Values of missing options; None for those of the dataclass.
+        default: Values of missing options; None for the defaults of the dataclass.
 
     Returns:
         The options.
 
     Raises:
+        SystemExit: With code 0, after --help.
         UsageError: An option is unknown, or a value is invalid or missing.
     """
     import tyro

@@ -75,6 +75,9 @@ def estimate(value: float, ends: tuple[float, float], digits: int = 3, scale: fl
         ends: Lower and upper end of its interval; NaN where there is none.
         digits: Decimals; up to three more where different ends would look the same.
         scale: Factor on all three, as 100 for per cent.
+
+    Returns:
+        The texts of number and interval.
     """
     low, high = (scale * end for end in ends)
     decimals = _needed_decimals((low, high), digits)
@@ -88,6 +91,9 @@ def plus_minus(value: float, ends: tuple[float, float], digits: int = 3) -> str:
         value: The number.
         ends: Lower and upper end of its interval.
         digits: Least number of decimals.
+
+    Returns:
+        The text.
     """
     text = estimate(value, ends, digits)
     decimals = len(text.low.partition(".")[2])
@@ -156,10 +162,17 @@ def join_names(names: Sequence[str]) -> str:
 
 
 def break_name(name: str, width: int) -> list[str]:
-    """Break a `name` into lines of at most `width` characters, at the ends of its words.
+    """Break a name into lines at the ends of its words.
 
     Words end after `/`, `_`, `-`, `:`, `@`, `+` or a space. Only a word longer than a line is broken inside, if
     possible before a capital letter.
+
+    Args:
+        name: The name.
+        width: Largest number of characters of a line.
+
+    Returns:
+        The lines.
     """
     lines = [""]
     for word in re.findall(r"[^/_\-:@+ ]*[/_\-:@+ ]|[^/_\-:@+ ]+", name):

@@ -56,17 +56,11 @@ class _UnavailableError(Exception):
 
 
 def call(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a function in the limited process.
+    """Return the result of `function(*arguments)` from the limited process.
 
-    A call that takes too much time or memory raises LimitExceededError; one that ends its process raises CrashError.
-    The function's own exception is raised here; a RuntimeError with its text if it cannot be pickled.
-
-    Args:
-        function: A function of a module, which is found there by its name; its result has to be picklable.
-        *arguments: Its arguments, picklable.
-
-    Returns:
-        The result of the function.
+    The process finds the function by its name in its module; arguments and result have to be picklable. A call that
+    takes too much time or memory raises LimitExceededError; one that ends its process raises CrashError. The function's
+    own exception is raised here; a RuntimeError with its text if it cannot be pickled.
     """
     if os.environ.get(_IS_LIMITED):
         return function(*arguments)

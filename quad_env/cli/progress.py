@@ -21,7 +21,7 @@ CellProgress: TypeAlias = Callable[[str, str, float], None]
 
 @contextmanager
 def show_progress(total: int) -> Iterator[CellProgress]:
-    """Return a context whose callback shows the progress of `total` cells and estimates the remaining time.
+    """Return a context with a callback that shows the progress of `total` cells and estimates the remaining time.
 
     Several cells may run at once. The fraction at a cell's first report is from an earlier run and took no time.
     """
@@ -40,6 +40,7 @@ def show_progress(total: int) -> Iterator[CellProgress]:
         task = progress.add_task("starting", total=total, left="")
 
         def show(policy: str, scenario: str, share: float) -> None:
+            """Show that the fraction `share` of the cell of `policy` and `scenario` is completed."""
             earlier.setdefault((policy, scenario), share)
             shares[policy, scenario] = share
             done = sum(shares.values())

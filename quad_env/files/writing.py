@@ -13,13 +13,9 @@ class FolderInUseError(OSError):
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file through a temporary file in the same folder.
+    """Write `content` to the file `path` through a temporary file in the same folder.
 
     At any moment, and after a power cut, the file is the old one or the new one, whole.
-
-    Args:
-        path: The file.
-        content: Its new content.
     """
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
