@@ -73,7 +73,7 @@ def every_step_an_interval(_, __, velocity, ___):
 def quicken(monkeypatch):
     monkeypatch.setattr("train.sb3.callbacks.validate", of_weights)
     monkeypatch.setattr("train.sb3.callbacks.write_curve", lambda *_: None)
-    monkeypatch.setattr("train.curriculum.Intervals.step", every_step_an_interval)
+    monkeypatch.setattr("train.curriculum.CommandIntervalTracker.step", every_step_an_interval)
 
 
 @pytest.fixture(autouse=True)

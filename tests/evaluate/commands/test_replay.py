@@ -77,7 +77,7 @@ def test_an_episode_is_run_again_with_its_hardware(tmp_path, capsys, monkeypatch
 
 
 def test_a_policy_that_is_gone_is_a_mistake(run, refused, monkeypatch) -> None:
-    monkeypatch.setattr(policies, "_MAKERS", {"trot": policies.Trot})
+    monkeypatch.setattr(policies.registry, "MAKERS", {"trot": policies.Trot})
     assert "'document'" in refused(main, "replay", run.folder, 0)
 
 
