@@ -259,7 +259,7 @@ def final_height(episodes: Episodes) -> FloatArray:
 
 def simulated_in_workers(monkeypatch: pytest.MonkeyPatch) -> list[EpisodeChunk]:
     """Return two chunks of one episode each of `stand` on level ground, from two worker processes."""
-    monkeypatch.setattr(workers, "FEWEST_STEPS", 0)
+    monkeypatch.setattr(workers, "MIN_PARALLEL_STEPS", 0)
     flat = quad_env.SCENARIOS["flat"]
     policy = LabelledPolicy("stand", policies.make("stand"))
     tasks = [Task(policy, flat, np.array([i]), np.array([7 + i]), 110, IDEAL) for i in range(2)]

@@ -57,7 +57,7 @@ def labelled(*names: str) -> list[LabelledPolicy]:
 @pytest.fixture(autouse=True)
 def always(monkeypatch: pytest.MonkeyPatch) -> None:
     """Workers even for so little."""
-    monkeypatch.setattr(workers, "FEWEST_STEPS", 0)
+    monkeypatch.setattr(workers, "MIN_PARALLEL_STEPS", 0)
 
 
 def test_workers_give_the_same_bits_as_one_process_and_tell_how_far_they_are() -> None:
@@ -130,7 +130,7 @@ def runs(process: int) -> bool:
 @pytest.mark.parametrize("stopped", [ZeroDivisionError, KeyboardInterrupt])
 def test_a_worker_that_never_returns_ends_with_an_error_and_with_ctrl_c(monkeypatch, stopped) -> None:
     """An error of another worker is raised here, with its type; Ctrl-C comes from the check."""
-    monkeypatch.setattr(workers, "ENDING_TIME", 0.5)
+    monkeypatch.setattr(workers, "SHUTDOWN_TIMEOUT", 0.5)
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
     both = [*tasks(LabelledPolicy("stuck", Stuck()))[:1], *tasks(LabelledPolicy("failing", Failing()))[:1]]
     asked = iter([None, None])
