@@ -310,25 +310,27 @@ class QuadEnvBase:
         self, state: QuadState[ScalarOrBatch], terminated: BoolOrMask, diverged: BoolOrMask
     ) -> dict[str, ScalarOrBatch]:
         """Return mechanical power, W, the fraction of joints above their rated speed, and the reward terms."""
-        return {
+        terms = {
             "mechanical_power": state.mechanical_power,
             "overspeed": fraction_above(state.joint_velocity, self.robot.rated_speed),
-            **reward_terms(state, terminated, diverged, self._reward_weights),
-            **{key: term.weighted(state, diverged, self.dt) for key, term in self._user_rewards.items()},
         }
+        terms |= reward_terms(state, terminated, diverged, self._reward_weights)
+        for key, term in self._user_rewards.items():
+            terms[key] = term.weighted(state, diverged, self.dt)
+        return terms
 
     def _observe(self, state: QuadState[ScalarOrBatch], env_ids: EnvSelection | None) -> NDArray[np.float32]:
         """Return the observation of robots, (k, size), or (size,) for None, with the command to track next."""
+        schedule = self._schedule
         rows = self._rows if env_ids is None else self._rows[env_ids]
-        clock = self._schedule.step_count[rows]
-        command = component_reader(env_ids)(self._schedule.command)
+        clock = schedule.step_count if env_ids is None else schedule.step_count[env_ids]
+        command = component_reader(env_ids)(schedule.command)
         observation: NDArray[np.float32] = self._observation_model.observe(state, command, clock, rows)
-        further_terms: list[NDArray[np.float32]] = []
-        if self._scanner is not None:
-            further_terms.append(self._scanner.scan(state, clock, rows))
-        further_terms += [term.evaluate(state) for term in self._user_terms]
-        if not further_terms:
+        if self._scanner is None and not self._user_terms:
             return observation
+        further_terms: list[NDArray[np.float32]] = [term.evaluate(state) for term in self._user_terms]
+        if self._scanner is not None:
+            further_terms.insert(0, self._scanner.scan(state, clock, rows))
         if env_ids is None:
             further_terms = [values[0] for values in further_terms]
         return np.concatenate((observation, *further_terms), axis=-1)

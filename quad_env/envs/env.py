@@ -170,7 +170,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         self._fall = result.fall
         self._diverged = bool(result.diverged)
         self._terminated = bool(result.terminated)
-        reward = columns.ordered_sum(result.terms[key] for key in self._reward_keys)
+        reward = columns.ordered_sum(map(result.terms.__getitem__, self._reward_keys))
         if self.render_mode == "human":
             self.render()
         return result.observation, reward, self._terminated, False, self._info(result.state, result.terms)
@@ -190,7 +190,9 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             "diverged": np.array(self._diverged),  # Gymnasium's batches would make an object of a `np.bool_`
             **{key: np.float64(value) for key, value in terms.items()},
         }
-        return info | {key: values[0] for key, values in self._observation_model.readings().items()}
+        for key, values in self._observation_model.readings().items():
+            info[key] = values[0]
+        return info
 
     def render(self) -> NDArray[Any] | None:
         """Return the current frame, (height, width, 3) uint8, or None for "human" or no mode."""
