@@ -1,4 +1,4 @@
-"""Find what is wrong with the installation, a robot or a policy: each check is printed as it ends, then a summary."""
+"""Find faults of the installation, a robot or a policy: each check is printed as it ends, then a summary."""
 
 from pathlib import Path
 
@@ -13,17 +13,27 @@ CHECKS = (
     DoctorCheck("walks", "live.walking_checks:walks", ("stands",)),
     DoctorCheck("policy", "live.walking_checks:policy", ("walks", "walking")),
 )
-"""They follow those of `quad_env.doctor`; the second is for runs with a policy."""
+"""Checks after the ones of `quad_env.doctor`; the second is for runs with a policy."""
 DESCRIPTION_CHECKS = (
     DoctorCheck("description", "live.walking_checks:description", ("stands",)),
     DoctorCheck("standing", "live.walking_checks:standing", ("description",)),
     DoctorCheck("walking", "live.walking_checks:walking", ("standing",)),
 )
-"""Between them, for a policy from another project."""
+"""Checks between them, for a policy from another project."""
 
 
 def main(options: DoctorOptions) -> int:
-    """Run all checks, of walking and of the policy too; the exit code. Raises UsageError and PolicyError."""
+    """Run all checks, also of walking and of the policy.
+
+    Args:
+        options: Robot, policy and file to write.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        UsageError: `--write` was given without `--policy`.
+    """
     if options.policy is None:
         if options.write is not None:
             raise UsageError("--write needs --policy with the file of another project's policy")
@@ -32,24 +42,24 @@ def main(options: DoctorOptions) -> int:
     file = Path(options.policy.removeprefix("safe:"))
     if options.write is not None:
         _write(file, options.trust, options.write)
-    described = DESCRIPTION_CHECKS if file.is_file() and file.suffix != ".zip" else ()
-    return run(options, (CHECKS[0], *described, CHECKS[1]))
+    description_checks = DESCRIPTION_CHECKS if file.is_file() and file.suffix != ".zip" else ()
+    return run(options, (CHECKS[0], *description_checks, CHECKS[1]))
 
 
 def _write(policy: Path, trust: bool, file: Path) -> None:
-    """Write the policy's description as TOML, its missing fields as comments. Raises UsageError, PolicyError."""
+    """Write the policy's description as TOML, with missing fields as comments."""
     from policies.external.readers import IncompleteSpecError, write_draft, write_toml
     from policies.external.reference import draft_without_spec, resolve_reference
 
     make_folder_of(file, "--write")
     try:
-        found = resolve_reference(policy, trust).spec if policy.is_file() else None
-        draft = draft_without_spec(policy) if found is None else None
+        spec = resolve_reference(policy, trust).spec if policy.is_file() else None
+        draft = draft_without_spec(policy) if spec is None else None
     except IncompleteSpecError as incomplete:
-        found = None
+        spec = None
         draft = incomplete
-    if found is not None:
-        write_toml(found, file)
+    if spec is not None:
+        write_toml(spec, file)
         return
     if draft is None:
         raise UsageError(f"--write: {policy} has no description: write one by hand, docs/deployment-files.md")
@@ -58,10 +68,17 @@ def _write(policy: Path, trust: bool, file: Path) -> None:
 
 
 def check_exists(name_or_path: str) -> None:
-    """Raise UsageError for a policy that is neither a name nor a file or folder."""
+    """Check that a policy exists.
+
+    Args:
+        name_or_path: Name, file or folder of the policy.
+
+    Raises:
+        UsageError: It is neither a name nor a file or folder, or a file of an unsupported kind.
+    """
     try:
         import policies
-    except ImportError:  # the checks say more about it
+    except ImportError:  # the checks report it in more detail
         return
     name = name_or_path.removeprefix(policies.SAFE)
     file = Path(name.partition(".py:")[0] + ".py") if ".py:" in name else Path(name)

@@ -1,4 +1,4 @@
-"""The episode that a command shows, films, records or offers: options that several commands share."""
+"""Options of the episode that a command shows, films, records or offers."""
 
 from dataclasses import dataclass
 
@@ -27,7 +27,15 @@ class EpisodeOptions:
     """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
 
     def resolve(self) -> tuple[HardwareConfig, Scenario]:
-        """The robot's hardware and its scenario. Raises UsageError where one of them does not exist."""
+        """Find the robot's hardware and the scenario.
+
+        Returns:
+            hardware: Robot, motors, sensors and simulator.
+            scenario: Scenario of the episode.
+
+        Raises:
+            UsageError: The scenario does not exist; also for an unknown robot.
+        """
         hardware = parse_robot_option(self.robot)
         try:
             return hardware, battery.resolve_single(self.scenario, hardware.robot_model)
@@ -35,7 +43,7 @@ class EpisodeOptions:
             raise UsageError(f"--scenario: {error}") from error
 
     def check(self, **limits: tuple[float, float]) -> None:
-        """Raise UsageError for a number beyond its limits: these, or those of the seed and of a command."""
+        """Raise UsageError for an option beyond its `limits` (name -> smallest, largest), or for seed and command."""
         if getattr(self, "command", None) is not None:
             limits["command"] = (-COMMAND_BOUND, COMMAND_BOUND)
         check_numbers(self, {"seed": (0, 2**63 - 1)} | limits)

@@ -20,7 +20,9 @@ from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.cli.progress import show_bar
 
 MAX_POLICIES = 9
+"""Maximum number of policies side by side."""
 LIMITS = {"seconds": (CONTROL_PERIOD, 86_400.0), "speed": (0.01, 100.0), "fps": (1.0, 100.0), "size": (64, 4096)}
+"""Option -> its smallest and largest value."""
 
 
 @dataclass(frozen=True)
@@ -48,21 +50,22 @@ class FilmOptions(EpisodeOptions):
 
 
 def main(options: FilmOptions) -> int:
-    """Run the command; the exit code. Raises UsageError."""
+    """Run the command with `options` and return the exit code."""
     options.check(**LIMITS)
     if not 1 <= len(options.policies) <= MAX_POLICIES:
         raise UsageError(f"--policies must name 1 to {MAX_POLICIES}, not {len(options.policies)}")
     hardware, scenario = options.resolve()
     policies = tuple(load_labelled_policy(name, hardware, (scenario,), options.trust) for name in options.policies)
     robot = "" if hardware == IDEAL else f"{hardware.robot_model.name}, "
-    title, steps = f"{robot}{scenario.name}, seed {options.seed}", round(options.seconds / CONTROL_PERIOD)
-    take = FilmSpec(policies, scenario, options.seed, steps, title, hardware, options.command)
-    look = RenderOptions(options.size, options.camera, options.speed, options.fps, options.arrows)
+    title = f"{robot}{scenario.name}, seed {options.seed}"
+    steps = round(options.seconds / CONTROL_PERIOD)
+    spec = FilmSpec(policies, scenario, options.seed, steps, title, hardware, options.command)
+    render_options = RenderOptions(options.size, options.camera, options.speed, options.fps, options.arrows)
     files.check_film_path(options.out, "the film")
     raise_on_interrupt()
     with show_bar("filming") as progress:
         try:
-            film(take, options.out, progress, look)
+            film(spec, options.out, progress, render_options)
         except OSError as error:
             raise UsageError(f"cannot write {options.out} ({error.strerror or error})") from error
     print(options.out)

@@ -1,4 +1,4 @@
-"""List the policies: those that are written, those that were trained, and what they were trained on."""
+"""List the policies: the controllers, the trained policies and their training."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -26,22 +26,23 @@ class PoliciesOptions:
 
 
 def main(options: PoliciesOptions) -> int:
-    """Run the command; the exit code. Raises UsageError."""
+    """Run the command with `options` and return the exit code."""
     print("\n".join(_lines(parse_robot_option(options.robot).robot_model)))
     return 0
 
 
 def _lines(robot: Robot) -> Iterator[str]:
+    """Yield the lines of the list for a robot."""
     width = 2 + max(map(len, policies.names()))
     yield "controllers, for any robot"
     of_extensions = [name for name in policies.names() if name not in MAKERS]
     for name in (*(name for name in SUMMARIES if name not in policies.TRAINED), *of_extensions):
         yield f"  {name:{width}}{policies.summary(name)}"
     yield f"\ntrained for {robot.name}, in {shipped.models_folder(robot)}"
-    folders = [found.parent for found in sorted(shipped.models_folder(robot).glob(f"*/{bundle.DESCRIPTION}"))]
+    folders = [file.parent for file in sorted(shipped.models_folder(robot).glob(f"*/{bundle.DESCRIPTION}"))]
     for folder in folders:
-        own = policies.summary(folder.name) if robot == SIMPLE_QUAD else ""
-        first, *more = filter(None, map(one_line, (own, *_trained(folder))))
+        summary = policies.summary(folder.name) if robot == SIMPLE_QUAD else ""
+        first, *more = filter(None, map(one_line, (summary, *_training_lines(folder))))
         yield f"  {folder.name:{width}}{first}"
         yield from (f"  {'':{width}}{line}" for line in more)
     if not folders:
@@ -50,17 +51,19 @@ def _lines(robot: Robot) -> Iterator[str]:
     yield "trained policy, or a file of yours: my_file.py:MyPolicy, my.onnx, my.zip of Stable-Baselines3, deploy.yaml."
 
 
-def _trained(folder: Path) -> Iterator[str]:
-    """What a bundle corrects and how it was trained; what is wrong with it, if anything is."""
+def _training_lines(folder: Path) -> Iterator[str]:
+    """Yield a line about base and training of a bundle, or about the error in it."""
     try:
         description = parse_description(folder, read_bytes(folder / bundle.DESCRIPTION))
-        base, training = description.base["name"], description.training
-        authority, scenarios = max(description.authority), with_count(len(training["mixture"]), "scenario")
+        base = description.base["name"]
+        training = description.training
+        authority = max(description.authority)
+        scenarios = with_count(len(training["mixture"]), "scenario")
         yield (
             f"base {base}, at most {authority:.2g} rad a joint; {training['steps']:,} steps of training, "
             f"seed {training['seed']}, on {scenarios}"
         )
     except (policies.PolicyError, OSError) as error:
         yield str(error)
-    except (KeyError, TypeError, ValueError):  # training is whatever its trainer wrote
+    except (KeyError, TypeError, ValueError):  # a trainer may write anything as training
         yield f"of unknown training: {bundle.DESCRIPTION} has none"

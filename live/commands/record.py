@@ -31,19 +31,19 @@ class RecordOptions(EpisodeOptions):
 
 
 def main(options: RecordOptions) -> int:
-    """Run the command; the exit code. Raises UsageError."""
+    """Run the command with `options` and return the exit code."""
     options.check(seconds=(CONTROL_PERIOD, 86_400.0))
     check_recordable(options.out)
     hardware, scenario = options.resolve()
     policy = hardware.policy(options.policy, options.trust, on_hardware_profile=scenario.hardware)
     steps = round(options.seconds / CONTROL_PERIOD)
     raise_on_interrupt()
-    done = 0
+    recorded_steps = 0
     with show_bar("recording") as progress, recorder_for(options.out, policy) as recorder:
 
-        def watch(step: Step) -> None:
-            nonlocal done
-            done = step.number
+        def show_progress(step: Step) -> None:
+            nonlocal recorded_steps
+            recorded_steps = step.number
             progress(step.number / steps)
 
         try:
@@ -52,13 +52,15 @@ def main(options: RecordOptions) -> int:
                 scenario,
                 np.array([options.seed]),
                 recorder,
-                watch,
+                show_progress,
                 steps=steps,
                 command=options.command,
                 terminate_on_fall=False,
                 hardware=hardware,
             )
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"{options.out} has the {done * CONTROL_PERIOD:.1f} s until now") from None
-    print(f"{options.out}: {done * CONTROL_PERIOD:.1f} s of {options.policy} on {scenario.name}")
+            raise KeyboardInterrupt(
+                f"{options.out} has the {recorded_steps * CONTROL_PERIOD:.1f} s until now"
+            ) from None
+    print(f"{options.out}: {recorded_steps * CONTROL_PERIOD:.1f} s of {options.policy} on {scenario.name}")
     return 0

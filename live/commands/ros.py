@@ -38,7 +38,7 @@ class RosOptions(EpisodeOptions):
 
 
 def main(options: RosOptions) -> int:
-    """Run the command; the exit code. Raises UsageError."""
+    """Run the command with `options` and return the exit code."""
     options.check(real_time_factor=(0.01, 100.0))
     if options.record is not None:
         check_recordable(options.record)
@@ -55,32 +55,32 @@ def main(options: RosOptions) -> int:
     with (
         closing(Session(policy, scenario, seed=options.seed, hardware=hardware)) as session,
         recording as recorder,
-        closing(RosProcess(command, environment)) as link,
+        closing(RosProcess(command, environment)) as ros_process,
     ):
-        print(f"{robot.name} on {scenario.name}: {link.wait_until_ready()}; Ctrl-C ends it", flush=True)
+        print(f"{robot.name} on {scenario.name}: {ros_process.wait_until_ready()}; Ctrl-C ends it", flush=True)
         if recorder is not None:
             session.observers.append(recorder)
-        _run(session, link, options.real_time_factor, options.record)
+        _run(session, ros_process, options.real_time_factor, options.record)
     return 0
 
 
-def _run(session: Session, link: RosProcess, speed: float, record: Path | None) -> None:
+def _run(session: Session, ros_process: RosProcess, speed: float, record: Path | None) -> None:
     """Simulate until Ctrl-C or until ROS ends."""
 
-    def say(text: str) -> None:
+    def log(text: str) -> None:
         print(f"{bridge.time:8.2f} s  {text}", flush=True)
 
-    pace = RealTimeRate(session.env.dt, speed)
-    bridge = Bridge(session, say)
-    session.listeners.append(say)
+    real_time_rate = RealTimeRate(session.env.dt, speed)
+    bridge = Bridge(session, log)
+    session.listeners.append(log)
     try:
         with Interrupt() as interrupt:
             while True:
                 interrupt.check()
-                for packet in link.received():
+                for packet in ros_process.received():
                     bridge.handle_message(packet["topic"], packet["values"], packet["size"])
-                link.send(bridge.step())
-                pace.wait()
+                ros_process.send(bridge.step())
+                real_time_rate.wait()
     except KeyboardInterrupt:
-        kept = "" if record is None else f", all of it in {record}"
-        raise KeyboardInterrupt(f"{bridge.time:.1f} s simulated{kept}") from None
+        recording = "" if record is None else f", all of it in {record}"
+        raise KeyboardInterrupt(f"{bridge.time:.1f} s simulated{recording}") from None

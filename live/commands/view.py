@@ -29,7 +29,7 @@ class ViewOptions(EpisodeOptions):
 
 
 def main(options: ViewOptions) -> int:
-    """Run the command; the exit code. Raises UsageError."""
+    """Run the command with `options` and return the exit code."""
     options.check(seed=(0, MAX_SEED))
     if not 1 <= len(options.policy) <= MAX_ROBOTS:
         raise UsageError(f"--policy takes 1 to {MAX_ROBOTS} policies, not {len(options.policy)}")
@@ -38,12 +38,12 @@ def main(options: ViewOptions) -> int:
     hardware, _ = options.resolve()
     raise_on_interrupt()
     try:
-        driver = ViewController(
+        controller = ViewController(
             options.policy, options.scenario, hardware, seed=options.seed, command=options.command, trust=options.trust
         )
     except ValueError as error:
         raise UsageError(f"--policy: {error}") from error
-    with closing(driver), closing(LiveView(driver, options.port)) as view:
+    with closing(controller), closing(LiveView(controller, options.port)) as view:
         print(f"open {view.server.url} (Ctrl-C ends it)", flush=True)
         if options.browser and has_display():
             threading.Thread(target=webbrowser.open, args=(view.server.url,), daemon=True).start()

@@ -1,4 +1,4 @@
-"""The simulated robot as a ROS node: its interface is the source document's, in ROS 1 and ROS 2.
+"""The simulated robot as a ROS node, with the interface of the source document, in ROS 1 and ROS 2.
 
-The simulation knows no ROS. A process of its own, run by whichever Python has ROS, hands messages over as numbers.
+The simulation does not import ROS. A separate process, run by a Python that has ROS, passes messages on as numbers.
 """

@@ -1,4 +1,4 @@
-"""The robot's side of the ROS interface, without ROS: messages in as numbers, readings out, control step by step."""
+"""Robot side of the ROS interface, without ROS: messages in as numbers, readings out, once per control step."""
 
 from collections.abc import Callable, Sequence
 
@@ -15,12 +15,22 @@ from quad_env.config import COMMAND_BOUND, FALL_REASONS
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
-JOIN_TIME, HOME_TIME = 0.2, 0.4
-"""From where the joint targets are to those from outside as these begin, and back to the home pose, s."""
+JOIN_TIME = 0.2
+"""s. Time in which the joint targets blend into the first ones from outside."""
+HOME_TIME = 0.4
+"""s. Time in which they return to the home pose."""
+VELOCITY_TIMEOUT = 0.5
+"""s without a valid velocity after which the command is zero."""
+TARGET_TIMEOUT = 0.2
+"""s without valid joint targets after which the robot returns to its standing pose."""
 
 
 class JointTargetPolicy(Policy):
-    """A policy that is driven from outside: stands until `follow`; every robot of it follows the same targets."""
+    """Policy that follows external joint targets: it stands until `follow`; all its robots get the same targets.
+
+    Args:
+        robot: The robots.
+    """
 
     name = "driven"
     stiff_servos = True
@@ -31,16 +41,20 @@ class JointTargetPolicy(Policy):
         self._allocate(1)
 
     def follow(self, targets: Floats) -> None:
-        """Follow these joint targets, (12,), rad, as far as the joints go, until others come."""
+        """Follow joint `targets`, (12,), rad, clipped to the joint limits, until the next ones."""
         if not self._following:
-            self._following, self._steps_left = True, self._steps(JOIN_TIME)
+            self._following = True
+            self._steps_left = self._steps(JOIN_TIME)
         self._goal = np.clip(targets, self.robot.joint_lower, self.robot.joint_upper)
 
     def release(self) -> None:
-        """Follow nothing any more: from where the targets are to the home pose, and stay there."""
-        self._following, self._goal, self._steps_left = False, self.robot.home_pose, self._steps(HOME_TIME)
+        """Stop following, return to the home pose and stay there."""
+        self._following = False
+        self._goal = self.robot.home_pose
+        self._steps_left = self._steps(HOME_TIME)
 
     def _steps(self, duration: float) -> int:
+        """Return the control steps of a blend of this duration, s."""
         return 1 + round(duration / self.control_period)
 
     def _allocate(self, num_envs: int) -> None:
@@ -57,94 +71,116 @@ class JointTargetPolicy(Policy):
 
 
 class Bridge:
-    """The robot of a session, driven by messages: by joint targets if `Driven` moves it, else by velocities.
+    """Drives the robot of a session by messages: joint targets if its policy is a `JointTargetPolicy`, else velocities.
 
     The simulation goes on in any case: invalid messages are refused, and without valid ones the robot stands.
 
     Args:
-        session: its commands are the bridge's from now on.
-        say: called with lines for the terminal.
+        session: Session of the robot; the bridge sets its commands from now on.
+        log: Called with lines for the terminal.
     """
 
     def __init__(self, session: Session, log: Callable[[str], None]) -> None:
-        self._session, self._say = session, log
-        self._driven = session.policy if isinstance(session.policy, JointTargetPolicy) else None
-        self._topic, self._timeout = (VELOCITY, 0.5) if self._driven is None else (JOINT_TARGETS, 0.2)
-        self._received: int | None = None
-        """Number of the control step before which the latest valid message came; None before the first, and after a
-        timeout."""
+        self._session = session
+        self._log = log
+        self._target_policy = session.policy if isinstance(session.policy, JointTargetPolicy) else None
+        self._topic = VELOCITY if self._target_policy is None else JOINT_TARGETS
+        self._timeout = VELOCITY_TIMEOUT if self._target_policy is None else TARGET_TIMEOUT
+        self._last_message_step: int | None = None
+        """Control step before which the last valid message came; None before the first and after a timeout."""
         self._refused: set[tuple[str, str]] = set()
-        """Topics and kinds of messages that were refused, each of which is said once."""
-        self._imu, self._fallen = TrunkImu(session.env.dt), False
-        self._steps, self._period = 0, round(session.env.dt * 1e9)
+        """Topics and reasons of refused messages; each pair is logged once."""
+        self._imu = TrunkImu(session.env.dt)
+        self._has_fallen = False
+        self._steps = 0
+        self._period = round(session.env.dt * 1e9)
         session.steer(np.zeros(3))
         session.reset(session.seed)
 
     @property
     def time(self) -> float:
-        """Simulated s since the beginning; no reset turns it back."""
+        """Simulated time since the start, s; a reset does not change it."""
         return self._steps * self._period * 1e-9
 
     def handle_message(self, topic: str, values: Sequence[float], size: int) -> None:
-        """A message of that topic with `size` numbers; of one that is too long, `values` need not have them."""
+        """Handle a message of ROS.
+
+        Args:
+            topic: Its topic.
+            values: Its numbers; may be empty if the message is too long.
+            size: Count of its numbers.
+        """
         if topic == RESET:
             self._session.reset()
             return
         numbers = np.asarray(values, np.float64)
-        if (found := self._validation_error(topic, numbers, size)) is not None:
-            mistake, details = found
-            if (topic, mistake) not in self._refused:
-                self._say(f"{topic}: refused, {mistake}{details}; further ones are refused without a word")
-            self._refused.add((topic, mistake))
+        if (refusal := self._validation_error(topic, numbers, size)) is not None:
+            reason, details = refusal
+            if (topic, reason) not in self._refused:
+                self._log(f"{topic}: refused, {reason}{details}; further ones are refused without a word")
+            self._refused.add((topic, reason))
             return
-        if self._driven is None:
+        if self._target_policy is None:
             self._session.steer(numbers)
         else:
-            self._driven.follow(numbers)
-        if self._received is None:
-            self._say(f"{topic} is followed")
-        self._received = self._steps
+            self._target_policy.follow(numbers)
+        if self._last_message_step is None:
+            self._log(f"{topic} is followed")
+        self._last_message_step = self._steps
 
     def step(self) -> Packet:
-        """Packet of the robot after a further control step."""
-        if self._received is not None and self._steps - self._received > round(self._timeout / self._session.env.dt):
+        """Advance the robot by one control step, and return its packet."""
+        if self._has_timed_out():
             self._stand()
         step = self._session.step()
         self._steps += 1
         packet = self._packet(step)
-        fall, self._fallen = int(step.infos["fall"][0]), self._fallen and step.number > 1
-        if fall and not self._fallen:
-            self._fallen = True
-            self._say(f"the robot has fallen ({FALL_REASONS[fall]}); a message on {RESET} resets it")
-        if step.infos["diverged"][0]:
-            self._say("the simulation has diverged; the robot is reset")
-            self._session.reset()
+        self._report(step)
         return packet
 
+    def _has_timed_out(self) -> bool:
+        """Return True if the last valid message is older than the timeout."""
+        if self._last_message_step is None:
+            return False
+        return self._steps - self._last_message_step > round(self._timeout / self._session.env.dt)
+
+    def _report(self, step: Step) -> None:
+        """Log a fall once per episode, and reset a diverged simulation."""
+        fall = int(step.infos["fall"][0])
+        self._has_fallen = self._has_fallen and step.number > 1
+        if fall and not self._has_fallen:
+            self._has_fallen = True
+            self._log(f"the robot has fallen ({FALL_REASONS[fall]}); a message on {RESET} resets it")
+        if step.infos["diverged"][0]:
+            self._log("the simulation has diverged; the robot is reset")
+            self._session.reset()
+
     def _validation_error(self, topic: str, values: Floats, size: int) -> tuple[str, str] | None:
-        """Reason to refuse a message: its kind, the same for all that are wrong in this way, and details."""
+        """Return the reason to refuse a message, the same text for all with this fault, and details; None if valid."""
         joints = self._session.env.robot.num_joints
         if topic != self._topic:
             return f"{self._topic} moves this robot", ""
-        if self._driven is not None and size != joints:
+        if self._target_policy is not None and size != joints:
             return f"not {joints} numbers", f" but {size}"
         if not np.isfinite(values).all():
             return "not finite", f": {values.tolist()}"
-        if self._driven is None and (np.abs(values) > COMMAND_BOUND).any():
+        if self._target_policy is None and (np.abs(values) > COMMAND_BOUND).any():
             return f"beyond ±{COMMAND_BOUND:g} m/s or rad/s", f": {values.tolist()}"
         return None
 
     def _stand(self) -> None:
-        self._received = None
-        if self._driven is None:
+        """Let the robot stand after a timeout."""
+        self._last_message_step = None
+        if self._target_policy is None:
             self._session.steer(np.zeros(3))
             standing = "the command is zero"
         else:
-            self._driven.release()
+            self._target_policy.release()
             standing = "the robot returns to its standing pose"
-        self._say(f"nothing good on {self._topic} for {self._timeout:g} s: {standing} until the next")
+        self._log(f"nothing good on {self._topic} for {self._timeout:g} s: {standing} until the next")
 
     def _packet(self, step: Step) -> Packet:
+        """Return the readings of the robot after a control step."""
         infos = {name: values[0] for name, values in step.infos.items()}
 
         def numbers(**names: str) -> dict[str, list[float]]:

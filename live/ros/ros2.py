@@ -1,4 +1,4 @@
-"""ROS 2 by rclpy, Humble or later."""
+"""Node of ROS 2 with rclpy, Humble or later."""
 
 from __future__ import annotations
 
@@ -12,34 +12,41 @@ from rclpy.signals import SignalHandlerOptions
 
 
 class Ros2:
-    """A node of ROS 2."""
+    """Node of ROS 2.
+
+    Args:
+        name: Name of the node.
+        on_end: Called with the reason when ROS ends the node.
+    """
 
     where = "ROS 2"
 
-    def __init__(self, name: str, ended: Callable[[str], None]) -> None:
+    def __init__(self, name: str, on_end: Callable[[str], None]) -> None:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        self._node, self._ended = rclpy.create_node(name), ended
+        self._node = rclpy.create_node(name)
+        self._on_end = on_end
         threading.Thread(target=self._spin, daemon=True).start()
 
     def _spin(self) -> None:
+        """Process messages until ROS ends the node."""
         try:
             rclpy.spin(self._node)
         finally:
-            self._ended("ROS has ended the node")
+            self._on_end("ROS has ended the node")
 
     @staticmethod
     def stamp(nanoseconds: int) -> Any:
-        """A time as messages have it."""
+        """Return a time in `nanoseconds` as messages contain it."""
         return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
     def publisher(self, topic: str, kind: Any) -> Callable[[Any], None]:
-        """Publishes messages of that type."""
+        """Return a function that publishes messages of type `kind` on `topic`."""
         publish: Callable[[Any], None] = self._node.create_publisher(kind, topic, 10).publish
         return publish
 
-    def subscribe(self, topic: str, kind: Any, take: Callable[[Any], None]) -> None:
-        """Have every message taken, in the thread that spins."""
-        self._node.create_subscription(kind, topic, take, 10)
+    def subscribe(self, topic: str, kind: Any, callback: Callable[[Any], None]) -> None:
+        """Call `callback` with messages of type `kind` on `topic`, in the thread that spins."""
+        self._node.create_subscription(kind, topic, callback, 10)
 
     @staticmethod
     def close() -> None:

@@ -1,4 +1,4 @@
-"""The process that speaks ROS, seen from the one that simulates: packets of numbers over a socket between the two."""
+"""Parent side of the ROS process: packets of numbers over a socket between simulation and ROS."""
 
 import contextlib
 import json
@@ -12,56 +12,72 @@ from live.ros.node import MAX_PACKET_SIZE
 from quad_env.cli.command_line import UsageError
 
 START_TIMEOUT = 30.0
-"""For the process to be a node, s."""
+"""s. Limit for the process to become a node."""
 MAX_PACKETS_PER_STEP = 500
-"""Packets that are read in one go; a faster sender waits."""
+"""Maximum packets that are read in one control step; a faster sender waits."""
 EXIT_TIMEOUT = 2.0
-"""For the process to sign off from its master, s."""
+"""s. Limit for the process to unregister from its master; then it is killed."""
 
 Packet = dict[str, Any]
+"""Content of a packet, as JSON."""
 
 
-class LinkLost(UsageError):
-    """The process that speaks ROS has ended; the message says why, if that is known."""
+class RosProcessError(UsageError):
+    """The ROS process has ended; the message gives the reason, if it is known."""
 
 
 class RosProcess:
-    """Starts that process and talks with it: neither side ever waits for the other to simulate or to publish."""
+    """Runs the ROS process and exchanges packets with it; neither side ever blocks the other.
+
+    Args:
+        command: Command line of the process.
+        environment: Environment of the process.
+
+    Raises:
+        RosProcessError: This system is not Linux.
+    """
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
         if sys.platform != "linux":
-            raise LinkLost("the ROS node runs on Linux alone: in a container or a virtual machine elsewhere")
-        # Packets arrive whole or not at all, and no other process can connect: it has no address.
-        self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with theirs:
+            raise RosProcessError("the ROS node runs on Linux alone: in a container or a virtual machine elsewhere")
+        # Packets arrive whole or not at all, and no other process can connect: the socket has no address.
+        self._socket, child_socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with child_socket:
             # In a session of its own, Ctrl-C does not reach it: the simulation ends it.
             self._process = subprocess.Popen(
-                command, stdin=theirs.fileno(), env=dict(environment), start_new_session=True
+                command, stdin=child_socket.fileno(), env=dict(environment), start_new_session=True
             )
         self._socket.settimeout(START_TIMEOUT)
 
     def wait_until_ready(self) -> str:
-        """Where it has become a node: the words of the process. Raises LinkLost."""
+        """Wait until the process is a node.
+
+        Returns:
+            Description of the node.
+
+        Raises:
+            LinkLost: The process has not answered in time, or has ended.
+        """
         try:
             packet = self._read()
         except TimeoutError:
-            raise LinkLost(f"ROS has not answered within {START_TIMEOUT:g} s") from None
+            raise RosProcessError(f"ROS has not answered within {START_TIMEOUT:g} s") from None
         self._socket.setblocking(False)
         return str(packet["ready"])
 
     def received(self) -> Iterator[Packet]:
-        """Packets that have come since, oldest first. Raises LinkLost."""
+        """Yield the packets since the last call, oldest first; LinkLost if the process has ended."""
         with contextlib.suppress(BlockingIOError):
             for _ in range(MAX_PACKETS_PER_STEP):
                 yield self._read()
 
     def send(self, packet: Packet) -> None:
-        """Hand over a packet; it is lost where the other side does not keep up."""
+        """Send a `packet`; it is lost if the other side does not keep up."""
         with contextlib.suppress(BlockingIOError, BrokenPipeError, ConnectionResetError):
             self._socket.send(json.dumps(packet).encode())
 
     def close(self) -> None:
-        """End the process, which signs off first."""
+        """End the process, which unregisters first."""
         self._socket.close()
         try:
             self._process.wait(EXIT_TIMEOUT)
@@ -70,13 +86,14 @@ class RosProcess:
             self._process.wait()
 
     def _read(self) -> Packet:
+        """Return the next packet, or raise LinkLost."""
         try:
             data = self._socket.recv(MAX_PACKET_SIZE)
         except ConnectionResetError:
             data = b""
         if not data:
-            raise LinkLost("the process that speaks ROS has ended")
+            raise RosProcessError("the process that speaks ROS has ended")
         packet: Packet = json.loads(data)
         if "ended" in packet:
-            raise LinkLost(packet["ended"])
+            raise RosProcessError(packet["ended"])
         return packet

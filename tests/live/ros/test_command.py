@@ -8,7 +8,7 @@ from contextlib import closing
 import pytest
 
 from live.ros import interpreter
-from live.ros.ros_process import LinkLost, RosProcess
+from live.ros.ros_process import RosProcessError, RosProcess
 from quad_env.__main__ import main
 from quad_env.cli.command_line import UsageError
 
@@ -61,5 +61,5 @@ def test_a_process_that_does_not_keep_up_is_not_waited_for_and_one_that_ends_is_
             link.send({"values": [0.0] * 100})  # it does not keep up, and is not waited for
         link._process.wait(60)
         link.send({"time": 2})  # to nobody
-        with pytest.raises(LinkLost, match="has ended"):
+        with pytest.raises(RosProcessError, match="has ended"):
             list(link.received())

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from live.ros import interpreter
-from live.ros.ros_process import LinkLost, RosProcess
+from live.ros.ros_process import RosProcessError, RosProcess
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.live.ros.robot import Robot, Walk, free_port, march, python_with_ros, received, recorded
 
@@ -183,6 +183,6 @@ def test_a_port_that_something_else_listens_on_is_a_line() -> None:
         command = [python, "-m", "live.ros.node", "1"]
         with (
             closing(RosProcess(command, interpreter.environment(variables, network=False))) as link,
-            pytest.raises(LinkLost, match="no ROS master answers at"),
+            pytest.raises(RosProcessError, match="no ROS master answers at"),
         ):
             link.wait_until_ready()
