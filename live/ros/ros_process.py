@@ -56,7 +56,7 @@ class RosProcess:
             Description of the node.
 
         Raises:
-            LinkLost: The process has not answered in time, or has ended.
+            RosProcessError: The process has not answered in time, or has ended.
         """
         try:
             packet = self._read()
@@ -66,7 +66,7 @@ class RosProcess:
         return str(packet["ready"])
 
     def received(self) -> Iterator[Packet]:
-        """Yield the packets since the last call, oldest first; LinkLost if the process has ended."""
+        """Yield the packets since the last call, oldest first; RosProcessError if the process has ended."""
         with contextlib.suppress(BlockingIOError):
             for _ in range(MAX_PACKETS_PER_STEP):
                 yield self._read()
@@ -86,7 +86,7 @@ class RosProcess:
             self._process.wait()
 
     def _read(self) -> Packet:
-        """Return the next packet, or raise LinkLost."""
+        """Return the next packet, or raise RosProcessError."""
         try:
             data = self._socket.recv(MAX_PACKET_SIZE)
         except ConnectionResetError:

@@ -8,7 +8,7 @@ from contextlib import closing
 import pytest
 
 from live.ros import interpreter
-from live.ros.ros_process import RosProcessError, RosProcess
+from live.ros.ros_process import RosProcess, RosProcessError
 from quad_env.__main__ import main
 from quad_env.cli.command_line import UsageError
 

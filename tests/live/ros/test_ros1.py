@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from live.ros import interpreter
-from live.ros.ros_process import RosProcessError, RosProcess
+from live.ros.ros_process import RosProcess, RosProcessError
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.live.ros.robot import Robot, Walk, free_port, march, python_with_ros, received, recorded
 
