@@ -85,7 +85,7 @@ def with_spec_gains(robot: Robot, spec: PolicySpec) -> Robot:
     try:
         return robot.with_servo(stiffness, damping)
     except ValueError as error:
-        raise PolicyError(f"the servos of {spec.network} cannot be had: {error}") from None
+        raise PolicyError(f"{spec.network}: servo gains are not possible: {error}") from None
 
 
 def control_period_ratio(spec: PolicySpec, control_period: float) -> float:

@@ -85,7 +85,7 @@ def check_is_network(file: Path) -> None:
         raise PolicyError(f"cannot read {file} ({error.strerror})") from None
     if kind == "checkpoint":
         raise PolicyError(
-            f"{file} is no TorchScript but a checkpoint{_learner_of(file)}",
+            f"{file} is a checkpoint{_learner_of(file)}, not TorchScript",
             "a checkpoint holds weights alone: export the network as .onnx or TorchScript, as the play script of the "
             "learner does (exported/policy.onnx)",
         )
@@ -213,7 +213,7 @@ def _load_torchscript(spec: PolicySpec) -> tuple[Callable[[], ActFunction], bool
             warnings.simplefilter("ignore")
             module = torch.jit.load(file, map_location="cpu").eval()
     except Exception as error:
-        fault = f"{file} is no TorchScript ({format_exception(error)[:MAX_REASON]})"
+        fault = f"{file} is not TorchScript ({format_exception(error)[:MAX_REASON]})"
         raise PolicyError(fault, "export the network with torch.jit.save; a checkpoint holds weights alone") from None
     dtype = next((parameter.dtype for parameter in module.parameters()), torch.float32)
 

@@ -246,7 +246,7 @@ def required_height_scan(spec: PolicySpec) -> HeightScan | None:
     behind, right = np.maximum(-units.min(axis=0), 0)
     if np.abs(points / GRID_RESOLUTION - units).max() > 1e-3:
         reason = f"its points do not lie on a grid of {GRID_RESOLUTION:g} m through the trunk's centre"
-        raise PolicyError(f"the height_scan of {spec.network} cannot be shown: {reason}")
+        raise PolicyError(f"{spec.network}: height_scan is not available: {reason}")
     try:
         return HeightScan(
             ahead=int(ahead) // spacing,
@@ -255,4 +255,4 @@ def required_height_scan(spec: PolicySpec) -> HeightScan | None:
             spacing=GRID_RESOLUTION * spacing,
         )
     except ValueError as error:
-        raise PolicyError(f"the height_scan of {spec.network} cannot be shown: {error}") from None
+        raise PolicyError(f"{spec.network}: height_scan is not available: {error}") from None

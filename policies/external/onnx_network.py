@@ -198,9 +198,9 @@ def _find_update_by_shape(state: Any, states: Sequence[Any], free: Sequence[Any]
     if len(candidates) == 1 and not rivals:
         return candidates[0]
     if not candidates:
-        raise PolicyError(f"{file} reads {state.name} besides the observation, and its outputs do not renew it")
+        raise PolicyError(f"{file} reads {state.name} besides the observation, and no output updates it")
     names = ", ".join(each.name for each in candidates)
-    fault = f"{file} reads {state.name} besides the observation, and {names} may renew it"
+    fault = f"{file} reads {state.name} besides the observation, and {names} may update it"
     stem = _stem(state.name)
     raise PolicyError(fault, f"name the output by the input, such as {stem}_in and {stem}_out")
 
@@ -247,7 +247,7 @@ def read_metadata(file: Path) -> dict[str, str]:
         )
     for key, value in metadata.items():
         if not isinstance(key, str) or not isinstance(value, str):  # the parser gives invalid UTF-8 as bytes
-            raise PolicyError(f"{file.name} has metadata at {brief(key)} that is no UTF-8")
+            raise PolicyError(f"{file.name} has metadata at {brief(key)} that is not UTF-8")
         if len(value) > MAX_METADATA and key != RESIDUAL_METADATA:
             length = f"metadata of {len(value)} characters at {brief(key)}, at most {MAX_METADATA}"
             raise PolicyError(f"{file.name}: {length}")

@@ -102,7 +102,7 @@ def resolve_reference(text: str | Path, trust: bool) -> PolicyReference:
         PolicyError: A file is missing, unreadable, incomplete or not trusted; the message is one line.
     """
     if not str(text).isprintable():
-        raise PolicyError(f"{brief(str(text))}: a policy's name has printable characters alone")
+        raise PolicyError(f"{brief(str(text))}: a policy's name must be printable")
     parsed = _parse_reference(text)
     _check_readable(parsed.file)
     if parsed.suffix == ".py" and not parsed.name:

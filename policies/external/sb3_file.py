@@ -39,7 +39,7 @@ def load_sb3(reference: PolicyReference, robot: Robot) -> ActFactory:
         policy = data["policy_class"](*spaces, lambda _: 0.0, **arguments)
         policy.load_state_dict(parameters["policy"])
     except Exception as error:
-        raise PolicyError(f"{reference} is no model of Stable-Baselines3 ({format_exception(error)})") from error
+        raise PolicyError(f"{reference} is not a model of Stable-Baselines3 ({format_exception(error)})") from error
     policy.set_training_mode(False)
     to_targets = _action_conversion(data["action_space"], reference, robot)
     normalize = _load_normaliser(reference, data["observation_space"])
@@ -60,7 +60,9 @@ def _load_normaliser(reference: PolicyReference, space: Any) -> Callable[[Any], 
         shape = normalize(np.zeros(space.shape, np.float32)).shape
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
-        raise PolicyError(f"{reference.normaliser} is no VecNormalize of {reference.file.name} ({reason})") from error
+        raise PolicyError(
+            f"{reference.normaliser} is not a VecNormalize of {reference.file.name} ({reason})"
+        ) from error
     if shape != space.shape:
         raise PolicyError(f"{reference.normaliser} is of observations {shape}, and {reference.file} of {space.shape}")
     return normalize

@@ -131,12 +131,14 @@ class ObservationTerm(_CheckedSpec):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.name not in TERM_WIDTHS:
-            raise PolicyError(f"{brief(self.name)} is no observation term", f"the terms are {', '.join(TERM_WIDTHS)}")
+            raise PolicyError(
+                f"{brief(self.name)} is not an observation term", f"the terms are {', '.join(TERM_WIDTHS)}"
+            )
         for setting, owner in _TERM_OF_SETTING.items():
             if bool(getattr(self, setting)) != (owner == self.name):
-                raise PolicyError(f"`{setting}` belongs to the term {owner} and to no other, not to {self.name}")
+                raise PolicyError(f"`{setting}` belongs to the term {owner}, not to {self.name}")
         if self.zero_below and self.name != "gait_clock":
-            raise PolicyError(f"`zero_below` belongs to the term gait_clock and to no other, not to {self.name}")
+            raise PolicyError(f"`zero_below` belongs to the term gait_clock, not to {self.name}")
         if len(self.scale) not in (1, self.width):
             raise PolicyError(f"`scale` must be 1 or {self.width} numbers, not {len(self.scale)}")
         _check_ranges("clip", self.clip)
@@ -276,4 +278,4 @@ def _check_plausible(settings: object) -> None:
 def _check_ranges(name: str, *ranges: Range | None) -> None:
     for limits in ranges:
         if limits is not None and not limits[0] < limits[1]:
-            raise PolicyError(f"`{name}` must be a least and a largest value, not {limits}")
+            raise PolicyError(f"`{name}` must be a minimum and a larger maximum, not {limits}")

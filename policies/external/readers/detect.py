@@ -86,7 +86,7 @@ def _parse_by_keys(settings: FileSettings) -> PolicySpec:
     if flat_yaml.is_flat(settings):
         return flat_yaml.parse_spec(settings)
     raise PolicyError(
-        "it is no deployment file that is read: a deploy.yaml of Unitree, Isaac Lab's params/env.yaml or IO "
+        "not a known deployment file; valid: a deploy.yaml of Unitree, Isaac Lab's params/env.yaml or IO "
         "descriptor, rl_sar's config.yaml, a configuration of deploy_mujoco, settings of legged_gym",
         WRITE_TOML,
     )

@@ -123,7 +123,9 @@ def _find_action(settings: FileSettings) -> FileSettings:
     actions = [_entry_settings(each, settings) for each in settings.get("actions")]
     kinds = [_function_name(action) for action in actions]
     if kinds not in (["JointPositionAction"], ["joint_position_action"]):
-        raise PolicyError(f"the actions are {', '.join(kinds) or 'none'}: one JointPositionAction is read", WRITE_TOML)
+        raise PolicyError(
+            f"the actions are {', '.join(kinds) or 'none'}; supported: one JointPositionAction", WRITE_TOML
+        )
     if actions[0].find("clip") is not None:
         actions[0].raise_invalid("clip", "null; limits of targets are read from params/env.yaml")
     return actions[0]

@@ -53,7 +53,7 @@ def _find_action(settings: FileSettings) -> FileSettings:
     kinds = {action.text("class_type").rpartition(":")[2] for action in actions.values()}
     if len(actions) != 1 or kinds != {"JointPositionAction"}:
         given = ", ".join(f"{name} ({action.text('class_type')})" for name, action in actions.items())
-        raise PolicyError(f"the actions are {given or 'none'}: one JointPositionAction is read", WRITE_TOML)
+        raise PolicyError(f"the actions are {given or 'none'}; supported: one JointPositionAction", WRITE_TOML)
     return next(iter(actions.values()))
 
 
@@ -88,7 +88,7 @@ def _select_joints(settings: FileSettings, asset_joints: JointNames | None) -> J
         return patterns
     if asset_joints is None:
         known = ", ".join(word for words in FAMILIES for word in words.split())
-        fault = f"the order of the joints is not known: it is that of {known} in PhysX alone"
+        fault = f"unknown order of the joints; known: {known}, in PhysX"
         raise PolicyError(fault, f"add the run's IO descriptor (io_descriptors/*.yaml), or {WRITE_TOML}")
     if keeps_order:
         return tuple(dict.fromkeys(name for pattern in patterns for name in asset_joints if matches(pattern, name)))
@@ -121,7 +121,7 @@ def _parse_term(settings: FileSettings, group: FileSettings, term: FileSettings)
         name = term.section("params").text("command_name")
         kind = settings.section("commands", name).text("class_type").rpartition(":")[2]
         if "VelocityCommand" not in kind:
-            raise PolicyError(f"the command {name} is a {kind}: commands of velocity are read", WRITE_TOML)
+            raise PolicyError(f"the command {name} is a {kind}; supported: velocity commands", WRITE_TOML)
     grid = _parse_grid(settings, term.section("params")) if function == "height_scan" else None
     parsed = make_term(function, term, grid)
     return parsed if group.find("history_length") is None else replace(parsed, history=history_length(group))

@@ -127,7 +127,9 @@ def observed_order(terms: dict[str, ObservationTerm], order: Callable[[str], Joi
     """
     orders = {order(key) for key, term in terms.items() if term.name in _JOINT_TERMS}
     if len(orders) > 1:
-        raise PolicyError("the joints are observed in several orders (`params.asset_cfg`): one is read", WRITE_TOML)
+        raise PolicyError(
+            "the joints are observed in several orders (`params.asset_cfg`); supported: one order", WRITE_TOML
+        )
     return next(iter(orders), None)
 
 

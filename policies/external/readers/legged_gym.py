@@ -32,7 +32,7 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
     angles = settings.section("init_state", "default_joint_angles")
     joints = isaac_gym_order(str(key) for key in angles.values)
     if joints is None:
-        raise PolicyError(f"the order of the joints {', '.join(map(str, angles.values))} cannot be known", WRITE_TOML)
+        raise PolicyError(f"unknown order of the joints {', '.join(map(str, angles.values))}", WRITE_TOML)
     scale = control.number("action_scale")
     clip = normalization.number("clip_actions")
     hip_scale = scale * control.number("hip_reduction", 1.0) * control.number("hip_scale_reduction", 1.0)
@@ -61,7 +61,7 @@ def _check_control(control: FileSettings) -> None:
     if control.find("use_actuator_network") not in (None, False):
         raise PolicyError(
             f"`control.use_actuator_network` in {control.file.name}: the joints were trained with a network of their "
-            "actuators, of which no stiffness and damping are known",
+            "actuators; their stiffness and damping are unknown",
             f"{WRITE_TOML} with the gains of the robot's own controller",
         )
 
@@ -106,8 +106,8 @@ def _parse_terms(settings: FileSettings, scales: FileSettings) -> tuple[Observat
     terms_width = sum(term.width for term in terms)
     if step_width != terms_width or width % step_width:
         raise PolicyError(
-            f"the observation is {width:g} numbers, and legged_gym's terms are {terms_width}: which terms they are is "
-            f"not in {env.file.name}",
+            f"the observation is {width:g} numbers, and legged_gym's terms are {terms_width}: "
+            f"{env.file.name} does not name the terms",
             WRITE_TOML,
         )
     return tuple(replace(term, history=int(width / step_width)) for term in terms)

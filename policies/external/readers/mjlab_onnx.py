@@ -47,7 +47,7 @@ def parse_spec(file: Path) -> PolicySpec | None:
     settings = FileSettings({key: _parse_entry(key, text) for key, text in metadata.items()}, file)
     commands = settings.texts("command_names")
     if len(commands) != 1:
-        raise PolicyError(f"the commands are {', '.join(commands)}: one of velocities is read", WRITE_TOML)
+        raise PolicyError(f"the commands are {', '.join(commands)}; supported: one velocity command", WRITE_TOML)
     return PolicySpec(
         network=find_network(file.parent, file.name),
         control_rate=CONTROL_RATE,

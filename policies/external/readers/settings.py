@@ -201,10 +201,9 @@ class FileSettings:
         candidates = expected[:1] or list(dict.fromkeys(others))
         if len(candidates) == 1:
             return Path(os.path.abspath(candidates[0]))
-        several = f"{', '.join(network.name for network in candidates)} lie there" if candidates else "none is there"
-        raise PolicyError(
-            f"which network belongs to {file.name}? {several}", f"put it at {run / 'exported/policy.onnx'}"
-        )
+        found = ", ".join(network.name for network in candidates)
+        fault = f"several networks for {file.name}: {found}" if candidates else f"no network for {file.name}"
+        raise PolicyError(fault, f"put it at {run / 'exported/policy.onnx'}")
 
     def raise_invalid(self, key: str, expected: str) -> NoReturn:
         """Raise PolicyError for a wrong value of `key`, with the `expected` value, a noun phrase."""
@@ -228,7 +227,7 @@ def matches(pattern: str, name: str) -> bool:
     try:
         return name_patterns.matches(pattern, name)
     except name_patterns.PatternError as error:
-        raise PolicyError(f"{brief(pattern)} is no regular expression that is read: {error}") from None
+        raise PolicyError(f"{brief(pattern)} is not a supported regular expression: {error}") from None
 
 
 def find_network(folder: Path, name: str) -> Path:

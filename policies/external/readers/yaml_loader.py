@@ -125,4 +125,4 @@ def _construct_python(loader: Any, kind: str, node: Any) -> Any:
     if kind == "object/apply:builtins.slice":
         return None
     line = node.start_mark.line + 1
-    raise PolicyError(f"line {line} has the tag !!python/{kind}, which is not followed", "write the value itself")
+    raise PolicyError(f"line {line} has the unsupported tag !!python/{kind}", "write the value itself")

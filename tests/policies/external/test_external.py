@@ -350,7 +350,7 @@ def test_a_model_of_stable_baselines3_acts_as_it_does_there(tmp_path: Path) -> N
         assert answer.failures == {}
         np.testing.assert_array_equal(answer.actions[1], model.predict(observation, deterministic=True)[0])
     (tmp_path / "model.zip").write_bytes(b"nothing")
-    with pytest.raises(PolicyError, match="no model of Stable-Baselines3"):
+    with pytest.raises(PolicyError, match="not a model of Stable-Baselines3"):
         served(tmp_path / "model.zip")
 
 
@@ -446,7 +446,7 @@ def test_statistics_that_may_belong_to_a_model_are_never_left_out_silently(
     (tmp_path / "final_VecNormalize.pkl").rename(tmp_path / "vecnormalize.pkl")
     assert resolve_reference(tmp_path / "model.zip", trust=True).sha256 != before
     (tmp_path / "vecnormalize.pkl").write_bytes(b"nothing")
-    with pytest.raises(PolicyError, match=r"vecnormalize\.pkl is no VecNormalize of model\.zip"):
+    with pytest.raises(PolicyError, match=r"vecnormalize\.pkl is not a VecNormalize of model\.zip"):
         make_server(resolve_reference(tmp_path / "model.zip", trust=True), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
 
 

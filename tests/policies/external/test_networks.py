@@ -105,7 +105,7 @@ def unknown_state(graph: Any) -> None:
     [
         (external, "cannot be read as ONNX"),
         (short, "gives 16 numbers of type float32 for the 12 joints"),
-        (unknown_state, "reads time_step besides the observation, and its outputs do not renew"),
+        (unknown_state, "reads time_step besides the observation, and no output updates"),
     ],
 )
 def test_what_is_no_network_of_a_policy_is_refused_in_words(change: Any, words: str, tmp_path: Path) -> None:
@@ -122,6 +122,6 @@ def test_a_checkpoint_is_no_torchscript_and_runs_no_code(tmp_path: Path) -> None
             return Path.touch, (touched,)
 
     torch.save({"weights": Harmful()}, tmp_path / "p.pt")
-    with pytest.raises(PolicyError, match=r"p\.pt is no TorchScript .*a checkpoint holds weights alone"):
+    with pytest.raises(PolicyError, match=r"p\.pt is a checkpoint, not TorchScript.*a checkpoint holds weights alone"):
         of(tmp_path / "p.pt")
     assert not touched.exists()

@@ -114,5 +114,5 @@ def test_what_names_do_not_decide_is_asked_for(tmp_path: Path) -> None:
         onnx_network.make_network_factory(onnx_network.open_session(file), file)
     renamed = {"h_in": "a", "c_in": "b", "h_out": "x", "c_out": "y"}
     file = altered(tmp_path / "net.onnx", Numbers(WIDTH, lstm=True), ("actions", "h_out", "c_out"), renamed)
-    with pytest.raises(PolicyError, match="reads a besides the observation, and x, y may renew it; name the output"):
+    with pytest.raises(PolicyError, match="reads a besides the observation, and x, y may update it; name the output"):
         onnx_network.make_network_factory(onnx_network.open_session(file), file)

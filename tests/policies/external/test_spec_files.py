@@ -153,12 +153,10 @@ def test_a_checkpoint_is_called_what_it_is(description: PolicySpec, tmp_path: Pa
     torch.save(content, tmp_path / "old.pt", _use_new_zipfile_serialization=False)
     torch.save({"weights": 1}, tmp_path / "mine.pt")
     for name, learner in (("model_1500.pt", " of rsl_rl"), ("old.pt", " of rsl_rl"), ("mine.pt", "")):
-        with pytest.raises(
-            PolicyError, match=rf"{name} is no TorchScript but a checkpoint{learner}; .*exported/policy"
-        ):
+        with pytest.raises(PolicyError, match=rf"{name} is a checkpoint{learner}, not TorchScript; .*exported/policy"):
             resolve_reference(tmp_path / name, trust=True)
         write_toml(replace(description, network=tmp_path / name), tmp_path / "policy.toml")
-        with pytest.raises(PolicyError, match=rf"{name} is no TorchScript but a checkpoint{learner}; "):
+        with pytest.raises(PolicyError, match=rf"{name} is a checkpoint{learner}, not TorchScript; "):
             resolve_reference(tmp_path / "policy.toml", trust=True)
 
 

@@ -36,6 +36,6 @@ def test_names_of_files_that_steer_a_terminal_are_refused_visibly(tmp_path: Path
     assert str(error.value).isprintable()
     policy = tmp_path / "a\x1b[31mb.toml"
     policy.write_text("network = 3")
-    with pytest.raises(PolicyError, match="a policy's name has printable characters alone") as error:
+    with pytest.raises(PolicyError, match="a policy's name must be printable") as error:
         resolve_reference(policy, trust=False)
     assert str(error.value).isprintable()

@@ -65,20 +65,20 @@ ENV = [
     (path("scene/robot/init_state/joint_pos/.*_hip_joint", 0.2), "has .*L_hip_joint and .*_hip_joint for FL_hip_joint"),
     (
         path("scene/robot/init_state/joint_pos/knee", 0.2),
-        "the order of the joints is not known: it is that of go1",
+        "unknown order of the joints; known: go1",
     ),
     (
         path("scene/robot/spawn/usd_path", "mine/robot.usd"),
-        "the order of the joints is not known: it is that",
+        "unknown order of the joints; known: ",
     ),
     (
         path("sim/newton_cfg", {"num_substeps": 1}),
         "go1, go2, a1, b1, b2, aliengo, unitree, anymal, spot, lite3, deeprobotics",
     ),
-    (path("scene/robot/actuators/hips/joint_names_expr", ["("]), "'(' is no regular expression"),
+    (path("scene/robot/actuators/hips/joint_names_expr", ["("]), "'(' is not a supported regular expression"),
     (
         path("actions/joint_pos/class_type", "x:JointVelocityAction"),
-        "the actions are joint_pos (x:JointVelocityAction): one Joint",
+        "the actions are joint_pos (x:JointVelocityAction); supported: one Joint",
     ),
     (
         path("commands/base_velocity/class_type", "x:UniformPoseCommand"),
@@ -89,10 +89,10 @@ ENV = [
         path("observations/policy/base_ang_vel/modifiers", [1]),
         "the observation term base_ang_vel with modifiers is not",
     ),
-    (path("observations/policy/base_ang_vel/clip", [1.0, -1.0]), "`clip` must be a least and a largest value"),
+    (path("observations/policy/base_ang_vel/clip", [1.0, -1.0]), "`clip` must be a minimum and a larger maximum"),
 ]
 RL_SAR = [
-    (path("model_name", None), "it is no deployment file that is read"),
+    (path("model_name", None), "not a known deployment file"),
     (path("num_of_dofs", 16), "`num_of_dofs` in config.yaml and in ../base.yaml disagree"),
     (path("dt", 0.002), "`dt` in config.yaml and in ../base.yaml disagree"),
     (path("joint_names", list(MOTORS[::-1])), "`joint_names` in config.yaml and in ../base.yaml disagree"),
@@ -110,7 +110,7 @@ LEGGED_GYM = [
     ),
     (path("control/stiffness/hip", None), "`control.stiffness` in settings.yaml has nothing for FL_hip_joint"),
     (path("env/num_observations", 45), "the observation is 45 numbers, and legged_gym's terms are 48"),
-    (path("init_state/default_joint_angles/tail", 0.0), "the order of the joints RL_calf_joint, "),
+    (path("init_state/default_joint_angles/tail", 0.0), "unknown order of the joints RL_calf_joint, "),
     (path("normalization/obs_scales/dof_vel", "fast"), "`normalization.obs_scales.dof_vel` in settings.yaml must be a"),
 ]
 MJLAB = [
@@ -120,7 +120,7 @@ MJLAB = [
     (path("observation_names", "base_ang_vel,phase"), "policy.onnx has no `phase.params`; add it, or write a TOML"),
     (path("observation_names", "height_scan"), "the observation term height_scan is not known; write a TOML"),
     (path("observation_terms_scale", "1.000,1.000"), "`observation_terms_…` and `observation_names` in policy.onnx"),
-    (path("command_names", "twist,pose"), "the commands are twist, pose: one of velocities is read"),
+    (path("command_names", "twist,pose"), "the commands are twist, pose; supported: one velocity command"),
 ]
 
 
@@ -185,10 +185,10 @@ def test_a_network_with_weights_elsewhere_or_other_joints_is_refused_with_its_se
 
 def test_a_network_that_is_missing_or_one_of_several_is_asked_for(tmp_path: Path) -> None:
     file = written(tmp_path / "params/deploy.yaml", files.deploy(files.permuted(0)))
-    assert "which network belongs to deploy.yaml? none is there" in refusal(file)
+    assert "no network for deploy.yaml" in refusal(file)
     network(tmp_path, "a.onnx")
     network(tmp_path, "b.onnx")
-    assert "a.onnx, b.onnx lie there" in refusal(file)
+    assert "several networks for deploy.yaml: a.onnx, b.onnx" in refusal(file)
 
 
 @pytest.mark.parametrize(
@@ -196,15 +196,15 @@ def test_a_network_that_is_missing_or_one_of_several_is_asked_for(tmp_path: Path
     [
         (
             "joint_ids_map: !!python/object/apply:os.system ['touch ran']",
-            "line 1 has the tag !!python/object/apply:os.system",
+            "line 1 has the unsupported tag !!python/object/apply:os.system",
         ),
-        ("a: 1\nb: !!python/name:os.system", "line 2 has the tag !!python/name:os.system"),
+        ("a: 1\nb: !!python/name:os.system", "line 2 has the unsupported tag !!python/name:os.system"),
         ("a: !mine 1", "no settings: ValueError: could not determine a constructor for the tag '!mine'"),
         ("a: [1, 2", "no settings: ValueError"),
         ("[" * 5000, "no settings: ValueError"),
         ("- 1\n- 2", "holds no settings by key"),
         ("a: \x00", "no settings: ValueError"),
-        ("FSM: {}", "it is no deployment file that is read: a deploy.yaml of Unitree"),
+        ("FSM: {}", "not a known deployment file; valid: a deploy.yaml of Unitree"),
         ("a: &a [1, 2]\nb: *a\nc: *c", "no settings: ValueError"),
     ],
 )

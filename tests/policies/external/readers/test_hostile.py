@@ -200,8 +200,8 @@ def test_large_and_deep_files_end_in_one_line(tmp_path: Path, name: str) -> None
     [
         ("a: 1\na: 2\n", "line 2: 'a' is given twice"),
         ("b: {c: 1, d: 2, c: 3}\n", "line 1: 'c' is given twice"),
-        ("a: !!timestamp x\n", "it is no deployment file"),
-        ("a: 2024-01-01\n2024-01-02: 3\n", "it is no deployment file"),
+        ("a: !!timestamp x\n", "not a known deployment file"),
+        ("a: 2024-01-01\n2024-01-02: 3\n", "not a known deployment file"),
         ("a: !!int x\n", "'x' is no whole number"),
         ("a: !!float x\n", "'x' is no number"),
         ("? [1, 2]\n: 3\n", "line 1 has a collection as a key"),
@@ -283,7 +283,7 @@ def test_an_observation_has_a_largest_width(tmp_path: Path) -> None:
 def test_metadata_that_is_no_text_and_long_metadata_are_refused(tmp_path: Path) -> None:
     file = files.onnx_file(tmp_path / "policy.onnx", {"joint_names": "PLACE"})
     file.write_bytes(file.read_bytes().replace(b"PLACE", b"\xff\xfe\x80\xff\xff"))
-    assert "policy.onnx has metadata at 'joint_names' that is no UTF-8" in refusal(file)
+    assert "policy.onnx has metadata at 'joint_names' that is not UTF-8" in refusal(file)
     files.onnx_file(file, {"joint_names": "a," * 50_000})
     assert "metadata of 100000 characters at 'joint_names'" in refusal(file)
 

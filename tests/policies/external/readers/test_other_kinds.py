@@ -119,7 +119,7 @@ def test_an_io_descriptor_gives_the_order_that_an_env_yaml_lacks(tmp_path: Path)
     found = files.env()
     found["scene"]["robot"]["spawn"]["usd_path"] = "mine/robot.usd"
     file = written(tmp_path / "params/env.yaml", found)
-    with pytest.raises(PolicyError, match=r"order of the joints is not known.*io_descriptors/\*\.yaml"):
+    with pytest.raises(PolicyError, match=r"unknown order of the joints.*io_descriptors/\*\.yaml"):
         read(file)
     robot = descriptor(ISAAC, ISAAC)
     order = [ISAAC[each] for each in permuted(1)]
