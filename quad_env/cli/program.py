@@ -52,7 +52,7 @@ class Program:
     commands: Mapping[str, Command]
     """Commands by the word that calls them."""
     fallback: Callable[[list[str]], int] | None = None
-    """Function that runs words without a command and returns the exit code; None if such words are a mistake."""
+    """Function that runs words without a command and returns the exit code; None if these words are a mistake."""
     moved_commands: Mapping[str, str] = field(default_factory=dict)
     """Places of commands that moved, as of older versions: "now `python -m research jump`"."""
     note: str = ""

@@ -5,7 +5,7 @@ the ball has the width of the thinnest side and lies on the middle of the sole. 
 the foot below this ball when the leg is tilted, see `kinematics.foot_depths`.
 
 A geom belongs to the foot if it is the lowest in one pose of a stance: the link is tilted about the axis of the knee
-and about the leg's x axis, see `standing_foot`.
+and about the leg's x axis, see `extend_foot`.
 """
 
 from dataclasses import dataclass
@@ -72,7 +72,7 @@ _DIRECTIONS = _sample_directions()
 
 
 class Foot(NamedTuple):
-    """A foot in the frame of its body; made by `find_foot` and extended by `standing_foot`."""
+    """A foot in the frame of its body; made by `find_foot` and extended by `extend_foot`."""
 
     geoms: tuple[int, ...]
     """Ids of its geoms, the lowest first."""
@@ -166,7 +166,7 @@ def _hull_foot(
     return _with_points(model, data, foot)
 
 
-def standing_foot(
+def extend_foot(
     model: Any, data: Any, joint: int, candidates: list[int], foot: Foot, tilts: tuple[float, float]
 ) -> Foot:
     """Add to a foot the geoms of its link that are the lowest in another pose of a stance.
@@ -193,12 +193,8 @@ def standing_foot(
     depths = {geom: ((points - knee) @ directions.T).max(axis=0) + radius for geom, (points, radius) in hulls.items()}
     lowest = np.max(list(depths.values()), axis=0)
     length = float(np.linalg.norm(centre - knee)) + foot.radius
-    touching = set()
-    for geom in candidates:
-        slack = _THRESHOLDS.short_level if _is_short(hulls[geom][0], down, length) else _THRESHOLDS.level
-        if (depths[geom] >= lowest - slack).any():
-            touching.add(geom)
-    added = touching.difference(foot.geoms)
+    is_short = {geom: _is_short(points, down, length) for geom, (points, _) in hulls.items()}
+    added = _touching_geoms(depths, lowest, is_short).difference(foot.geoms)
     if not added:
         return foot
     extended = foot._replace(geoms=(*foot.geoms, *sorted(added, key=lambda geom: -float(depths[geom].max()))))
@@ -206,6 +202,25 @@ def standing_foot(
     if not foot.points.size and (lowest < ball_depth + _THRESHOLDS.ball_depth).all():
         return extended
     return _with_points(model, data, extended)
+
+
+def _touching_geoms(depths: dict[int, Floats], lowest: Floats, is_short: dict[int, bool]) -> set[int]:
+    """Return the ids of the geoms that are nearly the lowest in one pose.
+
+    Args:
+        depths: Depths of each geom below the knee in k poses, (k,), m.
+        lowest: Largest depth in each pose, (k,), m.
+        is_short: True for each geom that is no shin.
+
+    Returns:
+        The ids.
+    """
+    touching = set()
+    for geom, depth in depths.items():
+        slack = _THRESHOLDS.short_level if is_short[geom] else _THRESHOLDS.level
+        if (depth >= lowest - slack).any():
+            touching.add(geom)
+    return touching
 
 
 def _rounded_hull_in_world(model: Any, data: Any, geom: int) -> tuple[Floats, float]:
@@ -238,7 +253,20 @@ def _leg_direction(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) 
     at_end = [geom for geom in at_end if np.ptp(hulls[geom] @ down) < _THRESHOLDS.shin_length * length]
     if len(at_end) == 0 or (len(at_end) == 1 and _is_ball(model, at_end[0], hulls[at_end[0]], down)):
         return down
-    points = np.concatenate([hulls[geom] for geom in at_end]) - knee
+    return _middle_direction(np.concatenate([hulls[geom] for geom in at_end]) - knee, down, axis)
+
+
+def _middle_direction(points: Floats, down: Floats, axis: Floats) -> Floats:
+    """Return the direction from the knee to the middle of the leg's end, normal to the knee's axis.
+
+    Args:
+        points: Points of the end geoms from the knee, world frame, (k, 3), m.
+        down: First estimate of the direction, world frame, (3,).
+        axis: Axis of the knee, world frame, (3,).
+
+    Returns:
+        Unit vector, world frame, (3,).
+    """
     for _ in range(_MIDDLE_ITERATIONS):
         ahead = np.cross(axis, down)
         along = points @ down

@@ -56,7 +56,7 @@ def read(path: Path) -> UserModel:
         The compiled model.
 
     Raises:
-        FileNotFoundError: There is no such file.
+        FileNotFoundError: The file is missing.
         ModelError: MuJoCo cannot read it within its limits, or it is no quadruped.
     """
     if not path.is_file():

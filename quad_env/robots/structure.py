@@ -7,6 +7,7 @@ are zero with the legs straight down, hips turn about +x, thighs and calves abou
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
@@ -18,9 +19,9 @@ from quad_env.robots.feet import (
     STANCE_TILTS,
     Foot,
     body_points_to_world,
+    extend_foot,
     extreme_points,
     find_foot,
-    standing_foot,
 )
 from quad_env.robots.shapes import (
     Bools,
@@ -177,17 +178,16 @@ class RobotStructure:
 
 
 def detect_structure(mujoco: Any, model: Any) -> RobotStructure:
-    """Detect the trunk and the legs of a compiled model.
+    """Return the structure of a compiled model, without locked joints and omission lines.
+
+    A model that is no quadruped of this kind raises ModelError.
 
     Args:
         mujoco: The package.
         model: Compiled `mujoco.MjModel`.
 
     Returns:
-        The structure, without locked joints and omission lines.
-
-    Raises:
-        ModelError: The legs differ in a length; other causes come from the parts of the detection.
+        The structure.
     """
     root = find_root_body(mujoco, model)
     chains = _find_chains(mujoco, model, root)
@@ -197,15 +197,20 @@ def detect_structure(mujoco: Any, model: Any) -> RobotStructure:
     mujoco.mj_kinematics(model, data)
     collides = ground_collision_mask(model, root)
     legs = _name_legs([_measure_leg(model, data, trunk, collides, chain) for chain in chains.values()])
+    _check_equal_legs(legs)
+    base = data.xmat[trunk].reshape(3, 3)
+    positions = (data.xpos - data.xpos[trunk]) @ base
+    rotations = base.T @ data.xmat.reshape(-1, 3, 3)
+    return RobotStructure(root, trunk, descendant_mask(model, root), collides, positions, rotations, legs)
+
+
+def _check_equal_legs(legs: Sequence[Leg]) -> None:
+    """Raise ModelError for legs that differ in a length."""
     for length in ("hip_offset", "thigh_length", "calf_length", "foot.radius"):
         values = [attrgetter(length)(leg) for leg in legs]
         if np.ptp(values) > _LENGTH_TOLERANCE * (legs[0].thigh_length + legs[0].calf_length):
             each = ", ".join(f"{leg.name} {value:.3f}" for leg, value in zip(legs, values, strict=True))
             raise ModelError(f"the legs differ in {re.sub('[_.]', ' ', length)}, m: {each}")
-    base = data.xmat[trunk].reshape(3, 3)
-    positions = (data.xpos - data.xpos[trunk]) @ base
-    rotations = base.T @ data.xmat.reshape(-1, 3, 3)
-    return RobotStructure(root, trunk, descendant_mask(model, root), collides, positions, rotations, legs)
 
 
 def _name(part: Any) -> str:
@@ -421,27 +426,38 @@ def _measure_leg(model: Any, data: Any, trunk: int, collides: Bools, joints: lis
     chain = _read_chain(model, data, trunk, joints)
     foot, candidates = _find_sole(model, data, chain, collides)
     base = data.xmat[trunk].reshape(3, 3)
-    hip, thigh, knee = chain.anchors
     foot_position = (body_points_to_world(data, foot.body, foot.centre) - data.xpos[trunk]) @ base
-    vectors = _LegVectors(*(chain.leg_rotation @ link for link in (thigh - hip, knee - thigh, foot_position - knee)))
+    vectors = _leg_vectors(chain, foot_position)
     _check_lengths(vectors, chain.names)
-    thigh_pitch, calf_pitch = vectors.pitches
-    lateral = chain.leg_rotation[1]
-    offsets = np.array([np.arctan2(lateral[2], lateral[1]), thigh_pitch, calf_pitch - thigh_pitch])
-    offsets = np.arctan2(np.sin(offsets), np.cos(offsets))
-    foot = standing_foot(model, data, joints[-1], candidates, foot, _tilts(model, joints, chain.signs, offsets))
-    points, radii = _straighten_foot(data, base, chain, foot, calf_pitch)
+    offsets = _joint_offsets(chain, vectors)
+    foot = extend_foot(model, data, joints[-1], candidates, foot, _tilts(model, joints, chain.signs, offsets))
+    points, radii = _straighten_foot(data, base, chain, foot, vectors.pitches[1])
     return Leg(
         name="",
         joints=(joints[0], joints[1], joints[2]),
         signs=chain.signs,
         joint_offsets=offsets,
-        hip=hip + vectors.hip_to_thigh[0] * np.array((1.0, 0.0, 0.0)),
+        hip=chain.anchors[0] + vectors.hip_to_thigh[0] * np.array((1.0, 0.0, 0.0)),
         hip_offset=float(vectors.hip_to_thigh[1] + vectors.thigh_to_knee[1] + vectors.knee_to_foot[1]),
         thigh_length=vectors.lengths[0],
         calf_length=vectors.lengths[1],
         foot=foot._replace(points=points, radii=radii),
     )
+
+
+def _leg_vectors(chain: _Chain, foot_position: Floats) -> _LegVectors:
+    """Return the vectors of a leg with its foot at `foot_position`, base frame, (3,), m."""
+    hip, thigh, knee = chain.anchors
+    return _LegVectors(*(chain.leg_rotation @ link for link in (thigh - hip, knee - thigh, foot_position - knee)))
+
+
+def _joint_offsets(chain: _Chain, vectors: _LegVectors) -> Floats:
+    """Return the joint angles in the robot's convention at `qpos0`, (3,), rad, in [-π, π]."""
+    lateral = chain.leg_rotation[1]
+    thigh_pitch, calf_pitch = vectors.pitches
+    offsets = np.array([np.arctan2(lateral[2], lateral[1]), thigh_pitch, calf_pitch - thigh_pitch])
+    wrapped: Floats = np.arctan2(np.sin(offsets), np.cos(offsets))
+    return wrapped
 
 
 def _straighten_foot(data: Any, base: Floats, chain: _Chain, foot: Foot, calf_pitch: float) -> tuple[Floats, Floats]:

@@ -125,7 +125,7 @@ def _find_mesh(path: Path, folder: str, name: str) -> Path:
         The file of a mesh, in the package of its URDF or next to the URDF.
 
     Raises:
-        ModelError: MuJoCo does not read its kind, or there is no such file.
+        ModelError: MuJoCo does not read its kind, or the file is missing.
     """
     if not _is_readable(name):
         raise ModelError(f"MuJoCo cannot read it: convert {name!r}, which collides, to {' or '.join(MESH_SUFFIXES)}")
