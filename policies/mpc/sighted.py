@@ -1,4 +1,4 @@
-"""Model-predictive control that sees the ground: footholds have the heights of a height scan."""
+"""Model-predictive control with a height scan: the footholds have the heights of the scanned terrain."""
 
 from functools import cache
 from typing import NamedTuple
@@ -23,104 +23,142 @@ from quad_env.sensing.height_scan import UNSEEN, HeightScan, table_with
 SCAN = HeightScan(ahead=14, behind=14, aside=10, spacing=0.05)
 """The default scan."""
 PLANE_FILTER_TIME = 0.1
-"""Time constant with which the trunk takes that ground in, s."""
+"""Time constant of the ground plane that the trunk is level with, s."""
 NOISE_FLOOR_STD = 0.02
-"""Standard deviation, m, that a scan without noise seems to have where there are steps."""
-_EDGE = 1e-9
+"""Apparent standard deviation of a scan of steps without noise, m."""
 SWING_SAMPLES = (0.25, 0.5, 0.75)
-"""Where from foothold to foothold the ground is looked at that a foot is to clear."""
-PLANE_FIT_HALF_SIZE = 0.45, 0.4
-"""Half-length and half-width of the ground that the trunk is to be level with, m."""
+"""Sample positions of the terrain along a swing, as fractions of the way from foothold to foothold."""
+PLANE_FIT_HALF_SIZE = (0.45, 0.4)
+"""Half-length and half-width of the area of the plane fit, m."""
+_EDGE = 1e-9
+"""Rounding of a position, m, and smallest variance, m²."""
 
 
 class ScannedTerrain(NamedTuple):
-    """Heights of feet that stand on a grid about n robots, level frame."""
+    """Terrain heights on a grid about n robots, level frame."""
 
     scan: HeightScan
+    """Grid."""
     heights: Floats
-    """(n, rows, columns), m."""
+    """Of the centre of a foot that stands there, (n, rows, columns), m."""
 
-    def at(self, place: Floats) -> Floats:
-        """Heights at places (n, 4, 2), m, (n, 4): linear between four points, beyond the grid that of its edge."""
+    def at(self, positions: Floats) -> Floats:
+        """Return the heights at `positions`, (n, 4, 2), m: bilinear, beyond the grid those of its edge; (n, 4), m."""
         _, rows, columns = self.heights.shape
-        u = np.clip(place[..., 0] / self.scan.spacing + self.scan.behind, 0.0, rows - 1.0)
-        v = np.clip(place[..., 1] / self.scan.spacing + self.scan.aside, 0.0, columns - 1.0)
-        row, column, robot = u.astype(np.intp), v.astype(np.intp), np.arange(len(place))[:, None]
-        u, v = u - row, v - column
-        after, beside = np.minimum(row + 1, rows - 1), np.minimum(column + 1, columns - 1)
+        u = np.clip(positions[..., 0] / self.scan.spacing + self.scan.behind, 0.0, rows - 1.0)
+        v = np.clip(positions[..., 1] / self.scan.spacing + self.scan.aside, 0.0, columns - 1.0)
+        row = u.astype(np.intp)
+        column = v.astype(np.intp)
+        next_row = np.minimum(row + 1, rows - 1)
+        next_column = np.minimum(column + 1, columns - 1)
+        u = u - row
+        v = v - column
+        robot = np.arange(len(positions))[:, None]
         z = self.heights
-        behind = (1.0 - v) * z[robot, row, column] + v * z[robot, row, beside]
-        ahead = (1.0 - v) * z[robot, after, column] + v * z[robot, after, beside]
-        height: Floats = (1.0 - u) * behind + u * ahead
+        in_row = (1.0 - v) * z[robot, row, column] + v * z[robot, row, next_column]
+        in_next_row = (1.0 - v) * z[robot, next_row, column] + v * z[robot, next_row, next_column]
+        height: Floats = (1.0 - u) * in_row + u * in_next_row
         return height
 
 
 @cache
 def plane_fit_weights(scan: HeightScan) -> Floats:
-    """What heights on the scan's grid are multiplied with to give the least-squares plane of those under the legs:
-    height under the trunk's centre and rise per metre ahead and to the left, (3, rows, columns)."""
+    """Return the weights of the heights on the grid of `scan` in the least-squares plane under the legs.
+
+    Returns:
+        For the height under the trunk centre and the rise per metre forward and to the left, (3, rows, columns).
+    """
     x, y = np.moveaxis(scan.grid, -1, 0)
-    length, width = PLANE_FIT_HALF_SIZE
-    near = (np.abs(x) <= length + _EDGE) & (np.abs(y) <= width + _EDGE)
-    shares = np.zeros((3, *x.shape))
-    shares[:, near] = np.linalg.pinv(np.stack((np.ones(near.sum()), x[near], y[near]), axis=-1))
-    return shares
+    half_length, half_width = PLANE_FIT_HALF_SIZE
+    is_near = (np.abs(x) <= half_length + _EDGE) & (np.abs(y) <= half_width + _EDGE)
+    weights = np.zeros((3, *x.shape))
+    weights[:, is_near] = np.linalg.pinv(np.stack((np.ones(is_near.sum()), x[is_near], y[is_near]), axis=-1))
+    return weights
 
 
-def make_scanned_terrain(scan: HeightScan, shown: Floats, ground: TerrainPlane, foot_radius: float) -> ScannedTerrain:
-    """The ground that the entries of a scan show, (n, p), m; by the footprints' plane where it is too deep to see."""
+def make_scanned_terrain(
+    scan: HeightScan, readings: Floats, ground: TerrainPlane, foot_radius: float
+) -> ScannedTerrain:
+    """Make the terrain of the readings of a height scan.
+
+    Args:
+        scan: Grid.
+        readings: Heights of the ground, (n, p), m.
+        ground: Plane through the footprints, for points that are too deep to be seen.
+        foot_radius: m.
+
+    Returns:
+        Terrain of n robots.
+    """
     plane = plane_on_grid(scan, ground)
-    seen = shown.reshape(plane.shape)
-    return ScannedTerrain(scan, np.where(seen > UNSEEN, seen + foot_radius, plane))
+    heights = readings.reshape(plane.shape)
+    return ScannedTerrain(scan, np.where(heights > UNSEEN, heights + foot_radius, plane))
 
 
 def plane_on_grid(scan: HeightScan, ground: TerrainPlane) -> Floats:
-    """Heights of the plane at the scan's points, (n, rows, columns), m."""
+    """Return the heights of the plane `ground` at the points of `scan`, (n, rows, columns), m."""
     grid = scan.grid
     return ground.at(*np.moveaxis(grid, -1, 0).reshape(2, -1)).reshape(-1, *grid.shape[:2])
 
 
-def denoise_terrain(seen: ScannedTerrain, ground: TerrainPlane, noise: Floats) -> tuple[ScannedTerrain, Floats]:
-    """The ground as near to the plane as what is seen off it is noise of that variance, (n,), m²; and what share of
-    its distance from the plane is kept, (n,).
+def denoise_terrain(terrain: ScannedTerrain, ground: TerrainPlane, noise: Floats) -> tuple[ScannedTerrain, Floats]:
+    """Shrink the scanned heights towards the plane by their noise.
 
-    Every point by the linear estimate of least mean square error that knows nothing of the others.
+    Each point has the linear estimate of least mean square error that does not use the other points (Wiener).
+
+    Args:
+        terrain: Scanned terrain of n robots.
+        ground: Plane through the footprints.
+        noise: Variance of the heights, (n,), m².
+
+    Returns:
+        terrain: Denoised terrain.
+        kept_fraction: Fraction of the deviation from the plane that is kept, (n,).
     """
-    plane = plane_on_grid(seen.scan, ground)
-    apart = seen.heights - plane
-    share = np.clip(1.0 - noise / np.maximum((apart * apart).mean(axis=(1, 2)), _EDGE), 0.0, 1.0)
-    return seen._replace(heights=plane + share[:, None, None] * apart), share
+    plane = plane_on_grid(terrain.scan, ground)
+    deviation = terrain.heights - plane
+    variance = np.maximum((deviation * deviation).mean(axis=(1, 2)), _EDGE)
+    kept_fraction = np.clip(1.0 - noise / variance, 0.0, 1.0)
+    return terrain._replace(heights=plane + kept_fraction[:, None, None] * deviation), kept_fraction
 
 
 class SwingProfile(NamedTuple):
-    """What lies under four swings of n robots, (n, 4), m."""
+    """Terrain under four swings of n robots, (n, 4) each, m."""
 
     start: Floats
+    """Height at lift-off."""
     end: Floats
+    """Height at touch-down."""
     top: Floats
-    """Highest ground on the way, footholds included."""
+    """Largest height on the way, both footholds included."""
 
     def over(self, _x: Floats, _y: Floats, progress: Floats) -> Floats:
-        """See `Terrain`: from foothold to foothold, halfway at the highest ground."""
+        """Return the height at the `progress` of the swings; a `Terrain`, with the largest height halfway."""
         arc = 4.0 * progress * (1.0 - progress)
         height: Floats = self.start + smoothstep(progress) * (self.end - self.start)
         return height + arc * arc * (self.top - 0.5 * (self.start + self.end))
 
 
 class SightedMpcWbc(MpcWbc):
-    """`MpcWbc` whose footholds have the heights that a height scan shows.
+    """`MpcWbc` with footholds at the heights of a height scan.
 
-    Swings end there and clear what lies on the way, forces are planned for feet at their own heights, and the trunk
-    keeps level with the ground under the legs and at its height above that. Where the scan shows nothing the ground is
-    the footprints' plane. Without its scan it walks as `MpcWbc`; the noisier the scan, the more it lifts its feet so.
+    Swings end at the scanned height and clear the terrain on the way, forces are planned for feet at their own heights,
+    and the trunk keeps level with the ground under the legs and at its height above it. The ground is the plane through
+    the footprints where the scan is empty. Without a scan it walks as `MpcWbc`, which it approaches as the noise of the
+    scan grows.
 
     Args:
-        parameters, robot, control_period, late, actuator: as of `MpcWbc`.
-        height_scan: what it is shown: the environment's.
+        parameters: Gait, cost and gains; None: the ones of `parameters_of`.
+        robot: Robot that is controlled, or its name.
+        control_period: s.
+        joint_delay_steps: Delay of the encoders, control steps; 0: true joint readings.
+        actuator: Drives of the joints.
+        height_scan: Height scan of the environment.
     """
 
     name = "mpc_wbc_sighted"
     _level: Floats = per_robot(np.zeros(3), axis=1)
+    """Filtered ground plane: height, m, and rise per metre forward and to the left, (3, n)."""
 
     def __init__(
         self,
@@ -132,7 +170,8 @@ class SightedMpcWbc(MpcWbc):
         actuator: Actuator = IDEAL,
         height_scan: HeightScan = SCAN,
     ) -> None:
-        self.height_scan = self._scan = height_scan
+        self.height_scan = height_scan
+        self._scan = height_scan
         super().__init__(
             parameters,
             robot=robot,
@@ -140,41 +179,46 @@ class SightedMpcWbc(MpcWbc):
             joint_delay_steps=joint_delay_steps,
             actuator=actuator,
         )
-        self._shown = table_with(self.robot, height_scan).slices["height_scan"]
+        self._scan_slice = table_with(self.robot, height_scan).slices["height_scan"]
         points = slice(0, height_scan.grid[..., 0].size)
         self._scan_noise = NoiseEstimator(control_period, [points], np.array([NOISE_FLOOR_STD]))
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        self._heights = observation[:, self._shown].astype(np.float64)
+        self._heights = observation[:, self._scan_slice].astype(np.float64)
         return super()._act(observation)
 
-    def _ground(self, now: MotionState, landed: Mask) -> TerrainPlane:
-        ground = super()._ground(now, landed)
-        seen = make_scanned_terrain(self._scan, self._heights, ground, self.robot.foot_radius)
-        noise = self._scan_noise.update(seen.heights.reshape(self.num_envs, -1))[:, 0]
-        self._seen_ground, kept = denoise_terrain(seen, ground, noise)
-        self._scan_weight = np.where((self._heights <= UNSEEN).all(axis=1), 0.0, kept)[:, None]
-        mean = np.einsum("cij,nij->cn", plane_fit_weights(self._scan), self._seen_ground.heights)
-        mean[1:] = np.clip(mean[1:], -MAX_SLOPE, MAX_SLOPE)
-        share = np.where(self._is_first_step, 1.0, lowpass_gain(self.control_period, PLANE_FILTER_TIME))
-        self._level = self._level + share * (mean - self._level)
+    def _ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
+        """Return the filtered plane of the scan; the plane through the footprints for robots with an empty scan."""
+        ground = super()._ground(state, landed)
+        scanned = make_scanned_terrain(self._scan, self._heights, ground, self.robot.foot_radius)
+        noise = self._scan_noise.update(scanned.heights.reshape(self.num_envs, -1))[:, 0]
+        self._terrain, kept_fraction = denoise_terrain(scanned, ground, noise)
+        is_empty = (self._heights <= UNSEEN).all(axis=1)
+        self._scan_weight = np.where(is_empty, 0.0, kept_fraction)[:, None]
+        """Weight of the scan against the plane, 0 or the kept fraction, (n, 1)."""
+        plane = np.einsum("cij,nij->cn", plane_fit_weights(self._scan), self._terrain.heights)
+        plane[1:] = np.clip(plane[1:], -MAX_SLOPE, MAX_SLOPE)
+        gain = np.where(self._is_first_step, 1.0, lowpass_gain(self.control_period, PLANE_FILTER_TIME))
+        self._level = self._level + gain * (plane - self._level)
         return TerrainPlane(*np.where(self._scan_weight[:, 0] > 0.0, self._level, ground))
 
     def _swing_terrain(self, foothold_positions: Floats, ground: TerrainPlane) -> Terrain:
+        """Return the terrain under the swings, blended by the weight of the scan."""
         x, y, start = self.terrain_estimator.footprints.transpose(0, 2, 1)
-        last, end = np.stack((x, y), axis=-1), self._seen_ground.at(foothold_positions)
-        between = [self._seen_ground.at(last + share * (foothold_positions - last)) for share in SWING_SAMPLES]
-        over, steps = (
-            super()._swing_terrain(foothold_positions, ground),
-            SwingProfile(start, end, np.max([start, end, *between], axis=0)).over,
-        )
-        return lambda x, y, t: self._scan_weight * steps(x, y, t) + (1.0 - self._scan_weight) * over(x, y, t)
+        footprints = np.stack((x, y), axis=-1)
+        end = self._terrain.at(foothold_positions)
+        way = foothold_positions - footprints
+        between = [self._terrain.at(footprints + fraction * way) for fraction in SWING_SAMPLES]
+        scanned = SwingProfile(start, end, np.max([start, end, *between], axis=0)).over
+        unscanned = super()._swing_terrain(foothold_positions, ground)
+        return lambda x, y, t: self._scan_weight * scanned(x, y, t) + (1.0 - self._scan_weight) * unscanned(x, y, t)
 
     def _foothold_height(
-        self, now: MotionState, foothold_positions: Floats, ground: TerrainPlane, stands: Mask
+        self, state: MotionState, foothold_positions: Floats, ground: TerrainPlane, stance_schedule: Mask
     ) -> Floats:
-        lasting = np.cumprod(stands, axis=1).astype(np.bool_)
-        seen = np.where(lasting, now.bodies.feet[:, None, :, 2], self._seen_ground.at(foothold_positions)[:, None])
-        return np.where(
-            self._scan_weight[..., None] > 0.0, seen, super()._foothold_height(now, foothold_positions, ground, stands)
-        )
+        """Return the present height of feet that stay in stance, and the scanned height of the others' footholds."""
+        stays_in_stance = np.cumprod(stance_schedule, axis=1).astype(np.bool_)
+        scanned = self._terrain.at(foothold_positions)[:, None]
+        height = np.where(stays_in_stance, state.bodies.feet[:, None, :, 2], scanned)
+        unscanned = super()._foothold_height(state, foothold_positions, ground, stance_schedule)
+        return np.where(self._scan_weight[..., None] > 0.0, height, unscanned)

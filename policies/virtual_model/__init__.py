@@ -1,1 +1,1 @@
-"""A diagonal trot by virtual model control of the stance feet."""
+"""Diagonal trot by virtual model control of the stance feet."""

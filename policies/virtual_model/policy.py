@@ -1,11 +1,11 @@
-"""A diagonal trot by virtual model control: upright and slow, the trunk on springs and dampers that the feet bear."""
+"""Diagonal trot by virtual model control: slow, with the trunk upright on virtual springs and dampers."""
 
 import numpy as np
 
 from policies.base import CONTROL_PERIOD
 from policies.gait_cycle import TROT_OFFSETS
 from policies.mpc.model_based import ContactPlan, ControlState, ModelBased, StanceForces
-from policies.virtual_model.forces import distribute_wrench, virtual_acceleration
+from policies.virtual_model.forces import distribute_acceleration, virtual_acceleration
 from policies.virtual_model.parameters import VirtualParameters, searched_parameters
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.robots.registry import get_robot
@@ -17,9 +17,11 @@ class TrotFeedback(ModelBased):
     """Command-following trot by virtual model control; steps in place at zero command.
 
     Args:
-        parameters: gait and gains; None for those of `searched_parameters`.
-        late: control steps by which joints are older than the moment at which it is shown them.
-        actuator: what drives the joints.
+        parameters: Gait and gains; None: the ones of `searched_parameters`.
+        robot: Robot that is controlled, or its name.
+        control_period: s.
+        joint_delay_steps: Delay of the encoders, control steps; 0: true joint readings.
+        actuator: Drives of the joints.
     """
 
     name = "trot_feedback"
@@ -49,6 +51,6 @@ class TrotFeedback(ModelBased):
         state = control_state.motion
         acceleration = virtual_acceleration(self.parameters, state, contact_plan.ground, self._trunk_height)
         wanted = acceleration - control_state.disturbance_acceleration
-        forces = distribute_wrench(self.parameters, state, wanted, contact_plan.stance, control_state.friction)
+        forces = distribute_acceleration(self.parameters, state, wanted, contact_plan.stance, control_state.friction)
         arms = state.bodies.feet - state.bodies.com_position[:, None]
         return StanceForces(forces, arms, np.zeros(self.num_envs, np.bool_))

@@ -86,7 +86,7 @@ def test_a_walking_robot_feels_what_it_carries() -> None:
         assert not fell
         felt.append(estimate_load(policy.contact_estimator.wrench, policy.parameters.load_height))
     assert np.mean([load.mass for load in felt[100:]]) == pytest.approx(15.0, rel=0.1)
-    assert np.abs(np.mean([load.place[0, :2] for load in felt[100:]], axis=0)).max() < 0.03
+    assert np.abs(np.mean([load.position[0, :2] for load in felt[100:]], axis=0)).max() < 0.03
 
 
 def test_noise_is_no_load() -> None:

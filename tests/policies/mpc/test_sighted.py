@@ -142,7 +142,7 @@ def looking(heights: np.ndarray) -> SightedMpcWbc:
     """Two new robots that are shown these heights, (2, p), m."""
     policy = SightedMpcWbc(height_scan=SMALL)
     policy.reset(num_envs=2)
-    policy._trunk_heights = heights
+    policy._heights = heights
     return policy
 
 
@@ -158,7 +158,7 @@ def test_a_new_robot_believes_the_ground_that_it_sees_at_once_and_another_one_by
     now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     np.testing.assert_allclose(np.array(policy._ground(now, STANDS))[:, 0], [-0.35, 0.2, -0.1], atol=1e-9)
     policy._is_first_step[:] = False, True
-    policy._trunk_heights = shown(-0.46, 0.75, -0.65)
+    policy._heights = shown(-0.46, 0.75, -0.65)
     found = np.array(policy._ground(now, STANDS))
     np.testing.assert_allclose(found[:, 1], [-0.46, 0.6, -0.6], atol=1e-9)
     np.testing.assert_allclose(found[:, 0], [-0.36, 0.2 + 0.4 / 11.0, -0.1 - 0.5 / 11.0], atol=1e-9)
@@ -196,7 +196,7 @@ def test_the_ground_is_that_of_the_scan_s_own_entries() -> None:
     policy.reset(num_envs=2)
     scan = np.random.default_rng(0).uniform(-0.5, -0.3, (2, len(SMALL.points))).astype(np.float32)
     policy.act(np.concatenate((reading(2), scan), axis=1))
-    np.testing.assert_array_equal(policy._trunk_heights, scan)
+    np.testing.assert_array_equal(policy._heights, scan)
 
 
 def test_a_foot_clears_what_lies_between_its_last_footprint_and_its_next_foothold() -> None:
@@ -204,7 +204,7 @@ def test_a_foot_clears_what_lies_between_its_last_footprint_and_its_next_foothol
     policy = looking(shown(-0.35, 0.0, 0.0))
     heights = np.zeros((2, 7, 7))
     heights[0, 4] = 0.1  # rows are from 0.2 m behind on
-    policy._seen_ground, policy._scan_weight = ScannedTerrain(SMALL, heights), np.ones((2, 1))
+    policy._terrain, policy._scan_weight = ScannedTerrain(SMALL, heights), np.ones((2, 1))
     aside = np.array([0.1, -0.1, 0.1, -0.1])
     policy.terrain_estimator.footprints = np.zeros((3, 4, 2))
     policy.terrain_estimator.footprints[1] = aside[:, None]
@@ -247,7 +247,7 @@ def test_the_less_a_scan_is_trusted_the_more_the_feet_are_lifted_for_rough_footp
     policy, flat = SightedMpcWbc(height_scan=SMALL), TerrainPlane(*np.zeros((3, 3)))
     policy.reset(num_envs=3)
     policy.terrain_estimator.roughness[:] = 0.02
-    policy._scan_weight, policy._seen_ground = (
+    policy._scan_weight, policy._terrain = (
         np.array([[0.0], [0.25], [1.0]]),
         ScannedTerrain(SMALL, np.zeros((3, 7, 7))),
     )

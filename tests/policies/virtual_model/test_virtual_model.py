@@ -11,8 +11,8 @@ from policies.mpc.footing import TerrainPlane
 from policies.mpc.model_based import ContactPlan, ControlState
 from policies.mpc.motion import MotionState, compute_motion_state
 from policies.mpc.rigid_body import Friction
-from policies.virtual_model.forces import distribute_wrench, virtual_acceleration
-from policies.virtual_model.parameters import FASTEST, VirtualParameters, searched_parameters
+from policies.virtual_model.forces import distribute_acceleration, virtual_acceleration
+from policies.virtual_model.parameters import MAX_FREQUENCY, VirtualParameters, searched_parameters
 from policies.virtual_model.policy import TrotFeedback
 from quad_env import OBSERVATION
 from quad_env.physics.dynamics import Dynamics
@@ -37,7 +37,7 @@ def pull(now, height=0.45, forward=0.0, lateral=0.0):
 
 
 def forces(now, wanted, stands=ALL, p=P):
-    return distribute_wrench(
+    return distribute_acceleration(
         p, now, np.atleast_2d(wanted), stands, Friction(np.array([0.6]), np.array([2.0 * WEIGHT]))
     )[0]
 
@@ -162,7 +162,7 @@ def test_each_robot_s_feet_are_held_to_its_own_friction_and_its_largest_force() 
     now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
     friction = Friction(np.array([0.6, 0.1]), np.array([30.0, 500.0]))
     wanted = np.tile([4.0, 0.0, 5.0, 0.0, 0.0, 0.0], (2, 1))
-    found = distribute_wrench(P, now, wanted, np.ones((2, 4), np.bool_), friction)
+    found = distribute_acceleration(P, now, wanted, np.ones((2, 4), np.bool_), friction)
     assert found[0, :, 2].max() == 30.0
     assert 30.0 < found[1, :, 2].max() < 500.0
     slope = np.hypot(found[..., 0], found[..., 1]) / found[..., 2]
@@ -200,7 +200,7 @@ def test_one_robot_has_the_same_targets_alone_and_in_a_batch() -> None:
 
 
 def test_a_small_robot_steps_no_faster_than_a_slow_trot(tmp_path: Path) -> None:
-    assert searched_parameters(alike(tmp_path, longer=0.4)).frequency == FASTEST
+    assert searched_parameters(alike(tmp_path, longer=0.4)).frequency == MAX_FREQUENCY
 
 
 def test_joint_targets_follow_the_readings_finitely_when_fallen_over() -> None:
