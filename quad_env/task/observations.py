@@ -95,9 +95,12 @@ class ObservationTable:
         """Bound of every entry, (size,): the observation space is [-bound, bound]."""
         self.scale = np.repeat([term.scale for term in self.terms], widths).astype(np.float32)
         """Scale of every entry for a learner, (size,)."""
-        self._upper_bound = self.bound[: self.slices["command"].stop]
-        """Bounds of the terms that every observation has."""
-        self._lower_bound = -self._upper_bound
+        bound = self.bound[: self.slices["command"].stop]
+        self._limits = (-bound, bound)
+        """Lower and upper bounds of the terms that every observation has."""
+        known_bound = bound[self.sensed.stop :]
+        self._known_limits = (-known_bound, known_bound)
+        """Lower and upper bounds of previous action and command."""
         self._home: list[float] = robot.home_pose.tolist()
         self.bound.flags.writeable = False
         self.scale.flags.writeable = False
@@ -121,7 +124,7 @@ class ObservationTable:
             differences(state.action, self._home),
             command,
         )
-        return self._clipped_rows(terms, 0)
+        return _clipped_rows(terms, self._limits)
 
     def assemble(
         self, sensed: NDArray[np.float32], state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch]
@@ -136,22 +139,18 @@ class ObservationTable:
         Returns:
             Clipped terms that every observation has, (k, size), or (size,) for a state of floats.
         """
-        known = self._clipped_rows((differences(state.action, self._home), command), self.sensed.stop)
+        known = _clipped_rows((differences(state.action, self._home), command), self._known_limits)
         return np.concatenate((sensed if known.ndim == 2 else sensed[0], known), axis=-1)
 
-    def _clipped_rows(self, terms: Sequence[Components[ScalarOrBatch]], start: int) -> NDArray[np.float32]:
-        """Return terms in single precision, clipped to their bounds, (width,) or (n, width).
 
-        Args:
-            terms: Terms from the entry `start` of the observation on.
-            start: Index of their first entry.
-
-        Returns:
-            Clipped entries.
-        """
-        rows = in_single_precision(terms).T
-        np.minimum(rows, self._upper_bound[start:], out=rows)
-        return np.maximum(rows, self._lower_bound[start:], out=rows)
+def _clipped_rows(
+    terms: Sequence[Components[ScalarOrBatch]], limits: tuple[NDArray[np.float32], NDArray[np.float32]]
+) -> NDArray[np.float32]:
+    """Return terms in single precision, clipped to their lower and upper `limits`, (width,) or (n, width)."""
+    lower, upper = limits
+    rows = in_single_precision(terms).T
+    np.minimum(rows, upper, out=rows)
+    return np.maximum(rows, lower, out=rows)
 
 
 observation_table = cache(ObservationTable)
