@@ -7,16 +7,18 @@ not look. With `--reading FILE` the two are compared.
 
 import csv
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluate.causes.record import THRESHOLDS, EpisodeSignals
 from evaluate.causes.rules import CAUSES
 from evaluate.causes.verdict import Verdict, verdict
+from evaluate.cells import PolicyScenarioResult
 from evaluate.hardware import IDEAL
 from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import measure
@@ -62,24 +64,32 @@ def main(options: CausesOptions) -> int:
     rows = list(count_causes())
     write_atomically(options.table, to_csv(rows))
     heads = {name: name.replace("_", " ") for name in ("made_for", "episodes", "right", "certain", "certain_and_wrong")}
-    write_block(options.page, [table(heads, [{name: str(row[name]) for name in heads} for row in rows])], "agreement")
-    columns = {name: name for name in ("threshold", "value", "unit", "reason")}
-    lines = (dict(zip(columns, map(str, (name, *of)), strict=True)) for name, of in THRESHOLDS.items())
-    write_block(options.page, [table(columns, lines)], "thresholds")
+    text_rows = [{name: str(row[name]) for name in heads} for row in rows]
+    write_block(options.page, [table(heads, text_rows)], "agreement")
+    columns = ("threshold", "value", "unit", "reason")
+    thresholds = [
+        dict(zip(columns, map(str, (name, *threshold)), strict=True)) for name, threshold in THRESHOLDS.items()
+    ]
+    write_block(options.page, [table({name: name for name in columns}, thresholds)], "thresholds")
     return 0
 
 
 def count_causes() -> Iterator[dict[str, Any]]:
     """Yield a row per cause: the episodes made for it, and their causes by the rules."""
-    for cause in CAUSES:
-        runs = (case.run() for case in CASES if case.cause == cause)
-        given = Counter(
-            (each.event.cause, each.certain) for episodes in runs for _, each in diagnose_failures(episodes)
-        )
-        by_cause, sure = {each: given[each, True] + given[each, False] for each in CAUSES}, given[cause, True]
-        certain = sum(given[each, True] for each in CAUSES)
-        counts = {"episodes": given.total(), "right": by_cause[cause], "certain": certain}
-        yield {"made_for": cause, **counts, "certain_and_wrong": certain - sure, **by_cause}
+    for made_for in CAUSES:
+        runs = (case.run() for case in CASES if case.cause == made_for)
+        verdicts = [verdict for episodes in runs for _, verdict in diagnose_failures(episodes)]
+        counts = Counter((verdict.event.cause, verdict.certain) for verdict in verdicts)
+        by_cause = {cause: counts[cause, True] + counts[cause, False] for cause in CAUSES}
+        num_certain = sum(counts[cause, True] for cause in CAUSES)
+        yield {
+            "made_for": made_for,
+            "episodes": len(verdicts),
+            "right": by_cause[made_for],
+            "certain": num_certain,
+            "certain_and_wrong": num_certain - counts[made_for, True],
+            **by_cause,
+        }
 
 
 def diagnose_failures(episodes: Episodes) -> Iterator[tuple[EpisodeSignals, Verdict]]:
@@ -104,26 +114,44 @@ def draw_strips(options: CausesOptions, folder: Path) -> int:
         The exit code.
     """
     make_writable_folder(folder)
-    draw, key = np.random.default_rng(0), list[dict[str, Any]]()
+    generator = np.random.default_rng(0)
+    key = list[dict[str, Any]]()
     cells = [cell for cell in read_run(options.run).cells if cell.scenario.axis]
-    for cell in map(cells.__getitem__, draw.permutation(len(cells))):
-        fell = cell.measures.fell
-        if not (failed := np.flatnonzero(fell if len(key) % 3 < 2 else ~fell & ~cell.measures.succeeded)).size:
+    for index in generator.permutation(len(cells)):
+        measures = cells[index].measures
+        is_candidate = measures.fell if len(key) % 3 < 2 else ~measures.fell & ~measures.succeeded
+        candidates = np.flatnonzero(is_candidate)
+        if not candidates.size:
             continue
-        policy = IDEAL.policy(cell.policy, on_hardware_profile=cell.scenario.hardware)
-        episodes = rollout.run(policy, cell.scenario, cell.seeds[[draw.choice(failed)]])
-        [(record, why)], name = diagnose_failures(episodes), f"{len(key):02d}.png"
-        draw_strip(policy, record, frame_range(record, measure(episodes), draw.uniform(0.1, 0.5))).save(folder / name)
-        what = {"policy": cell.policy, "scenario": cell.scenario.name, "seed": int(episodes.seeds[0])}
-        key.append({"film": name, **what, "cause": why.event.cause, "certain": why.certain, "detail": why.detail})
+        key.append(_draw_failure(cells[index], candidates, generator, folder / f"{len(key):02d}.png"))
         write_atomically(folder.with_name("key.csv"), to_csv(key))
         if len(key) == options.count:
             break
     return 0
 
 
+def _draw_failure(
+    cell: PolicyScenarioResult, candidates: NDArray[np.int64], generator: np.random.Generator, path: Path
+) -> dict[str, Any]:
+    """Draw the strip of one of the failed episodes of a cell; return its row of the key."""
+    policy = IDEAL.policy(cell.policy, on_hardware_profile=cell.scenario.hardware)
+    episodes = rollout.run(policy, cell.scenario, cell.seeds[[generator.choice(candidates)]])
+    ((record, verdict),) = diagnose_failures(episodes)
+    part = frame_range(record, measure(episodes), generator.uniform(0.1, 0.5))
+    draw_strip(policy, record, part).save(path)
+    return {
+        "film": path.name,
+        "policy": cell.policy,
+        "scenario": cell.scenario.name,
+        "seed": int(episodes.seeds[0]),
+        "cause": verdict.event.cause,
+        "certain": verdict.certain,
+        "detail": verdict.detail,
+    }
+
+
 def compare_reading(options: CausesOptions, reading: Path) -> int:
-    """Write the confusion table of the rules and a person's reading.
+    """Write the confusion table of the rules and a person's reading; return the exit code.
 
     Args:
         options: Options of the command.
@@ -136,22 +164,43 @@ def compare_reading(options: CausesOptions, reading: Path) -> int:
         UsageError: The files do not fit together, or name an unknown cause.
     """
     try:
-        key, seen = (csv.DictReader(path.read_text(encoding="utf-8").splitlines()) for path in (options.key, reading))
-        person = {row["film"]: row for row in seen}
-        films = [{**row, "read": person[row["film"]]["cause"]} for row in key]
+        key = _read_csv(options.key)
+        by_person = {row["film"]: row for row in _read_csv(reading)}
+        films = [{**row, "read": by_person[row["film"]]["cause"]} for row in key]
     except (OSError, KeyError) as error:
         words = f"{options.key} and {reading} need columns film and cause, of the same films"
         raise UsageError(f"{words}: {error}") from None
     if unknown := {row["read"] for row in films} - set(CAUSES):
         raise UsageError(f"unknown causes {', '.join(sorted(unknown))}; valid: {', '.join(CAUSES)}")
-    pairs = Counter((row["cause"], row["read"]) for row in films)
-    sure = [row["cause"] == row["read"] for row in films if row["certain"] == "True"]
-    same = sum(count for (rule, other), count in pairs.items() if rule == other)
-    said = f"They agree on {same} of {len(films)} films, on {sum(sure)} of the {len(sure)} where the rules are certain."
-    heads = [cause for cause in CAUSES if any(cause == other for _, other in pairs)]
-    body = [{cause: str(pairs[rule, cause] or "") for cause in heads} | {"by the rules": rule} for rule in CAUSES]
-    filled, names = [row for row in body if any(map(row.get, heads))], {name: name for name in ("by the rules", *heads)}
-    write_block(options.page, [f"{said} Rows: the rules; columns: the person.", "", table(names, filled)], "reading")
-    films = [{**row, "remark": person[row["film"]].get("remark", "")} for row in films]
+    lines = [f"{_agreement(films)} Rows: the rules; columns: the person.", "", _confusion_table(films)]
+    write_block(options.page, lines, "reading")
+    films = [{**row, "remark": by_person[row["film"]].get("remark", "")} for row in films]
     write_atomically(options.table.with_name("causes_films.csv"), to_csv(films))
     return 0
+
+
+def _read_csv(path: Path) -> list[dict[str, str]]:
+    """Read the rows of a CSV file."""
+    return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
+
+
+def _agreement(films: Sequence[Mapping[str, str]]) -> str:
+    """Describe the agreement of the rules with the reading."""
+    agrees = [row["cause"] == row["read"] for row in films]
+    certain_agrees = [row["cause"] == row["read"] for row in films if row["certain"] == "True"]
+    return (
+        f"They agree on {sum(agrees)} of {len(films)} films, "
+        f"on {sum(certain_agrees)} of the {len(certain_agrees)} where the rules are certain."
+    )
+
+
+def _confusion_table(films: Sequence[Mapping[str, str]]) -> str:
+    """Create the table of films by the cause of the rules and the cause of the reading, without empty lines."""
+    counts = Counter((row["cause"], row["read"]) for row in films)
+    columns = [cause for cause in CAUSES if any(cause == read for _, read in counts)]
+    rows = []
+    for rule in CAUSES:
+        row = {cause: str(counts[rule, cause] or "") for cause in columns}
+        if any(row.values()):
+            rows.append(row | {"by the rules": rule})
+    return table({name: name for name in ("by the rules", *columns)}, rows)

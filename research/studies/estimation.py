@@ -45,8 +45,10 @@ SETTLING = 100
 """Number of control steps from the start that do not count."""
 NEES_DIMENSION = 5
 """Number of entries of the error in NEES."""
-FORWARD, YAW_RATE = (0.5, 1.0), (-1.2, 1.2)
-"""Commands, m/s and rad/s."""
+FORWARD = (0.5, 1.0)
+"""m/s. Commanded forward velocities."""
+YAW_RATE = (-1.2, 1.2)
+"""rad/s. Commanded yaw rates."""
 PUSHES = "pushes"
 """Name of the block in the page for the errors after pushes."""
 ROBOTS = ("simple_quad", "go1", "go2")
@@ -100,16 +102,15 @@ def main(options: EstimationOptions) -> int:
         check_hardware(HardwareConfig(sensors=options.sensors, estimator=ESTIMATORS[-1]))
     except ValueError as error:
         raise UsageError(f"--sensors: {error}") from error
-    place = RESULTS if options.table == "walks" else PUSHES
+    marker = RESULTS if options.table == "walks" else PUSHES
     if options.page is not None:
-        read_page(options.page, place)
+        read_page(options.page, marker)
+    table = walk_table if options.table == "walks" else push_table
     lines = []
-    for line in (walk_table if options.table == "walks" else push_table)(
-        options
-    ):  # shown as they come: a row takes minutes
+    for line in table(options):  # printed at once: a row takes minutes
         print(line, flush=True)
         lines.append(line)
-    write_block(options.page, lines, place)
+    write_block(options.page, lines, marker)
     return 0
 
 
@@ -120,22 +121,29 @@ def walk_table(options: EstimationOptions) -> Iterator[str]:
     yield "|---" * len(columns) + "|"
     for name, scenario in walk_scenarios(options.ground).items():
         for estimator in ESTIMATORS:
-            found = estimate_errors(options, scenario, estimator)
-            roll, pitch = np.degrees(rms(found.tilt[..., :1])), np.degrees(rms(found.tilt[..., 1:]))
-            velocity, shown, level = map(rms, (found.velocity, found.shown, found.shown[..., :2]))
-            cells = [name, estimator, *(f"{each:.3f}" for each in (velocity, shown, level)), f"{roll:.2f}, {pitch:.2f}"]
-            yield f"| {' | '.join([*cells, *consistency(found.nees)])} |"
+            cells = (name, estimator, *_walk_cells(estimate_errors(options, scenario, estimator)))
+            yield f"| {' | '.join(cells)} |"
     low, high = nees_bounds(options.episodes)
-    words = f"`{options.policy}`, sensors `{options.sensors}`, {options.episodes} episodes of each row"
+    settings = f"`{options.policy}`, sensors `{options.sensors}`, {options.episodes} episodes of each row"
     yield ""
-    yield f"{words}, {options.seeds} seeds; 95 % band of NEES {low:.2f} to {high:.2f}."
+    yield f"{settings}, {options.seeds} seeds; 95 % band of NEES {low:.2f} to {high:.2f}."
+
+
+def _walk_cells(errors: EstimationErrors) -> tuple[str, ...]:
+    """Format the errors of one row of `walk_table`."""
+    roll = np.degrees(rms(errors.tilt[..., :1]))
+    pitch = np.degrees(rms(errors.tilt[..., 1:]))
+    velocities = (rms(errors.velocity), rms(errors.shown), rms(errors.shown[..., :2]))
+    return (*(f"{value:.3f}" for value in velocities), f"{roll:.2f}, {pitch:.2f}", *consistency(errors.nees))
 
 
 def walk_scenarios(ground: int) -> dict[str, Scenario]:
     """Return name -> scenario; the rough ground is the field of that number."""
     ranges: dict[str, Any] = {"forward": FORWARD, "lateral": (0.0, 0.0), "yaw_rate": YAW_RATE, "zero_fraction": 0.0}
-    named = map(SCENARIOS.__getitem__, ("flat", "rough"))
-    flat, rough = (replace(each, commands=replace(each.commands, **ranges)) for each in named)
+    flat, rough = (
+        replace(nominal, commands=replace(nominal.commands, **ranges))
+        for nominal in (SCENARIOS["flat"], SCENARIOS["rough"])
+    )
     assert isinstance(rough.terrain, SmoothRandom)
     rough = replace(rough, terrain=replace(rough.terrain, seed=ground))
     straight = replace(flat, commands=replace(flat.commands, yaw_rate=(0.0, 0.0)))
@@ -147,21 +155,28 @@ def push_table(options: EstimationOptions) -> Iterator[str]:
 
     Each cell has the error at the readings and the error in the observation.
     """
-    first, *later = WINDOWS
-    times = [f"{-first[0] / 100:g} s before", *(f"{start / 100:g} to {end / 100:g} s" for start, end in later)]
+    before, *after = WINDOWS
+    times = [f"{-before[0] / 100:g} s before", *(f"{start / 100:g} to {end / 100:g} s" for start, end in after)]
     columns = ("robot", "estimator", *times)
     yield f"| {' | '.join(columns)} |"
     yield "|---" * len(columns) + "|"
     for robot in ROBOTS:
         for estimator in ESTIMATORS:
             profile = hardware_profile(get_robot(robot))._asdict() | {"estimator": estimator}
-            watch = _observe_walks(options, named("push", robot), replace(HardwareConfig(robot=robot), **profile))
-            found = watch.errors(watch.falls.step)
-            both = zip(*(error_after_push(each, watch.pushes) for each in (found.velocity, found.shown)), strict=True)
-            yield f"| {' | '.join((robot, estimator, *(f'{now:.3f}, {shown:.3f}' for now, shown in both)))} |"
+            hardware = replace(HardwareConfig(robot=robot), **profile)
+            observer = _observe_walks(options, named("push", robot), hardware)
+            yield f"| {' | '.join((robot, estimator, *_push_cells(observer)))} |"
     yield ""
     episodes = f"{options.episodes} episodes of each row, {options.seeds} seeds"
     yield f"`{options.policy}` on the hardware profile, two pushes an episode, {episodes}."
+
+
+def _push_cells(observer: "EstimationErrorObserver") -> list[str]:
+    """Format the errors of one row of `push_table`."""
+    errors = observer.errors(observer.falls.step)
+    at_readings = error_after_push(errors.velocity, observer.pushes)
+    in_observation = error_after_push(errors.shown, observer.pushes)
+    return [f"{first:.3f}, {second:.3f}" for first, second in zip(at_readings, in_observation, strict=True)]
 
 
 def error_after_push(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
@@ -174,14 +189,14 @@ def error_after_push(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
     Returns:
         The RMS of each window.
     """
-    out = []
+    errors = []
     for start, end in WINDOWS:
         parts = [
             vectors[max(push - SETTLING + start, 0) : push - SETTLING + end, row]
             for (row, _), push in np.ndenumerate(pushes)
         ]
-        out.append(rms(np.concatenate(parts)))
-    return out
+        errors.append(rms(np.concatenate(parts)))
+    return errors
 
 
 def estimate_errors(options: EstimationOptions, scenario: Scenario, estimator: str) -> EstimationErrors:
@@ -195,23 +210,25 @@ def estimate_errors(options: EstimationOptions, scenario: Scenario, estimator: s
     Returns:
         Errors in all episodes.
     """
-    watch = _observe_walks(options, scenario, HardwareConfig(sensors=options.sensors, estimator=estimator))
-    return watch.errors(watch.falls.step)
+    hardware = HardwareConfig(sensors=options.sensors, estimator=estimator)
+    observer = _observe_walks(options, scenario, hardware)
+    return observer.errors(observer.falls.step)
 
 
 def _observe_walks(
     options: EstimationOptions, scenario: Scenario, hardware: HardwareConfig
 ) -> "EstimationErrorObserver":
     """Run the walks of the options and return their observer."""
-    real = hardware.actuator != IDEAL.actuator
-    policy, suite = hardware.policy(options.policy, on_hardware_profile=real), sensor_suite(hardware.sensors)
+    on_hardware_profile = hardware.actuator != IDEAL.actuator
+    policy = hardware.policy(options.policy, on_hardware_profile=on_hardware_profile)
+    suite = sensor_suite(hardware.sensors)
     assert suite is not None
-    parts = suite.imu, suite.encoders, suite.feet
-    late = max(delay_to_steps(part.delay, 1 / policy.control_period) for part in parts)
+    sensors = (suite.imu, suite.encoders, suite.feet)
+    delay_steps = max(delay_to_steps(sensor.delay, 1 / policy.control_period) for sensor in sensors)
     seeds = episode_seeds(options.seeds, options.seed, options.episodes)
-    watch = EstimationErrorObserver(late, FallRecorder(len(seeds), STEPS))
-    roll_out(policy, scenario, seeds, watch.falls, watch, steps=STEPS, nthread=options.threads, hardware=hardware)
-    return watch
+    observer = EstimationErrorObserver(delay_steps, FallRecorder(len(seeds), STEPS))
+    roll_out(policy, scenario, seeds, observer.falls, observer, steps=STEPS, nthread=options.threads, hardware=hardware)
+    return observer
 
 
 def rms(vectors: Floats) -> float:
@@ -231,44 +248,47 @@ def consistency(nees: Floats) -> tuple[str, str]:
     """Format the mean of NEES, (steps, n), and the share of the steps with a mean within the band."""
     if np.isnan(nees).all():
         return ABSENT, ABSENT
-    means, (low, high) = np.nanmean(nees, axis=1), nees_bounds(nees.shape[1])
+    means = np.nanmean(nees, axis=1)
+    low, high = nees_bounds(nees.shape[1])
     return f"{np.nanmean(nees):.2f}", f"{((means >= low) & (means <= high)).mean():.0%}"
 
 
 class EstimationErrorObserver:
-    """Observes the errors of estimates with a delay, and of the observation."""
+    """Observes the errors of estimates with a delay in control steps, and of the observation."""
 
-    def __init__(self, late: int, falls: FallRecorder) -> None:
+    def __init__(self, delay_steps: int, falls: FallRecorder) -> None:
         self.falls = falls
-        self._truths: deque[tuple[Floats, Floats]] = deque(maxlen=late + 1)
+        self._true_values: deque[tuple[Floats, Floats]] = deque(maxlen=delay_steps + 1)
         self._rows: list[tuple[Floats, ...]] = []
 
     def __call__(self, step: Step) -> None:
         """Record the errors of a step."""
         count = len(step.observation)
-        state, estimator = step.env.simulation.state((np.zeros(count),) * 3), step.env.estimator
+        state = step.env.simulation.state((np.zeros(count),) * 3)
+        estimator = step.env.estimator
         assert estimator is not None
         self.pushes = step.env.pushes.first_step
-        gravity, velocity = np.transpose(state.projected_gravity), np.transpose(state.linear_velocity)
-        self._truths.append((gravity, velocity))
+        velocity = np.transpose(state.linear_velocity)
+        self._true_values.append((np.transpose(state.projected_gravity), velocity))
         if step.number <= SETTLING:
             return
-        then: Any = estimator.nominal if isinstance(estimator, KalmanFilter) else estimator
-        true_gravity, true_velocity = self._truths[0]
-        turned, velocity_error = np.cross(then.gravity, true_gravity), true_velocity - then.velocity
-        tilt = roll_pitch(true_gravity) - roll_pitch(then.gravity)
+        estimate: Any = estimator.nominal if isinstance(estimator, KalmanFilter) else estimator
+        true_gravity, true_velocity = self._true_values[0]
+        velocity_error = true_velocity - estimate.velocity
+        tilt_error = roll_pitch(true_gravity) - roll_pitch(estimate.gravity)
         nees = np.full(count, np.nan)
         if isinstance(estimator, KalmanFilter):
-            nees = normalized_error_squared(then.gravity, turned, velocity_error, estimator.covariance)
-        self._rows.append((tilt, velocity_error, velocity - estimator.velocity, nees))
+            rotation_error = np.cross(estimate.gravity, true_gravity)
+            nees = normalized_error_squared(estimate.gravity, rotation_error, velocity_error, estimator.covariance)
+        self._rows.append((tilt_error, velocity_error, velocity - estimator.velocity, nees))
 
     def errors(self, fall_step: NDArray[np.int64]) -> EstimationErrors:
         """Return the errors, without those after falls."""
-        found = EstimationErrors._make(np.array(column) for column in zip(*self._rows, strict=True))
-        fallen = np.arange(SETTLING, SETTLING + len(found.nees))[:, None] >= fall_step
-        for each in found:
-            each[fallen] = np.nan
-        return found
+        errors = EstimationErrors._make(np.array(column) for column in zip(*self._rows, strict=True))
+        has_fallen = np.arange(SETTLING, SETTLING + len(errors.nees))[:, None] >= fall_step
+        for values in errors:
+            values[has_fallen] = np.nan
+        return errors
 
 
 def roll_pitch(gravity: Floats) -> Floats:
@@ -280,14 +300,16 @@ def roll_pitch(gravity: Floats) -> Floats:
     return np.stack((frame.roll, frame.pitch), axis=-1)
 
 
-def normalized_error_squared(gravity: Floats, turned: Floats, velocity_error: Floats, covariance: Floats) -> Floats:
+def normalized_error_squared(
+    gravity: Floats, rotation_error: Floats, velocity_error: Floats, covariance: Floats
+) -> Floats:
     """Compute the NEES of tilt and velocity.
 
     A rotation about gravity is no tilt; the two entries are along axes normal to gravity.
 
     Args:
         gravity: Estimated gravity, base frame, unit vectors, (n, 3).
-        tilt_error: Rotation from the estimated to the true gravity, rad, (n, 3).
+        rotation_error: Rotation from the estimated to the true gravity, rad, (n, 3).
         velocity_error: True minus estimated velocity, m/s, (n, 3).
         covariance: Covariance of the estimator's error state, (n, k, k).
 
@@ -296,10 +318,12 @@ def normalized_error_squared(gravity: Floats, turned: Floats, velocity_error: Fl
     """
     across = np.cross(gravity, (1.0, 0.0, 0.0))
     across /= np.linalg.norm(across, axis=-1, keepdims=True)
-    entries = np.zeros((len(gravity), NEES_DIMENSION, 6))
-    entries[:, 0, :3], entries[:, 1, :3], entries[:, 2:, 3:] = across, np.cross(gravity, across), np.eye(3)
-    places = np.r_[TILT, VELOCITY]
-    error = (entries @ np.concatenate((turned, velocity_error), axis=1)[..., None])[..., 0]
-    claimed = entries @ covariance[:, places][:, :, places] @ np.swapaxes(entries, -1, -2)
-    weighed: Floats = (error[:, None] @ np.linalg.solve(claimed, error[..., None]))[:, 0, 0]
-    return weighed
+    projection = np.zeros((len(gravity), NEES_DIMENSION, 6))
+    projection[:, 0, :3] = across
+    projection[:, 1, :3] = np.cross(gravity, across)
+    projection[:, 2:, 3:] = np.eye(3)
+    indices = np.r_[TILT, VELOCITY]
+    error = (projection @ np.concatenate((rotation_error, velocity_error), axis=1)[..., None])[..., 0]
+    error_covariance = projection @ covariance[:, indices][:, :, indices] @ np.swapaxes(projection, -1, -2)
+    nees: Floats = (error[:, None] @ np.linalg.solve(error_covariance, error[..., None]))[:, 0, 0]
+    return nees

@@ -18,8 +18,12 @@ from evaluate.measures.metrics import Measures
 from policies.base import Policy
 from quad_env.scenarios.axes import AXES
 
-COUNT, COLUMNS, SIZE = 15, 5, (340, 270)
-"""Frames of a strip and in a row of it, pixels of a frame."""
+COUNT = 15
+"""Number of frames of a strip."""
+COLUMNS = 5
+"""Number of frames in a row of a strip."""
+SIZE = (340, 270)
+"""pixels. Size of a frame."""
 CURVES = {
     "foot_contact": "feet on the ground",
     "command": "command, m/s and rad/s",
@@ -66,19 +70,21 @@ def draw_strip(policy: Policy, record: EpisodeSignals, part: slice) -> Image.Ima
 
 def stack_images(*images: Image.Image) -> Image.Image:
     """Arrange images of one width below each other."""
-    out = Image.new("RGB", (images[0].width, sum(each.height for each in images)))
-    for number, each in enumerate(images):
-        out.paste(each, (0, sum(above.height for above in images[:number])))
-    return out
+    stack = Image.new("RGB", (images[0].width, sum(image.height for image in images)))
+    top = 0
+    for image in images:
+        stack.paste(image, (0, top))
+        top += image.height
+    return stack
 
 
 def _text(lines: Sequence[str], width: int, size: int = 14) -> Image.Image:
     """Draw lines of text on a dark bar."""
     text = Text(size)
-    out = Image.new("RGB", (width, text.height(len(lines))), DARK)
-    for number, line in enumerate(lines):
-        text.write(out, line, number)
-    return out
+    bar = Image.new("RGB", (width, text.height(len(lines))), DARK)
+    for index, line in enumerate(lines):
+        text.write(bar, line, index)
+    return bar
 
 
 def _title(record: EpisodeSignals, part: slice) -> tuple[str, str]:
@@ -92,28 +98,34 @@ def _title(record: EpisodeSignals, part: slice) -> tuple[str, str]:
 
 def _frames(policy: Policy, record: EpisodeSignals, part: slice) -> Iterator[Image.Image]:
     """Render the robot at evenly spaced times, with captions."""
-    shown = np.linspace(max(1, part.start), part.stop, COUNT).round().astype(int).tolist()
+    numbers = np.linspace(max(1, part.start), part.stop, COUNT).round().astype(int).tolist()
     seed = int(record.episodes.seeds[record.number])
-    take = FilmSpec((filmed := LabelledPolicy(policy.name, policy),), record.scenario, seed, shown[-1], "")
-    with closing(EpisodeView(filmed, take, RenderOptions(SIZE, camera=None))) as panel:
-        for step in panel:
-            if step.number in shown:
-                fell, touches = record.fell and step.number > record.end, step.infos["leg_contact"][0]
-                marks = {"FALL": fell, "PUSH": step.infos["push"].any(), "shin or thigh touches": touches}
-                words = [f"{step.number * step.env.dt:.2f} s", *(mark for mark, seen in marks.items() if seen)]
-                yield stack_images(panel.picture(), _text(["  ".join(words)], SIZE[0]))
+    labelled_policy = LabelledPolicy(policy.name, policy)
+    spec = FilmSpec((labelled_policy,), record.scenario, seed, numbers[-1], "")
+    with closing(EpisodeView(labelled_policy, spec, RenderOptions(SIZE, camera=None))) as view:
+        for step in view:
+            if step.number in numbers:
+                marks = {
+                    "FALL": record.fell and step.number > record.end,
+                    "PUSH": step.infos["push"].any(),
+                    "shin or thigh touches": step.infos["leg_contact"][0],
+                }
+                words = [f"{step.number * step.env.dt:.2f} s", *(mark for mark, is_set in marks.items() if is_set)]
+                yield stack_images(view.picture(), _text(["  ".join(words)], SIZE[0]))
 
 
 def _curves(record: EpisodeSignals, part: slice, width: int) -> Image.Image:
     """Draw the signals over the time of a strip, from `evaluate.film.curves`."""
     from matplotlib.figure import Figure
 
-    part, found = slice(part.start, min(part.stop, record.end)), curves(record.episodes, record.end)
-    time, drawn = (np.arange(part.start, part.stop) + 1) * record.episodes.dt, io.BytesIO()
+    part = slice(part.start, min(part.stop, record.end))
+    signals = curves(record.episodes, record.end)
+    time = (np.arange(part.start, part.stop) + 1) * record.episodes.dt
     figure = Figure(figsize=(width / 100, 2.4), dpi=100, layout="constrained")
-    shown = [name for name in CURVES if name in found]
-    for axes, name in zip(figure.subplots(1, len(shown)), shown, strict=True):
+    names = [name for name in CURVES if name in signals]
+    for axes, name in zip(figure.subplots(1, len(names)), names, strict=True):
         axes.set_title(CURVES[name], fontsize=9)
-        axes.plot(time, np.array(found[name], np.float64)[:, part].T)
-    figure.savefig(drawn)
-    return Image.open(drawn).convert("RGB")
+        axes.plot(time, np.array(signals[name], np.float64)[:, part].T)
+    buffer = io.BytesIO()
+    figure.savefig(buffer)
+    return Image.open(buffer).convert("RGB")

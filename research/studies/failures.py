@@ -35,17 +35,22 @@ class PerturbedPolicy(Policy):
         failing: float = np.inf,
     ) -> None:
         super().__init__(robot=policy.robot, control_period=policy.control_period)
-        self._policy, self._shown, self._asked, self._failing = policy, observation_transform, action_transform, failing
+        self._policy = policy
+        self._observation_transform = observation_transform
+        self._action_transform = action_transform
+        self._first_failing_step = failing
 
     def _allocate(self, num_envs: int) -> None:
         self._policy.reset(num_envs)
-        self._step, self.failure = 0, np.full(num_envs, None, dtype=object)
+        self._step = 0
+        self.failure = np.full(num_envs, None, dtype=object)
 
     def _act(self, observation: Rows) -> Actions:
         self._step += 1
-        if self._step > self._failing:
+        if self._step > self._first_failing_step:
             self.failure[:] = "gave targets that are not finite"
-        actions = self._asked(self._policy.act(self._shown(observation.copy())), observation)
+        actions = self._policy.act(self._observation_transform(observation.copy()))
+        actions = self._action_transform(actions, observation)
         return within_limits(self.robot, actions.astype(np.float32))
 
 
@@ -66,10 +71,18 @@ class FailureCase:
 
     def run(self, after_falls: bool = False) -> Episodes:
         """Run and record the episodes; `after_falls`: they go on after a fall."""
-        seeds, policy = episode_seeds("validation", 0, 96)[list(self.chosen)], self.policy()
-        recorder, ends = rollout.EpisodeRecorder(policy, seeds, self.steps), not after_falls
-        how = {"steps": self.steps, "hardware": self.hardware, "terminate_on_fall": ends}
-        rollout.roll_out(policy, self.scenario, seeds, recorder, **how)  # type: ignore[arg-type]
+        seeds = episode_seeds("validation", 0, 96)[list(self.chosen)]
+        policy = self.policy()
+        recorder = rollout.EpisodeRecorder(policy, seeds, self.steps)
+        rollout.roll_out(
+            policy,
+            self.scenario,
+            seeds,
+            recorder,
+            steps=self.steps,
+            hardware=self.hardware,
+            terminate_on_fall=not after_falls,
+        )
         return recorder.episodes()
 
 
@@ -104,10 +117,16 @@ ALONG = StartNoise(yaw=0.0)
 CURVES = CommandRanges((1.2, 1.5), (-0.3, 0.3), (-1.2, 1.2), 0.0, 2.0)
 TILTED_IMU: Any = SensorSuite(imu=Imu(rotation=(0.0, 0.7, 0.0)))
 """IMU mounted with an error of 0.7 rad about the trunk's y axis, unknown to the estimator."""
-STAIRS_15_CM, ICE, WEAK_MOTORS = Stairs(0.15), Ground(0.05), Motors(10.0)
-"""0.15 m a step; friction; a tenth of the torque."""
-LONG_LATENCY, LONG_DROPOUTS = Latency(0.08, 0.08), Dropouts(4, 0.95, (0.1, 4.0))
-STAIRS_UP, LYING = _made(0.8, terrain=STAIRS_15_CM, start=ALONG), _made(start=AnyPose())
+STAIRS_15_CM = Stairs(0.15)
+"""Stairs with steps of 0.15 m."""
+ICE = Ground(0.05)
+"""Ground with a friction of 0.05."""
+WEAK_MOTORS = Motors(10.0)
+"""Motors with a tenth of their torque."""
+LONG_LATENCY = Latency(0.08, 0.08)
+LONG_DROPOUTS = Dropouts(4, 0.95, (0.1, 4.0))
+STAIRS_UP = _made(0.8, terrain=STAIRS_15_CM, start=ALONG)
+LYING = _made(start=AnyPose())
 CASES = (
     FailureCase(rules.TRIP, _named("robust"), _made(0.8, terrain=Stairs(0.2), start=ALONG), 120),
     FailureCase(rules.TRIP, _named("end_to_end"), STAIRS_UP, 160, chosen=(3, 4, 5, 10, 11, 12)),

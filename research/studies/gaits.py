@@ -31,6 +31,7 @@ from evaluate.film.captions import Text
 from evaluate.film.files import encode_animation, tile_images
 from evaluate.film.shooting import EpisodeView, FilmSpec, RenderOptions
 from evaluate.hardware import parse_robot_option
+from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import MIN_SWING_TIME, debounce
 from evaluate.measures.metrics import measure
 from evaluate.report.headings import EFFORT_TITLES, ROW_LABEL, format_effort
@@ -49,16 +50,29 @@ from research.studies.failure_films import stack_images
 
 FILM_STEPS = range(400, 600, 2)
 """Control steps, counted from 0, after which frames are rendered; contacts are drawn from the first to the last."""
-FRAME_STRIDE, FRAMES = 3, 8
-"""One of so many is a frame of the film; frames of a stride."""
-SIZE, SKY, SAMPLES, SMALL = (400, 300), 50, 2, (160, 100)
-"""Pixels of a frame as it is drawn, those at its top that are cut off, how many become one, across and down, in the
-picture of several walks, and size of a frame otherwise."""
-QUALITY, LETTERS = 20, 13
-"""Of films, out of 100, and size of the letters in the picture of several walks, pixels."""
-README_FILM_POLICIES, COLUMNS = tuple(product(("simple_quad",), ("trot_feedback", "mpc_wbc", "residual", "robust"))), 4
-README_FILM_POLICIES += tuple(product(("go1", "go2"), ("trot_feedback", "mpc_wbc")))
-"""Walks of the README's picture, drawn where the pages have all of them, in rows of so many."""
+FRAME_STRIDE = 3
+"""Every third rendered frame is a frame of the film."""
+FRAMES = 8
+"""Number of frames of a stride."""
+SIZE = (400, 300)
+"""pixels. Size of a rendered frame."""
+SKY = 50
+"""pixels. Height that is cut off at the top of a rendered frame."""
+SAMPLES = 2
+"""Number of rendered pixels, across and down, in a pixel of the picture of several walks."""
+SMALL = (160, 100)
+"""pixels. Size of a frame in all other pictures."""
+QUALITY = 20
+"""Quality of the films, out of 100."""
+LETTERS = 13
+"""pixels. Font size in the picture of several walks."""
+README_FILM_POLICIES = (
+    *product(("simple_quad",), ("trot_feedback", "mpc_wbc", "residual", "robust")),
+    *product(("go1", "go2"), ("trot_feedback", "mpc_wbc")),
+)
+"""Walks of the README's picture, which is drawn if the pages have all of them."""
+COLUMNS = 4
+"""Number of walks in a row of that picture."""
 FIGURES = "step_rate", "duty_factor", "flight", "trunk_height", "cost_of_transport"
 """Figures of the table."""
 Key = tuple[str, str]
@@ -84,34 +98,52 @@ def main(options: GaitsOptions) -> int:
     """
     pages = options.pages or sorted((*Path("docs").glob("*.md"), *Path("models").rglob("*.md")))
     texts = {page: text for page in pages if PLACE.search(text := read_page(page))}
-    places = [place for text in texts.values() for place in PLACE.findall(text)]
-    named = {(robot, name) for robot, names, _ in places for name in names.split()}
-    if not named:
+    blocks = [block for text in texts.values() for block in PLACE.findall(text)]
+    keys = sorted({(robot, name) for robot, names, _ in blocks for name in names.split()})
+    if not keys:
         raise UsageError(f"no place for gaits in {' '.join(map(str, pages))}")
-    walks = {each: _walk(*each) for each in sorted(named)}
+    walks = {key: _walk(*key) for key in keys}
     make_writable_folder(options.out)
-    with ProcessPoolExecutor(available_cores(), get_context("spawn")) as pool:
-        drawn = pool.map(draw_walk, walks.values(), repeat(options.out))
-        shown = list(track(drawn, "walking", len(walks), console=Console(stderr=True)))
-    figures, films = (dict(zip(walks, each, strict=True)) for each in zip(*shown, strict=True))
+    figures, films = _draw_walks(walks, options.out)
     if films.keys() >= set(README_FILM_POLICIES):
-        tiles = zip(*(films[each] for each in README_FILM_POLICIES), strict=True)
-        write_atomically(options.out.with_name("walking.webp"), _film([tile_images(each, COLUMNS) for each in tiles]))
+        frames = zip(*(films[key] for key in README_FILM_POLICIES), strict=True)
+        film = _film([tile_images(images, COLUMNS) for images in frames])
+        write_atomically(options.out.with_name("walking.webp"), film)
     for page, text in texts.items():
         folder = Path(os.path.relpath(options.out, page.parent)).as_posix()
         write_atomically(page, PLACE.sub(partial(_filled, walks, figures, folder), text).encode())
     return 0
 
 
+def _draw_walks(
+    walks: Mapping[Key, FilmSpec], folder: Path
+) -> tuple[dict[Key, dict[str, str]], dict[Key, list[Image.Image]]]:
+    """Draw all walks in parallel; return their figures and the larger images of their films."""
+    with ProcessPoolExecutor(available_cores(), get_context("spawn")) as pool:
+        results = pool.map(draw_walk, walks.values(), repeat(folder))
+        drawn_walks = list(track(results, "walking", len(walks), console=Console(stderr=True)))
+    figures = {key: figures for key, (figures, _) in zip(walks, drawn_walks, strict=True)}
+    films = {key: images for key, (_, images) in zip(walks, drawn_walks, strict=True)}
+    return figures, films
+
+
 def _walk(robot: str, name: str) -> FilmSpec:
     """Create the film of `POLICY` or `POLICY@SCENARIO` of a robot. Raises UsageError or PolicyError."""
-    hardware, (policy, _, where) = parse_robot_option(robot, "a place for gaits"), name.partition("@")
+    hardware = parse_robot_option(robot, "a place for gaits")
+    policy, _, scenario_name = name.partition("@")
     try:
-        place = scenario(where or STEADY, hardware.robot_model)
+        walk_scenario = scenario(scenario_name or STEADY, hardware.robot_model)
     except ValueError as error:
         raise UsageError(f"a place for gaits: {error}") from error
-    (seed,), called = episode_seeds("validation", 0, 1).tolist(), re.sub(r"[^\w.-]+", "_", f"{robot}_{name}")
-    return FilmSpec((load_labelled_policy(policy, hardware, [place]),), place, seed, STEPS, called, hardware)
+    (seed,) = episode_seeds("validation", 0, 1).tolist()
+    return FilmSpec(
+        policies=(load_labelled_policy(policy, hardware, [walk_scenario]),),
+        scenario=walk_scenario,
+        seed=seed,
+        steps=STEPS,
+        title=re.sub(r"[^\w.-]+", "_", f"{robot}_{name}"),
+        hardware=hardware,
+    )
 
 
 def draw_walk(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.Image]]:
@@ -126,29 +158,44 @@ def draw_walk(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.
     Returns:
         Figures of the whole walk, as text by column, and the larger images of the film.
     """
-    (policy,), images = walk.policies, list[Image.Image]()
-    with closing(EpisodeView(policy, walk, RenderOptions(SIZE, camera=None))) as panel:
-        images += [_frame(panel) for step in panel if step.number - 1 in FILM_STEPS]
-        images += [_frame(panel)] * (len(FILM_STEPS) - len(images))
-        episodes = panel.recorder.episodes()
-    upright = np.arange(FILM_STEPS.start, FILM_STEPS.stop) < episodes.fall_step[0]
-    contact = episodes.foot_contact[FILM_STEPS.start : FILM_STEPS.stop, 0] & upright[:, None]
-    chosen = (np.linspace(*find_stride(contact), FRAMES, endpoint=False) / FILM_STEPS.step).round().astype(int).tolist()
-    film, strip = images[::FRAME_STRIDE], tile_images([images[number].resize(SMALL) for number in chosen], FRAMES)
+    images, episodes = _render_walk(walk)
+    film = images[::FRAME_STRIDE]
     write_atomically(folder / f"{walk.title}_film.webp", _film([image.resize(SMALL) for image in film]))
-    above = draw_gait_diagram(contact, chosen, episodes.robot.leg_names, strip.width)
-    stack_images(above, strip).save(still := io.BytesIO(), "webp", quality=75, method=6)
-    write_atomically(folder / f"{walk.title}.webp", still.getvalue())
-    found, larger = measure(episodes), [image.reduce(SAMPLES) for image in film]
-    for image in larger:
-        Text(LETTERS, edge=1).write(image, f"{walk.hardware.robot}, {policy.label}", -1)
-    of = {name: format_effort(name, float(getattr(found, name)[0].mean())) for name in FIGURES}
-    return of | {"speed": number(float(found.mean_velocities[0, :, 0].mean()), 2)}, larger
+    write_atomically(folder / f"{walk.title}.webp", _still(images, episodes))
+    large_images = [image.reduce(SAMPLES) for image in film]
+    for image in large_images:
+        Text(LETTERS, edge=1).write(image, f"{walk.hardware.robot}, {walk.policies[0].label}", -1)
+    measures = measure(episodes)
+    figures = {name: format_effort(name, float(getattr(measures, name)[0].mean())) for name in FIGURES}
+    speed = number(float(measures.mean_velocities[0, :, 0].mean()), 2)
+    return figures | {"speed": speed}, large_images
 
 
-def _frame(panel: EpisodeView) -> Image.Image:
+def _render_walk(walk: FilmSpec) -> tuple[list[Image.Image], Episodes]:
+    """Render the robot after each of FILM_STEPS; return the images and the record of the episode."""
+    (policy,) = walk.policies
+    with closing(EpisodeView(policy, walk, RenderOptions(SIZE, camera=None))) as view:
+        images = [_frame(view) for step in view if step.number - 1 in FILM_STEPS]
+        images += [_frame(view)] * (len(FILM_STEPS) - len(images))
+        return images, view.recorder.episodes()
+
+
+def _still(images: Sequence[Image.Image], episodes: Episodes) -> bytes:
+    """Encode the gait diagram above the frames of one stride."""
+    is_upright = np.arange(FILM_STEPS.start, FILM_STEPS.stop) < episodes.fall_step[0]
+    contact = episodes.foot_contact[FILM_STEPS.start : FILM_STEPS.stop, 0] & is_upright[:, None]
+    times = np.linspace(*find_stride(contact), FRAMES, endpoint=False)
+    chosen = (times / FILM_STEPS.step).round().astype(int).tolist()
+    strip = tile_images([images[index].resize(SMALL) for index in chosen], FRAMES)
+    diagram = draw_gait_diagram(contact, chosen, episodes.robot.leg_names, strip.width)
+    buffer = io.BytesIO()
+    stack_images(diagram, strip).save(buffer, "webp", quality=75, method=6)
+    return buffer.getvalue()
+
+
+def _frame(view: EpisodeView) -> Image.Image:
     """Render the robot, without the sky."""
-    return panel.picture().crop((0, SKY, *SIZE))
+    return view.picture().crop((0, SKY, *SIZE))
 
 
 def _film(images: Sequence[Image.Image]) -> bytes:
@@ -159,8 +206,11 @@ def _film(images: Sequence[Image.Image]) -> bytes:
 def find_stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
     """Find two touch-downs of the first foot that has two, in contacts (steps, feet); else all steps."""
     stance = debounce(contact, round(MIN_SWING_TIME / CONTROL_PERIOD))
-    landed = (np.flatnonzero(np.diff(of_foot.astype(int)) == 1) + 1 for of_foot in stance.T)
-    return next(((int(steps[0]), int(steps[1])) for steps in landed if len(steps) > 1), (0, len(contact)))
+    for foot_stance in stance.T:
+        touchdowns = np.flatnonzero(np.diff(foot_stance.astype(int)) == 1) + 1
+        if len(touchdowns) > 1:
+            return int(touchdowns[0]), int(touchdowns[1])
+    return 0, len(contact)
 
 
 def draw_gait_diagram(
@@ -177,33 +227,37 @@ def draw_gait_diagram(
     Returns:
         The image.
     """
-    times, below, buffer = np.array((FILM_STEPS.start, FILM_STEPS.stop)) * CONTROL_PERIOD, len(legs) - 0.5, io.BytesIO()
+    times = np.array((FILM_STEPS.start, FILM_STEPS.stop)) * CONTROL_PERIOD
+    bottom = len(legs) - 0.5
     marks = (FILM_STEPS.start + FILM_STEPS.step * np.array(chosen) + 0.5) * CONTROL_PERIOD
+    buffer = io.BytesIO()
     with drawing.plot_settings():
-        drawn, axes = drawing.make_figure(1.5, width / 100, drawing.Margins(left=0.4, right=0.25))
-        place = float(times[0]), float(times[1]), below, -0.5
-        axes.imshow(contact.T, "Blues", aspect="auto", interpolation="nearest", vmin=0.0, vmax=1.4, extent=place)
+        figure, axes = drawing.make_figure(1.5, width / 100, drawing.Margins(left=0.4, right=0.25))
+        extent = (float(times[0]), float(times[1]), bottom, -0.5)
+        axes.imshow(contact.T, "Blues", aspect="auto", interpolation="nearest", vmin=0.0, vmax=1.4, extent=extent)
         axes.hlines(np.arange(1, len(legs)) - 0.5, *times, color="white", linewidth=3)
-        axes.plot(marks, np.full(len(marks), below), "k^", clip_on=False)
+        axes.plot(marks, np.full(len(marks), bottom), "k^", clip_on=False)
         axes.set_yticks(range(len(legs)), [name.upper() for name in legs])
         axes.set_xlabel("time, s; triangles: the frames below")
-        drawn.savefig(buffer, dpi=100)
+        figure.savefig(buffer, dpi=100)
     return Image.open(buffer).convert("RGB")
 
 
 def _filled(
-    walks: Mapping[Key, FilmSpec], figures: Mapping[Key, dict[str, str]], folder: str, place: re.Match[str]
+    walks: Mapping[Key, FilmSpec], figures: Mapping[Key, dict[str, str]], folder: str, block: re.Match[str]
 ) -> str:
     """Return a block with its tables; `folder` is the path of the pictures from the page."""
     heads = {ROW_LABEL: "controller", "speed": "speed, m/s"}
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FIGURES}
     pictures = {ROW_LABEL: "controller", "film": "2 s", "still": "feet on the ground in these 2 s; one stride"}
+    robot, names, marker_end = block.groups()
     rows = []
-    for name in place[2].split():
-        walk = walks[place[1], name]
-        words = f"`{walk.policies[0].label}`{'' if walk.scenario == STEADY else f' on `{walk.scenario.name}`'}"
-        file, alt = f"{folder}/{walk.title}", f"{place[1]}, {name}"
+    for name in names.split():
+        walk = walks[robot, name]
+        scenario_note = "" if walk.scenario == STEADY else f" on `{walk.scenario.name}`"
+        file = f"{folder}/{walk.title}"
+        alt = f"{robot}, {name}"
         cells = {"film": f"![{alt}: film]({file}_film.webp)", "still": f"![{alt}: contacts]({file}.webp)"}
-        rows.append({ROW_LABEL: words} | cells | figures[place[1], name])
+        rows.append({ROW_LABEL: f"`{walk.policies[0].label}`{scenario_note}"} | cells | figures[robot, name])
     made_by = f"One walk of 10 s each on a validation seed; `python -m research gaits`, MuJoCo {mujoco.__version__}."
-    return f"{place[1]} {place[2]}{place[3]}{table(heads, rows)}\n\n{table(pictures, rows)}\n\n{made_by}\n"
+    return f"{robot} {names}{marker_end}{table(heads, rows)}\n\n{table(pictures, rows)}\n\n{made_by}\n"

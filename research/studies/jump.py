@@ -16,8 +16,10 @@ from quad_env.cli.command_line import check_numbers
 from quad_env.seeding import episode_seeds
 from research.studies.recovery import is_standing
 
-SETTLING, WATCHED = 0.8, 3.5
-"""s before the jump is asked for, and of the whole episode."""
+SETTLING = 0.8
+"""s. Time before the jump is requested."""
+WATCHED = 3.5
+"""s. Duration of an episode."""
 REQUIRED_RISE = 0.15
 """m. Rise of a successful jump."""
 
@@ -57,21 +59,25 @@ def main(options: JumpOptions) -> int:
 
 def run_jump(policy: Behaviour, seeds: NDArray[np.int64]) -> JumpResult:
     """Run a jump of the `policy` on flat ground, one robot for each of the `seeds`."""
-    robot, period = policy.robot, policy.control_period
-    peak, torque = np.zeros(len(seeds)), 0.0
+    robot = policy.robot
+    period = policy.control_period
+    peak_height = np.zeros(len(seeds))
+    peak_torque = 0.0
     stands = diverged = np.zeros(len(seeds), np.bool_)
 
-    def watch(step: Step) -> None:
-        nonlocal peak, torque, stands, diverged
+    def observe(step: Step) -> None:
+        nonlocal peak_height, peak_torque, stands, diverged
         if step.number == round(SETTLING / period):
             policy.request("jump")
-        peak = np.maximum(peak, step.infos["height"])
-        torque = max(torque, float(np.abs(step.infos["joint_torque"]).max()))
-        stands, diverged = is_standing(step.observation, step.infos), step.infos["diverged"]
+        peak_height = np.maximum(peak_height, step.infos["height"])
+        peak_torque = max(peak_torque, float(np.abs(step.infos["joint_torque"]).max()))
+        stands = is_standing(step.observation, step.infos)
+        diverged = step.infos["diverged"]
 
     steps = round(WATCHED / period)
-    roll_out(policy, "flat", seeds, watch, steps=steps, command=(0.0, 0.0, 0.0), terminate_on_fall=False)
-    return JumpResult(peak - robot.home_height, stands, torque, robot.rated_torque, int(diverged.sum()))
+    roll_out(policy, "flat", seeds, observe, steps=steps, command=(0.0, 0.0, 0.0), terminate_on_fall=False)
+    rise = peak_height - robot.home_height
+    return JumpResult(rise, stands, peak_torque, robot.rated_torque, int(diverged.sum()))
 
 
 def format_result(outcome: JumpResult) -> str:

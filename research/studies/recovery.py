@@ -28,8 +28,10 @@ STANDING_HEIGHT = 0.45
 STANDING_SPEED = 0.3
 """Largest speed of the trunk along, m/s, and about, rad/s, each of its axes."""
 LYING = replace(SCENARIOS["flat"], name="lying", start=AnyPose())
-TIME_ALLOWED, WATCHED = 5.0, 6.0
-"""s for getting up, and of the whole episode: a robot that falls over again after standing up does not count."""
+TIME_ALLOWED = 5.0
+"""s. Time for getting up."""
+WATCHED = 6.0
+"""s. Duration of an episode: a robot that falls over again after standing up does not count."""
 
 
 @dataclass(frozen=True)
@@ -65,19 +67,21 @@ def main(options: RecoveryOptions) -> int:
 
 def run_recovery(seeds: NDArray[np.int64]) -> RecoveryResult:
     """Run the recovery of one robot for each seed; the policy recovers from the first step on."""
-    since, peak, diverged = np.full(len(seeds), np.inf), 0.0, np.zeros(len(seeds), np.bool_)
+    standing_since = np.full(len(seeds), np.inf)
+    peak_torque = 0.0
+    diverged = np.zeros(len(seeds), np.bool_)
 
-    def watch(step: Step) -> None:
-        nonlocal since, peak, diverged
+    def observe(step: Step) -> None:
+        nonlocal standing_since, peak_torque, diverged
         diverged = step.infos["diverged"]
-        peak = max(peak, float(np.abs(step.infos["joint_torque"]).max()))
+        peak_torque = max(peak_torque, float(np.abs(step.infos["joint_torque"]).max()))
         stands = is_standing(step.observation, step.infos)
-        since = np.where(stands, np.minimum(since, step.number * CONTROL_PERIOD), np.inf)
+        standing_since = np.where(stands, np.minimum(standing_since, step.number * CONTROL_PERIOD), np.inf)
 
     steps = round(WATCHED / CONTROL_PERIOD)
-    policy, still = Behaviour(start=State.RECOVER, follow=False), np.zeros(3)
-    roll_out(policy, LYING, seeds, watch, steps=steps, command=still, terminate_on_fall=False)
-    return RecoveryResult(since, peak, int(diverged.sum()))
+    policy = Behaviour(start=State.RECOVER, follow=False)
+    roll_out(policy, LYING, seeds, observe, steps=steps, command=np.zeros(3), terminate_on_fall=False)
+    return RecoveryResult(standing_since, peak_torque, int(diverged.sum()))
 
 
 def is_standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDArray[np.bool_]:

@@ -31,8 +31,10 @@ from quad_env.scenarios.registry import scenario
 from quad_env.seeding import episode_seeds
 from research.pages.csv_text import to_csv
 
-SPEEDS, BRIEF = (1.0, 4.6), 0.05
-"""m/s, the second what a push of 65 N·s gives SimpleQuad; s over which braking is measured."""
+SPEEDS = (1.0, 4.6)
+"""m/s. Initial speeds; the second is the effect of a push of 65 N·s on SimpleQuad."""
+BRIEF = 0.05
+"""s. Duration of the measured start of braking."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,10 @@ class ContactSetting:
         for name, value in self.options.items():
             setattr(spec.option, name, value)
         for geom in spec.geoms:
-            geom.solref, geom.friction[0] = self.solref or geom.solref, self.friction or geom.friction[0]
+            if self.solref:
+                geom.solref = self.solref
+            if self.friction:
+                geom.friction[0] = self.friction
         return spec
 
 
@@ -107,9 +112,9 @@ def main(options: SlidingOptions) -> int:
     make_folder_of(options.table, "--table")
     rows = []
     for name in options.settings:
-        found = measure_sliding(SETTINGS[name]) | evaluate_walks(SETTINGS[name], options)
-        rows.append({"setting": name} | found)
-        print(name, *(f"{key} {value:.3g}" for key, value in found.items()), sep="\n  ", flush=True)
+        figures = measure_sliding(SETTINGS[name]) | evaluate_walks(SETTINGS[name], options)
+        rows.append({"setting": name} | figures)
+        print(name, *(f"{key} {value:.3g}" for key, value in figures.items()), sep="\n  ", flush=True)
     write_atomically(options.table, to_csv(rows))
     return 0
 
@@ -119,14 +124,17 @@ def measure_sliding(setting: ContactSetting) -> dict[str, float]:
 
     The ball has the size of a foot.
     """
-    ball, robot = (setting.apply(make(SIMPLE_QUAD)).compile() for make in (ball_spec, build_spec))
-    found: dict[str, float] = {}
+    ball = setting.apply(ball_spec(SIMPLE_QUAD)).compile()
+    robot = setting.apply(build_spec(SIMPLE_QUAD)).compile()
+    figures: dict[str, float] = {}
     for model, name, seconds in ((ball, "ball", 1.0), (robot, "robot", BRIEF)):
         for speed in SPEEDS:
-            lift, brief, whole = simulate_slide(model, speed, seconds, setting.exact)
-            found |= {f"{name} lift, mm, {speed:g} m/s": lift, f"{name} braking, µg, {speed:g} m/s": brief}
-            found |= {f"{name} braking to rest, µg, {speed:g} m/s": whole} if name == "ball" else {}
-    return found
+            lift, initial_braking, total_braking = simulate_slide(model, speed, seconds, setting.exact)
+            figures[f"{name} lift, mm, {speed:g} m/s"] = lift
+            figures[f"{name} braking, µg, {speed:g} m/s"] = initial_braking
+            if name == "ball":
+                figures[f"{name} braking to rest, µg, {speed:g} m/s"] = total_braking
+    return figures
 
 
 def simulate_slide(model: Any, speed: float, seconds: float, exact: bool) -> tuple[float, float, float]:
@@ -142,20 +150,23 @@ def simulate_slide(model: Any, speed: float, seconds: float, exact: bool) -> tup
         Largest height of the lowest foot, mm; mean deceleration of the centre of mass over the first 50 ms, µg; and
         until a twentieth of the speed is left or the time is over, µg.
     """
-    data, timestep, feet = mujoco.MjData(model), model.opt.timestep, model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
+    data = mujoco.MjData(model)
+    timestep = model.opt.timestep
+    feet = model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
     if model.nkey:  # the home pose
         mujoco.mj_resetDataKeyframe(model, data, 0)
     _step(model, data, False, 0.5)  # it settles
     data.qvel[0] += speed
-    heights, speeds = [], []
+    heights = []
+    speeds = []
     for _ in range(round(seconds / timestep)):
         mujoco.mj_subtreeVel(model, _step(model, data, exact))
         heights.append((data.geom_xpos[feet, 2] - model.geom_size[feet, 0]).min())
         speeds.append(data.subtree_linvel[0, 0])
-    slow = np.flatnonzero(np.array(speeds) < 0.05 * speed)
-    ends = round(BRIEF / timestep), slow[0] + 1 if slow.size else len(speeds)
-    decelerated = model.geom("ground").friction[0] * GRAVITY * timestep
-    braking = [float((speed - speeds[end - 1]) / (end * decelerated)) for end in ends]
+    slow_steps = np.flatnonzero(np.array(speeds) < 0.05 * speed)
+    stop_step = slow_steps[0] + 1 if slow_steps.size else len(speeds)
+    speed_unit = model.geom("ground").friction[0] * GRAVITY * timestep  # lost per step at µg
+    braking = [float((speed - speeds[end - 1]) / (end * speed_unit)) for end in (round(BRIEF / timestep), stop_step)]
     return 1e3 * max(heights), braking[0], braking[1]
 
 
@@ -164,22 +175,24 @@ def ball_spec(robot: Robot) -> Any:
 
     It has the size of the robot's feet and a quarter of its mass.
     """
-    theirs, spec = build_spec(robot), mujoco.MjSpec()
-    spec.option, ground, foot = theirs.option, theirs.geom("ground"), theirs.geom(f"{robot.leg_names[0]}_foot")
+    robot_spec = build_spec(robot)
+    ground = robot_spec.geom("ground")
+    foot = robot_spec.geom(f"{robot.leg_names[0]}_foot")
+    spec = mujoco.MjSpec()
+    spec.option = robot_spec.option
     spec.worldbody.add_geom(name="ground", type=ground.type, size=ground.size, **_contact_parameters(ground))
     ball = spec.worldbody.add_body(name="ball", pos=(0.0, 0.0, robot.foot_radius))
     for axis in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)):
         ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
-    ball.add_geom(
-        name="foot", type=foot.type, size=foot.size, mass=robot.mass / len(robot.leg_names), **_contact_parameters(foot)
-    )
+    mass = robot.mass / len(robot.leg_names)
+    ball.add_geom(name="foot", type=foot.type, size=foot.size, mass=mass, **_contact_parameters(foot))
     return spec
 
 
 def evaluate_walks(setting: ContactSetting, options: SlidingOptions) -> dict[str, float]:
     """Evaluate the policy of the `options` with a `setting`: success and falls by scenario."""
     seeds = episode_seeds("search", options.seed, options.episodes)
-    found: dict[str, float] = {}
+    figures: dict[str, float] = {}
     policy = LabelledPolicy(options.policy, policies.resolve(options.policy))
     with ExitStack() as patches:
         patches.enter_context(
@@ -188,12 +201,12 @@ def evaluate_walks(setting: ContactSetting, options: SlidingOptions) -> dict[str
         if setting.exact:
             patches.enter_context(patch.object(Batch, "step", _exact_step))
         for name in options.scenarios:
-            where = scenario(name)
-            where = replace(where, pushes=where.pushes and replace(where.pushes, duration=setting.push))
-            (cell,) = run_cells([policy], [where], seeds, RunSettings(1, lambda *_: None))
-            measures = cell.measures
-            found |= {f"{name} success": measures.succeeded.mean(), f"{name} falls": measures.fell.sum()}
-    return found
+            nominal = scenario(name)
+            pushes = nominal.pushes and replace(nominal.pushes, duration=setting.push)
+            (cell,) = run_cells([policy], [replace(nominal, pushes=pushes)], seeds, RunSettings(1, lambda *_: None))
+            figures[f"{name} success"] = cell.measures.succeeded.mean()
+            figures[f"{name} falls"] = cell.measures.fell.sum()
+    return figures
 
 
 def _contact_parameters(geom: Any) -> dict[str, Any]:
@@ -213,7 +226,8 @@ def _step(model: Any, data: Any, exact: bool, seconds: float | None = None) -> A
 
 def _exact_step(batch: Batch, ids: Any = None, nstep: int = 1, stage: int = 0) -> None:
     """Step with exact friction, in place of `Batch.step`."""
-    data, state = mujoco.MjData(batch.model), mujoco.mjtState.mjSTATE_INTEGRATION
+    data = mujoco.MjData(batch.model)
+    state = mujoco.mjtState.mjSTATE_INTEGRATION
     for robot in range(batch.nsim) if ids is None else ids:
         mujoco.mj_setState(batch.model, data, batch.state[robot], state)
         _step(batch.model, data, True, nstep * batch.model.opt.timestep)

@@ -66,16 +66,16 @@ def main(options: StraightWalkingOptions) -> int:
     if options.page is not None:
         read_page(options.page, RESULTS)
     walks = walk_scenarios(hardware.robot_model, options.speeds)
-    for option, given in (("speeds", [walk.name for walk in walks]), ("policies", options.policies)):
-        if not given or len(set(given)) < len(given):
+    for option, names in (("speeds", [walk.name for walk in walks]), ("policies", options.policies)):
+        if not names or len(set(names)) < len(names):
             raise UsageError(f"--{option} are to be named, and none twice (speeds to 0.01 m/s)")
     compared = [LabelledPolicy(name, hardware.policy(name)) for name in options.policies]
     make_folder_of(options.table, "--table")
-    table = evaluate_rows(options, hardware, walks, compared)
-    write_atomically(options.table, to_csv(table))
-    short = markdown_lines(options, hardware.robot_model, table)
-    print("\n".join(short))
-    write_block(options.page, short)
+    rows = evaluate_rows(options, hardware, walks, compared)
+    write_atomically(options.table, to_csv(rows))
+    lines = markdown_lines(options, hardware.robot_model, rows)
+    print("\n".join(lines))
+    write_block(options.page, lines)
     return 0
 
 
@@ -89,12 +89,13 @@ def walk_scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
     Returns:
         Scenarios, each with its own name.
     """
-    found = []
-    for ground, speed in product((scenario(name, robot) for name in GROUNDS), speeds):
-        ahead = scale_to_robot(robot, speed, "m/s")
-        name, straight = f"{ground.name} at {ahead:.2f} m/s", CommandRanges.straight(ahead)
-        found.append(replace(ground, name=name, axis="", commands=straight))
-    return found
+    walks = []
+    grounds = [scenario(name, robot) for name in GROUNDS]
+    for ground, speed in product(grounds, speeds):
+        forward = scale_to_robot(robot, speed, "m/s")
+        name = f"{ground.name} at {forward:.2f} m/s"
+        walks.append(replace(ground, name=name, axis="", commands=CommandRanges.straight(forward)))
+    return walks
 
 
 def evaluate_rows(
@@ -118,11 +119,17 @@ def evaluate_rows(
     settings = RunSettings(1, lambda *_: None, executor=process_pool(options.threads), hardware=hardware)
     total = len(walks) * len(compared)
     cells = list(track(run_cells(compared, walks, seeds, settings), description="walking", total=total))
-    return [
-        {"ground": GROUNDS[walk.name.split()[0]], "speed": walk.commands.forward[0], "policy": cell.policy}
-        | flatten_entry({f"{name}_ci": ends for name, ends in of.effort_intervals.items()} | asdict(of))
-        for walk, cell, of in ((cell.scenario, cell, summarise(cell, hardware.robot_model)) for cell in cells)
-    ]
+    rows = []
+    for cell in cells:
+        summary = summarise(cell, hardware.robot_model)
+        intervals = {f"{name}_ci": interval for name, interval in summary.effort_intervals.items()}
+        row = {
+            "ground": GROUNDS[cell.scenario.name.split()[0]],
+            "speed": cell.scenario.commands.forward[0],
+            "policy": cell.policy,
+        }
+        rows.append(row | flatten_entry(intervals | asdict(summary)))
+    return rows
 
 
 def markdown_lines(options: StraightWalkingOptions, robot: Robot, table: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -136,16 +143,17 @@ def markdown_lines(options: StraightWalkingOptions, robot: Robot, table: Sequenc
     Returns:
         Lines of Markdown.
     """
-    push, rough = scenario("push", robot).severity, scenario("rough", robot).severity
+    push = scenario("push", robot).severity
+    rough = scenario("rough", robot).severity
     by_walk: dict[str, dict[str, str]] = {}
     for row in table:
-        words, cost = f"{row['ground']}, {row['speed']:.2f} m/s", number(row["cost_of_transport"], 2)
-        by_walk.setdefault(words, {ROW_LABEL: words})[row["policy"]] = f"{percent(row['success_rate'])}, {cost}"
+        walk = f"{row['ground']}, {row['speed']:.2f} m/s"
+        cells = by_walk.setdefault(walk, {ROW_LABEL: walk})
+        cells[row["policy"]] = f"{percent(row['success_rate'])}, {number(row['cost_of_transport'], 2)}"
+    heads = {ROW_LABEL: "ground, speed", **{name: f"`{name}`" for name in options.policies}}
     return [
         f"{robot.name}, {robot.mass:.1f} kg; {options.episodes} episodes of 10 s each, the same for all policies; "
         f"pushes of {push:.3g} N·s, ground of {rough:.3g} m. In each cell: success, cost of transport.",
         "",
-        markdown.table(
-            {ROW_LABEL: "ground, speed", **{name: f"`{name}`" for name in options.policies}}, by_walk.values()
-        ),
+        markdown.table(heads, by_walk.values()),
     ]

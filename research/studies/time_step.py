@@ -65,10 +65,9 @@ def measure_effort(options: TimeStepOptions) -> Iterator[dict[str, Any]]:
     """Yield a row per policy, scenario and physics step: means over the episodes, cost of transport."""
     seeds = evaluation_seeds(0, options.episodes)
     for scenario, name, step in product(options.scenarios, options.policies, STEPS):
-        record = rollout.run(
-            policies.resolve(name), scenario, seeds, nthread=2, hardware=_SteppedHardwareConfig(timestep=step)
-        )
-        found = measure(record)
-        row = {"policy": name, "scenario": scenario, "step": step, "success_rate": float(found.succeeded.mean())}
-        row["cost_of_transport"] = cost_of_all(found.energy, found.distance, record.weight)
-        yield row | {each: float(np.nanmean(getattr(found, each))) for each in MEANS}
+        hardware = _SteppedHardwareConfig(timestep=step)
+        episodes = rollout.run(policies.resolve(name), scenario, seeds, nthread=2, hardware=hardware)
+        measures = measure(episodes)
+        row = {"policy": name, "scenario": scenario, "step": step, "success_rate": float(measures.succeeded.mean())}
+        row["cost_of_transport"] = cost_of_all(measures.energy, measures.distance, episodes.weight)
+        yield row | {figure: float(np.nanmean(getattr(measures, figure))) for figure in MEANS}

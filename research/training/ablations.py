@@ -139,17 +139,21 @@ def read_results(run: TrainConfig) -> dict[str, float]:
 def make_rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dict[str, Any]]:
     """Create a row per variant: success, and its mean difference from the default over the seeds."""
     success = {name: np.array([run["success"] for run in runs]) for name, runs in variants.items()}
-    return [
-        {
+    rows = []
+    for name, runs in variants.items():
+        row: dict[str, Any] = {
             "variant": name,
             "options": VARIANTS[name],
             "success_by_seed_percent": " ".join(f"{value:.1f}" for value in success[name]),
             "median_percent": float(np.median(success[name])),
-            **(_difference(success[name], success[DEFAULT]) if name != DEFAULT else {}),
-            **{of: float(np.median([run[of] for run in runs])) for of in ("flat_velocity_error", "minutes")},
         }
-        for name, runs in variants.items()
-    ]
+        if name != DEFAULT:
+            row |= _difference(success[name], success[DEFAULT])
+        row |= {
+            figure: float(np.median([run[figure] for run in runs])) for figure in ("flat_velocity_error", "minutes")
+        }
+        rows.append(row)
+    return rows
 
 
 def _difference(a: Floats, b: Floats) -> dict[str, float]:
@@ -170,15 +174,15 @@ def _difference(a: Floats, b: Floats) -> dict[str, float]:
 
 def draw_differences(table: Sequence[Mapping[str, Any]], picture: Path) -> None:
     """Draw the difference of each variant of a `table` from the default, to a PNG `picture`."""
-    shown = [row for row in table if row.get("minus_default_points") is not None]
-    left = 0.2 + max(map(drawing.text_width, (row["variant"] for row in shown)), default=0.0)
+    rows = [row for row in table if row.get("minus_default_points") is not None]
+    left = 0.2 + max(map(drawing.text_width, (row["variant"] for row in rows)), default=0.0)
     with drawing.plot_settings():
-        figure, axes = drawing.make_figure(0.6 + 0.2 * len(shown), left + 3.2, drawing.Margins(left=left))
-        for line, row in enumerate(shown):
+        figure, axes = drawing.make_figure(0.6 + 0.2 * len(rows), left + 3.2, drawing.Margins(left=left))
+        for line, row in enumerate(rows):
             if row.get("low") is not None:
                 axes.plot((row["low"], row["high"]), (line, line), color=drawing.COLOURS[0], linewidth=1.4)
             axes.plot(row["minus_default_points"], line, "o", color=drawing.COLOURS[0], markersize=4)
         axes.axvline(0.0, color="black", linewidth=0.8)
-        axes.set_yticks(range(len(shown)), [row["variant"] for row in shown])
-        axes.set(ylim=(len(shown) - 0.5, -0.5), xlabel="success minus the default's, % points")
+        axes.set_yticks(range(len(rows)), [row["variant"] for row in rows])
+        axes.set(ylim=(len(rows) - 0.5, -0.5), xlabel="success minus the default's, % points")
         write_atomically(picture, figure_to_png(figure))

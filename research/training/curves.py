@@ -103,10 +103,11 @@ class SeedBand:
 
 def read_curve(folder: Path) -> RunCurve:
     """Read the validations of the run in a folder, of older versions too. Raises UsageError without a run."""
-    settings, path = dict(flatten(load_settings(folder))), folder / VALIDATIONS_FILE
+    settings = dict(flatten(load_settings(folder)))
+    path = folder / VALIDATIONS_FILE
     try:
         entries = json.loads(read_bytes(path, MAX_DATA_SIZE))["validations"] if path.exists() else []
-        rows = {each["steps"]: (each["steps"], each["success"], each.get("cost_of_transport")) for each in entries}
+        rows = {entry["steps"]: (entry["steps"], entry["success"], entry.get("cost_of_transport")) for entry in entries}
         columns = np.array(list(rows.values()), np.float64).reshape(-1, 3).T
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         raise UsageError(f"{path} holds no validations of a training run: leave that run out") from None
@@ -128,22 +129,24 @@ def group_by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
 
 def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
     """Return the differing settings of the runs, or the first folder if they are too long, and the seeds."""
-    said = ", ".join(f"{name} {to_words(runs[0].settings.get(name))}" for name in options)
+    settings = ", ".join(f"{name} {to_words(runs[0].settings.get(name))}" for name in options)
     seeds = f"{len(runs)} seeds" if len(runs) > 1 else f"seed {runs[0].seed}"
-    return f"{said if len(said) <= MAX_LABEL_LENGTH else runs[0].folder} ({seeds})"
+    return f"{settings if len(settings) <= MAX_LABEL_LENGTH else runs[0].folder} ({seeds})"
 
 
 def draw_bands(bands: Sequence[SeedBand]) -> "Figure":
     """Draw success, and below it cost of transport if any run has it."""
-    whole = np.concatenate([run.figures for band in bands for run in band.runs], axis=1)
-    drawn, panels = make_axes(whole, "", len(bands))
+    all_figures = np.concatenate([run.figures for band in bands for run in band.runs], axis=1)
+    figure, panels = make_axes(all_figures, "", len(bands))
+    marks = list(MARKS)
     for row, axes in enumerate(panels):
-        for place, band in enumerate(bands):
-            _draw_band(axes, band, row, COLOURS[place % len(COLOURS)], list(MARKS)[place % len(MARKS)])
-    several, entries = any(len(band.runs) > 1 for band in bands), panels[0].get_legend_handles_labels()
-    note = "mean of the seeds, and their range" if several else None
-    drawn.legend(*entries, loc="outside lower left", frameon=False, title=note, alignment="left")
-    return drawn
+        for index, band in enumerate(bands):
+            _draw_band(axes, band, row, COLOURS[index % len(COLOURS)], marks[index % len(marks)])
+    has_bands = any(len(band.runs) > 1 for band in bands)
+    note = "mean of the seeds, and their range" if has_bands else None
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower left", frameon=False, title=note, alignment="left")
+    return figure
 
 
 def _draw_band(axes: "Axes", band: SeedBand, row: int, colour: str, mark: str) -> None:

@@ -45,7 +45,8 @@ EXERCISES = (
 at which it seldom does."""
 SIGNIFICANT = 0.05
 """Largest p-value with which a smaller cost counts as smaller."""
-ADOPTED, KEPT = "The outcome is adopted.", "Those in force are kept: the outcome is not better."
+ADOPTED = "The outcome is adopted."
+KEPT = "Those in force are kept: the outcome is not better."
 
 
 @dataclass(frozen=True)
@@ -97,31 +98,37 @@ def main(options: FeedbackSearchOptions) -> int:
 
 def make_problem(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
     """Create the search problem of a policy with feedback, from the parameters in force or given."""
-    name, hardware, threads = options.policy, parse_robot_option(options.robot), options.threads
-    robot, searched, file = hardware.robot_model, POLICIES[name], POLICIES[name].file
-    exercises = options.exercises or tuple(scaled_name(each, robot) for each in EXERCISES)
+    name = options.policy
+    threads = options.threads
+    hardware = parse_robot_option(options.robot)
+    robot = hardware.robot_model
+    target = POLICIES[name]
+    file = target.file
+    exercises = options.exercises or tuple(scaled_name(exercise, robot) for exercise in EXERCISES)
     check_scenarios("--exercises", exercises, robot)
     in_force = file.load_for_robot(robot)
     start = file.read(options.start) if options.start else in_force
-    ranges = scaled_ranges(searched.ranges, file.kind, robot)
+    ranges = scaled_ranges(target.ranges, file.kind, robot)
 
     def costs(candidates: list[Parameters], seeds: Seeds) -> Floats:
+        """Return the mean cost of each of the `candidates` on the `seeds`, (candidates,)."""
         walks = run_candidates(name, candidates, exercises, seeds, "search", options.steps, threads, hardware)
-        found = [episode_costs(measure(each)) for each in walks]
-        mean: Floats = np.reshape(found, (len(exercises), len(candidates), -1)).mean(axis=(0, 2))
+        episode_values = [episode_costs(measure(walk)) for walk in walks]
+        mean: Floats = np.reshape(episode_values, (len(exercises), len(candidates), -1)).mean(axis=(0, 2))
         return mean
 
     def conclude(after: Parameters) -> tuple[str, str]:
+        """Return the adopted parameters as JSON, and the account of the search."""
         seeds = episode_seeds("validation", options.seed, options.check_episodes)
         walks, differences = compare_parameters(name, in_force, after, exercises, seeds, threads, hardware)
-        better, words = adoption_decision(differences)
-        how = describe_method("python -m research search", options, ", ".join(exercises))
-        lines = [f"# The parameters of {name}", "", how, COST_DESCRIPTION, ""]
-        lines += [words, "", *parameter_table(in_force, after, ranges), "", *results_table(walks)]
-        return parameters_to_json(after if better else in_force), "\n".join(lines) + "\n"
+        is_better, decision = adoption_decision(differences)
+        method = describe_method("python -m research search", options, ", ".join(exercises))
+        lines = [f"# The parameters of {name}", "", method, COST_DESCRIPTION, ""]
+        lines += [decision, "", *parameter_table(in_force, after, ranges), "", *results_table(walks)]
+        return parameters_to_json(after if is_better else in_force), "\n".join(lines) + "\n"
 
     path = file.path if robot == SIMPLE_QUAD else models_folder(robot) / file.path.name
-    return SearchProblem(start, ranges, costs, conclude, path, searched.account_name, digits=4, diagonal=True)
+    return SearchProblem(start, ranges, costs, conclude, path, target.account_name, digits=4, diagonal=True)
 
 
 def adoption_decision(differences: Floats) -> tuple[bool, str]:
@@ -133,10 +140,11 @@ def adoption_decision(differences: Floats) -> tuple[bool, str]:
     Returns:
         Whether the outcome costs significantly less, and the decision with its reason in words.
     """
-    difference, p_value = float(differences.mean()), sign_flip_test(differences)
-    better = difference < 0.0 and p_value <= SIGNIFICANT
-    return better, (
-        f"**{ADOPTED if better else KEPT}** On {len(differences)} validation seeds, 10 s a scenario, "
+    difference = float(differences.mean())
+    p_value = sign_flip_test(differences)
+    is_better = difference < 0.0 and p_value <= SIGNIFICANT
+    return is_better, (
+        f"**{ADOPTED if is_better else KEPT}** On {len(differences)} validation seeds, 10 s a scenario, "
         f"an episode of the outcome costs {abs(difference):.3g} {'less' if difference < 0.0 else 'more'} than one "
         f"of those in force, p = {p_value:.2g}; it is adopted where it costs less with p of at "
         f"most {SIGNIFICANT:g}."
