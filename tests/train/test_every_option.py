@@ -135,7 +135,7 @@ EFFECTS: dict[str, tuple[Callable[[Ran], Any], Any]] = {
     "joint_authority": (of_both(lambda each: authority(each)[1:]), [[0.2, 0.2]] * 2),
     "hip_authority": (of_both(lambda each: authority(each)[0]), [0.1] * 2),
     "inputs": (
-        lambda ran: [ran.env.bases[0]._features.inputs, ran.policy.features.inputs],
+        lambda ran: [ran.env.bases[0]._feature_extractor.inputs, ran.policy.features.inputs],
         [Inputs(lags=(0.03,), averages=(0.2,), clock=4.0)] * 2,
     ),
     "mixture": (
@@ -249,7 +249,7 @@ def test_all_episodes_start_with_their_segment(monkeypatch: pytest.MonkeyPatch) 
         buffer = callback.locals["rollout_buffer"]
         begins.append((buffer.episode_starts[0].all(), buffer.observations[0].copy()))
 
-    for unused in ("_keep", "_validate"):
+    for unused in ("_save_checkpoint", "_validate"):
         monkeypatch.setattr(TrainingCallback, unused, lambda _: None)
     monkeypatch.setattr(TrainingCallback, "_on_rollout_end", noted)
     callback = TrainingCallback(config, env, None, Interrupt(), CallbackState())  # type: ignore[arg-type]

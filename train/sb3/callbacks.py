@@ -46,6 +46,10 @@ FIRST_CHECKPOINT_DEADLINE = 30.0
 """s. Time within which a session writes its first checkpoint; later if its first rollout is longer."""
 
 
+_FIELDS = {"shares": "difficulties"}
+"""Field of `CallbackState` for each key of a checkpoint with another name."""
+
+
 @dataclasses.dataclass
 class CallbackState:
     """State of the callback that a checkpoint keeps from one session of a run to the next, as JSON types."""
@@ -65,9 +69,14 @@ class CallbackState:
     def read(cls, remembered: Mapping[str, Any]) -> "CallbackState":
         """Convert the JSON types `remembered` by a checkpoint. Raises UsageError if they do not fit."""
         try:
-            return cast(CallbackState, decode(cls, remembered))
+            return cast(CallbackState, decode(cls, {_FIELDS.get(key, key): value for key, value in remembered.items()}))
         except (TypeError, ValueError, OverflowError) as error:
             raise UsageError(f"the checkpoint does not fit this run: {error}") from None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON types that a checkpoint keeps."""
+        keys = {field: key for key, field in _FIELDS.items()}
+        return {keys.get(field, field): value for field, value in vars(self).items()}
 
     @property
     def validated(self) -> int:
@@ -302,7 +311,7 @@ class TrainingCallback(BaseCallback):
         if self._last_checkpoint_step:
             self._save(policy, LAST)
         state = checkpoint.capture(
-            self._learner, vars(self._state), () if self._segment_finished else self._env.action_log
+            self._learner, self._state.to_json(), () if self._segment_finished else self._env.action_log
         )
         checkpoint.save(self._config.folder / CHECKPOINTS, state)
         if not self._last_checkpoint_step:
