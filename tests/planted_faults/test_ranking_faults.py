@@ -42,7 +42,7 @@ def check_one_difference_of_six_in_a_row_takes_more_than_five_per_cent() -> None
 
 def unpaired(patch: pytest.MonkeyPatch) -> None:
     true = ranking._adjacent_pair
-    patch.setattr(ranking, "_neighbours", lambda better, worse, a, b: true(better, worse, a, b[::-1]))
+    patch.setattr(ranking, "_adjacent_pair", lambda better, worse, a, b: true(better, worse, a, b[::-1]))
 
 
 FAULTS: Faults = {
