@@ -1,1 +1,1 @@
-"""The live view: a page, served on this machine alone, in which robots walk where they are steered."""
+"""Live view: a page, served on this machine alone, with robots that the user steers."""

@@ -1,4 +1,4 @@
-"""The driver of the live view: sessions side by side, and what can be done with them while they go on."""
+"""Controller of the live view: sessions side by side, and the requests that change them."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -23,22 +23,28 @@ from quad_env.scenarios.axes import axes_of
 from quad_env.scenarios.scenario import Scenario
 
 PUSH_TIME = 0.1
-"""How long a push by hand lasts, s."""
+"""s. Duration of a push by hand."""
 MAX_EVENTS = 40
-"""The latest events, for a new page."""
+"""Maximum number of past events that a new page gets."""
 
 
 class ViewController:
-    """Moves robots on in real time, and does what pages ask for.
+    """Steps robots in real time and carries out the requests of pages.
+
+    An unknown scenario or policy raises ValueError.
 
     Args:
-        names: names or paths of policies, one a robot; all robots have the same episode.
-        scenario: name of the first.
-        command: held by hand, forward and left m/s, yaw rate rad/s; None leaves commands to the scenario.
-        trust: as `Hardware.policy` takes it.
+        names: Names or paths of policies, one per robot; all robots have the same episode.
+        scenario: Name of the first scenario.
+        hardware: Robot, motors, sensors and simulator.
+        seed: Seed of the first episode.
+        command: Fixed command: forward and left m/s, yaw rate rad/s; None leaves commands to the scenario.
+        trust: True to load policies from files in which code can be hidden.
 
-    Raises:
-        ValueError: there is no such scenario or policy.
+    Attributes:
+        paused: True while the robots stand still.
+        sessions: One session per robot.
+        orbit: Viewpoint of the camera.
     """
 
     def __init__(
@@ -51,49 +57,50 @@ class ViewController:
         command: Sequence[float] | None = None,
         trust: bool = False,
     ) -> None:
-        self._hardware, self._trust, self._first_scenario = hardware, trust, scenario
-        self.paused = self._single_step = False
+        self._hardware = hardware
+        self._trust = trust
+        self._first_scenario = scenario
+        self.paused = False
+        self._single_step = False
         self._events: deque[str] = deque(maxlen=MAX_EVENTS)
         self._policy_names = tuple(dict.fromkeys((*names, *policies.names())))
         self.sessions: list[Session] = []
-        """One a robot."""
         self.orbit = Orbit()
         self._begin(self._resolve_scenario(scenario), names, seed, command)
-        self._pace = RealTimeRate(self.sessions[0].env.dt)
+        self._real_time_rate = RealTimeRate(self.sessions[0].env.dt)
         self._handlers: dict[str, Callable[..., object]] = {
             "steer": lambda forward, left, turn: self._each(lambda robot: robot.steer((forward, left, turn))),
             "let_go": self._release_command,
             "push": self._push,
-            "policy": self._choose,
-            "alone": lambda: self._begin_again(self._scenario, self._names[:1]),
-            "scenario": lambda name: self._begin_again(self._resolve_scenario(name), self._names),
+            "policy": self._choose_policy,
+            "alone": lambda: self._restart(self._scenario, self._names[:1]),
+            "scenario": lambda name: self._restart(self._resolve_scenario(name), self._names),
             "reset": self._reset,
             "next": self._reset,
             "pause": self._pause,
             "step": self._step_once,
-            "speed": lambda factor: setattr(self._pace, "speed", factor),
-            "drag": lambda right, down: self._look(self.orbit.dragged(right, down)),
-            "zoom": lambda wheel: self._look(self.orbit.zoomed(wheel)),
-            "follow": lambda on: self._look(replace(self.orbit, follow=on)),
+            "speed": lambda factor: setattr(self._real_time_rate, "speed", factor),
+            "drag": lambda right, down: self._set_orbit(self.orbit.dragged(right, down)),
+            "zoom": lambda wheel: self._set_orbit(self.orbit.zoomed(wheel)),
+            "follow": lambda on: self._set_orbit(replace(self.orbit, follow=on)),
         }
 
     def handle(self, request: Request) -> None:
-        """Do that. Raises ValueError (PolicyError among them), ImportError or OSError where it cannot be done, and
-        nothing has changed then."""
+        """Carry out a `request`; ValueError, ImportError or OSError if that fails, and then nothing has changed."""
         self._handlers[request.do](**request.values)
 
     def step(self) -> bool:
-        """Move the robots on by a control step, once it is due; False while paused."""
+        """Advance the robots by one control step when it is due; return False while paused."""
         if self.paused and not self._single_step:
             return False
         if not self._single_step:
-            self._pace.wait()
+            self._real_time_rate.wait()
         self._single_step = False
         self._each(Session.step)
         return True
 
     def choices(self) -> dict[str, Any]:
-        """Choices of a page: names of policies and axes of scenarios; the robot."""
+        """Return the choices of a page: names of policies and axes of scenarios; also the robot."""
         robot = self.sessions[0].env.robot
         return {
             "robot": robot.name,
@@ -105,16 +112,17 @@ class ViewController:
         }
 
     def state(self) -> dict[str, Any]:
-        """Present state, with rows and events since the last call."""
-        first, events = self.sessions[0], list(self._events)
+        """Return the present state for pages, with rows and events since the last call."""
+        first = self.sessions[0]
+        events = list(self._events)
         self._events.clear()
         return {
             "time": round(first.latest.number * first.env.dt, 3),
             "scenario": self._scenario.name,
             "seed": first.seed,
             "paused": self.paused,
-            "speed": self._pace.speed,
-            "measured": round(self._pace.measured, 3),
+            "speed": self._real_time_rate.speed,
+            "measured": round(self._real_time_rate.measured, 3),
             "by_hand": first.command is not None,
             "command": rounded(first.latest.infos["command"][0] if first.command is None else first.command),
             "follow": self.orbit.follow,
@@ -123,7 +131,7 @@ class ViewController:
         }
 
     def render_requests(self) -> list[RenderRequest]:
-        """Every robot now, side by side."""
+        """Return a render request for every robot now."""
         self.orbit = self.orbit.at(self.sessions[0].latest.infos["position"][0])
         return [telemetry.render_request(self.orbit, len(self.sessions)) for telemetry in self._telemetry]
 
@@ -131,12 +139,13 @@ class ViewController:
         """Free the simulations."""
         self._each(Session.close)
 
-    def _each(self, do: Callable[[Session], object]) -> None:
+    def _each(self, call: Callable[[Session], object]) -> None:
+        """Call a function with every session."""
         for session in self.sessions:
-            do(session)
+            call(session)
 
     def _begin(self, scenario: Scenario, names: Sequence[str], seed: int, command: ArrayLike | None) -> None:
-        """An episode with these policies; nothing has changed where one of them cannot be had."""
+        """Begin an episode with these policies; nothing changes if one of them cannot be loaded."""
         with ExitStack() as stack:
             sessions = []
             for name in names:
@@ -146,62 +155,74 @@ class ViewController:
                 sessions.append(session)
             stack.pop_all()
         self.close()
-        self.sessions, self._scenario, self._names = sessions, scenario, list(names)
+        self.sessions = sessions
+        self._scenario = scenario
+        self._names = list(names)
         self._telemetry = [Telemetry(session) for session in sessions]
         sessions[0].listeners.append(self._events.append)
-        self._look_at_start()
+        self._aim_at_start()
 
-    def _begin_again(self, scenario: Scenario, names: Sequence[str]) -> None:
-        """The same seed and command on another scenario, or with other robots."""
+    def _restart(self, scenario: Scenario, names: Sequence[str]) -> None:
+        """Begin an episode of the same seed and command on another scenario or with other policies."""
         self._begin(scenario, names, self.sessions[0].seed, self.sessions[0].command)
         self._events.append(f"{scenario.name}, {' and '.join(session.policy.name for session in self.sessions)}")
 
     def _reset(self, seed: int | None = None) -> None:
+        """Begin the episode of a seed, by default the next one."""
         self._each(lambda session: session.reset(seed))
-        self._look_at_start()
+        self._aim_at_start()
 
     def _release_command(self) -> None:
-        """The episode again, with the commands of its scenario."""
+        """Begin the episode again, with the commands of its scenario."""
         self._each(lambda session: session.steer(None))
         self._reset(self.sessions[0].seed)
 
     def _resolve_scenario(self, name: str) -> Scenario:
+        """Return the scenario of a name; only the first one may be in a user's file."""
         if battery.is_file_reference(name) and name != self._first_scenario:
             raise ValueError(f"{name}: a scenario in a file is named when the view is started, with --scenario")
         return battery.resolve_single(name, self._hardware.robot_model)
 
-    def _choose(self, robot: int, name: str) -> None:
-        """A robot alone changes its policy under way where that can be; else, also for a further robot, all begin their
-        episode again, so that each has the same."""
+    def _choose_policy(self, robot: int, name: str) -> None:
+        """Give a robot another policy, or add a robot.
+
+        A single robot changes its policy while it walks, if the policy allows that. Otherwise all robots begin the
+        episode again, so that all have the same.
+        """
         if robot > len(self.sessions):
             raise ValueError(f"there is no robot {robot}")
         if name not in self._policy_names:
             raise PolicyError(f"no policy {name!r} is offered: there are {', '.join(self._policy_names)}")
         names = [*self._names[:robot], name, *self._names[robot + 1 :]]
         if len(names) == 1:
-            with suppress(ValueError):  # other ground heights or servos: only a session from its start has them
-                self.sessions[0].set_policy(
-                    self._hardware.policy(name, self._trust, on_hardware_profile=self._scenario.hardware)
-                )
+            # A policy with another height scan or other servos raises ValueError: it needs a new session.
+            with suppress(ValueError):
+                policy = self._hardware.policy(name, self._trust, on_hardware_profile=self._scenario.hardware)
+                self.sessions[0].set_policy(policy)
                 self._names = names
                 return
-        self._begin_again(self._scenario, names)
+        self._restart(self._scenario, names)
 
     def _push(self, direction: float, impulse: float) -> None:
-        """Directions are degrees from straight ahead of the first robot to its left."""
-        towards = heading_angle(self.sessions[0].latest) + np.radians(direction)
-        force = impulse / PUSH_TIME * np.array([np.cos(towards), np.sin(towards)])
+        """Push all robots, in degrees from the first robot's heading to its left and in N·s."""
+        angle = heading_angle(self.sessions[0].latest) + np.radians(direction)
+        force = impulse / PUSH_TIME * np.array([np.cos(angle), np.sin(angle)])
         self._each(lambda session: session.push(force, PUSH_TIME))
 
     def _pause(self, on: bool) -> None:
+        """Pause or resume."""
         self.paused = on
-        self._pace.resume()
+        self._real_time_rate.resume()
 
     def _step_once(self) -> None:
-        self.paused = self._single_step = True
+        """Pause after the next control step."""
+        self.paused = True
+        self._single_step = True
 
-    def _look(self, orbit: Orbit) -> None:
+    def _set_orbit(self, orbit: Orbit) -> None:
+        """Set the viewpoint."""
         self.orbit = orbit
 
-    def _look_at_start(self) -> None:
+    def _aim_at_start(self) -> None:
+        """Aim the camera at the first robot's start."""
         self.orbit = replace(self.orbit, target=tuple(self.sessions[0].latest.infos["position"][0].tolist()))

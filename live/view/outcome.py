@@ -1,11 +1,13 @@
-"""Outcome of the episode that is shown: undecided until the robot falls or the episode's time is over, then its story
-with the cause, by the rules of an evaluation."""
+"""Outcome of the shown episode, with its story and cause, by the rules of an evaluation.
+
+It is undecided until the robot falls or the time of an episode is over.
+"""
 
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,35 +19,51 @@ from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import STEPS, EpisodeRecorder
 from live.session import Session
 
-_Kept = tuple[Step, Any, bool]
-"""A control step, the policy's failure by then, and whether its safety layer was stopping the robot."""
+
+class _RecordedStep(NamedTuple):
+    """A control step and the state of the policy after it."""
+
+    step: Step
+    failure: Any
+    """Failure of the policy per robot, or None."""
+    is_stopped: bool
+    """True if the safety layer was stopping the robot."""
 
 
 class EpisodeOutcome:
-    """Keeps the latest control steps of a session's episode, from its start on, and says what came of it."""
+    """Records the latest control steps of a session's episode, from its start, and judges the episode.
+
+    Args:
+        session: The session, at the start of an episode.
+
+    Attributes:
+        story: Events of the episode, with the outcome and its cause last; empty while undecided.
+    """
 
     def __init__(self, session: Session) -> None:
         self.story: list[str] = []
-        """Moments of the episode, the outcome and its cause last; empty while nothing is decided."""
-        self._session, self._ended = session, False
-        self._kept: deque[_Kept] = deque(maxlen=STEPS + 1)
+        self._session = session
+        self._has_ended = False
+        self._recorded: deque[_RecordedStep] = deque(maxlen=STEPS + 1)
         self.record()
 
     def record(self) -> None:
-        """Keep the control step just taken."""
-        if self._ended:
+        """Record the last control step."""
+        if self._has_ended:
             return
-        step, policy = self._session.latest, self._session.policy
+        step = self._session.latest
+        policy = self._session.policy
         failure = getattr(policy, "failure", None)
-        self._kept.append((step, failure, bool(np.any(getattr(policy, "stopped", False)))))
-        fallen = step.infos["fall"][0] > 0 or step.infos["diverged"][0]
-        self._ended = bool(fallen or (failure is not None and failure[0]))
-        if self._ended or (step.number == STEPS and not self._session.user_intervened):
-            self.story = _story(list(self._kept), self._session)
+        is_stopped = bool(np.any(getattr(policy, "stopped", False)))
+        self._recorded.append(_RecordedStep(step, failure, is_stopped))
+        has_fallen = step.infos["fall"][0] > 0 or step.infos["diverged"][0]
+        self._has_ended = bool(has_fallen or (failure is not None and failure[0]))
+        if self._has_ended or (step.number == STEPS and not self._session.user_intervened):
+            self.story = _story(list(self._recorded), self._session)
 
     @property
     def words(self) -> str:
-        """What is known by now."""
+        """Outcome in words, as far as it is known."""
         if self.story:
             return self.story[-1].replace("  ", ": ", 1)
         if self._session.user_intervened:
@@ -54,32 +72,36 @@ class EpisodeOutcome:
 
     @property
     def failed(self) -> bool:
-        """Whether it is decided, and no success."""
+        """True if the outcome is decided and no success."""
         return bool(self.story) and not self.story[-1].endswith(SUCCEEDED)
 
 
-def _story(kept: Sequence[_Kept], session: Session) -> list[str]:
-    """Lines of `evaluate.causes.story` of the kept steps, with the times of the episode."""
-    episodes = _record(kept, session)
-    begun = kept[0][0].number * episodes.dt
-    return in_lines((begun + time, words) for time, words in timeline(episodes, measure(episodes)))
+def _story(recorded: Sequence[_RecordedStep], session: Session) -> list[str]:
+    """Return the lines of `evaluate.causes.story` for the recorded steps, with the times of the episode."""
+    episodes = _episodes(recorded, session)
+    start_time = recorded[0].step.number * episodes.dt
+    return in_lines((start_time + time, words) for time, words in timeline(episodes, measure(episodes)))
 
 
-def _record(kept: Sequence[_Kept], session: Session) -> Episodes:
-    """The kept steps as a record whose first is the start, with the pushes by hand."""
+def _episodes(recorded: Sequence[_RecordedStep], session: Session) -> Episodes:
+    """Return the recorded steps as an episode that starts with the first, with the pushes by hand."""
     policy: Any = SimpleNamespace()
     recorder = EpisodeRecorder(policy, np.array([session.seed]), STEPS)
-    for number, (step, failure, stopped) in enumerate(kept):
-        policy.failure, policy.stopped = failure, np.array([stopped])
+    for number, (step, failure, is_stopped) in enumerate(recorded):
+        policy.failure = failure
+        policy.stopped = np.array([is_stopped])
         recorder(replace(step, number=number))
-    force = np.array([step.infos["push"][0] for step, *_ in kept[1:]]).reshape(-1, 2)  # N, world
-    pushed = np.asarray(force.any(axis=1))
-    begins = np.flatnonzero(pushed & ~np.append(False, pushed[:-1]))
-    episodes, scenario = recorder.episodes(), session.env.scenario
+    force = np.array([item.step.infos["push"][0] for item in recorded[1:]]).reshape(-1, 2)  # world frame, N
+    is_pushed = np.asarray(force.any(axis=1))
+    push_starts = np.flatnonzero(is_pushed & ~np.append(False, is_pushed[:-1]))
+    episodes = recorder.episodes()
+    scenario = session.env.scenario
+    if recorded[0].step.number != 0:
+        scenario = replace(scenario, dropouts=None)  # their times are counted from the start of the episode
     return replace(
         episodes,
-        push_step=begins[None],
-        push_impulse=np.add.reduceat(force, begins)[np.newaxis] * episodes.dt,
-        push_steps=int(pushed.sum()) // max(1, len(begins)),
-        scenario=scenario if kept[0][0].number == 0 else replace(scenario, dropouts=None),  # whose times are gone
+        push_step=push_starts[None],
+        push_impulse=np.add.reduceat(force, push_starts)[np.newaxis] * episodes.dt,
+        push_steps=int(is_pushed.sum()) // max(1, len(push_starts)),
+        scenario=scenario,
     )

@@ -1,4 +1,4 @@
-"""Shots of robots: what is to be drawn, and the place of the camera."""
+"""Render requests: snapshot and camera of one frame of a robot."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,39 +10,52 @@ from numpy.typing import NDArray
 from quad_env.physics.arrows import Arrow
 from quad_env.physics.rendering import Viewpoint
 
-TURN, ZOOM = 0.4, 0.0015
-"""Degrees a pixel that the mouse is dragged, and share of the distance a unit that its wheel is turned."""
-STEEPEST = 89.0
-DISTANCES = (0.4, 30.0)
-"""m"""
+ROTATION_GAIN = 0.4
+"""Degrees of camera rotation per pixel of a mouse drag."""
+ZOOM_GAIN = 0.0015
+"""Relative change of the camera's distance per unit of the mouse wheel."""
+MAX_ELEVATION = 89.0
+"""Degrees. Largest angle of the camera above or below the horizontal."""
+DISTANCE_RANGE = (0.4, 30.0)
+"""m. Smallest and largest distance of the camera."""
 TRACKING_GAIN = 0.15
-"""Share of its way to the robot that the camera goes a frame up and down, so that it does not shake with the trunk."""
+"""Fraction of the vertical distance to the robot that the camera moves per frame; small, so that it does not shake."""
 
 
 @dataclass(frozen=True)
 class Orbit(Viewpoint):
-    """Viewpoint that the mouse turns, and that follows a robot or stays."""
+    """Viewpoint that the mouse rotates, and that follows a robot or stays."""
 
     follow: bool = True
+    """True if the camera follows the robot."""
 
     def dragged(self, right: float, down: float) -> "Orbit":
-        """After the mouse was dragged by so many pixels."""
-        elevation = np.clip(self.elevation - TURN * down, -STEEPEST, STEEPEST)
-        return replace(self, azimuth=(self.azimuth - TURN * right) % 360.0, elevation=float(elevation))
+        """Return the viewpoint after a mouse drag of `right` and `down` pixels."""
+        elevation = np.clip(self.elevation - ROTATION_GAIN * down, -MAX_ELEVATION, MAX_ELEVATION)
+        return replace(self, azimuth=(self.azimuth - ROTATION_GAIN * right) % 360.0, elevation=float(elevation))
 
     def zoomed(self, wheel: float) -> "Orbit":
-        """After the wheel was turned, away where it is positive."""
-        return replace(self, distance=float(np.clip(self.distance * np.exp(ZOOM * wheel), *DISTANCES)))
+        """Return the viewpoint after the mouse `wheel` turned; farther away where it is positive."""
+        return replace(self, distance=float(np.clip(self.distance * np.exp(ZOOM_GAIN * wheel), *DISTANCE_RANGE)))
 
     def at(self, robot: NDArray[np.float64]) -> "Orbit":
-        """A frame later, with a robot there, (3,), world, m."""
+        """Return the viewpoint of the next frame; `robot` is the robot's position, world frame, (3,), m."""
         if not self.follow:
             return self
-        x, y, z = robot
-        return replace(self, target=(float(x), float(y), self.target[2] + TRACKING_GAIN * (float(z) - self.target[2])))
+        x, y, z = (float(coordinate) for coordinate in robot)
+        height = self.target[2] + TRACKING_GAIN * (z - self.target[2])
+        return replace(self, target=(x, y, height))
 
     def for_tile(self, robot: NDArray[np.float64], count: int) -> "Orbit":
-        """About a robot there, one of so many side by side, whose narrower pictures show as much."""
+        """Return the viewpoint of one of several narrower tiles, farther away so that it shows as much.
+
+        Args:
+            robot: Position of the robot, world frame, (3,), m.
+            count: Number of tiles side by side.
+
+        Returns:
+            The viewpoint of the robot's tile.
+        """
         x, y, _ = robot.tolist()
         target = (x, y, self.target[2]) if self.follow else self.target
         return replace(self, target=target, distance=self.distance * count**0.5)
@@ -50,12 +63,14 @@ class Orbit(Viewpoint):
 
 @dataclass(frozen=True)
 class RenderRequest:
-    """What there is to be seen of one robot at one moment."""
+    """Scene of one robot at one moment, to draw."""
 
     model: Any
-    """mujoco.MjModel of its simulation, the same object for as long as it is one simulation."""
+    """`mujoco.MjModel` of its simulation; the same object as long as the simulation exists."""
     data: Any
-    """mujoco.MjData, a snapshot."""
+    """`mujoco.MjData`, a snapshot."""
     name: str
+    """Name of the policy."""
     viewpoint: Viewpoint
     arrows: Sequence[Arrow]
+    """Arrows of command, velocity and pushes."""

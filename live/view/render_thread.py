@@ -1,4 +1,4 @@
-"""Painter: a thread that draws the shots it was handed, while the simulation goes on."""
+"""Render thread: draws frames of robots while the simulation goes on."""
 
 import io
 from collections.abc import Callable, Sequence
@@ -12,18 +12,25 @@ from live.view.render_request import RenderRequest
 from quad_env.physics.rendering import Camera
 
 JPEG_QUALITY = 80
-WIDTH, HEIGHT = 720, 360
-"""Pixels that a processor draws fast enough."""
+"""Quality of the JPEG frames, 0 … 100; a larger value makes larger frames."""
+WIDTH = 720
+"""Pixels. Width of a frame, which a processor draws fast enough."""
+HEIGHT = 360
+"""Pixels. Height of a frame."""
 COLOURS = ((255, 200, 46), (88, 166, 255), (255, 140, 200), (160, 230, 120))
-"""Of the robots' names, as of their curves in page/view.css."""
-_EDGE = (30, 34, 38)
+"""Colours of the robots' names, the same as of their curves in page/view.css."""
+_OUTLINE = (30, 34, 38)
+"""Colour of the outline of names."""
 
 
 class RenderThread:
-    """Draws in a thread of its own and hands on JPEG files.
+    """Draws JPEG frames in a separate thread.
 
     Args:
-        show: given each file, in that thread.
+        show: Called with each frame, in that thread.
+
+    Attributes:
+        failure: Reason why nothing can be drawn; None as long as drawing works.
     """
 
     def __init__(self, show: Callable[[bytes], None]) -> None:
@@ -31,56 +38,61 @@ class RenderThread:
         self._cameras: list[Camera] = []
         self._models: list[Any] = []
         self.failure: str | None = None
-        """Why nothing can be drawn, once that is known."""
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="painter")
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="render")
         self._work: Future[None] | None = None
 
     @property
     def idle(self) -> bool:
-        """Whether it can draw and has drawn what it was handed."""
+        """True if the thread can draw and has drawn the last submission."""
         return self.failure is None and (self._work is None or self._work.done())
 
-    def submit(self, shots: Sequence[RenderRequest]) -> None:
-        """Have that drawn."""
-        self._work = self._thread.submit(self._take, shots)
+    def submit(self, requests: Sequence[RenderRequest]) -> None:
+        """Draw a frame of the `requests`, one per robot, in the thread."""
+        self._work = self._thread.submit(self._draw_and_show, requests)
 
     def close(self) -> None:
-        """End the thread and free what it draws with."""
+        """End the thread and free its renderers."""
         self._thread.submit(self._close_renderers)
         self._thread.shutdown()
 
-    def _take(self, shots: Sequence[RenderRequest]) -> None:
+    def _draw_and_show(self, requests: Sequence[RenderRequest]) -> None:
+        """Draw a frame and pass it on, or store the failure."""
         try:
-            file = self._paint(shots)
-        except Exception as error:  # whatever the graphics driver fails with
+            frame = self._draw(requests)
+        except Exception as error:  # graphics drivers raise errors of any kind
             self.failure = f"nothing can be drawn here ({type(error).__name__}: {error})"
             return
-        self._show(file)
+        self._show(frame)
 
-    def _paint(self, shots: Sequence[RenderRequest]) -> bytes:
-        models = [shot.model for shot in shots]
+    def _draw(self, requests: Sequence[RenderRequest]) -> bytes:
+        """Return a JPEG frame with the robots side by side."""
+        models = [request.model for request in requests]
         if models != self._models:
             self._close_renderers()
             self._cameras = [Camera(model, WIDTH // len(models), HEIGHT, None) for model in models]
             self._models = models
         frames = [
-            camera.draw(shot.data, arrows=shot.arrows, viewpoint=shot.viewpoint)
-            for camera, shot in zip(self._cameras, shots, strict=True)
+            camera.draw(request.data, arrows=request.arrows, viewpoint=request.viewpoint)
+            for camera, request in zip(self._cameras, requests, strict=True)
         ]
-        image, buffer = Image.fromarray(np.concatenate(frames, axis=1)), io.BytesIO()
-        _label(image, shots)
+        image = Image.fromarray(np.concatenate(frames, axis=1))
+        _draw_names(image, requests)
+        buffer = io.BytesIO()
         image.save(buffer, "jpeg", quality=JPEG_QUALITY)
         return buffer.getvalue()
 
     def _close_renderers(self) -> None:
+        """Free the renderers."""
         for camera in self._cameras:
             camera.close()
-        self._cameras, self._models = [], []
+        self._cameras = []
+        self._models = []
 
 
-def _label(image: Image.Image, shots: Sequence[RenderRequest]) -> None:
-    """Name the robots where they are, in the colours of their curves."""
-    draw, size = ImageDraw.Draw(image), image.height // 22
-    for number, (shot, colour) in enumerate(zip(shots, COLOURS, strict=False)):
-        place = number * image.width // len(shots) + size / 2, size / 2
-        draw.text(place, shot.name, fill=colour, font_size=size, stroke_width=2, stroke_fill=_EDGE)
+def _draw_names(image: Image.Image, requests: Sequence[RenderRequest]) -> None:
+    """Write the name of each robot's policy into its tile, in the colour of its curves."""
+    draw = ImageDraw.Draw(image)
+    size = image.height // 22
+    for index, (request, colour) in enumerate(zip(requests, COLOURS, strict=False)):
+        position = (index * image.width // len(requests) + size / 2, size / 2)
+        draw.text(position, request.name, fill=colour, font_size=size, stroke_width=2, stroke_fill=_OUTLINE)

@@ -1,4 +1,4 @@
-"""What a page may ask for: JSON objects, checked here once, each with the name of what is to be done."""
+"""Requests of a page: JSON objects with the name of an action and its arguments, validated here."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -6,32 +6,45 @@ from dataclasses import dataclass
 from typing import Any
 
 MAX_COMMAND = 3.0
-"""Largest command that can be given, each way, m/s and rad/s."""
+"""m/s and rad/s. Largest magnitude of a command."""
 MAX_ROBOTS = 4
+"""Maximum number of robots side by side."""
 MAX_IMPULSE = 500.0
-"""N·s"""
+"""N·s. Largest impulse of a push."""
 SPEED_RANGE = (0.05, 10.0)
-"""Simulated s a wall s."""
+"""Smallest and largest ratio of simulated to wall time."""
 MAX_SEED = 2**53 - 1
-"""Larger whole numbers a page does not know exactly."""
+"""Largest seed; JavaScript does not represent larger integers exactly."""
 MAX_NAME_LENGTH = 200
-"""Longest name of a policy or scenario, characters."""
+"""Maximum number of characters of the name of a policy or scenario."""
 
 
 class RequestError(ValueError):
-    """A request that is none; the message says what is wrong with it."""
+    """Invalid request; the message names the fault."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """Something to do, with the arguments that it was checked to have."""
+    """A valid request."""
 
     do: str
+    """Name of the action, a key of `REQUESTS`."""
     values: Mapping[str, Any]
+    """Arguments of the action by name."""
 
 
 def parse(text: str) -> Request:
-    """The request of that text. Raises RequestError."""
+    """Parse and validate a request.
+
+    Args:
+        text: Message of a page.
+
+    Returns:
+        The request.
+
+    Raises:
+        RequestError: The text is no JSON object, or names no action, or has invalid arguments.
+    """
     try:
         given = json.loads(text, parse_constant=_no_constant)
     except (ValueError, RecursionError):
@@ -40,40 +53,45 @@ def parse(text: str) -> Request:
         raise RequestError('a request is an object such as {"do": "reset"}')
     if given["do"] not in REQUESTS:
         raise RequestError(f"nothing is called {given['do'][:40]!r}; there are {', '.join(REQUESTS)}")
-    wanted = REQUESTS[given["do"]]
-    if set(given) - {"do"} != set(wanted):
-        raise RequestError(f"{given['do']} takes {', '.join(wanted) or 'nothing else'}")
-    return Request(given["do"], {name: check(name, given[name]) for name, check in wanted.items()})
+    validators = REQUESTS[given["do"]]
+    if set(given) - {"do"} != set(validators):
+        raise RequestError(f"{given['do']} takes {', '.join(validators) or 'nothing else'}")
+    return Request(given["do"], {name: validate(name, given[name]) for name, validate in validators.items()})
 
 
 def _no_constant(name: str) -> float:
+    """Raise ValueError for NaN or infinity."""
     raise ValueError(name)
 
 
 def _number(low: float, high: float, kinds: Any = int | float) -> Callable[[str, Any], Any]:
-    what = "whole number" if kinds is int else "number"
+    """Return a validator of numbers in a range."""
+    kind = "whole number" if kinds is int else "number"
 
-    def check(name: str, value: Any) -> Any:
+    def _validate(name: str, value: Any) -> Any:
         if isinstance(value, bool) or not isinstance(value, kinds) or not low <= value <= high:
-            raise RequestError(f"{name} is a {what} between {low:g} and {high:g}")
+            raise RequestError(f"{name} is a {kind} between {low:g} and {high:g}")
         return value if kinds is int else float(value)
 
-    return check
+    return _validate
 
 
 def _flag(name: str, value: Any) -> bool:
+    """Return a truth value, or raise RequestError."""
     if not isinstance(value, bool):
         raise RequestError(f"{name} is true or false")
     return value
 
 
 def _name(name: str, value: Any) -> str:
+    """Return a printable name, or raise RequestError."""
     if not isinstance(value, str) or not 0 < len(value) <= MAX_NAME_LENGTH or not value.isprintable():
         raise RequestError(f"{name} is a name of 1 to {MAX_NAME_LENGTH} characters")
     return value
 
 
-_SPEED, _PIXELS = _number(-MAX_COMMAND, MAX_COMMAND), _number(-5000.0, 5000.0)
+_SPEED = _number(-MAX_COMMAND, MAX_COMMAND)
+_PIXELS = _number(-5000.0, 5000.0)
 REQUESTS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
     "steer": {"forward": _SPEED, "left": _SPEED, "turn": _SPEED},
     "let_go": {},
@@ -90,5 +108,7 @@ REQUESTS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
     "zoom": {"wheel": _PIXELS},
     "follow": {"on": _flag},
 }
-"""Arguments of each request, with what checks them: m/s and rad/s, degrees from straight ahead to the left, N·s,
-pixels."""
+"""Name of each action -> its arguments and their validators.
+
+Units: m/s and rad/s, degrees from the heading to the left, N·s, pixels.
+"""

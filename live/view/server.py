@@ -1,4 +1,4 @@
-"""The server of the page: HTTP and one WebSocket on one port, for this machine's own browsers alone."""
+"""Server of the page: HTTP and one WebSocket on one port, for browsers on this machine alone."""
 
 import asyncio
 import contextlib
@@ -19,23 +19,27 @@ from websockets.http11 import Request, Response
 from quad_env.cli.command_line import UsageError
 
 PAGE = Path(__file__).parent / "page"
+"""Folder of the page's files."""
 CONTENT_TYPES = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript",
     ".css": "text/css",
     ".svg": "image/svg+xml",
 }
-_QUIET = logging.getLogger(__name__)
-_QUIET.setLevel(logging.CRITICAL)  # invalid connections print nothing in the terminal of the view
+_LOGGER = logging.getLogger(__name__)
+_LOGGER.setLevel(logging.CRITICAL)  # invalid connections print nothing in the terminal of the view
 MAX_MESSAGE_SIZE = 4096
-"""Bytes; a page that sends more is disconnected."""
+"""Bytes. Maximum size of a page's message; a larger one ends its connection."""
 MAX_PAGES = 8
+"""Maximum number of connected pages."""
 FRAME_ACK = "drawn"
-"""What a page says when it has shown a frame and can take the next."""
+"""Message of a page that has shown a frame and can take the next one."""
 _FILES = {f"/{file.name}": file for file in PAGE.iterdir() if file.suffix in CONTENT_TYPES} | {"/": PAGE / "index.html"}
 Receive = Callable[[str], str | None]
-"""Told every text that a page sends, in the server's thread; what it returns is sent back to that page."""
-HOST, PORT = "127.0.0.1", 8080
+"""Called with every text of a page, in the server's thread; a returned text is sent back to that page."""
+HOST = "127.0.0.1"
+PORT = 8080
+"""Default port."""
 _FOREIGN = "this page answers to itself alone: type its address, or paste it, where addresses are typed"
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -48,28 +52,29 @@ _HEADERS = {
 
 
 class Server:
-    """Shows pages what is published and hands on what they send, from a thread of its own.
+    """Sends texts and frames to pages and passes on their messages, in a separate thread.
 
-    It listens on `HOST`; only requests that name this machine as their host and come from its own page are answered.
+    It listens on `HOST` and answers only requests that name this machine as their host and come from its own page. A
+    port that is taken raises UsageError.
 
     Args:
-        port: 0 takes a free one; None takes `PORT`, or a free one where that is taken.
-        receive: called with the texts of pages.
+        port: Port; 0 for a free one, None for `PORT`, or a free one if that is taken.
+        receive: Called with the texts of pages.
 
-    Raises:
-        UsageError: nothing can listen there.
+    Attributes:
+        port: Port that is listened on.
+        wanted: Set while a page waits for a frame.
     """
 
     def __init__(self, port: int | None, receive: Receive) -> None:
         self._receive = receive
-        self._socket = _listening(port)
+        self._socket = _listen(port)
         self.port: int = self._socket.getsockname()[1]
         self._pages: dict[ServerConnection, bool] = {}
-        """Whether each page waits for a frame."""
+        """Connected pages -> True while the page waits for a frame."""
         self._stop: asyncio.Event | None = None
         self._ready = threading.Event()
         self.wanted = threading.Event()
-        """Set while a page waits for a frame."""
         self._thread = threading.Thread(target=lambda: asyncio.run(self._run()), name="page", daemon=True)
         self._thread.start()
         self._ready.wait()
@@ -81,34 +86,38 @@ class Server:
 
     @property
     def has_clients(self) -> bool:
-        """Whether there is a page."""
+        """True if a page is connected."""
         return bool(self._pages)
 
     def broadcast(self, text: str) -> None:
-        """Send a text to every page."""
-        self._in_its_thread(lambda: websocket_broadcast(self._pages, text))
+        """Send a `text` to every page."""
+        self._call_in_thread(lambda: websocket_broadcast(self._pages, text))
 
     def show(self, frame: bytes) -> None:
-        """Send a frame to every page that waits for one."""
+        """Send a `frame`, JPEG, to every page that waits for one."""
         self.wanted.clear()
-        self._in_its_thread(lambda: self._show(frame))
+        self._call_in_thread(lambda: self._show(frame))
 
     def close(self) -> None:
-        """Take leave of the pages and free the port."""
-        self._in_its_thread(lambda: self._stop.set() if self._stop else None)
+        """Disconnect the pages and free the port."""
+        self._call_in_thread(lambda: self._stop.set() if self._stop else None)
         self._thread.join(timeout=5.0)
 
     def _show(self, frame: bytes) -> None:
+        """Send a frame, in the server's thread."""
         waiting = [page for page, waits in self._pages.items() if waits]
         self._pages |= dict.fromkeys(waiting, False)
         websocket_broadcast(waiting, frame)
 
-    def _in_its_thread(self, call: Callable[[], object]) -> None:
-        with contextlib.suppress(RuntimeError):  # it has ended
+    def _call_in_thread(self, call: Callable[[], object]) -> None:
+        """Schedule a call in the server's thread."""
+        with contextlib.suppress(RuntimeError):  # the thread has ended
             self._loop.call_soon_threadsafe(call)
 
     async def _run(self) -> None:
-        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        """Serve until `close`."""
+        self._loop = asyncio.get_running_loop()
+        self._stop = asyncio.Event()
         server = await serve(
             self._connected,
             sock=self._socket,
@@ -117,21 +126,22 @@ class Server:
             compression=None,
             ping_interval=20.0,
             close_timeout=1.0,
-            logger=_QUIET,
+            logger=_LOGGER,
         )
         self._ready.set()
         async with server:
             await self._stop.wait()
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
-        """The answer to a request, or None where a WebSocket is to be opened."""
+        """Return the answer to an HTTP request, or None to open a WebSocket."""
         try:
-            path, refusal = urllib.parse.urlsplit(request.path).path, _refusal(request)
-        except (ValueError, LookupError):  # no address, or a header twice
+            path = urllib.parse.urlsplit(request.path).path
+            refusal = _refusal(request)
+        except (ValueError, LookupError):  # an invalid address, or a repeated header
             return connection.respond(http.HTTPStatus.BAD_REQUEST, "that is no request\n")
         if refusal is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, f"{refusal}\n")
-        method = getattr(request, "method", "GET")  # older versions of websockets refuse all others by themselves
+        method = getattr(request, "method", "GET")  # older versions of websockets refuse other methods themselves
         if method not in ("GET", "HEAD") or (method == "HEAD" and path == "/socket"):
             refused = connection.respond(http.HTTPStatus.METHOD_NOT_ALLOWED, "only GET and HEAD are answered\n")
             refused.headers["Allow"] = "GET, HEAD"
@@ -146,14 +156,15 @@ class Server:
         return Response(200, "OK", headers, b"" if method == "HEAD" else body)
 
     async def _connected(self, connection: ServerConnection) -> None:
+        """Exchange messages with a page until it disconnects."""
         if len(self._pages) >= MAX_PAGES:
             await connection.close(1013, "too many pages")
             return
-        self._waits(connection)
+        self._await_frame(connection)
         try:
             async for message in connection:
                 if message == FRAME_ACK:
-                    self._waits(connection)
+                    self._await_frame(connection)
                 elif isinstance(message, str) and (answer := self._receive(message)) is not None:
                     await connection.send(answer)
         except ConnectionClosed:
@@ -161,27 +172,30 @@ class Server:
         finally:
             del self._pages[connection]
 
-    def _waits(self, page: ServerConnection) -> None:
+    def _await_frame(self, page: ServerConnection) -> None:
+        """Note that a page waits for a frame."""
         self._pages[page] = True
         self.wanted.set()
 
 
-def _listening(port: int | None) -> socket.socket:
+def _listen(port: int | None) -> socket.socket:
+    """Return a listening socket, or raise UsageError."""
     try:
         return socket.create_server((HOST, PORT if port is None else port))
     except OSError as error:
         if port is None:
-            return _listening(0)
+            return _listen(0)
         raise UsageError(f"cannot listen on {HOST} port {port} ({error}): --port 0 takes a free one") from None
 
 
 def _refusal(request: Request) -> str | None:
-    """Why a request is refused, None where it is not."""
-    host, origin = request.headers.get("Host", ""), request.headers.get("Origin")
-    named = urllib.parse.urlsplit(f"//{host}")
-    if "@" in host or named.netloc != host:
+    """Return the reason to refuse a request; None to accept it."""
+    host = request.headers.get("Host", "")
+    origin = request.headers.get("Origin")
+    address = urllib.parse.urlsplit(f"//{host}")
+    if "@" in host or address.netloc != host:
         return "a host is a name or an address, and perhaps a port"
-    if named.hostname not in ("localhost", HOST):
+    if address.hostname not in ("localhost", HOST):
         return "this page is for browsers on its own machine: open it as localhost"
     if origin is not None and origin != f"http://{host}":
         return _FOREIGN

@@ -1,4 +1,4 @@
-"""Telemetry of a robot for pages: rows for its curves, a row a control step, its present state, and its picture."""
+"""Telemetry of a robot for pages: rows of its curves, one per control step, its present state, and its scene."""
 
 from collections import deque
 from typing import Any
@@ -14,11 +14,15 @@ from policies.base import Policy
 from quad_env.task.rewards import REWARD
 
 MAX_ROWS = 600
-"""The latest rows, as many as the curves of a page show."""
+"""Maximum number of rows, as many as the curves of a page show."""
 
 
 class Telemetry:
-    """Observer of a session, from its start on."""
+    """Observer of a session that collects its telemetry.
+
+    Args:
+        session: The session; it is observed from now on.
+    """
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -27,24 +31,41 @@ class Telemetry:
         self(session.latest)
 
     def __call__(self, step: Step) -> None:
-        """Take note of a control step, or of the start of an episode: only rows of one are kept."""
+        """Record a control `step`; the start of an episode clears the rows."""
         if step.number == 0:
             self._rows.clear()
-            self._outcome, self._scene = EpisodeOutcome(self._session), Scene(step)
+            self._outcome = EpisodeOutcome(self._session)
+            self._scene = Scene(step)
             return
         self._outcome.record()
         self._scene.advance(step)
         self._rows.append(self._row(step))
 
     def render_request(self, orbit: Orbit, count: int) -> RenderRequest:
-        """What is to be drawn of it now, as one of so many robots."""
-        simulation, place = self._session.env.simulation, self._session.latest.infos["position"][0]
-        name, viewpoint = self._session.policy.name, orbit.for_tile(place, count)
-        return RenderRequest(simulation.model, simulation.snapshot(0), name, viewpoint, self._scene.arrows())
+        """Return the scene of the robot now.
+
+        Args:
+            orbit: Viewpoint of the camera.
+            count: Number of robots side by side.
+
+        Returns:
+            Snapshot, name, viewpoint and arrows of the robot.
+        """
+        simulation = self._session.env.simulation
+        viewpoint = orbit.for_tile(self._session.latest.infos["position"][0], count)
+        return RenderRequest(
+            model=simulation.model,
+            data=simulation.snapshot(0),
+            name=self._session.policy.name,
+            viewpoint=viewpoint,
+            arrows=self._scene.arrows(),
+        )
 
     def state(self) -> dict[str, Any]:
-        """Present state, with the rows since the last call."""
-        infos, policy, rows = self._session.latest.infos, self._session.policy, list(self._rows)
+        """Return the present state for pages, with the rows since the last call."""
+        infos = self._session.latest.infos
+        policy = self._session.policy
+        rows = list(self._rows)
         self._rows.clear()
         return {
             "policy": policy.name,
@@ -62,8 +83,11 @@ class Telemetry:
         }
 
     def _row(self, step: Step) -> list[Any]:
-        """Time, s; command and velocity: forward m/s, left m/s, turning rad/s; feet on the ground; largest torque as a
-        share of what there is; reward of the step."""
+        """Return the row of a control step.
+
+        Time, s; command and velocity (forward m/s, left m/s, yaw rate rad/s); foot contacts; largest torque as a
+        fraction of the rated one; reward of the step.
+        """
         infos = step.infos
         return [
             round(step.number * step.env.dt, 4),
@@ -75,15 +99,16 @@ class Telemetry:
         ]
 
     def _torque(self, infos: dict[str, Any]) -> float:
+        """Return the largest joint torque as a fraction of the rated torque."""
         return round(float(np.abs(infos["joint_torque"][0]).max()) / self._session.env.robot.rated_torque, 3)
 
 
 def rounded(values: Any) -> list[float]:
-    """Numbers as a page needs them."""
+    """Return `values` rounded to three decimals, for pages."""
     return [round(float(value), 3) for value in values]
 
 
 def _correction(policy: Policy) -> float | None:
-    """Largest share of its authority that a residual uses of any joint; None of other policies."""
+    """Return the largest fraction of its authority that a residual uses at a joint; None for other policies."""
     correction = getattr(policy, "correction", None)
     return None if correction is None else round(float(np.abs(correction).max()), 3)

@@ -18,7 +18,7 @@ from quad_env.doctor import installation
 from quad_env.doctor.check import DoctorCheck, DoctorSubject, Finding, run_checks
 from quad_env.doctor.command import CHECKS
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from tests.live.view.test_driver import FAILING
+from tests.live.view.test_controller import FAILING
 from tests.quad_env.robots.made import Made
 
 OF_THE_INSTALLATION, OF_THE_ROBOT = CHECKS[:3], CHECKS[3:]

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from live.view.controller import ViewController
-from live.view.render_request import DISTANCES, STEEPEST, Orbit
+from live.view.render_request import DISTANCE_RANGE, MAX_ELEVATION, Orbit
 from live.view.render_thread import HEIGHT, WIDTH, RenderThread
 from quad_env.cli.real_time_rate import RealTimeRate
 
@@ -31,8 +31,8 @@ def test_dragging_right_turns_the_scene_right_and_dragging_down_lifts_the_camera
     orbit = Orbit(azimuth=90.0, elevation=-20.0)
     assert orbit.dragged(10.0, 0.0).azimuth == pytest.approx(86.0)
     assert orbit.dragged(0.0, 10.0).elevation == pytest.approx(-24.0)
-    assert orbit.dragged(0.0, 1e6).elevation == -STEEPEST
-    assert orbit.zoomed(5000.0).distance == DISTANCES[1]
+    assert orbit.dragged(0.0, 1e6).elevation == -MAX_ELEVATION
+    assert orbit.zoomed(5000.0).distance == DISTANCE_RANGE[1]
     assert orbit.zoomed(-100.0).distance < orbit.distance
     robot, shaken = np.array([3.0, -2.0, 0.5]), np.array([3.0, -2.0, 0.6])
     assert Orbit(target=(0.0, 0.0, 0.5)).at(robot).target == (3.0, -2.0, 0.5)
