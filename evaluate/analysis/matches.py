@@ -110,7 +110,7 @@ def _is_identical(a: pa.Table, b: pa.Table) -> bool:
 def strip_hardware_suffix(run: StoredRun) -> StoredRun:
     """Return a run with the names that its scenarios have without the hardware profile."""
     manifest, rows = run
-    scenarios = tuple(replace(each, name=each.name.removesuffix(HARDWARE)) for each in manifest.scenarios)
+    scenarios = tuple(replace(scenario, name=scenario.name.removesuffix(HARDWARE)) for scenario in manifest.scenarios)
     names = pc.replace_substring(rows.column("scenario"), HARDWARE, "")
     renamed = rows.set_column(rows.column_names.index("scenario"), "scenario", names)
     return replace(manifest, scenarios=scenarios), renamed

@@ -155,12 +155,10 @@ def _success(results: Results, axis: SeverityAxis, policy: str) -> str:
 def summary_table(results: Results) -> FittedTable:
     """Create the table of figures: a row for each policy on each scenario, intervals below their figures."""
     title = f"{with_count(results.episodes, 'episode')} each, with 95 % intervals (± half of one)"
-    shown = (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error")
-    heads = {
-        ROW_LABEL: "policy",
-        **{metric: TERMINAL_TITLES[metric] for metric in shown},
-        "cost_of_transport": "cost of\ntransport",
-    }
+    heads = {ROW_LABEL: "policy"}
+    for metric in (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error"):
+        heads[metric] = TERMINAL_TITLES[metric]
+    heads["cost_of_transport"] = "cost of\ntransport"
     groups: dict[str, list[dict[str, str]]] = {scenario: [] for scenario in results.scenarios}
     for (scenario, policy), summary in results.summaries.items():
         groups[scenario].append({ROW_LABEL: format_row_name(policy), **summary_figures(summary, "\n")})

@@ -6,7 +6,7 @@ from evaluate.analysis.comparison import ERRORS, METRICS
 from evaluate.measures.catalogue import BY_NAME
 from evaluate.report.headings import TITLES
 
-IN_A_LINE = {each: TITLES[each] + (f", {BY_NAME[each].unit}" if each in ERRORS else "") for each in METRICS}
+IN_A_LINE = {metric: TITLES[metric] + (f", {BY_NAME[metric].unit}" if metric in ERRORS else "") for metric in METRICS}
 """Metric -> heading with its unit."""
 
 

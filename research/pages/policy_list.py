@@ -71,7 +71,7 @@ class PolicyList:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the policies, own ones first."""
-        return (*self.ours, *(each.name for each in self.published))
+        return (*self.ours, *(policy.name for policy in self.published))
 
 
 def read_list(path: Path) -> PolicyList:

@@ -30,7 +30,7 @@ PLACE = "settled"
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """What to repeat, and how often."""
+    """Rows to repeat, and the number of repetitions."""
 
     sets: int = 2000
     """Data sets of each row (count)."""

@@ -86,11 +86,11 @@ class FailureCase:
         return recorder.episodes()
 
 
-def _named(name: str, **altered: Any) -> Callable[[], Policy]:
+def _make_policy(name: str, **altered: Any) -> Callable[[], Policy]:
     return lambda: PerturbedPolicy(policies.make(name), **altered) if altered else policies.make(name)
 
 
-def _trot(**parameters: float) -> Callable[[], Policy]:
+def _make_trot(**parameters: float) -> Callable[[], Policy]:
     return lambda: Trot(replace(searched_parameters(), **parameters))
 
 
@@ -106,7 +106,7 @@ def _toppling(actions: Actions, observation: Rows) -> Actions:
     return actions + np.tile(lean, 4).astype(np.float32)
 
 
-def _made(speed: float | tuple[float, float] = 0.5, **settings: Any) -> Scenario:
+def _make_scenario(speed: float | tuple[float, float] = 0.5, **settings: Any) -> Scenario:
     low, high = (speed, speed) if isinstance(speed, float) else speed
     commands = CommandRanges((low, high), (0.0, 0.0), (0.0, 0.0), zero_fraction=0.0)
     return Scenario("made", **{"commands": commands} | settings)
@@ -125,42 +125,54 @@ WEAK_MOTORS = Motors(10.0)
 """Motors with a tenth of their torque."""
 LONG_LATENCY = Latency(0.08, 0.08)
 LONG_DROPOUTS = Dropouts(4, 0.95, (0.1, 4.0))
-STAIRS_UP = _made(0.8, terrain=STAIRS_15_CM, start=ALONG)
-LYING = _made(start=AnyPose())
+STAIRS_UP = _make_scenario(0.8, terrain=STAIRS_15_CM, start=ALONG)
+LYING = _make_scenario(start=AnyPose())
 CASES = (
-    FailureCase(rules.TRIP, _named("robust"), _made(0.8, terrain=Stairs(0.2), start=ALONG), 120),
-    FailureCase(rules.TRIP, _named("end_to_end"), STAIRS_UP, 160, chosen=(3, 4, 5, 10, 11, 12)),
-    FailureCase(rules.SLIP, _named("end_to_end"), _made(ground=ICE, commands=CURVES)),
-    FailureCase(rules.SLIP, _named("trot"), _made(ground=ICE, commands=CURVES)),
-    FailureCase(rules.PUSH, _named("trot_feedback"), _made(pushes=Pushes(1, 150.0, window=(0.8, 1.2))), 220),
-    FailureCase(rules.PUSH, _named("residual"), _made(force=SteadyForce(140.0))),
-    FailureCase(rules.MOTOR, _named("residual"), _made(0.8, motors=WEAK_MOTORS)),
-    FailureCase(rules.MOTOR, _named("end_to_end"), _made(motors=WEAK_MOTORS, commands=CURVES)),
-    FailureCase(rules.REACH, _trot(body_height=0.62), _made(0.8)),
-    FailureCase(rules.REACH, _trot(stance_width=0.2, frequency=1.5), _made(0.8)),
+    FailureCase(rules.TRIP, _make_policy("robust"), _make_scenario(0.8, terrain=Stairs(0.2), start=ALONG), 120),
+    FailureCase(rules.TRIP, _make_policy("end_to_end"), STAIRS_UP, 160, chosen=(3, 4, 5, 10, 11, 12)),
+    FailureCase(rules.SLIP, _make_policy("end_to_end"), _make_scenario(ground=ICE, commands=CURVES)),
+    FailureCase(rules.SLIP, _make_policy("trot"), _make_scenario(ground=ICE, commands=CURVES)),
     FailureCase(
-        rules.ESTIMATE, _named("trot_feedback"), _made(noise=SensorNoise(2.4)), 180, chosen=(4, 6, 12, 15, 21, 28)
+        rules.PUSH, _make_policy("trot_feedback"), _make_scenario(pushes=Pushes(1, 150.0, window=(0.8, 1.2))), 220
     ),
-    FailureCase(rules.ESTIMATE, _named("end_to_end"), _made(), hardware=HardwareConfig(sensors=TILTED_IMU)),
+    FailureCase(rules.PUSH, _make_policy("residual"), _make_scenario(force=SteadyForce(140.0))),
+    FailureCase(rules.MOTOR, _make_policy("residual"), _make_scenario(0.8, motors=WEAK_MOTORS)),
+    FailureCase(rules.MOTOR, _make_policy("end_to_end"), _make_scenario(motors=WEAK_MOTORS, commands=CURVES)),
+    FailureCase(rules.REACH, _make_trot(body_height=0.62), _make_scenario(0.8)),
+    FailureCase(rules.REACH, _make_trot(stance_width=0.2, frequency=1.5), _make_scenario(0.8)),
     FailureCase(
-        rules.SIGNAL, _named("end_to_end"), _made(0.8, latency=LONG_LATENCY), 200, chosen=(4, 7, 9, 12, 19, 28)
+        rules.ESTIMATE,
+        _make_policy("trot_feedback"),
+        _make_scenario(noise=SensorNoise(2.4)),
+        180,
+        chosen=(4, 6, 12, 15, 21, 28),
+    ),
+    FailureCase(
+        rules.ESTIMATE, _make_policy("end_to_end"), _make_scenario(), hardware=HardwareConfig(sensors=TILTED_IMU)
     ),
     FailureCase(
         rules.SIGNAL,
-        _named("end_to_end"),
-        _made((1.8, 2.3), dropouts=LONG_DROPOUTS),
+        _make_policy("end_to_end"),
+        _make_scenario(0.8, latency=LONG_LATENCY),
+        200,
+        chosen=(4, 7, 9, 12, 19, 28),
+    ),
+    FailureCase(
+        rules.SIGNAL,
+        _make_policy("end_to_end"),
+        _make_scenario((1.8, 2.3), dropouts=LONG_DROPOUTS),
         230,
         chosen=(2, 12, 31, 53, 92, 93),
     ),
-    FailureCase(rules.GAIT, _named("document"), _made()),
-    FailureCase(rules.GAIT, _named("stand", action_transform=_toppling), _made()),
-    FailureCase(rules.SLOW, _named("trot", observation_transform=_slower), _made(1.2)),
-    FailureCase(rules.SLOW, _named("residual", observation_transform=_slower), _made(1.5)),
-    FailureCase(rules.STALLED, _named("stand"), _made()),
-    FailureCase(rules.STALLED, _named("trot"), STAIRS_UP),
-    FailureCase(rules.POLICY, _named("trot", failing=80), _made()),
-    FailureCase(rules.POLICY, _named("stand", failing=1), _made()),
-    FailureCase(rules.UNCLEAR, _named("trot"), LYING, chosen=(0, 1, 2, 5, 6, 8)),
-    FailureCase(rules.UNCLEAR, _named("residual"), LYING, chosen=(0, 1, 2, 5, 6, 8)),
+    FailureCase(rules.GAIT, _make_policy("document"), _make_scenario()),
+    FailureCase(rules.GAIT, _make_policy("stand", action_transform=_toppling), _make_scenario()),
+    FailureCase(rules.SLOW, _make_policy("trot", observation_transform=_slower), _make_scenario(1.2)),
+    FailureCase(rules.SLOW, _make_policy("residual", observation_transform=_slower), _make_scenario(1.5)),
+    FailureCase(rules.STALLED, _make_policy("stand"), _make_scenario()),
+    FailureCase(rules.STALLED, _make_policy("trot"), STAIRS_UP),
+    FailureCase(rules.POLICY, _make_policy("trot", failing=80), _make_scenario()),
+    FailureCase(rules.POLICY, _make_policy("stand", failing=1), _make_scenario()),
+    FailureCase(rules.UNCLEAR, _make_policy("trot"), LYING, chosen=(0, 1, 2, 5, 6, 8)),
+    FailureCase(rules.UNCLEAR, _make_policy("residual"), LYING, chosen=(0, 1, 2, 5, 6, 8)),
 )
 """Twelve episodes of each cause."""

@@ -57,7 +57,7 @@ VALIDATED_ON = DEFAULTS["residual"].complete_validation.scenarios
 
 @dataclass(frozen=True)
 class AblationsOptions:
-    """Which variants to compare, with how many steps, seeds and episodes."""
+    """Variants to compare, and the numbers of steps, seeds and episodes."""
 
     variants: tuple[str, ...] = tuple(VARIANTS)
     """Names of the variants."""

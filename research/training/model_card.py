@@ -47,7 +47,7 @@ def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: 
     """Write the MODEL.md of a policy.
 
     Args:
-        name: Name by which it ships.
+        name: Name of the shipped policy.
         runs: All evaluated runs.
         shipped: Run that ships.
         results: Results of the evaluation; its other policies are baselines.
@@ -58,8 +58,8 @@ def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: 
     config = shipped.config
     kinds: dict[str, str] = {run.config.policy: run.config.policy for run in runs} | {config.policy: name}
     tables = "\n\n".join(
-        results_table(display_names, [run for run in runs if run.config.policy == kind], shipped, results)
-        for kind, display_names in kinds.items()
+        results_table(display_name, [run for run in runs if run.config.policy == kind], shipped, results)
+        for kind, display_name in kinds.items()
     )
     return f"""# {name}
 
@@ -100,12 +100,13 @@ evaluation uses. {describe_origin(run)}"""
 
 def describe_origin(run: TrainedRun) -> str:
     """Describe the revision at which a run was trained, and its command there."""
-    today = training_command(run.config)
-    then = run.command_then or today
-    there = "has these settings too" if then == today else f"is `{then}`"
+    present_command = training_command(run.config)
+    original_command = run.command_then or present_command
+    is_unchanged = original_command == present_command
+    command_words = "has these settings too" if is_unchanged else f"is `{original_command}`"
     return (
         f"The command above has these settings in this version's options. The weights were trained at revision "
-        f"{run.git_revision[:8]}, where the command {there}; later code may train other weights."
+        f"{run.git_revision[:8]}, where the command {command_words}; later code may train other weights."
     )
 
 
@@ -122,11 +123,11 @@ def describe_mixture(config: TrainConfig) -> str:
     return ", ".join(f"{share / total:.0%} {name}" for name, share in config.mixture if share)
 
 
-def results_table(display_names: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
+def results_table(display_name: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
     """Create the table of the seeds of one policy and the baseline, a row per scenario.
 
     Args:
-        display_names: Display name of the policy.
+        display_name: Display name of the policy.
         runs: Runs of the policy.
         shipped: Run that ships.
         results: Results of the evaluation.
@@ -135,10 +136,11 @@ def results_table(display_names: str, runs: Sequence[TrainedRun], shipped: Train
         Markdown.
     """
     first, *others = sorted(runs, key=lambda run: run is not shipped)
-    base, name = shipped.baseline, f"{display_names} {format_seed(first, shipped)}"
-    rest = ", ".join(str(run.config.seed) for run in others)
+    base = shipped.baseline
+    name = f"{display_name} {format_seed(first, shipped)}"
+    other_seeds = ", ".join(str(run.config.seed) for run in others)
     heads = {"scenario": "scenario", "before": f"success, `{base}`", "after": f"success, {name}"}
-    heads |= {"seeds": f"seeds {rest}", "median": "median"} if others else {}
+    heads |= {"seeds": f"seeds {other_seeds}", "median": "median"} if others else {}
     heads[SUCCESS_RATE] = f"{name} minus `{base}`, points"
     heads |= {metric: f"{markdown.IN_A_LINE[metric]}, `{base}` / {name}" for metric in CARD_METRICS}
     return markdown.table(heads, (_row(scenario, base, (first, *others), results) for scenario in results.scenarios))
@@ -165,21 +167,22 @@ def scores_table(
 
 def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results) -> dict[str, str]:
     """Format the figures of the baseline and of the first run, and the success of the other runs."""
-    before, *after = (results.summaries[scenario, policy] for policy in (base, *(run.label for run in runs)))
-    shown = after[0]
-    seeds = [percent(each.success_rate) for each in after[1:]]
-    found = {
+    before = results.summaries[scenario, base]
+    after, *other_seeds = (results.summaries[scenario, run.label] for run in runs)
+    differences = {
         metric: format_difference(_baseline_difference(base, scenario, runs[0], metric, results)) for metric in METRICS
     }
-    return {
+    row = {
         "scenario": scenario,
         "before": share(before.success_rate, before.success_rate_ci),
-        "after": share(shown.success_rate, shown.success_rate_ci),
-        "seeds": ", ".join(seeds),
-        "median": percent(median(each.success_rate for each in after)),
-        SUCCESS_RATE: found[SUCCESS_RATE],
-        **{metric: f"{_figure(before, metric)} / {_figure(shown, metric)}, {found[metric]}" for metric in CARD_METRICS},
+        "after": share(after.success_rate, after.success_rate_ci),
+        "seeds": ", ".join(percent(summary.success_rate) for summary in other_seeds),
+        "median": percent(median(summary.success_rate for summary in (after, *other_seeds))),
+        SUCCESS_RATE: differences[SUCCESS_RATE],
     }
+    for metric in CARD_METRICS:
+        row[metric] = f"{_figure(before, metric)} / {_figure(after, metric)}, {differences[metric]}"
+    return row
 
 
 def _figure(summary: Summary, metric: str) -> str:
@@ -189,38 +192,38 @@ def _figure(summary: Summary, metric: str) -> str:
 
 def _baseline_difference(base: str, scenario: str, run: TrainedRun, metric: str, results: Results) -> Comparison:
     """Return the difference of the run from the baseline."""
+    key = (scenario, run.label, base, metric)
     return next(
-        each
-        for each in results.comparisons
-        if (each.scenario, each.a, each.b, each.metric) == (scenario, run.label, base, metric)
+        comparison
+        for comparison in results.comparisons
+        if (comparison.scenario, comparison.a, comparison.b, comparison.metric) == key
     )
 
 
 def significant_scenarios(shipped: TrainedRun, results: Results) -> str:
     """List the scenarios with a difference of the `shipped` policy from its baseline in the `results`."""
     base = shipped.baseline
-    found = {
-        (metric, scenario): _baseline_difference(base, scenario, shipped, metric, results)
-        for metric in (SUCCESS_RATE, FALL_RATE)
-        for scenario in results.scenarios
-    }
-
-    def where(metric: str, sign: float) -> str:
-        names = [
-            scenario
-            for (of, scenario), each in found.items()
-            if of == metric and sign * each.difference > 0.0 and each.p_value_holm <= SIGNIFICANT
-        ]
-        return f"{', '.join(names) or 'nowhere'} ({len(names)} of {len(results.scenarios)})"
-
+    more_successes = _significant_names(shipped, results, SUCCESS_RATE, 1.0)
+    fewer_successes = _significant_names(shipped, results, SUCCESS_RATE, -1.0)
+    more_falls = _significant_names(shipped, results, FALL_RATE, 1.0)
     weak = [name for name in results.scenarios if results.summaries[name, shipped.label].success_rate < 0.5]
     return "\n".join(
         (
-            f"- Succeeds more often than `{base}`, p of at most {SIGNIFICANT:g}: {where(SUCCESS_RATE, 1.0)}.",
-            f"- Succeeds less often: {where(SUCCESS_RATE, -1.0)}. Falls more often: {where(FALL_RATE, 1.0)}.",
+            f"- Succeeds more often than `{base}`, p of at most {SIGNIFICANT:g}: {more_successes}.",
+            f"- Succeeds less often: {fewer_successes}. Falls more often: {more_falls}.",
             f"- Succeeds in less than half of the episodes: {', '.join(weak) or 'nowhere'}.",
         )
     )
+
+
+def _significant_names(shipped: TrainedRun, results: Results, metric: str, sign: float) -> str:
+    """List the scenarios with a significant difference of that sign, and their number."""
+    names = []
+    for scenario in results.scenarios:
+        comparison = _baseline_difference(shipped.baseline, scenario, shipped, metric, results)
+        if sign * comparison.difference > 0.0 and comparison.p_value_holm <= SIGNIFICANT:
+            names.append(scenario)
+    return f"{', '.join(names) or 'nowhere'} ({len(names)} of {len(results.scenarios)})"
 
 
 def format_difference(comparison: Comparison) -> str:

@@ -49,7 +49,7 @@ SCENARIOS = (
 
 @dataclass(frozen=True)
 class PublishOptions:
-    """Which runs to evaluate and where to put the shipped one."""
+    """Runs to evaluate, and the folder of the shipped one."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Folders of finished runs: the seeds of one policy, and others to compare it with (such as end-to-end). Or the
@@ -162,17 +162,14 @@ _ADDED_SETTINGS: Mapping[str, Any] = {"effort_ramp": 0.0}
 
 def migrate_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return a shipped policy's settings in present terms. Raises ValueError for a removed setting in use."""
-    found = {
-        **_ADDED_SETTINGS,
-        **settings,
-        **{group: dict(settings[group]) for group in _REMOVED_SETTINGS if group in settings},
-    }
+    migrated = {**_ADDED_SETTINGS, **settings}
+    migrated |= {group: dict(settings[group]) for group in _REMOVED_SETTINGS if group in settings}
     for group, removed in _REMOVED_SETTINGS.items():
-        values = found.get(group, {}) if group else found
-        for name, only in removed.items():
-            if values.pop(name, only) != only and only is not None:
+        values = migrated.get(group, {}) if group else migrated
+        for name, allowed in removed.items():
+            if values.pop(name, allowed) != allowed and allowed is not None:
                 raise ValueError(f"{name} was removed")
-    return found
+    return migrated
 
 
 def settings_of_card(settings: Mapping[str, Any], card: str) -> TrainConfig:
@@ -191,10 +188,10 @@ def settings_of_card(settings: Mapping[str, Any], card: str) -> TrainConfig:
         ValueError: The card says no steps, or the schedules of the run depend on its length.
     """
     config = from_dict(migrate_settings(settings))
-    said = re.search(r"^([\d,]+) steps of ", card, re.MULTILINE)
-    if said is None:
+    steps_match = re.search(r"^([\d,]+) steps of ", card, re.MULTILINE)
+    if steps_match is None:
         raise ValueError(f"{CARD}: no number of steps")
-    steps = int(said[1].replace(",", ""))
+    steps = int(steps_match[1].replace(",", ""))
     if steps == config.steps:
         return config
     if config.ppo.learning_rate_schedule == "linear" or config.ppo.log_std_final is not None:

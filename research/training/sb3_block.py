@@ -1,7 +1,7 @@
-"""The README's block for Stable-Baselines3, run as printed and evaluated: `python -m research sb3-block`.
+"""The README's block for Stable-Baselines3, run and evaluated: `python -m research sb3-block`.
 
-The block runs once for each seed, which replaces the one in its line `seed = 0`. Its models and a standing robot walk
-the same held-out episodes, those of `python -m evaluate`.
+The block runs as printed, once for each seed, which replaces the one in its line `seed = 0`. Its models and a standing
+robot walk the held-out episodes of `python -m evaluate`.
 """
 
 import contextlib
@@ -45,7 +45,7 @@ SCENARIOS = "flat=1", "flat"
 
 @dataclass(frozen=True)
 class SB3BlockOptions:
-    """Run the README's block for Stable-Baselines3 and evaluate what it trains."""
+    """Run the README's block for Stable-Baselines3 and evaluate its models."""
 
     seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
     """Seeds to train with."""
@@ -92,14 +92,14 @@ def main(options: SB3BlockOptions) -> int:
 
 def find_block(text: str) -> str:
     """Return the page's Python block that trains with Stable-Baselines3. Raises UsageError."""
-    blocks = re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
-    found = [block for block in blocks if "stable_baselines3" in block]
-    if len(found) != 1 or found[0].count(SEED_LINE) != 1 or len(LEARN.findall(found[0])) != 1:
+    python_blocks = re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    blocks = [block for block in python_blocks if "stable_baselines3" in block]
+    if len(blocks) != 1 or blocks[0].count(SEED_LINE) != 1 or len(LEARN.findall(blocks[0])) != 1:
         raise UsageError(
             f"the page needs one block with stable_baselines3, one line {SEED_LINE.strip()!r} and one .learn(STEPS), "
-            f"got {len(found)} blocks"
+            f"got {len(blocks)} blocks"
         )
-    return str(found[0])
+    return str(blocks[0])
 
 
 def training_steps(block: str) -> int:
@@ -143,16 +143,16 @@ def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict
     Returns:
         Scenario -> name of the figure -> value: successes, falls and velocity error.
     """
-    found = {}
+    figures = {}
     for name in SCENARIOS:
         seeds = episode_seeds("evaluation", evaluation_seed, episodes)
         measures = measure(run(policies.resolve(policy, trust=True), scenario(name), seeds))
-        found[name] = {
+        figures[name] = {
             "successes": int(measures.succeeded.sum()),
             "falls": int(measures.fell.sum()),
             "velocity_error": round(float(measures.velocity_error.mean()), 4),
         }
-    return found
+    return figures
 
 
 def markdown_lines(record: Mapping[str, Any]) -> list[str]:
@@ -165,7 +165,7 @@ def markdown_lines(record: Mapping[str, Any]) -> list[str]:
     ]
     rows.append(_row("action 0, which stands", "–", record["standing"], record))
     seeds = " ".join(str(entry["seed"]) for entry in record["seeds"])
-    made = record["versions"]
+    versions_used = record["versions"]
     return [
         f"{record['steps']:,} steps for each seed, then {record['episodes']} held-out episodes on the usual physics "
         f"({_commands(SCENARIOS[0])}; {_commands(SCENARIOS[1])}):",
@@ -174,7 +174,7 @@ def markdown_lines(record: Mapping[str, Any]) -> list[str]:
         "",
         f"`python -m research sb3-block --seeds {seeds} --episodes {record['episodes']} "
         f"--evaluation-seed {record['evaluation_seed']}`; success by "
-        f"`{record['success_rule']}`; MuJoCo {made['mujoco']}, Python {made['python']}.",
+        f"`{record['success_rule']}`; MuJoCo {versions_used['mujoco']}, Python {versions_used['python']}.",
     ]
 
 
@@ -182,12 +182,12 @@ def _row(
     name: str, minutes: str, scenarios: Mapping[str, Mapping[str, float]], record: Mapping[str, Any]
 ) -> dict[str, str]:
     """Return the cells of one policy by column."""
-    count = record["episodes"]
-    successes = {
-        each: share(scenarios[each]["successes"] / count, wilson_interval(scenarios[each]["successes"], count))
-        for each in SCENARIOS
-    }
-    return {"seed": name, "minutes": minutes, **successes, "falls": str(scenarios[SCENARIOS[0]]["falls"])}
+    episodes = record["episodes"]
+    row = {"seed": name, "minutes": minutes, "falls": str(scenarios[SCENARIOS[0]]["falls"])}
+    for scenario_name in SCENARIOS:
+        successes = scenarios[scenario_name]["successes"]
+        row[scenario_name] = share(successes / episodes, wilson_interval(successes, episodes))
+    return row
 
 
 def _commands(name: str) -> str:

@@ -73,7 +73,7 @@ POLICIES = {
 
 @dataclass(frozen=True, kw_only=True)
 class FeedbackSearchOptions(SearchOptions):
-    """Which policy is searched, on what, and how thoroughly."""
+    """Policy to search, scenarios, and effort of the search."""
 
     robot: str = "simple_quad"
     """Robot: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""

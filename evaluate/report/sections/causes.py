@@ -38,7 +38,7 @@ def _cause_plots(results: Results) -> Iterator[str]:
     """Render a heading and a plot for each policy that failed, in the order of the ranking."""
     for real, title in TITLES.items():
         axes = [axis for axis in severity_axes(results.cells) if axis.name.endswith(HARDWARE) == real]
-        order = dict.fromkeys((*(each.policy for each in results.ranking.places), *results.policies))
+        order = dict.fromkeys((*(place.policy for place in results.ranking.places), *results.policies))
         shares = {policy: dict(_shares(results, policy, axes)) for policy in order}
         pictures = "".join(_cause_plot(policy, by_axis) for policy, by_axis in shares.items() if any(by_axis.values()))
         if pictures:
