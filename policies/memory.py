@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _FROM_CONSTRUCTOR = object()
-"""Marks an array whose initial value the constructor passes to `initialize_state`."""
+"""Marks an array that gets its initial value from the constructor, by `initialize_state`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class PerRobotState:
     allocated, reset and copied along. A subclass calls this constructor at the end of its own.
 
     Args:
-        initial_values: Initial values of the arrays that are declared without one, by name.
+        **initial_values: Initial values of the arrays that are declared without one, by name.
     """
 
     def __init__(self, **initial_values: ArrayLike) -> None:
@@ -74,11 +74,11 @@ class PerRobotState:
 def initialize_state(owner: Any, **initial_values: ArrayLike) -> None:
     """Allocate the declared arrays of an object for one robot; called at the end of its constructor.
 
-    An array whose initial value is a function, or is not known yet, is left to a later call or to `allocate`.
+    An array with an initial value that is a function, or not known yet, is left to a later call or to `allocate`.
 
     Args:
-        owner: Object whose class declares the arrays.
-        initial_values: Initial values of the arrays that are declared without one, by name.
+        owner: Object of a class that declares the arrays.
+        **initial_values: Initial values of the arrays that are declared without one, by name.
 
     Raises:
         TypeError: A name is not declared.
@@ -107,9 +107,13 @@ def allocate(owner: Any, num_envs: int) -> None:
 
 
 def reset_rows(owner: Any, mask: NDArray[np.bool_]) -> None:
-    """Reset the declared arrays of `owner` and its nested states where `mask`, (n,), is true.
+    """Reset the declared arrays and nested states of some robots.
 
     Arrays that were handed out before keep their values.
+
+    Args:
+        owner: Object that holds the state.
+        mask: Robots to reset, (n,) bool.
     """
     for name, array in declared_arrays(owner).items():
         _set_robots(owner, name, array.axis, mask, _initial_value(owner, name, array))

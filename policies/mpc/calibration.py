@@ -18,8 +18,8 @@ CALIBRATION_BEND = 1.1
 class Calibration(PerRobotState):
     """Phases of the calibration of n robots.
 
-    A robot stands in the home pose while its noise is measured. A robot whose joint readings have no known delay then
-    bends its legs until they move, at most for the longest candidate delay.
+    A robot stands in the home pose while its noise is measured. Without a known delay of its joint readings it
+    then bends its legs until they move, at most for the longest candidate delay.
 
     Args:
         robot: Robot of the targets.
@@ -27,7 +27,7 @@ class Calibration(PerRobotState):
     """
 
     is_active: Mask = per_robot(True)
-    """Robots whose noise or delay is not known yet, (n,)."""
+    """Robots with unknown noise or delay, (n,)."""
     measures_noise: Mask = per_robot(True)
     """Robots that stand while their noise is measured, (n,)."""
 
@@ -42,7 +42,7 @@ class Calibration(PerRobotState):
         Args:
             sample_count: Readings since the reset, (n,).
             is_noisy: Robots with noisy readings, (n,).
-            delay_identified: Robots whose delay motion has shown, (n,).
+            delay_identified: Robots with a delay that motion has shown, (n,).
         """
         quiet_steps, noisy_steps = CALIBRATION_STEPS
         steps_after_noise = sample_count - np.where(is_noisy, noisy_steps, quiet_steps)

@@ -164,7 +164,7 @@ class ContactEstimator(PerRobotState):
         return forces
 
     def _is_informative(self, motion: MotionState, normal_forces: Floats) -> Mask:
-        """Return True for robots whose unexplained wrench is external, (n,).
+        """Return True for robots with an unexplained wrench that is external, (n,).
 
         They stand on two firm feet, nearly level, without an impact. `normal_forces`: (n, 4), N.
         """
@@ -332,7 +332,7 @@ class ContactState(NamedTuple):
     late: Mask
     """Feet that the gait has in stance and that have not touched the ground yet."""
     landed: Mask
-    """Feet whose positions show the ground."""
+    """Feet that show the ground by their positions."""
 
 
 def classify_contacts(

@@ -38,7 +38,7 @@ DEFAULT_PARAMETERS = DelayEstimatorParameters()
 
 
 class DelayEstimator(PerRobotState):
-    """Estimates the delay of each of n robots: the candidate whose targets explain the joint speeds best.
+    """Estimates the delay of each of n robots: its targets explain the joint speeds best of all candidates.
 
     Args:
         period: Control period, s.

@@ -80,7 +80,7 @@ class TerrainEstimator(PerRobotState):
 
         Args:
             state: State of n robots.
-            landed: Feet whose positions show the ground, (n, 4).
+            landed: Feet that show the ground by their positions, (n, 4).
 
         Returns:
             Terrain plane.
@@ -102,22 +102,28 @@ class TerrainEstimator(PerRobotState):
 
 
 def ground_velocity(state: MotionState, yaw_rate: Floats) -> Floats:
-    """Return the velocity of the ground relative to the trunk at the feet, (n, 4, 2), m/s.
+    """Return the velocity of the ground relative to the trunk at the feet.
 
     Args:
         state: State of n robots.
         yaw_rate: Yaw rate of the trunks, (n,), rad/s.
+
+    Returns:
+        Level frame, (n, 4, 2), m/s.
     """
     return -point_velocity(state, yaw_rate, state.bodies.feet)
 
 
 def point_velocity(state: MotionState, yaw_rate: Floats, positions: Floats) -> Floats:
-    """Return the horizontal velocity of points fixed to the trunk, (n, 4, 2), m/s.
+    """Return the horizontal velocity of points fixed to the trunk.
 
     Args:
         state: State of n robots.
         yaw_rate: Yaw rate of the trunks, (n,), rad/s.
         positions: From the trunk centre, level frame, (n, 4, 2 or 3), m.
+
+    Returns:
+        Level frame, (n, 4, 2), m/s.
     """
     by_yaw = yaw_rate[:, None, None] * (positions[..., 1::-1] * _ROTATE_90)
     velocity: Floats = state.bodies.com_velocity[:, None, :2] + by_yaw
@@ -126,7 +132,15 @@ def point_velocity(state: MotionState, yaw_rate: Floats, positions: Floats) -> F
 
 @cache
 def nominal_footholds(robot: Robot, p: ModelParameters) -> Floats:
-    """Return the footholds of a robot at rest relative to the centre of mass, (4, 2), m, by length, width and shift."""
+    """Return the footholds of a robot at rest.
+
+    Args:
+        robot: Robot of the feet.
+        p: Length, width and shift of the footholds.
+
+    Returns:
+        Relative to the centre of mass, (4, 2), m.
+    """
     fore_or_hind = np.sign(robot.hip_positions[:, 0])
     return np.stack((fore_or_hind * p.length / 2.0 + p.shift, robot.side * p.width / 2.0), axis=-1)
 

@@ -93,7 +93,7 @@ class StanceForces(NamedTuple):
     moment_arms: Floats
     """From the centre of mass to the feet, level frame, (n, 4, 3), m."""
     failed: Mask
-    """Robots whose plan could not be renewed, (n,)."""
+    """Robots without a renewed plan where one was due, (n,)."""
 
 
 def _observation_at_rest(policy: Policy) -> NDArray[np.float32]:
@@ -125,7 +125,7 @@ class ModelBased(GaitedPolicy):
     stopped: Mask = per_robot(False)
     """Robots that were given up and stopped, (n,)."""
     _observation_invalid: Mask = per_robot(False)
-    """Robots whose present observation is not finite, (n,)."""
+    """Robots without a finite present observation, (n,)."""
     _failed_steps: NDArray[np.int64] = per_robot(0)
     """Control steps in a row without a solution, (n,)."""
     _is_first_step: Mask = per_robot(True)
@@ -280,7 +280,7 @@ class ModelBased(GaitedPolicy):
         return self.parameters.height - self.robot.hip_rise
 
     def _ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
-        """Return the ground plane; `landed`: feet whose positions show the ground, (n, 4)."""
+        """Return the ground plane; `landed`: feet that show it by their positions, (n, 4)."""
         return self.terrain_estimator.ground(state, landed)
 
     def _swing_terrain(self, foothold_positions: Floats, ground: TerrainPlane) -> Terrain:
@@ -375,6 +375,10 @@ class ModelBased(GaitedPolicy):
         """Set the joint targets that give the torques halfway through the control period.
 
         u = q + (τ + d q̇) / k, with q and q̇ integrated over half a period at the planned acceleration.
+
+        Args:
+            state: State of n robots.
+            torques: Joint torques and accelerations.
 
         Returns:
             Robots without finite targets or without a solution, (n,); the former keep their last targets.

@@ -116,9 +116,10 @@ def replace_robots(state: P, robots: EnvIndices, replacement: P) -> P:
 
 
 def _attitude(tilt: Floats) -> tuple[Floats, Floats]:
-    """Convert roll and pitch, (2, n), rad, to the rotation from the base to the level frame.
+    """Convert roll and pitch to the rotation from the base to the level frame: roll about x, then pitch about y.
 
-    It is a rotation by roll about x, then by pitch about y.
+    Args:
+        tilt: Roll and pitch, (2, n), rad.
 
     Returns:
         quaternion: (w, x, y, z), (n, 4).
@@ -218,7 +219,7 @@ class PointLoad(NamedTuple):
 
 
 def estimate_load(wrench: Floats, height: float) -> PointLoad:
-    """Estimate the load whose weight is the downward force of a lasting wrench.
+    """Estimate the load that presses with the downward force of a lasting wrench.
 
     Args:
         wrench: On the trunk, (n, 6), N and N·m.

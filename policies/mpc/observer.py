@@ -1,8 +1,8 @@
 """Delay compensation: estimates sensor noise and delay and predicts the state at which the next targets act.
 
 The joint targets are known, and the dynamics of the robot (`servo_step`) predict the motion of the joints within a
-control period. The delay from target to reading is the candidate whose targets explain the joint speeds best
-(`delay_estimator`). The state is predicted over that delay with the targets that have not acted yet
+control period. The delay from target to reading is the one of all candidates that explains the joint speeds
+best (`delay_estimator`). The state is predicted over that delay with the targets that have not acted yet
 (`state_predictor`; a Smith predictor of the whole body, "Closer control of loops with dead time", 1957). Noisy readings
 (`reading_noise`) are weighed against the prediction by a Kalman filter (`state_filter`); readings without noise count
 as they are.

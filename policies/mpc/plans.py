@@ -50,11 +50,14 @@ class ForcePlans(PerRobotState):
         self.age += time
 
     def due(self, stance: Mask, interval: float) -> Mask:
-        """Return the robots that need a new plan, (n,).
+        """Return the robots that need a new plan.
 
         Args:
             stance: Present stance feet, (n, 4): a plan with other ones is due.
             interval: Age from which a plan is due, s.
+
+        Returns:
+            (n,) bool.
         """
         is_old = self.age > interval - _CLOCK_ROUNDING
         if is_old.all():

@@ -92,7 +92,10 @@ class Mpc(ModelBased):
         return StanceForces(forces, arms[:, 0], failed)
 
     def _schedule(self, stance: Mask) -> tuple[Mask, Floats]:
-        """Return the contact schedule: the present stance feet, (n, 4), in the first step, then the gait.
+        """Return the contact schedule: the present stance feet in the first step, then the gait.
+
+        Args:
+            stance: Present stance feet, (n, 4).
 
         Returns:
             stance_schedule: Stance feet in each step of the horizon, (n, N, 4).
@@ -139,10 +142,19 @@ class Mpc(ModelBased):
         stance_schedule: Mask,
         friction: Friction,
     ) -> Mask:
-        """Renew the force plans of the robots in `due`, (n,).
+        """Renew the force plans that are due.
+
+        Args:
+            due: Robots with a plan that is due, (n,).
+            state: State of n robots.
+            ground: Plane under the feet.
+            disturbance_acceleration: Level frame, (n, 6), m/s² and rad/s².
+            arms: Vectors from the centre of mass to the feet over the horizon, (n, N, 4, 3), m.
+            stance_schedule: Stance feet over the horizon, (n, N, 4).
+            friction: Bounds of the contact forces.
 
         Returns:
-            Robots whose program has no solution, (n,): they follow their last plan.
+            Robots without a solution of their program, (n,): they follow their last plan.
         """
         horizon = self._horizon
         robots = due.nonzero()[0]

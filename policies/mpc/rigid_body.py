@@ -26,7 +26,7 @@ from quad_env.physics.rotations import skew
 LEGS = 4
 """Number of legs."""
 MAX_GROUP_SIZE = 32
-"""Largest number of robots whose programs are assembled at once: their matrices fit into the cache of a processor."""
+"""Largest number of robots in a batch of programs: their matrices fit into the cache of a processor."""
 _EYE = np.eye(3)
 _GRAVITY_ACCELERATION = np.array([0.0, 0.0, 0.0, 0.0, 0.0, GRAVITY])
 """Downward acceleration of a falling body, rad/s² and m/s²."""
@@ -174,11 +174,14 @@ class CondensedMpc:
         return gradient
 
     def _hessian(self, accelerations: Floats, variables: EnvIndices) -> Floats:
-        """Return the Hessian of the cost of g robots, (g, k, k).
+        """Return the Hessian of the cost of g robots.
 
         Args:
             accelerations: Accelerations per variable, (g, k, 6).
             variables: Indices of the variables among the forces of all feet, (g, k).
+
+        Returns:
+            (g, k, k).
         """
         roots = self._roots[variables // (3 * LEGS)] * accelerations[..., None]
         roots = roots.reshape(*variables.shape, 6 * self.steps)

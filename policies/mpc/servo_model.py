@@ -45,12 +45,15 @@ class ServoModel:
         return ordered_sum(weight * targets[age : age + count] for age, weight in enumerate(self.target_weights))
 
     def torque(self, targets: Floats, angle: Floats, speed: Floats) -> Floats:
-        """Return the joint torques of the PD law within the limits, (n, 12), N·m.
+        """Return the joint torques of the PD law within the limits.
 
         Args:
             targets: Filtered joint targets, (n, 12), rad.
             angle: Joint angles, (n, 12), rad.
             speed: Joint speeds, (n, 12), rad/s.
+
+        Returns:
+            (n, 12), N·m.
         """
         torque: Floats = self.stiffness * (targets - angle) - self._damping * speed
         return torque.clip(*self.limits(speed))

@@ -43,7 +43,7 @@ class ScannedTerrain(NamedTuple):
     """Of the centre of a foot that stands there, (n, rows, columns), m."""
 
     def at(self, positions: Floats) -> Floats:
-        """Return the heights at `positions`, (n, 4, 2), m: bilinear, beyond the grid those of its edge; (n, 4), m."""
+        """Return the heights at `positions`, (n, 4, 2), m: bilinear, beyond the grid the ones of its edge; (n, 4), m."""
         _, rows, columns = self.heights.shape
         u = np.clip(positions[..., 0] / self.scan.spacing + self.scan.behind, 0.0, rows - 1.0)
         v = np.clip(positions[..., 1] / self.scan.spacing + self.scan.aside, 0.0, columns - 1.0)
@@ -63,7 +63,10 @@ class ScannedTerrain(NamedTuple):
 
 @cache
 def plane_fit_weights(scan: HeightScan) -> Floats:
-    """Return the weights of the heights on the grid of `scan` in the least-squares plane under the legs.
+    """Return the weights of the heights on a grid in the least-squares plane under the legs.
+
+    Args:
+        scan: Grid.
 
     Returns:
         For the height under the trunk centre and the rise per metre forward and to the left, (3, rows, columns).
@@ -133,7 +136,16 @@ class SwingProfile(NamedTuple):
     """Largest height on the way, both footholds included."""
 
     def over(self, _x: Floats, _y: Floats, progress: Floats) -> Floats:
-        """Return the height at the `progress` of the swings; a `Terrain`, with the largest height halfway."""
+        """Return the height under the swings, with the largest one halfway; a `Terrain`.
+
+        Args:
+            _x: Not used.
+            _y: Not used.
+            progress: Of the swings, 0 to 1, (n, 4).
+
+        Returns:
+            (n, 4), m.
+        """
         arc = 4.0 * progress * (1.0 - progress)
         height: Floats = self.start + smoothstep(progress) * (self.end - self.start)
         return height + arc * arc * (self.top - 0.5 * (self.start + self.end))

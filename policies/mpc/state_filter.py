@@ -51,7 +51,7 @@ class StateFilter(PerRobotState):
         super().__init__()
 
     def needs_filter(self, noise: Floats) -> Mask:
-        """Return True for robots whose readings are filtered, (n,); `noise`: variance of each group, (n, 5)."""
+        """Return True for robots with filtered readings, (n,); `noise`: variance of each group, (n, 5)."""
         needs_filter: Mask = (noise.max(axis=1) > 0.0) | self._has_encoders
         return needs_filter
 
