@@ -208,10 +208,7 @@ class ContactEstimator(PerRobotState):
         period_motion = self._period_motion(motion)
         needed = np.matmul(bodies.inertia, period_motion.acceleration[..., None])[..., 0] + bodies.bias_force
         needed[:, 6:] -= self._servos.torque(period_motion.targets, period_motion.angle, period_motion.speed)
-        jacobians = bodies.leg_jacobians
-        squares = np.matmul(jacobians, jacobians.swapaxes(2, 3)) + CONSTANTS.damping * np.eye(3)
-        projected = np.matmul(jacobians, needed[:, 6:].reshape(-1, 4, 3, 1))
-        forces = np.linalg.solve(squares, projected)[..., 0]
+        forces = _forces_by_leg(bodies, needed[:, 6:])
         threshold = self._parameters.touch_force + np.where(self.in_contact, 0.0, self._contact_margin)
         self.in_contact = (forces[..., 2] > threshold) & np.logical_not(in_mid_swing)
         if self._encoders:
@@ -297,6 +294,15 @@ class ContactEstimator(PerRobotState):
         change = c.slip_update_gain * (seen - self.friction_estimate)
         self.friction_estimate = self.friction_estimate + np.where(is_lower, change, 0.0)
         self.friction_estimate += self._period / p.grip_memory * (p.friction - self.friction_estimate)
+
+
+def _forces_by_leg(bodies: DynamicsTerms, joint_torques: Floats) -> Floats:
+    """Return the forces of the feet, (n, 4, 3), N, that cause joint torques, (n, 12), N·m, by damped least squares."""
+    jacobians = bodies.leg_jacobians
+    squares = np.matmul(jacobians, jacobians.swapaxes(2, 3)) + CONSTANTS.damping * np.eye(3)
+    projected = np.matmul(jacobians, joint_torques.reshape(-1, 4, 3, 1))
+    forces: Floats = np.linalg.solve(squares, projected)[..., 0]
+    return forces
 
 
 def wrench_to_acceleration(bodies: DynamicsTerms, rotation: Floats, wrench: Floats) -> Floats:

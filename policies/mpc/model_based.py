@@ -105,6 +105,14 @@ def _observation_at_rest(policy: Policy) -> NDArray[np.float32]:
     return observation
 
 
+def _trunk_velocity_at(state: MotionState, position: Floats) -> Floats:
+    """Return the velocity of points that move along with the trunk, at `position`, (n, 4, 3), m; (n, 4, 3), m/s."""
+    velocity = np.empty_like(position)
+    velocity[..., :2] = point_velocity(state, state.angular_velocity[:, 2], position)
+    velocity[..., 2] = state.velocity[:, 2:]
+    return velocity
+
+
 class ModelBased(GaitedPolicy):
     """Base class of gaited controllers that use the robot's dynamics.
 
@@ -310,12 +318,8 @@ class ModelBased(GaitedPolicy):
             self.control_period,
             terrain,
         )
-        # The trajectory is relative to the trunk: its points move along with it.
-        trunk_velocity = np.empty_like(position)
-        trunk_velocity[..., :2] = point_velocity(state, state.angular_velocity[:, 2], position)
-        trunk_velocity[..., 2] = state.velocity[:, 2:]
         position_error = position - state.bodies.feet
-        velocity_error = trunk_velocity + velocity - foot_velocity
+        velocity_error = _trunk_velocity_at(state, position) + velocity - foot_velocity
         foot_acceleration = acceleration + p.swing_stiffness * position_error + p.swing_damping * velocity_error
         if contacts.late.any():
             lowering = np.zeros_like(foot_velocity)

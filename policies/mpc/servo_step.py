@@ -243,27 +243,40 @@ def _invert(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> Floats:
     Returns:
         (n, 30, 30), ordered as the unknowns of `BlockLayout`.
     """
-    b = BlockLayout
-    count = len(stance)
+    trunk_slice = BlockLayout.TRUNK
     leg_inverse, leg_to_trunk, trunk_to_leg = _eliminate_legs(bodies, damping, stance)
     leg_by_trunk = multiply(leg_inverse, trunk_to_leg)
     trunk_by_leg = multiply(leg_to_trunk, leg_inverse)
     reduction = ordered_sum(np.moveaxis(multiply(leg_to_trunk, leg_by_trunk), 2, 0))
-    trunk = bodies.inertia[:, b.TRUNK, b.TRUNK].transpose(1, 2, 0) - reduction
+    trunk = bodies.inertia[:, trunk_slice, trunk_slice].transpose(1, 2, 0) - reduction
     trunk_inverse = np.linalg.inv(trunk.transpose(2, 0, 1))
-    # (n, leg · row, 6) and (n, 6, leg · row)
-    leg_by_trunk = _stack_legs(leg_by_trunk)
-    trunk_by_leg = _stack_legs(transpose(trunk_by_leg)).transpose(0, 2, 1)
+    stacked_trunk_by_leg = _stack_legs(transpose(trunk_by_leg)).transpose(0, 2, 1)
+    return _place_blocks(trunk_inverse, _stack_legs(leg_by_trunk), stacked_trunk_by_leg, leg_inverse)
+
+
+def _place_blocks(trunk_inverse: Floats, leg_by_trunk: Floats, trunk_by_leg: Floats, leg_inverse: Floats) -> Floats:
+    """Place the blocks of the inverse, see `_invert`.
+
+    Args:
+        trunk_inverse: S⁻¹, (n, 6, 6).
+        leg_by_trunk: Lᵢ⁻¹ Dᵢ of all legs below each other, (n, 24, 6).
+        trunk_by_leg: Uᵢ Lᵢ⁻¹ of all legs next to each other, (n, 6, 24).
+        leg_inverse: Lᵢ⁻¹, (6, 6, 4, n).
+
+    Returns:
+        (n, 30, 30), ordered as the unknowns of `BlockLayout`.
+    """
+    b = BlockLayout
+    count = len(trunk_inverse)
     trunk_response = trunk_inverse @ trunk_by_leg
     leg_response = (leg_by_trunk @ trunk_response).reshape(count, _LEGS, 6, _LEGS, 6)
     for leg in range(_LEGS):
         leg_response[:, leg, :, leg] += leg_inverse[:, :, leg].transpose(2, 0, 1)
-
+    leg_rows = _joints_before_impulses(leg_response.reshape(count, 6 * _LEGS, 6 * _LEGS), axis=1)
     inverse = np.empty((count, b.NUM_UNKNOWNS, b.NUM_UNKNOWNS))
     inverse[:, b.TRUNK, b.TRUNK] = trunk_inverse
     inverse[:, b.TRUNK, b.LEGS] = _joints_before_impulses(-trunk_response, axis=2)
     inverse[:, b.LEGS, b.TRUNK] = _joints_before_impulses(-(leg_by_trunk @ trunk_inverse), axis=1)
-    leg_rows = _joints_before_impulses(leg_response.reshape(count, 6 * _LEGS, 6 * _LEGS), axis=1)
     inverse[:, b.LEGS, b.LEGS] = _joints_before_impulses(leg_rows, axis=2)
     return inverse
 

@@ -15,7 +15,7 @@ from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
 from policies.mpc.reading_noise import NoiseEstimator
 from quad_env.actuation.models import IDEAL, Actuator
-from quad_env.columns import Mask
+from quad_env.columns import EnvIndices, Mask
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, HeightScan, table_with
@@ -43,22 +43,30 @@ class ScannedTerrain(NamedTuple):
     """Of the centre of a foot that stands there, (n, rows, columns), m."""
 
     def at(self, positions: Floats) -> Floats:
-        """Return the heights at `positions`, (n, 4, 2), m: bilinear, beyond the grid the ones of its edge; (n, 4), m."""
+        """Return the heights, bilinear between the points of the grid; beyond it the ones of its edge.
+
+        Args:
+            positions: Level frame, (n, 4, 2), m.
+
+        Returns:
+            (n, 4), m.
+        """
         _, rows, columns = self.heights.shape
-        u = np.clip(positions[..., 0] / self.scan.spacing + self.scan.behind, 0.0, rows - 1.0)
-        v = np.clip(positions[..., 1] / self.scan.spacing + self.scan.aside, 0.0, columns - 1.0)
-        row = u.astype(np.intp)
-        column = v.astype(np.intp)
-        next_row = np.minimum(row + 1, rows - 1)
-        next_column = np.minimum(column + 1, columns - 1)
-        u = u - row
-        v = v - column
+        row, next_row, u = _locate(positions[..., 0] / self.scan.spacing + self.scan.behind, rows)
+        column, next_column, v = _locate(positions[..., 1] / self.scan.spacing + self.scan.aside, columns)
         robot = np.arange(len(positions))[:, None]
         z = self.heights
         in_row = (1.0 - v) * z[robot, row, column] + v * z[robot, row, next_column]
         in_next_row = (1.0 - v) * z[robot, next_row, column] + v * z[robot, next_row, next_column]
         height: Floats = (1.0 - u) * in_row + u * in_next_row
         return height
+
+
+def _locate(coordinate: Floats, count: int) -> tuple[EnvIndices, EnvIndices, Floats]:
+    """Return the grid points before and after a coordinate in grid steps, and the fraction of the way between them."""
+    clipped = np.clip(coordinate, 0.0, count - 1.0)
+    index = clipped.astype(np.intp)
+    return index, np.minimum(index + 1, count - 1), clipped - index
 
 
 @cache
