@@ -186,7 +186,9 @@ def test_forces_are_planned_for_feet_that_stand_at_their_heights_and_for_those_t
     aim = np.tile([[0.3, 0.2], [0.3, -0.2], [-0.1, 0.2], [-0.1, -0.2]], (2, 1, 1))
     feet, seen = now.bodies.feet[0, :, 2], np.array([-0.21, -0.17, -0.39, -0.35])
     landed = np.array([[0, 0, 1, 0], [0, 1, 1, 0], [0, 1, 1, 0]], np.bool_)
-    np.testing.assert_allclose(policy._foothold_height(now, aim, ground, stands)[0], np.where(landed, seen, feet), atol=1e-9)
+    np.testing.assert_allclose(
+        policy._foothold_height(now, aim, ground, stands)[0], np.where(landed, seen, feet), atol=1e-9
+    )
     policy._scan_weight[1] = 0.0
     np.testing.assert_allclose(policy._foothold_height(now, aim, ground, stands)[1], ground.height[1])
 
