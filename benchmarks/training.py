@@ -48,17 +48,18 @@ def measure(options: TrainingOptions) -> BenchmarkResult:
     if options.quick:
         options = replace(options, rounds=1)
         ppo = replace(ppo, envs=20, rollout_steps=4, minibatch=20)
-    config = replace(defaults, robot=options.robot, ppo=ppo, threads=1)
-    seconds = time_rollouts(config, options.rounds)
+    seconds = time_rollouts(replace(defaults, robot=options.robot, ppo=ppo, threads=1), options.rounds)
     steps = ppo.envs * ppo.rollout_steps
     total = np.sum(list(seconds.values()), axis=0)
     ratio = compute_quartiles(seconds["physics"] / total)
     speed = compute_quartiles(steps / total).median
     physics_speed = compute_quartiles(steps / seconds["physics"]).median
-    figures: dict[str, Any] = {"ratio": ratio, "steps/s": speed, "physics steps/s": physics_speed}
-    checks = (check_requirement("training", ratio.median),) if _is_reference(options) else ()
-    note = f"{speed:,.0f} learner steps a second; {physics_speed:,.0f} with the physics alone."
-    return BenchmarkResult(figures, (_parts_table(seconds, total, steps),), checks, (note,))
+    return BenchmarkResult(
+        figures={"ratio": ratio, "steps/s": speed, "physics steps/s": physics_speed},
+        tables=(_parts_table(seconds, total, steps),),
+        checks=(check_requirement("training", ratio.median),) if _is_reference(options) else (),
+        notes=(f"{speed:,.0f} learner steps a second; {physics_speed:,.0f} with the physics alone.",),
+    )
 
 
 def _is_reference(options: TrainingOptions) -> bool:

@@ -123,8 +123,7 @@ def analyse(
     scores, front = _scores_and_front(cells, baseline, robot, hardware=False)
     hardware_scores, hardware_front = _scores_and_front(cells, baseline, robot, hardware=True)
     places = front.points if scores else hardware_front.points
-    scored = select_scored_cells(cells, hardware=not scores)
-    ranked = rank_policies(scored, places, hardware=not scores)
+    ranked = rank_policies(select_scored_cells(cells, hardware=not scores), places, hardware=not scores)
     adjacent_pairs = {frozenset((pair.better, pair.worse)) for pair in ranked.neighbours}
     comparisons = compare(cells, baseline, adjacent_pairs)
     ranked, comparisons = correct_p_values(ranked, comparisons, origin.get("limit", 0))

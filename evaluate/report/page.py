@@ -21,21 +21,22 @@ from quad_env.cli.format import join_names, with_count
 from quad_env.files.writing import write_atomically
 
 NOTES = (
-    "Every policy runs the same episodes: the same seeds, and so the same starts, commands, pushes and places on the "
-    "terrain. They come from a family of seeds that training and parameter searches never draw from.",
-    "Intervals are 95 %: Wilson for successes and falls, for scores Wilson with the effective number of episodes (Korn "
-    "and Graubard 1998), bootstrap (BCa) over episodes for means (of the cost of transport "
-    "over the quotient's linearised values, Woodruff 1971), Tango's score interval for differences of successes "
-    "and falls, bootstrap over pairs (percentiles, widened to Student's t) for those of means. Where all episodes "
-    "agree, others may have the share that Wilson's interval has for none of so many, and any value up to the cap.",
-    "Claimed is which of two neighbours in the ranking has the better score, and on which scenarios alone neighbours, "
-    "or a policy and the baseline, differ in success. Tests are paired by episode and two-sided: sign-flip permutation "
-    "of scores, exact McNemar of success. One correction holds for all of these claims (Holm's method, nine tenths of "
-    "the weight for the ranking): the chance that any of them is false is at most 5 %. Intervals are each by itself. "
-    "Episodes that would be needed find a difference as large as the one seen with a chance of 80 %.",
-    "A breaking point is where a monotone regression, straight over the logarithm of severity between the levels, "
-    "crosses one half. What fewer and more are is shown by exact binomial tests.",
-    "The intervals speak of episodes, not of training: another training seed gives another policy.",
+    "Every policy runs the same episodes: the same seeds, and thereby the same starts, commands, pushes and positions "
+    "on the terrain. The seeds come from a family that training and parameter searches never draw from.",
+    "All intervals are 95 % intervals. Rates of success and falls: Wilson. Scores: Wilson with the effective number of "
+    "episodes (Korn and Graubard 1998). Means: bootstrap (BCa) over episodes; the cost of transport over the "
+    "linearised values of the quotient (Woodruff 1971). Differences of rates: Tango's score interval. Differences of means: "
+    "bootstrap over pairs (percentiles, widened to Student's t). If all episodes have the same value, other values up "
+    "to the cap may have the upper limit of Wilson's interval for none of that number.",
+    "The claims are the better policy of each adjacent pair in the ranking, and the scenarios on which an adjacent "
+    "pair, or a policy and the baseline, differ in success. Tests are paired by episode and two-sided: sign-flip permutation "
+    "for scores, exact McNemar for success. One correction covers all of these claims (Holm's method, with nine tenths "
+    "of the weight for the ranking): the probability that any of them is false is at most 5 %. Each interval is "
+    "uncorrected. The number of needed episodes distinguishes a difference of the observed size with a probability of "
+    "80 %.",
+    "A breaking point is the severity at which a monotone regression crosses one half; the regression is straight over "
+    "the logarithm of severity between the levels. Its interval follows from exact binomial tests.",
+    "The intervals cover the variation of episodes, not of training: another training seed gives another policy.",
 )
 """Explanations of the methods, at the end of the page."""
 Origin = tuple[str, str]

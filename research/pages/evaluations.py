@@ -107,27 +107,30 @@ def overview_lines(results: dict[str, Any]) -> list[str]:
     scores = {score.policy: share(score.score, score.ci) for score in scores_of(results)}
     hardware_scores = {score.policy: share(score.score, score.ci) for score in scores_of(results, HARDWARE_SCORES)}
     cost_on = cost_scenario(scenarios_of(results))
-    heads = {
-        "policy": "policy",
-        "about": "controller",
-        "score": "success",
-        "hardware": "success with the hardware profile",
-    }
-    heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in MAIN_EFFORT_TITLES}
     cells_by_policy = {policy: entry["scenarios"] for policy, entry in results["policies"].items()}
     rows = []
     for policy in dict.fromkeys((*scores, *hardware_scores)):
         row = {"policy": f"`{policy}`", "about": SUMMARIES.get(policy, ABSENT)}
         row |= {"score": scores.get(policy, ABSENT), "hardware": hardware_scores.get(policy, ABSENT)}
         rows.append(row | _effort_cells(cells_by_policy.get(policy, {}).get(cost_on, {}).get("effort", {})))
-    shown_heads = {name: head for name, head in heads.items() if any(row[name] != ABSENT for row in rows)}
-    effort_note = f"; effort {EFFORT_SCENARIOS[cost_on]}" if set(MAIN_EFFORT_TITLES) & set(shown_heads) else ""
-    caption = _overview_caption(results, effort_note)
+    heads = {name: head for name, head in _overview_heads().items() if any(row[name] != ABSENT for row in rows)}
+    effort_note = f"; effort {EFFORT_SCENARIOS[cost_on]}" if set(MAIN_EFFORT_TITLES) & set(heads) else ""
     without_score = {
         policy: cells for policy, cells in cells_by_policy.items() if policy not in scores | hardware_scores
     }
-    lines = _with_text_column(table(shown_heads, rows).splitlines(), shown_heads)
-    return [*lines, "", caption + _on_flat_ground(without_score)]
+    caption = f"{_overview_caption(results, effort_note)}{_on_flat_ground(without_score)}"
+    return [*_with_text_column(table(heads, rows).splitlines(), heads), "", caption]
+
+
+def _overview_heads() -> dict[str, str]:
+    """Return the headings of the overview."""
+    heads = {
+        "policy": "policy",
+        "about": "controller",
+        "score": "success",
+        "hardware": "success with the hardware profile",
+    }
+    return heads | {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in MAIN_EFFORT_TITLES}
 
 
 def _effort_cells(effort: Mapping[str, float]) -> dict[str, str]:

@@ -251,13 +251,17 @@ def _filled(
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FIGURES}
     pictures = {ROW_LABEL: "controller", "film": "2 s", "still": "feet on the ground in these 2 s; one stride"}
     robot, names, marker_end = block.groups()
-    rows = []
-    for name in names.split():
-        walk = walks[robot, name]
-        scenario_note = "" if walk.scenario == STEADY else f" on `{walk.scenario.name}`"
-        file = f"{folder}/{walk.title}"
-        alt = f"{robot}, {name}"
-        cells = {"film": f"![{alt}: film]({file}_film.webp)", "still": f"![{alt}: contacts]({file}.webp)"}
-        rows.append({ROW_LABEL: f"`{walk.policies[0].label}`{scenario_note}"} | cells | figures[robot, name])
+    rows = [_picture_row(walks[robot, name], robot, name, folder) | figures[robot, name] for name in names.split()]
     made_by = f"One walk of 10 s each on a validation seed; `python -m research gaits`, MuJoCo {mujoco.__version__}."
     return f"{robot} {names}{marker_end}{table(heads, rows)}\n\n{table(pictures, rows)}\n\n{made_by}\n"
+
+
+def _picture_row(walk: FilmSpec, robot: str, name: str, folder: str) -> dict[str, str]:
+    """Return the label and the pictures of a walk."""
+    scenario_note = "" if walk.scenario == STEADY else f" on `{walk.scenario.name}`"
+    file = f"{folder}/{walk.title}"
+    return {
+        ROW_LABEL: f"`{walk.policies[0].label}`{scenario_note}",
+        "film": f"![{robot}, {name}: film]({file}_film.webp)",
+        "still": f"![{robot}, {name}: contacts]({file}.webp)",
+    }

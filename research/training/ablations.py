@@ -166,7 +166,7 @@ def _difference(a: Floats, b: Floats) -> dict[str, float]:
     difference = {"minus_default_points": float(a.mean() - b.mean())}
     if np.ptp(a) == np.ptp(b) == 0.0:
         return difference
-    with warnings.catch_warnings():  # of one variant whose seeds are all alike
+    with warnings.catch_warnings():  # for a variant with equal results of all seeds
         warnings.simplefilter("ignore", RuntimeWarning)
         low, high = ttest_ind(a, b, equal_var=False).confidence_interval(CONFIDENCE)
     return difference | {"low": float(low), "high": float(high)}

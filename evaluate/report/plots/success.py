@@ -1,6 +1,7 @@
 """Heat map of success by policy and axis."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +30,40 @@ NAME_LINE = 0.135
 """in. Height of a line of that name."""
 
 
+@dataclass(frozen=True)
+class _Layout:
+    """Contents and sizes of a heat map, in."""
+
+    parts: tuple[Mapping[str, Mapping[str, Sequence[float]]], ...]
+    """Policy -> axis -> rates, without the hardware profile and with it."""
+    counts: tuple[int, ...]
+    """Number of columns of each part."""
+    axis_names: tuple[str, ...]
+    policies: tuple[str, ...]
+
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """Names of the policies, broken into lines."""
+        return tuple("\n".join(break_name(policy, NAME_WIDTH)) for policy in self.policies)
+
+    @property
+    def block_width(self) -> float:
+        """Width of the columns of one policy."""
+        return sum(self.counts) * COLUMN_WIDTH + (len(self.parts) - 1) * HARDWARE_GAP
+
+    @property
+    def policy_width(self) -> float:
+        """Distance of two policies."""
+        head_width = max(text_width(line, NAME_SIZE, "bold") for head in self.heads for line in head.splitlines())
+        return max(self.block_width, head_width) + POLICY_GAP
+
+    @property
+    def margins(self) -> Margins:
+        """Margins around the cells."""
+        top = 0.15 + NAME_LINE * max(len(head.splitlines()) for head in self.heads)
+        return Margins(left=0.15 + max(map(text_width, self.axis_names)), right=0.05, bottom=0.06, top=top)
+
+
 def draw_heat_map(scores: Sequence[Score], hardware: Sequence[Score] = ()) -> "Figure":
     """Draw success in per cent: a row per axis, a block per policy, a column per severity.
 
@@ -41,36 +76,39 @@ def draw_heat_map(scores: Sequence[Score], hardware: Sequence[Score] = ()) -> "F
     Returns:
         The figure.
     """
-    parts = [{score.policy: score.axes for score in part} for part in (scores, hardware) if part]
-    axis_names = list(dict.fromkeys(name for part in parts for axes in part.values() for name in axes))
-    policies = list(dict.fromkeys(policy for part in parts for policy in part))
-    heads = ["\n".join(break_name(policy, NAME_WIDTH)) for policy in policies]
-    counts = [max(len(rates) for axes in part.values() for rates in axes.values()) for part in parts]
-    block_width = sum(counts) * COLUMN_WIDTH + (len(parts) - 1) * HARDWARE_GAP
-    policy_width = max(block_width, _max_head_width(heads)) + POLICY_GAP
-    top = 0.15 + NAME_LINE * max(len(head.splitlines()) for head in heads)
-    margins = Margins(left=0.15 + max(map(text_width, axis_names)), right=0.05, bottom=0.06, top=top)
-    width = len(policies) * policy_width + margins.left + margins.right
-    height = len(axis_names) * ROW_HEIGHT + margins.top + margins.bottom
-    figure, axes = make_figure(height, width, margins)
-    for index, (head, policy) in enumerate(zip(heads, policies, strict=True)):
-        centre = (index + 0.5) * policy_width
-        left = centre - block_width / 2
-        for part, count in zip(parts, counts, strict=True):
-            _draw_block(axes, left, axis_names, part.get(policy, {}))
-            left += count * COLUMN_WIDTH + HARDWARE_GAP
-        axes.text(centre, -0.35, head, ha="center", va="bottom", fontsize=NAME_SIZE, fontweight="bold")
-    axes.set(xlim=(0.0, len(policies) * policy_width), ylim=(len(axis_names), 0.0), xticks=[])
-    axes.set_yticks(np.arange(len(axis_names)) + 0.5, axis_names)
+    layout = _make_layout([part for part in (scores, hardware) if part])
+    margins = layout.margins
+    cells_width = len(layout.policies) * layout.policy_width
+    height = len(layout.axis_names) * ROW_HEIGHT + margins.top + margins.bottom
+    figure, axes = make_figure(height, cells_width + margins.left + margins.right, margins)
+    for index, policy in enumerate(layout.policies):
+        _draw_policy(axes, layout, index, policy)
+    axes.set(xlim=(0.0, cells_width), ylim=(len(layout.axis_names), 0.0), xticks=[])
+    axes.set_yticks(np.arange(len(layout.axis_names)) + 0.5, layout.axis_names)
     axes.tick_params(length=0)
     axes.grid(visible=False)
     axes.spines[:].set_visible(False)
     return figure
 
 
-def _max_head_width(heads: Sequence[str]) -> float:
-    """Return the width of the widest line of the policies' names, in."""
-    return max(text_width(line, NAME_SIZE, "bold") for head in heads for line in head.splitlines())
+def _make_layout(parts: Sequence[Sequence[Score]]) -> _Layout:
+    """Collect axes and policies of all parts, in their order."""
+    rates = [{score.policy: score.axes for score in part} for part in parts]
+    axis_names = dict.fromkeys(name for part in rates for axes in part.values() for name in axes)
+    policies = dict.fromkeys(policy for part in rates for policy in part)
+    counts = [max(len(values) for axes in part.values() for values in axes.values()) for part in rates]
+    return _Layout(tuple(rates), tuple(counts), tuple(axis_names), tuple(policies))
+
+
+def _draw_policy(axes: "Axes", layout: _Layout, index: int, policy: str) -> None:
+    """Draw the name and the cells of one policy, of that index among all."""
+    centre = (index + 0.5) * layout.policy_width
+    left = centre - layout.block_width / 2
+    for part, count in zip(layout.parts, layout.counts, strict=True):
+        _draw_block(axes, left, layout.axis_names, part.get(policy, {}))
+        left += count * COLUMN_WIDTH + HARDWARE_GAP
+    head = layout.heads[index]
+    axes.text(centre, -0.35, head, ha="center", va="bottom", fontsize=NAME_SIZE, fontweight="bold")
 
 
 def _draw_block(

@@ -14,8 +14,9 @@ from quad_env.scenarios.scenario import Scenario
 CURVE_LABELS = {SUCCESS_RATE: "episodes that succeed, %", FALL_RATE: "episodes with a fall, %"}
 """Drawn metric -> label of its axis."""
 LEAD = (
-    "Bands join the levels' 95 % intervals, lines the levels; about the line at one half: breaking points with their "
-    "intervals. Harder to the right. At each level the marks of several policies stand next to each other."
+    "Lines join the success or fall rates of the levels, bands their 95 % intervals. Marks on the line at one half: "
+    "breaking points with their intervals. Severities are harder to the right. The marks of several policies at one "
+    "level stand next to each other."
 )
 """Note above the curves."""
 

@@ -12,8 +12,8 @@ from evaluate.report.plots.drawing import figure_to_svg
 from quad_env.scenarios.scenario import HARDWARE
 
 LEAD = (
-    "Failed episodes by the first event that decides, by the rules of docs/causes.md, in % of an axis's episodes. "
-    "python -m evaluate replay FOLDER EPISODE prints the story of one."
+    "Failed episodes by the first deciding event, by the rules of docs/causes.md, in % of the episodes of an axis. "
+    "python -m evaluate replay FOLDER EPISODE prints the story of one episode."
 )
 """Note above the bars."""
 TITLES = {False: "The policy is shown the true state", True: "Hardware profile"}

@@ -10,7 +10,10 @@ from evaluate.report.html import heading, note, section, table
 from evaluate.report.sections.figures import policy_label, with_interval_below
 from evaluate.report.sections.ranking import render_pareto_front
 
-MOTION = "Over the time while upright; means over episodes with 95 % intervals, the cost of transport of all together."
+MOTION = (
+    "Measured while upright; means over episodes with 95 % intervals. The cost of transport is computed from all "
+    "episodes together."
+)
 """Note below the figures."""
 
 

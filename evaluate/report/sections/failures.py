@@ -14,8 +14,8 @@ from evaluate.report.sections.figures import policy_label
 from quad_env.cli.format import ABSENT
 
 LEAD = (
-    "Worst: the first fall, or else the first failure, at the mildest level at which the policy fails. Typical: of the "
-    "failures with the policy's most frequent cause on the axis the one nearest to their median time. python -m "
+    "Worst: the first fall, or else the first failure, at the mildest level at which the policy fails. Typical: the "
+    "failure nearest to the median time among those with the policy's most frequent cause on the axis. python -m "
     "evaluate report {} --pages makes and links a page of each: film and curves."
 )
 """Note above the tables."""

@@ -14,15 +14,15 @@ from evaluate.report.sections.figures import policy_label
 from quad_env.cli.format import ABSENT
 
 SUCCESS_LEAD = (
-    "Episodes that succeed, in %: in each block the severities of an axis in this run, the mildest to the left. An "
-    "episode succeeds if the robot stays upright and tracks its command within tolerance in every interval. Set apart "
-    "on the right: with the robot's hardware profile."
+    "Success rate, %: each block has the severities of an axis in this run, the mildest on the left. An episode "
+    "succeeds if the robot stays upright and tracks its command within tolerance in every interval. Apart on the "
+    "right: with the robot's hardware profile."
 )
 """Note above the heat map."""
 BREAKING_LEAD = (
-    "Severities at which half of the episodes no longer succeed, with their 95 % intervals: from the last level shown "
-    "to fail less than half the time to the first shown to fail more; levels near it narrow it. “None up to” is the "
-    "hardest level tried; “already at” the mildest."
+    "Severities at which half of the episodes no longer succeed, with 95 % intervals: from the last level that "
+    "significantly fewer than half of the episodes fail to the first level that significantly more fail. More levels "
+    "near it make the interval narrower. “None up to” names the hardest level of the run, “already at” the mildest."
 )
 """Note above the breaking points."""
 
