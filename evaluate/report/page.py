@@ -29,11 +29,11 @@ NOTES = (
     "bootstrap over pairs (percentiles, widened to Student's t). If all episodes have the same value, other values up "
     "to the cap may have the upper limit of Wilson's interval for none of that number.",
     "The claims are the better policy of each adjacent pair in the ranking, and the scenarios on which an adjacent "
-    "pair, or a policy and the baseline, differ in success. Tests are paired by episode and two-sided: sign-flip permutation "
-    "for scores, exact McNemar for success. One correction covers all of these claims (Holm's method, with nine tenths "
-    "of the weight for the ranking): the probability that any of them is false is at most 5 %. Each interval is "
-    "uncorrected. The number of needed episodes distinguishes a difference of the observed size with a probability of "
-    "80 %.",
+    "pair, or a policy and the baseline, differ in success. Tests are paired by episode and two-sided: sign-flip "
+    "permutation for scores, exact McNemar for success. One correction covers all of these claims (Holm's method, "
+    "with nine tenths of the weight for the ranking): the probability that any of them is false is at most 5 %. "
+    "Each interval is uncorrected. The number of needed episodes distinguishes a difference of the observed size "
+    "with a probability of 80 %.",
     "A breaking point is the severity at which a monotone regression crosses one half; the regression is straight over "
     "the logarithm of severity between the levels. Its interval follows from exact binomial tests.",
     "The intervals cover the variation of episodes, not of training: another training seed gives another policy.",
