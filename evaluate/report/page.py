@@ -23,11 +23,11 @@ from quad_env.files.writing import write_atomically
 NOTES = (
     "Every policy runs the same episodes: the same seeds, and thereby the same starts, commands, pushes and positions "
     "on the terrain. The seeds come from a family that training and parameter searches never draw from.",
-    "All intervals are 95 % intervals. Rates of success and falls: Wilson. Scores: Wilson with the effective number of "
-    "episodes (Korn and Graubard 1998). Means: bootstrap (BCa) over episodes; the cost of transport over the "
-    "linearised values of the quotient (Woodruff 1971). Differences of rates: Tango's score interval. Differences of means: "
-    "bootstrap over pairs (percentiles, widened to Student's t). If all episodes have the same value, other values up "
-    "to the cap may have the upper limit of Wilson's interval for none of that number.",
+    "All intervals are 95 % intervals. Rates of success and falls: Wilson. Scores: Wilson with the effective number "
+    "of episodes (Korn and Graubard 1998). Means: bootstrap (BCa) over episodes; the cost of transport over the "
+    "linearised values of the quotient (Woodruff 1971). Differences of rates: Tango's score interval. Differences "
+    "of means: bootstrap over pairs (percentiles, widened to Student's t). If all episodes have the same value, "
+    "other values up to the cap may have the upper limit of Wilson's interval for none of that number.",
     "The claims are the better policy of each adjacent pair in the ranking, and the scenarios on which an adjacent "
     "pair, or a policy and the baseline, differ in success. Tests are paired by episode and two-sided: sign-flip "
     "permutation for scores, exact McNemar for success. One correction covers all of these claims (Holm's method, "
