@@ -1,5 +1,7 @@
-"""Checks of `python -m quad_env doctor` that need policies: does the robot follow commands, does a policy work, does
-one with a description load, stand and walk as described.
+"""Checks of `python -m quad_env doctor` that need policies.
+
+They test that the robot follows commands, that a policy works, and that a policy with a description loads, stands and
+walks.
 """
 
 from collections.abc import Iterable, Iterator
@@ -23,24 +25,24 @@ from quad_env.robots.plausibility import find_warnings
 from quad_env.robots.robot import Robot
 
 REFERENCE_POLICY = "trot_feedback"
-"""It walks on every robot that has a name here, without a search."""
+"""Policy that tests a robot; it walks on every robot of `quad_env.ROBOTS` without a search."""
 COMMANDS = {"forward": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "turning left": (0.0, 0.0, 0.8)}
-"""Of SimpleQuad: m/s and rad/s; scaled to the size of other robots."""
+"""Name -> command of SimpleQuad, m/s and rad/s; scaled to the size of other robots."""
 MIN_REPORTED_DAMPING_RATIO = 0.05
-"""Least ratio of the joints' own damping to the servos' that is reported."""
+"""Smallest ratio of the joints' own damping to the servos' damping that is reported."""
 NAME_REMEDY = "name an existing policy: python -m quad_env policies"
 INTERFACE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
 
 
-def walks(subject: DoctorSubject) -> Finding:
-    """Whether the robot walks with a policy that works on others."""
+def check_reference_policy(subject: DoctorSubject) -> Finding:
+    """Check that the robot of `subject` walks with a policy that works on others."""
     robot = subject.robot
     tracked, not_tracked = walk(policies.make(REFERENCE_POLICY, robot=robot), subject)
     if not not_tracked:
         return ok(f"{REFERENCE_POLICY}: {'; '.join(tracked)}")
     cause = f"it stands, so its masses, inertias or limits differ from those that {REFERENCE_POLICY} was made for"
-    if noticed := [*find_contradictions(robot), *find_warnings(robot), *self_contacts(subject)]:
-        cause = f"it stands, but {'; '.join(noticed)}"
+    if warnings := [*find_contradictions(robot), *find_warnings(robot), *self_contacts(subject)]:
+        cause = f"it stands, but {'; '.join(warnings)}"
     return problem(
         f"{REFERENCE_POLICY} {'; '.join(not_tracked)}",
         cause,
@@ -49,25 +51,19 @@ def walks(subject: DoctorSubject) -> Finding:
     )
 
 
-def policy(subject: DoctorSubject) -> Finding:
-    """Whether the named policy loads, is for this robot and control period, and follows commands."""
+def check_policy(subject: DoctorSubject) -> Finding:
+    """Check that the policy of `subject` loads, fits robot and control period, and follows commands."""
     assert subject.policy is not None
     try:
-        chosen = policies.resolve(
+        policy = policies.resolve(
             subject.policy, robot=subject.robot, control_period=CONTROL_PERIOD, trust=subject.trust
         )
     except PolicyError as error:
-        if policies.is_reference(subject.policy):
-            return _failing(str(error))
-        seen, remedy = error.fault, error.remedy or NAME_REMEDY
-        if " made for " in seen:
-            cause = "a policy is of one robot and one control period"
-            return problem(seen, cause, f"{remedy}, or name its robot with --robot")
-        return problem(seen, "it is not the file that was saved, or was made for something else", remedy)
-    tracked, not_tracked = walk(chosen, subject)
-    failure = getattr(chosen, "failure", None)
-    if failure is not None and (failures := [each for each in failure if each]):
-        return _failing(f"{subject.policy} fails: {failures[0]}")
+        return _load_problem(subject.policy, error)
+    tracked, not_tracked = walk(policy, subject)
+    failure = getattr(policy, "failure", None)
+    if failure is not None and (failures := [text for text in failure if text]):
+        return _policy_code_problem(f"{subject.policy} fails: {failures[0]}")
     if not not_tracked:
         return ok(f"{subject.policy}: {'; '.join(tracked)}")
     cause = "it was trained for something else, or reads observations or gives targets in another order"
@@ -75,105 +71,137 @@ def policy(subject: DoctorSubject) -> Finding:
     return problem(f"{subject.policy}: {'; '.join(not_tracked)}", cause, remedy)
 
 
+def _load_problem(reference: str, error: PolicyError) -> Finding:
+    """Return the problem of a policy that does not load."""
+    if policies.is_reference(reference):
+        return _policy_code_problem(str(error))
+    remedy = error.remedy or NAME_REMEDY
+    if " made for " in error.fault:
+        cause = "a policy is of one robot and one control period"
+        return problem(error.fault, cause, f"{remedy}, or name its robot with --robot")
+    return problem(error.fault, "it is not the file that was saved, or was made for something else", remedy)
+
+
 def walk(policy: Policy, subject: DoctorSubject) -> tuple[list[str], list[str]]:
-    """Words about each of COMMANDS that it follows, such as `forward 0.49 of 0.50 m/s`, and about each other one."""
-    found = run_walks(policy, HardwareConfig(robot=subject.name), COMMANDS, np.arange(1))
-    tracked, not_tracked = (
-        [each.description for each in found if (each.deviation <= 1.0) is followed] for followed in (True, False)
-    )
+    """Let a policy walk at each of `COMMANDS`.
+
+    Args:
+        policy: The policy.
+        subject: The robot.
+
+    Returns:
+        tracked: Text about each command that it follows, for example `forward 0.49 of 0.50 m/s`.
+        not_tracked: Text about each other command.
+    """
+    results = run_walks(policy, HardwareConfig(robot=subject.name), COMMANDS, np.arange(1))
+    tracked = [result.description for result in results if result.deviation <= 1.0]
+    not_tracked = [result.description for result in results if not result.deviation <= 1.0]
     return tracked, not_tracked
 
 
-def _failing(seen: str) -> Finding:
-    return problem(seen, "the policy's own code, or its input and output", f"correct it there: {INTERFACE}")
+def _policy_code_problem(observed: str) -> Finding:
+    """Return the problem of a policy with an error in its own code."""
+    return problem(observed, "the policy's own code, or its input and output", f"correct it there: {INTERFACE}")
 
 
 NO_DESCRIPTION = ok("it acts on this environment's observation by itself, without a description")
 DESCRIPTION_REMEDY = "in the description: --write mine.toml writes it, to correct and to name in its place"
 
 
-def description(subject: DoctorSubject) -> Finding:
-    """Whether a policy's description is whole, and fits the robot and the network; what it says."""
+def check_description(subject: DoctorSubject) -> Finding:
+    """Check that the description of the policy of `subject` is complete and fits the robot and the network."""
     try:
-        policy = _loaded(subject)
+        policy = _load_policy(subject)
     except PolicyError as error:
         cause = "the description lacks something, or is of another network or robot"
         return problem(error.fault, cause, error.remedy or f"correct that {DESCRIPTION_REMEDY}")
-    if (found := policy.spec) is None:
-        return _without_description(subject)
-    seen = f"{found.network.name} reads {found.width} numbers, as described"
-    return Finding("ok", seen, details=tuple(describe_spec(found, subject.robot)))
+    spec = policy.spec
+    if spec is None:
+        return _check_without_description(subject)
+    observed = f"{spec.network.name} reads {spec.width} numbers, as described"
+    return Finding("ok", observed, details=tuple(describe_spec(spec, subject.robot)))
 
 
-def _without_description(subject: DoctorSubject) -> Finding:
-    """Return whether a policy without a description of its observation walks on this environment's."""
-    found = _walks(subject)
-    if not (seen := diagnosis.failure_messages(found)):
+def _check_without_description(subject: DoctorSubject) -> Finding:
+    """Check that a policy without a description walks with this environment's observation."""
+    walks = _run_walks(subject)
+    failures = diagnosis.failure_messages(walks)
+    if not failures:
         return NO_DESCRIPTION
-    words = "; ".join(seen.values())
-    if diagnosis.has_policy_failure(found):
-        return problem(words, "the network itself", "export it again")
-    asked, _, remedy = diagnosis.suggest_description(_loaded(subject)).rpartition(", ")
-    return problem(f"its file does not say what it reads, and {words}", asked, remedy)
+    observed = "; ".join(failures.values())
+    if diagnosis.has_policy_failure(walks):
+        return problem(observed, "the network itself", "export it again")
+    question, _, remedy = diagnosis.suggest_description(_load_policy(subject)).rpartition(", ")
+    return problem(f"its file does not say what it reads, and {observed}", question, remedy)
 
 
-def standing(subject: DoctorSubject) -> Finding:
-    """Whether the policy stands at command zero; what may be wrong in its description."""
-    return _finding(subject, (diagnosis.STAND,))
+def check_standing(subject: DoctorSubject) -> Finding:
+    """Check that the policy of `subject` stands at command zero; otherwise diagnose its description."""
+    return _check_walks(subject, (diagnosis.STAND,))
 
 
-def walking(subject: DoctorSubject) -> Finding:
-    """Whether the policy follows moderate commands; what may be wrong in its description."""
-    return _finding(subject, tuple(way for way in diagnosis.COMMANDS if way != diagnosis.STAND))
+def check_walking(subject: DoctorSubject) -> Finding:
+    """Check that the policy of `subject` follows moderate commands; otherwise diagnose its description."""
+    return _check_walks(subject, tuple(name for name in diagnosis.COMMANDS if name != diagnosis.STAND))
 
 
-def describe_spec(described: PolicySpec, robot: Robot) -> Iterator[str]:
-    """What a description says, in lines."""
-    yield f"rate    {described.control_rate:g} Hz"
-    yield f"joints  {joint_order_in_words(described.joints, robot)}: {' '.join(described.joints)}"
-    scale = _numbers(dict.fromkeys(described.action_scale))
-    commanded = with_spec_gains(robot, described)
-    matters = bool((robot.joint_damping > MIN_REPORTED_DAMPING_RATIO * commanded.servo_damping).any())
-    own = f"; {robot.joint_damping_line}" if matters else ""
-    yield f"servos  {commanded.servo}; an action of 1 is {scale} rad{own}"
-    yield f"reads   {', '.join(map(_words, described.terms))}"
-    yield from (f"open    {remark}" for remark in described.remarks)
+def describe_spec(spec: PolicySpec, robot: Robot) -> Iterator[str]:
+    """Describe a policy specification in text.
+
+    Args:
+        spec: The specification.
+        robot: Robot of the policy.
+
+    Yields:
+        Lines of text.
+    """
+    yield f"rate    {spec.control_rate:g} Hz"
+    yield f"joints  {joint_order_in_words(spec.joints, robot)}: {' '.join(spec.joints)}"
+    scale = _format_numbers(dict.fromkeys(spec.action_scale))
+    spec_robot = with_spec_gains(robot, spec)
+    is_damping_large = bool((robot.joint_damping > MIN_REPORTED_DAMPING_RATIO * spec_robot.servo_damping).any())
+    joint_damping = f"; {robot.joint_damping_line}" if is_damping_large else ""
+    yield f"servos  {spec_robot.servo}; an action of 1 is {scale} rad{joint_damping}"
+    yield f"reads   {', '.join(map(_format_term, spec.terms))}"
+    yield from (f"open    {remark}" for remark in spec.remarks)
 
 
-def _words(term: ObservationTerm) -> str:
-    """Such as `joint_velocity 12 × 0.05`, of 5 control steps where it has a history."""
-    scale = "" if set(term.scale) == {1.0} else f" × {_numbers(term.scale)}"
-    return f"{term.name} {term.width}{scale}{f' of {term.history} steps' if term.history > 1 else ''}"
+def _format_term(term: ObservationTerm) -> str:
+    """Return a term in text, for example `joint_velocity 12 × 0.05`, with the length of its history."""
+    scale = "" if set(term.scale) == {1.0} else f" × {_format_numbers(term.scale)}"
+    history = f" of {term.history} steps" if term.history > 1 else ""
+    return f"{term.name} {term.width}{scale}{history}"
 
 
-def _numbers(values: Iterable[float]) -> str:
+def _format_numbers(values: Iterable[float]) -> str:
+    """Return numbers in text, separated by spaces."""
     return " ".join(f"{value:g}" for value in values)
 
 
-def _finding(subject: DoctorSubject, ways: tuple[str, ...]) -> Finding:
-    """What became of the walks at those commands."""
-    if _loaded(subject).spec is None:
+def _check_walks(subject: DoctorSubject, command_names: tuple[str, ...]) -> Finding:
+    """Check the walks at some commands."""
+    policy = _load_policy(subject)
+    if policy.spec is None:
         return NO_DESCRIPTION
-    found = [walk for walk in _walks(subject) if walk.command_name in ways]
-    if not (seen := diagnosis.failure_messages(found)):
-        return ok("; ".join({walk.command_name: walk.description for walk in found}.values()))
-    if diagnosis.has_policy_failure(found):
-        return problem("; ".join(seen.values()), "the network itself", "export it again")
-    return problem(
-        "; ".join(seen.values()),
-        diagnosis.diagnose(_loaded(subject), subject.name),
-        f"correct that {DESCRIPTION_REMEDY}",
-    )
+    walks = [walk for walk in _run_walks(subject) if walk.command_name in command_names]
+    failures = diagnosis.failure_messages(walks)
+    if not failures:
+        return ok("; ".join({walk.command_name: walk.description for walk in walks}.values()))
+    observed = "; ".join(failures.values())
+    if diagnosis.has_policy_failure(walks):
+        return problem(observed, "the network itself", "export it again")
+    return problem(observed, diagnosis.diagnose(policy, subject.name), f"correct that {DESCRIPTION_REMEDY}")
 
 
 @lru_cache(maxsize=1)
-def _loaded(subject: DoctorSubject) -> ExternalPolicy:
-    """The policy. Raises PolicyError."""
+def _load_policy(subject: DoctorSubject) -> ExternalPolicy:
+    """Load the policy, or raise PolicyError."""
     assert subject.policy is not None
     reference = subject.policy.removeprefix(policies.SAFE)
     return ExternalPolicy(reference, robot=subject.robot, control_period=CONTROL_PERIOD, trust=subject.trust)
 
 
 @lru_cache(maxsize=1)
-def _walks(subject: DoctorSubject) -> list[Walk]:
-    return diagnosis.run_walk_tests(_loaded(subject), subject.name)
+def _run_walks(subject: DoctorSubject) -> list[Walk]:
+    """Let the policy stand and walk at the commands of `diagnosis`."""
+    return diagnosis.run_walk_tests(_load_policy(subject), subject.name)

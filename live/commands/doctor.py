@@ -10,14 +10,14 @@ from quad_env.files.paths import missing_file
 __all__ = ["CHECKS", "DESCRIPTION_CHECKS", "DoctorOptions", "main"]
 
 CHECKS = (
-    DoctorCheck("walks", "live.walking_checks:walks", ("stands",)),
-    DoctorCheck("policy", "live.walking_checks:policy", ("walks", "walking")),
+    DoctorCheck("walks", "live.walking_checks:check_reference_policy", ("stands",)),
+    DoctorCheck("policy", "live.walking_checks:check_policy", ("walks", "walking")),
 )
 """Checks after the ones of `quad_env.doctor`; the second is for runs with a policy."""
 DESCRIPTION_CHECKS = (
-    DoctorCheck("description", "live.walking_checks:description", ("stands",)),
-    DoctorCheck("standing", "live.walking_checks:standing", ("description",)),
-    DoctorCheck("walking", "live.walking_checks:walking", ("standing",)),
+    DoctorCheck("description", "live.walking_checks:check_description", ("stands",)),
+    DoctorCheck("standing", "live.walking_checks:check_standing", ("description",)),
+    DoctorCheck("walking", "live.walking_checks:check_walking", ("standing",)),
 )
 """Checks between them, for a policy from another project."""
 
