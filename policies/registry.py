@@ -17,7 +17,7 @@ from policies.safety import Safe, SafetyLimits
 from policies.summaries import SUMMARIES
 from quad_env.actuation.models import Actuator, find_actuator
 from quad_env.extensions import check_new
-from quad_env.files.paths import missing_file
+from quad_env.files.paths import missing_file_message
 from quad_env.files.text import format_exception
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
@@ -193,7 +193,7 @@ def _unknown_reference(reference: str) -> str:
     """Return the error message for a reference that is neither a name, nor a bundle, nor an external policy."""
     if (remedy := unsupported_file_remedy(reference)) is not None:
         return remedy
-    if (missing := missing_file(reference)) is not None:
+    if (missing := missing_file_message(reference)) is not None:
         return missing
     return (
         f"no policy {reference!r}: name one of {', '.join(names())}, the folder of a trained policy, or a policy of "

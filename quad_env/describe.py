@@ -44,7 +44,7 @@ def main(options: DescribeOptions) -> int:
     """Run the command and return the exit code. Raises UsageError."""
     try:
         robot = get_robot(options.robot)
-        print(escape_control_characters("\n".join(text(robot))))
+        print(escape_control_characters("\n".join(description_lines(robot))))
         if options.toml is not None:
             write_toml(options.toml, robot.mjcf, robot)
             print(f"written: {options.toml}")
@@ -64,7 +64,7 @@ def main(options: DescribeOptions) -> int:
     return 0
 
 
-def text(robot: Robot) -> Iterator[str]:
+def description_lines(robot: Robot) -> Iterator[str]:
     """Yield the lines about the robot's model."""
     yield from _size_lines(robot)
     yield from _remark_lines(robot)

@@ -19,11 +19,11 @@ from quad_env.task.observations import observation_table
 
 def main(options: RobotOptions) -> int:
     """Run the command and return the exit code. Raises UsageError."""
-    print(text(parse_robot(options.robot)))
+    print(environment_text(parse_robot(options.robot)))
     return 0
 
 
-def text(robot: Robot = SIMPLE_QUAD) -> str:
+def environment_text(robot: Robot = SIMPLE_QUAD) -> str:
     """Return the description of the environment with a robot, in sections with an empty line between them."""
     sections = (_overview(robot), _action(robot), _observation(robot), _options())
     return "\n\n".join("\n".join(section) for section in sections)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from quad_env.files.paths import missing_file
+from quad_env.files.paths import missing_file_message
 from quad_env.files.reading import MAX_TEXT_SIZE, check_file
 from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
@@ -135,7 +135,7 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
         return tuple(map(axis.for_robot(robot).level, range(1, len(axis.levels) + 1)))
     scenario = find(name, robot)
     if scenario is None:
-        raise ValueError(missing_file(name) or f"unknown scenario {name!r}; valid: {_VALID}")
+        raise ValueError(missing_file_message(name) or f"unknown scenario {name!r}; valid: {_VALID}")
     return (scenario,)
 
 

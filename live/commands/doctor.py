@@ -5,7 +5,7 @@ from pathlib import Path
 from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.doctor.check import DoctorCheck
 from quad_env.doctor.command import DoctorOptions, run
-from quad_env.files.paths import missing_file
+from quad_env.files.paths import missing_file_message
 
 __all__ = ["CHECKS", "DESCRIPTION_CHECKS", "DoctorOptions", "main"]
 
@@ -86,6 +86,6 @@ def check_exists(name_or_path: str) -> None:
         raise UsageError(remedy)
     if name not in policies.names() and not file.exists():
         raise UsageError(
-            missing_file(name)
+            missing_file_message(name)
             or f"no policy {name_or_path!r}: name one of {', '.join(policies.names())}, a folder or a file"
         )

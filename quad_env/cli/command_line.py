@@ -29,7 +29,7 @@ SYNONYMS = (
 """Groups of names that other programs have for one option."""
 _PLURALS = (("policy", "policies"), ("scenario", "scenarios"))
 """Options that are valid in singular and plural."""
-_RULE = re.compile(r"[─-]{3,}")
+_BOX_RULE = re.compile(r"[─-]{3,}")
 """Horizontal rule of tyro's box."""
 _NO_NUMBER = re.compile(r"invalid literal for int\(\) with base 10|could not convert string to float")
 """Python's message about a word that is no whole number, or no number."""
@@ -152,8 +152,8 @@ def first_sentence(box: str) -> str:
     plain = re.sub(r"\x1b\[[0-9;]*m", "", box)
     lines = [line.strip(" │").strip() for line in plain.splitlines()[1:]]
     # Where the terminal cannot draw boxes, a rule follows the title.
-    below = itertools.dropwhile(_RULE.fullmatch, lines)
-    sentence = " ".join(itertools.takewhile(lambda line: not _RULE.search(line), below)).rstrip(".")
+    below = itertools.dropwhile(_BOX_RULE.fullmatch, lines)
+    sentence = " ".join(itertools.takewhile(lambda line: not _BOX_RULE.search(line), below)).rstrip(".")
     if optional := _OPTIONAL.fullmatch(sentence):
         sentence = f"Error parsing {optional[1]}: {optional[2]}"
     return _NO_NUMBER.sub("no number", sentence)

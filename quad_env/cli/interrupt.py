@@ -7,7 +7,7 @@ import signal
 import threading
 from types import FrameType, TracebackType
 
-from quad_env.cli.launcher import leave
+from quad_env.cli.launcher import exit_interrupted
 
 AT_ONCE = "interrupted again: ended at once, without what comes last"
 """Line on stderr after the second Ctrl-C."""
@@ -47,5 +47,5 @@ class Interrupt:
 
     def _receive(self, number: int, frame: FrameType | None) -> None:
         if self.requested:
-            leave(AT_ONCE)
+            exit_interrupted(AT_ONCE)
         self.requested = True

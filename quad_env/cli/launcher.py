@@ -42,16 +42,16 @@ def leave_on_interrupt() -> None:
 
     A KeyboardInterrupt from an import can turn into an ImportError, or get lost in a callback, so none is raised.
     """
-    sys.excepthook = _end_by
+    sys.excepthook = _handle_uncaught
     save_memory_where_limited()
     # A shell starts background jobs deaf to Ctrl-C; that stays.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _leave)
+        signal.signal(signal.SIGINT, _handle_interrupt)
 
 
 def raise_on_interrupt() -> None:
     """Raise KeyboardInterrupt after Ctrl-C from now on, if `leave_on_interrupt` has changed that."""
-    if signal.getsignal(signal.SIGINT) is _leave:
+    if signal.getsignal(signal.SIGINT) is _handle_interrupt:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -78,7 +78,7 @@ def launch(main: Callable[[], int]) -> int:
         else:
             raise
     # The rest takes milliseconds, and an interrupt in it would be a traceback.
-    if signal.getsignal(signal.SIGINT) in (_leave, signal.default_int_handler):
+    if signal.getsignal(signal.SIGINT) in (_handle_interrupt, signal.default_int_handler):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     if code == INTERRUPTED:
         # An interrupt within exec() has the interpreter end by the signal later on, whatever the exit code.
@@ -97,7 +97,7 @@ def silence_stdout() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
-def leave(text: str) -> NoReturn:
+def exit_interrupted(text: str) -> NoReturn:
     """End the process at once after Ctrl-C, with the line `text` on stderr."""
     # Without buffers and exit handlers: the interrupt may have come in the middle of anything.
     shown_again = "\r\x1b[?25h" if os.isatty(2) else ""  # the cursor, which a progress bar hides
@@ -105,7 +105,7 @@ def leave(text: str) -> NoReturn:
     os._exit(INTERRUPTED)
 
 
-def _end_by(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+def _handle_uncaught(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
     """Handle an error that nothing else has caught, as of an import: one line if it is too little memory."""
     if not is_out_of_memory(error):
         sys.__excepthook__(kind, error, trace)
@@ -114,8 +114,8 @@ def _end_by(kind: type[BaseException], error: BaseException, trace: TracebackTyp
     os._exit(FAILED)
 
 
-def _leave(number: int, frame: FrameType | None) -> None:
-    leave(NOTHING_KEPT)
+def _handle_interrupt(number: int, frame: FrameType | None) -> None:
+    exit_interrupted(NOTHING_KEPT)
 
 
 def memory_is_limited() -> bool:

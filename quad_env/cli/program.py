@@ -30,7 +30,7 @@ EXTRAS = dict.fromkeys(_TRAIN, "train") | {
     "rosbags": "recording",
 }
 """Extra that installs a package, by the import name of the package."""
-OURS = "quad_env", "policies", "evaluate", "train", "live", "research"
+OWN_PACKAGES = "quad_env", "policies", "evaluate", "train", "live", "research"
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def _line_for(error: Exception) -> str:
     package = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""
     if package in EXTRAS:
         return f'this needs {package}, which is not installed: pip install -e ".[{EXTRAS[package]}]"'
-    if package and package not in OURS:
+    if package and package not in OWN_PACKAGES:
         return f"this needs {package}, which is not installed: pip install -U simple-quad, or -e ."
     if isinstance(error, RuntimeError | AttributeError | ImportError):
         chosen = os.environ.get("MUJOCO_GL")

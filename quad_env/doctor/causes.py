@@ -25,7 +25,7 @@ GAIN_TOLERANCE = 0.1
 _SHOWN = 3
 """Largest number of parts that a message names."""
 
-Mend = Callable[[Any], None]
+ModelChange = Callable[[Any], None]
 """Function that changes the model of a simulation of one robot."""
 
 
@@ -35,7 +35,7 @@ class Suspect:
 
     cause: str
     remedy: str
-    apply_remedy: Mend | None = None
+    apply_remedy: ModelChange | None = None
     """None where the remedy changes the robot itself."""
     robot: Robot | None = None
     """The robot after the remedy; None if it is unchanged."""
@@ -70,10 +70,10 @@ def diagnose(subject: DoctorSubject, stance: Stance) -> tuple[str, str]:
         return cause, f"lengths in metres in {robot.mjcf}, such as scale of the meshes and pos of the bodies"
     if stance.is_overloaded:
         cause = "masses are too large (grams for kilograms?), or the largest torque is too small"
-        return cause, f"mass of the bodies in {robot.mjcf}, or rated_torque in {subject.figures}"
+        return cause, f"mass of the bodies in {robot.mjcf}, or rated_torque in {subject.parameter_source}"
     if not stance.diverged and _holds_targets(stance):
         cause = "in the home pose the feet are not below the centre of mass, or a mass is not where it should be"
-        return cause, f"home_pose in {subject.figures}, or masses in {robot.mjcf}; describe --picture shows it"
+        return cause, f"home_pose in {subject.parameter_source}, or masses in {robot.mjcf}; describe --picture shows it"
     also = "".join(f"; {suspect.cause}" for suspect in suspects)
     cause = f"none of servo gains, springs, self-contacts and inertias alone explains it{also}"
     return cause, f"masses, inertias, joints and home_pose in {robot.mjcf}; describe --picture shows it"
@@ -97,7 +97,7 @@ def _inertia_suspects(robot: Robot) -> Iterator[Suspect]:
     """Yield the implausible inertias of the links."""
     inertias = find_unlikely_inertias(robot)
     if inertias:
-        names = _some([each.name for each in inertias])
+        names = _shorten_names([each.name for each in inertias])
         first = inertias[0]
         cause = (
             f"{names} has a moment of inertia of {first.moment:.3g} kg·m², and {first.mass:.3g} kg within "
@@ -107,7 +107,7 @@ def _inertia_suspects(robot: Robot) -> Iterator[Suspect]:
 
         def reduce_inertias(simulation: Any) -> None:
             for each in inertias:
-                _expanded(simulation, "body_inertia")[:, each.body] = 0.2 * each.max_moment
+                _expand_field(simulation, "body_inertia")[:, each.body] = 0.2 * each.max_moment
 
         yield Suspect(cause, remedy, reduce_inertias)
 
@@ -129,7 +129,7 @@ def _gain_suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
     else:
         stiffest = f"a stiffness of {robot.servo_stiffness.max():g} N·m/rad"
         cause = f"a damping of {robot.servo_damping.min():g} N·m·s/rad is too little for {stiffest}"
-    remedy = f"servo_stiffness = {stiffness} and servo_damping = {damping} or so in {subject.figures}"
+    remedy = f"servo_stiffness = {stiffness} and servo_damping = {damping} or so in {subject.parameter_source}"
     yield Suspect(cause, remedy, robot=other)
 
 
@@ -139,13 +139,13 @@ def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
     springs = np.column_stack((model.jnt_stiffness, model.jnt_stiffnesspoly))
     joints = [int(joint) for joint in np.flatnonzero(springs.any(axis=1))]
     if joints:
-        names = _some([_joint_name(model, joint) for joint in joints])
+        names = _shorten_names([_joint_name(model, joint) for joint in joints])
         largest = float(np.abs(springs).sum(axis=1).max())
         cause = f"springs in the joints of the model pull against the servos: {names}, up to {largest:.3g} N·m at 1 rad"
 
         def remove_springs(simulation: Any) -> None:
             for field in ("jnt_stiffness", "jnt_stiffnesspoly"):
-                _expanded(simulation, field)[:] = 0.0
+                _expand_field(simulation, field)[:] = 0.0
 
         yield Suspect(cause, f"stiffness = 0 of these joints in {robot.mjcf}", remove_springs)
 
@@ -168,7 +168,7 @@ def _self_contact_pairs(env: Any) -> list[tuple[str, str]]:
 
 
 def _in_words(pairs: list[tuple[str, str]]) -> str:
-    return _some([" and ".join(pair) for pair in pairs])
+    return _shorten_names([" and ".join(pair) for pair in pairs])
 
 
 def _contact_suspects(robot: Robot, stance: Stance) -> Iterator[Suspect]:
@@ -180,7 +180,7 @@ def _contact_suspects(robot: Robot, stance: Stance) -> Iterator[Suspect]:
     def remove_self_contacts(simulation: Any) -> None:
         is_robot_geom = simulation.model.geom_bodyid > 0
         for field in ("geom_contype", "geom_conaffinity"):
-            _expanded(simulation, field)[:, is_robot_geom] &= GROUND_BIT
+            _expand_field(simulation, field)[:, is_robot_geom] &= GROUND_BIT
 
     cause = f"bodies of the robot press against each other: {_in_words(pairs)}"
     rules = "".join(f'<exclude body1="{one}" body2="{other}"/>' for one, other in pairs)
@@ -194,12 +194,12 @@ def _rounded(gain: float) -> str:
     return f"{gain:.1f}" if gain < 100.0 else f"{gain:.0f}"
 
 
-def _expanded(simulation: Any, field: str) -> Any:
+def _expand_field(simulation: Any, field: str) -> Any:
     """Return a field of the model with a row per robot of the simulation."""
     return simulation.batch.expand(field)
 
 
-def _some(names: list[str]) -> str:
+def _shorten_names(names: list[str]) -> str:
     more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
     return ", ".join(names[:_SHOWN]) + more
 

@@ -46,7 +46,7 @@ class DoctorSubject:
         return SimpleQuadEnv(robot=self.robot.with_stiff_servos, terminate_on_fall=False)
 
     @property
-    def figures(self) -> str:
+    def parameter_source(self) -> str:
         """File that can give parameters of the robot, in words."""
         if self.name.endswith(".toml"):
             return self.name

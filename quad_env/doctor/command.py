@@ -14,21 +14,21 @@ from quad_env.doctor.check import DoctorCheck, DoctorSubject, Finding, run_check
 from quad_env.files.text import escape_control_characters
 from quad_env.robots.registry import ROBOTS, parse_robot
 
-HERE = "quad_env.doctor"
+PACKAGE = "quad_env.doctor"
 """Package of the modules with the checks."""
 CHECKS = (
-    DoctorCheck("packages", f"{HERE}.installation:packages"),
-    DoctorCheck("mujoco", f"{HERE}.installation:mujoco", ("packages",)),
-    DoctorCheck("opengl", f"{HERE}.installation:opengl", ("mujoco",)),
-    DoctorCheck("model", f"{HERE}.model:model", ("mujoco",)),
-    DoctorCheck("names", f"{HERE}.model:names", ("model",)),
-    DoctorCheck("limits", f"{HERE}.model:limits", ("model",)),
-    DoctorCheck("joints", f"{HERE}.model:joints", ("limits",)),
-    DoctorCheck("stands", f"{HERE}.stance_check:stands", ("joints",)),
-    DoctorCheck("plausible", f"{HERE}.model:plausible", ("stands",)),
+    DoctorCheck("packages", f"{PACKAGE}.installation:packages"),
+    DoctorCheck("mujoco", f"{PACKAGE}.installation:mujoco", ("packages",)),
+    DoctorCheck("opengl", f"{PACKAGE}.installation:opengl", ("mujoco",)),
+    DoctorCheck("model", f"{PACKAGE}.model:model", ("mujoco",)),
+    DoctorCheck("names", f"{PACKAGE}.model:names", ("model",)),
+    DoctorCheck("limits", f"{PACKAGE}.model:limits", ("model",)),
+    DoctorCheck("joints", f"{PACKAGE}.model:joints", ("limits",)),
+    DoctorCheck("stands", f"{PACKAGE}.stance_check:stands", ("joints",)),
+    DoctorCheck("plausible", f"{PACKAGE}.model:plausible", ("stands",)),
 )
 """Checks in the order of their dependence: the first problem is the one to repair."""
-NO_CLONE = "walking and policies were not examined: they need a clone of the project"
+NO_CLONE_NOTE = "walking and policies were not examined: they need a clone of the project"
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def run(options: DoctorOptions, policy_checks: tuple[DoctorCheck, ...] | None) -
         print(escape_control_characters("\n".join(_lines(name, finding))), flush=True)
     faults = [with_count(counts[kind], kind) for kind in ("problem", "warning") if counts[kind]]
     others = [f"{counts[kind]} {kind}" for kind in ("ok", "left out") if counts[kind]]
-    print(", ".join(faults + others) + (f"; {NO_CLONE}" if policy_checks is None else ""))
+    print(", ".join(faults + others) + (f"; {NO_CLONE_NOTE}" if policy_checks is None else ""))
     return int(counts["problem"] > 0)
 
 

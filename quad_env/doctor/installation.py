@@ -15,8 +15,8 @@ from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
 PROJECT = "simple-quad"
 RENDER_TIMEOUT = 60.0
 """s. Longest run time until a first frame, with shaders that the processor compiles; see `RunClock`."""
-INSTALL = "install EGL (Debian and Ubuntu: apt install libegl1 libgl1 libgl1-mesa-dri)"
-DRAW = """
+EGL_REMEDY = "install EGL (Debian and Ubuntu: apt install libegl1 libgl1 libgl1-mesa-dri)"
+DRAWING_PROGRAM = """
 from quad_env.envs.env import SimpleQuadEnv
 env = SimpleQuadEnv(render_mode="rgb_array", width=64, height=48)
 env.reset(seed=0)
@@ -66,7 +66,7 @@ def mujoco(_: DoctorSubject) -> Finding:
 def opengl(_: DoctorSubject) -> Finding:
     """Check that a frame is drawn, in another process."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command = sys.executable, "-c", DRAW
+    command = sys.executable, "-c", DRAWING_PROGRAM
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment) as run:
         stderr = _stderr_in_time(run)
     if stderr is None:
@@ -98,4 +98,4 @@ def _drawing_problem(error: str) -> Finding:
     cause = "EGL, the display or a driver behind it is missing"
     if chosen := os.environ.get("MUJOCO_GL"):
         cause = f"MUJOCO_GL={chosen} asks for a backend that does not work here"
-    return problem(f"no picture can be drawn: {error}", cause, f"MUJOCO_GL=egl draws without a display; {INSTALL}")
+    return problem(f"no picture can be drawn: {error}", cause, f"MUJOCO_GL=egl draws without a display; {EGL_REMEDY}")

@@ -35,7 +35,7 @@ def model(subject: DoctorSubject) -> Finding:
         return problem(fault or str(error), "its model comes with a package that is optional", remedy)
     except (ModelError, OSError, ValueError) as error:
         cause = "the model or a file that it names is not there or has a fault, or a figure is missing"
-        remedy = f"repair what the line names, in {subject.name}, or give the figure in {subject.figures}"
+        remedy = f"repair what the line names, in {subject.name}, or give the figure in {subject.parameter_source}"
         return problem(" ".join(str(error).split()), cause, remedy)
     fields = [name for name in DIGEST_FIELDS if not np.isfinite(getattr(compiled, name)).all()]
     if fields:
@@ -61,7 +61,7 @@ def plausible(subject: DoctorSubject) -> Finding:
     """Check that the robot's size, motors and servos are plausible."""
     if warnings := list(find_warnings(subject.robot)):
         cause = "a placeholder that was never filled in, or a model in other units than metres, kilograms and radians"
-        remedy = f"correct them in {subject.robot.mjcf}, or give them in {subject.figures}"
+        remedy = f"correct them in {subject.robot.mjcf}, or give them in {subject.parameter_source}"
         return Finding("warning", "; ".join(warnings), cause, remedy)
     return ok("size, motors and servos are in proportion to the weight")
 
@@ -83,8 +83,8 @@ def limits(subject: DoctorSubject) -> Finding:
     if (finding := _range_problem(robot)) is not None:
         return finding
     if tight := [name for name, margin in zip(robot.joint_names, margins, strict=True) if margin < MIN_MARGIN]:
-        observed = f"in the home pose {_some(tight)} is at the end of its range"
-        remedy = f"{_correct('range', robot)}, or home_pose in {subject.figures}"
+        observed = f"in the home pose {_shorten_names(tight)} is at the end of its range"
+        remedy = f"{_correct('range', robot)}, or home_pose in {subject.parameter_source}"
         return problem(observed, "limits or home pose are wrong", remedy)
     if (finding := _mirror_problem(robot)) is not None:
         return finding
@@ -96,11 +96,11 @@ def _range_problem(robot: Robot) -> Finding | None:
     """Return the problem of joints with too wide or too narrow ranges; None without one."""
     ranges = robot.joint_upper - robot.joint_lower
     if wide := [name for name, value in zip(robot.joint_names, ranges, strict=True) if value > MAX_RANGE]:
-        observed = f"{_some(wide)} can turn by {ranges.max():.0f} rad"
+        observed = f"{_shorten_names(wide)} can turn by {ranges.max():.0f} rad"
         cause = 'limits in degrees where the MJCF\'s compiler has angle="radian"'
         return problem(observed, cause, _correct("range", robot))
     if narrow := [name for name, value in zip(robot.joint_names, ranges, strict=True) if value < MIN_RANGE]:
-        observed = f"{_some(narrow)} can turn by {ranges.min():.3f} rad only"
+        observed = f"{_shorten_names(narrow)} can turn by {ranges.min():.3f} rad only"
         cause = "limits in radians where the MJCF's compiler reads degrees, its default, or a wrong range"
         remedy = _correct('range, or write <compiler angle="radian"/> if it is in radians', robot)
         return problem(observed, cause, remedy)
@@ -136,11 +136,11 @@ def joints(subject: DoctorSubject) -> Finding:
         if (np.abs(robot.home_pose[left] - mirrored) > MIRROR_TOLERANCE).any():
             observed = "left and right legs do not mirror each other in the home pose"
             cause = "an angle of the home pose has the wrong sign or the wrong place"
-            return problem(observed, cause, f"home_pose in {subject.figures}")
+            return problem(observed, cause, f"home_pose in {subject.parameter_source}")
     return ok("signs and home pose agree left and right")
 
 
-def _some(names: list[str]) -> str:
+def _shorten_names(names: list[str]) -> str:
     """Return `fl_calf_joint`, or `fl_calf_joint and 3 more`."""
     return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 

@@ -11,7 +11,7 @@ ENDINGS = frozenset(
 """Endings of the files that users name; a severity as `noise=0.2` does not end in one of them."""
 
 
-def missing_file(text: str) -> str | None:
+def missing_file_message(text: str) -> str | None:
     """Return `there is no file or folder x/y` for a missing path; None for a name and for an existing file.
 
     A text is a path if it has a separator, begins with `~`, or has one of ENDINGS. `FILE.py:NAME` is a path, too.

@@ -7,13 +7,13 @@ import numpy as np
 from quad_env.robots.shapes import Floats
 from quad_env.robots.structure import ModelError
 
-UNBALANCED = "A + B >= C"
-NOT_POSITIVE = "positive eigenvalues"
-NOTHING = "must be larger than mjMINVAL"
+UNBALANCED_MESSAGE = "A + B >= C"
+NOT_POSITIVE_MESSAGE = "positive eigenvalues"
+TOO_SMALL_MESSAGE = "must be larger than mjMINVAL"
 """Parts of error messages of MuJoCo's compiler about inertias."""
 MIN_INERTIA = 1e-15
 """kg, kg·m². Least mass and moment of inertia of a moving body: mjMINVAL of MuJoCo."""
-FROM_GEOMS = 1
+INERTIA_FROM_GEOMS = 1
 """Value of `inertiafromgeom` that ignores the inertias of the file: mjINERTIAFROMGEOM_TRUE of MuJoCo."""
 MIN_LINK_MASS = 1e-9
 """kg. Mass that a moving link without a mass gets; a millionth of a gram."""
@@ -44,7 +44,7 @@ def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
         model = spec.compile()
         return model, _balanced_bodies(spec, model, moments)
     except ValueError as error:
-        if not any(text in str(error) for text in (UNBALANCED, NOT_POSITIVE, NOTHING)):
+        if not any(text in str(error) for text in (UNBALANCED_MESSAGE, NOT_POSITIVE_MESSAGE, TOO_SMALL_MESSAGE)):
             raise
     for body, own in moments:
         if own.min() < MIN_INERTIA <= own.mean():
@@ -55,7 +55,7 @@ def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
     try:
         model = spec.compile()
     except ValueError as error:
-        if NOTHING in str(error) or NOT_POSITIVE in str(error):
+        if TOO_SMALL_MESSAGE in str(error) or NOT_POSITIVE_MESSAGE in str(error):
             raise ModelError(_without_inertia(spec, error)) from error
         raise
     return model, _balanced_bodies(spec, model, moments)
@@ -63,7 +63,7 @@ def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
 
 def _balanced_bodies(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -> tuple[str, ...]:
     """Return the names of bodies with impossible moments that MuJoCo, or `compile_balanced`, has made equal."""
-    if int(spec.compiler.inertiafromgeom) == FROM_GEOMS:
+    if int(spec.compiler.inertiafromgeom) == INERTIA_FROM_GEOMS:
         return ()
     return tuple(
         body.name or f"number {body.id}"

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG, LEG_WORDS
 
-PLACES = {"fl": "front left", "fr": "front right", "hl": "hind left", "hr": "hind right"}
+LEG_POSITIONS = {"fl": "front left", "fr": "front right", "hl": "hind left", "hr": "hind right"}
 """Positions of the legs in words."""
 _ENDS = {"front": "f", "fore": "f", "hind": "h", "rear": "h", "back": "h"}
 _SIDES = {"left": "l", "l": "l", "right": "r", "r": "r"}
-_GLUED = re.compile(f"({'|'.join(_ENDS)})(left|right)|(left|right)({'|'.join(_ENDS)})")
+_JOINED_WORDS = re.compile(f"({'|'.join(_ENDS)})(left|right)|(left|right)({'|'.join(_ENDS)})")
 """Two words in one, such as `frontleft`."""
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 _MIRROR = str.maketrans("lr", "rl")
@@ -22,7 +22,7 @@ _TURNS = {
 }
 """Cause and remedy of names that all differ from the places in the same way, and the map from one to the other."""
 
-PARTIAL = "the other legs are where their names say: exchange the names of these, or their places"
+PARTIAL_REMEDY = "the other legs are where their names say: exchange the names of these, or their places"
 """Remedy where some of the names differ from the places, and others do not."""
 
 
@@ -33,7 +33,7 @@ def split_words(name: str) -> list[str]:
 
 
 def _parts(word: str) -> list[str]:
-    match = _GLUED.fullmatch(word)
+    match = _JOINED_WORDS.fullmatch(word)
     return [part for part in match.groups() if part] if match else [word]
 
 
@@ -59,20 +59,20 @@ def find_contradictions(robot: Robot) -> Iterator[str]:
     if not wrong:
         return
     shown = {(leg, place): name for name, leg, place in reversed(wrong)}
-    pairs = ", ".join(f"{name} is {PLACES[place]}" for (_, place), name in reversed(shown.items()))
+    pairs = ", ".join(f"{name} is {LEG_POSITIONS[place]}" for (_, place), name in reversed(shown.items()))
     all_wrong = len(wrong) == sum(leg is not None for leg in named)
-    yield f"names and places disagree: {pairs}; {_remedy(shown) if all_wrong else PARTIAL}"
+    yield f"names and places disagree: {pairs}; {_remedy(shown) if all_wrong else PARTIAL_REMEDY}"
 
 
 def _remedy(wrong: dict[tuple[str, str], str]) -> str:
     for remedy, maps in _TURNS.items():
-        turned = {(_mapped(leg, maps), place) for leg, place in wrong}
+        turned = {(_translate_leg(leg, maps), place) for leg, place in wrong}
         if all(leg == place for leg, place in turned):
             return remedy
     return "exchange the names, or the places"
 
 
-def _mapped(leg: str, maps: Sequence[dict[int, int]]) -> str:
+def _translate_leg(leg: str, maps: Sequence[dict[int, int]]) -> str:
     for each in maps:
         leg = leg.translate(each)
     return leg

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-NOTE = "quad_env: files that are not there"
+RECORD_NAME = "quad_env: files that are not there"
 """Name of the custom text in a specification that lists the files left out."""
 
 
@@ -20,12 +20,12 @@ def remove_missing_files(spec: Any) -> None:
 def record_missing_files(spec: Any, files: list[str]) -> None:
     """Record the names in `files`, which were left out, in a custom text of `spec`."""
     if files:
-        spec.add_text(name=NOTE, data=", ".join(files))
+        spec.add_text(name=RECORD_NAME, data=", ".join(files))
 
 
-def missing_files(spec: Any) -> str | None:
+def recorded_missing_files(spec: Any) -> str | None:
     """Return the names of the files that were left out of a specification; None for none."""
-    return next((str(text.data) for text in spec.texts if text.name == NOTE), None)
+    return next((str(text.data) for text in spec.texts if text.name == RECORD_NAME), None)
 
 
 def _remove_meshes(spec: Any) -> Iterator[str]:

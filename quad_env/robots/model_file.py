@@ -16,7 +16,7 @@ from quad_env.files.text import format_exception
 from quad_env.robots.finite_check import nonfinite_line
 from quad_env.robots.inertias import compile_balanced, remove_inferred_masses
 from quad_env.robots.locked_joints import bodies_moved_by, find_non_leg_joints, lock_joints
-from quad_env.robots.missing_files import missing_files, remove_missing_files
+from quad_env.robots.missing_files import recorded_missing_files, remove_missing_files
 from quad_env.robots.mujoco_messages import explain_message
 from quad_env.robots.omissions import Lines, find_omissions, join_names, unlimited_joint_lines
 from quad_env.robots.referenced_files import check_referenced_files
@@ -158,7 +158,7 @@ def _inertia_lines(massless: Iterable[str], balanced: Iterable[str]) -> Iterator
 
 def _missing_file_lines(spec: Any) -> Iterator[tuple[str, str]]:
     """Yield a line about missing files."""
-    if (files := missing_files(spec)) is not None:
+    if (files := recorded_missing_files(spec)) is not None:
         yield "not there", f"visual files, left out: {files}"
 
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from quad_env.cli.command_line import UsageError
 from quad_env.extensions import check_new, when_added
-from quad_env.files.paths import missing_file
+from quad_env.files.paths import missing_file_message
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
@@ -136,7 +136,7 @@ def get_robot(robot: str | Robot) -> Robot:
         if Path(robot).suffix in SUFFIXES:
             path = Path(robot)
             return _read(path, path.stat().st_mtime_ns) if path.is_file() else Robot.from_mjcf(path)
-        if (missing := missing_file(robot)) is not None:
+        if (missing := missing_file_message(robot)) is not None:
             raise ValueError(missing)
         raise ValueError(
             f"unknown robot {robot!r}; there are {', '.join(ROBOTS)}, or a path to an .xml, .urdf or .toml file"

@@ -12,7 +12,7 @@ from typing import Any
 
 from quad_env.config import CommandRanges
 from quad_env.extensions import check_new
-from quad_env.files.paths import missing_file
+from quad_env.files.paths import missing_file_message
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -72,7 +72,7 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
     result = find(which, get_robot(robot)) if isinstance(which, str) else None
     if result is not None:
         return result
-    if isinstance(which, str) and (missing := missing_file(which)) is not None:
+    if isinstance(which, str) and (missing := missing_file_message(which)) is not None:
         raise ValueError(missing)
     raise ValueError(
         f"unknown scenario {which!r}; valid: {', '.join(SCENARIOS)}, {SYNTAX_HELP}, or a quad_env.Scenario"

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.live.view.test_driver import FAILING
 
 from live.commands.doctor import CHECKS as OF_POLICIES
 from policies import shipped
@@ -200,7 +201,7 @@ def test_a_missing_driver_of_opengl_is_found(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_frame_that_never_comes_is_no_missing_driver(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installation, "RENDER_TIMEOUT", 0.2)
-    monkeypatch.setattr(installation, "DRAW", "import time; time.sleep(1000)")
+    monkeypatch.setattr(installation, "DRAWING_PROGRAM", "import time; time.sleep(1000)")
     found = installation.opengl(DoctorSubject())
     assert found.observed.startswith(
         "no frame within 0.2 s, without the time in which other programs had the processor"
@@ -211,7 +212,7 @@ def test_a_frame_that_never_comes_is_no_missing_driver(monkeypatch: pytest.Monke
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux says how long a process waited")
 def test_a_frame_that_waits_for_the_processor_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installation, "RENDER_TIMEOUT", 0.2)
-    monkeypatch.setattr(installation, "DRAW", "import time; time.sleep(2)")
+    monkeypatch.setattr(installation, "DRAWING_PROGRAM", "import time; time.sleep(2)")
     monkeypatch.setattr("quad_env.cli.child_process.RunClock.elapsed", lambda clock: 0.0)
     assert installation.opengl(DoctorSubject()).result == "ok"
 

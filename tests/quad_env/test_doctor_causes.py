@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from quad_env.describe import DescribeOptions, text
+from quad_env.describe import DescribeOptions, description_lines
 from quad_env.describe import main as describe
 from quad_env.doctor.causes import self_contacts
 from quad_env.doctor.check import DoctorSubject, Finding
@@ -100,7 +100,7 @@ PLACEHOLDERS = {
 @pytest.mark.parametrize("words", PLACEHOLDERS)
 def test_a_placeholder_is_named_by_describe(words: str, tmp_path: Path) -> None:
     (tmp_path / "made.xml").write_text(PLACEHOLDERS[words], encoding="utf-8")
-    (line,) = (line for line in text(Robot.from_mjcf(tmp_path / "made.xml")) if words in line)
+    (line,) = (line for line in description_lines(Robot.from_mjcf(tmp_path / "made.xml")) if words in line)
     assert line.startswith("warning")
 
 
@@ -151,6 +151,10 @@ def test_a_link_that_has_the_mass_of_shapes_around_it_is_believed(tmp_path: Path
     model = Made().xml()
     assert trunk in model
     sound = model.replace(trunk, moved)
-    assert not [line for line in text(robot_of_text(tmp_path, sound)) if "moment of inertia" in line]
+    assert not [line for line in description_lines(robot_of_text(tmp_path, sound)) if "moment of inertia" in line]
     wrong = sound.replace("0.2 0.1 0.2", "100 100 100")
-    assert [line for line in text(robot_of_text(tmp_path, wrong)) if "weight has a moment of inertia of 100" in line]
+    assert [
+        line
+        for line in description_lines(robot_of_text(tmp_path, wrong))
+        if "weight has a moment of inertia of 100" in line
+    ]

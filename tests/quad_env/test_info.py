@@ -31,7 +31,7 @@ def test_it_says_what_the_environment_is(capsys) -> None:
 
 
 def test_it_describes_the_robot_that_it_is_given() -> None:
-    assert "robot        heavy: " in info.text(replace(quad_env.SIMPLE_QUAD, name="heavy"))
+    assert "robot        heavy: " in info.environment_text(replace(quad_env.SIMPLE_QUAD, name="heavy"))
 
 
 def test_without_a_command_it_lists_them(capsys) -> None:

@@ -7,37 +7,37 @@ import pytest
 import policies
 import quad_env
 from evaluate.rollouts import battery
-from quad_env.files.paths import ENDINGS, missing_file
+from quad_env.files.paths import ENDINGS, missing_file_message
 from quad_env.robots.registry import get_robot
 
 
 @pytest.mark.parametrize("ending", sorted(ENDINGS))
 def test_a_text_with_the_ending_of_a_file_is_a_path(ending: str, tmp_path: Path) -> None:
     for name in (f"mine{ending}", f"a/mine{ending}", f"mine{ending.upper()}"):
-        assert missing_file(name) == f"there is no file {name}"
+        assert missing_file_message(name) == f"there is no file {name}"
     there = tmp_path / f"mine{ending}"
     there.write_bytes(b"")
-    assert missing_file(str(there)) is None
+    assert missing_file_message(str(there)) is None
 
 
 @pytest.mark.parametrize(
     "path", ["x/y", "./x", "x/", "..\\x", "~/x", "models/nothing-of-that-name", "x\0/y", "a" * 5000 + "/b"]
 )
 def test_a_text_with_a_separator_is_a_path(path: str) -> None:
-    assert missing_file(path) == f"there is no file or folder {path}"
+    assert missing_file_message(path) == f"there is no file or folder {path}"
 
 
 @pytest.mark.parametrize(
     "name", ["trot", "push:3", "noise=0.2", "payload=1.5+slope=10", "go1", "safe:trot", "", "v0.1"]
 )
 def test_a_name_is_no_path(name: str) -> None:
-    assert missing_file(name) is None
+    assert missing_file_message(name) is None
 
 
 def test_a_class_in_a_file_is_looked_for_in_its_file(tmp_path: Path) -> None:
-    assert missing_file("x/own.py:Mine") == "there is no file x/own.py"
+    assert missing_file_message("x/own.py:Mine") == "there is no file x/own.py"
     (tmp_path / "own.py").write_text("", encoding="utf-8")
-    assert missing_file(f"{tmp_path / 'own.py'}:Mine") is None
+    assert missing_file_message(f"{tmp_path / 'own.py'}:Mine") is None
 
 
 def test_policies_robots_and_scenarios_call_a_missing_path_so() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from quad_env import ModelError, Robot
-from quad_env.describe import text
+from quad_env.describe import description_lines
 from quad_env.robots.model_file import read
 from quad_env.robots.model_remarks import omission_lines
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -38,7 +38,7 @@ def test_shapes_of_a_urdf_give_no_mass(tmp_path: Path) -> None:
     robot = Robot.from_mjcf(written(tmp_path, model))
     assert robot.mass == pytest.approx(masses(model))
     assert robot.mass == pytest.approx(Robot.from_mjcf(written(tmp_path / "plain", plain)).mass)
-    (said,) = (line for line in text(robot) if line.startswith("no mass"))
+    (said,) = (line for line in description_lines(robot) if line.startswith("no mass"))
     assert "cover: the URDF gives none" in said
     standing(robot)
 
@@ -72,7 +72,7 @@ def test_an_impossible_inertia_is_balanced_and_named(inertia: str, tmp_path: Pat
     robot = robot_of_text(tmp_path, PLAIN.replace(TRUNK, inertia))
     trunk = robot.model.body("base_link").id
     np.testing.assert_allclose(robot.model.body_inertia[trunk], IMPOSSIBLE[inertia])
-    (said,) = (line for line in text(robot) if line.startswith("inertia"))
+    (said,) = (line for line in description_lines(robot) if line.startswith("inertia"))
     assert "of torso is impossible" in said
     standing(robot)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from quad_env import Robot
-from quad_env.describe import text
+from quad_env.describe import description_lines
 from quad_env.doctor.check import DoctorSubject
 from quad_env.doctor.model import names
 from quad_env.robots.leg_names import find_contradictions
@@ -40,7 +40,7 @@ def test_names_that_contradict_places_are_told_in_a_line(case: str, tmp_path: Pa
     assert "\n" not in line
     wrong = [place for place, leg in said.items() if leg != place]
     assert all(f"{WORDS[said[place]]}0 is {'front' if place[0] == 'f' else 'hind'}" in line for place in wrong)
-    assert sum(line in each for each in text(robot)) == 1
+    assert sum(line in each for each in description_lines(robot)) == 1
     found = names(DoctorSubject(robot))
     assert found.result == "warning"
     assert cause in found.remedy

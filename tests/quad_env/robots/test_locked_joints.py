@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from quad_env.describe import text
+from quad_env.describe import description_lines
 from quad_env.doctor.check import DoctorSubject
 from quad_env.doctor.model import model as doctor_reads
 from quad_env.physics.model import compile_model
@@ -44,7 +44,7 @@ def test_an_arm_is_where_the_keyframe_has_it_and_the_legs_are_those_of_the_robot
         places.append([(*((part.xpos - at) @ axes), *(axes.T @ part.xmat.reshape(3, 3)).ravel()) for part in arm])
     np.testing.assert_allclose(*places, atol=1e-9)
     said = f"held at their reference: {', '.join(NAMES)}"
-    assert sum(line.endswith(said) for line in text(robot)) == 1
+    assert sum(line.endswith(said) for line in description_lines(robot)) == 1
     assert doctor_reads(DoctorSubject(robot)).observed.endswith(said)
     standing(robot)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from quad_env import ModelError
-from quad_env.describe import text
+from quad_env.describe import description_lines
 from quad_env.robots.robot import Robot
 from tests.quad_env.robots.made import Made
 from tests.quad_env.robots.test_model_files import PLAIN, robot_of_text, standing
@@ -25,10 +25,10 @@ def test_what_is_only_shown_is_left_out_and_named(tmp_path: Path) -> None:
     robot = robot_of_text(tmp_path, model_with(SHOWN))
     plain = robot_of_text(tmp_path, PLAIN, "plain.xml")
     assert robot.sha256 == plain.sha256
-    (line,) = (line for line in text(robot) if line.startswith("not there"))
+    (line,) = (line for line in description_lines(robot) if line.startswith("not there"))
     assert "parts/shell.stl" in line
     assert "skin.png" in line
-    assert not any(line.startswith("not there") for line in text(plain))
+    assert not any(line.startswith("not there") for line in description_lines(plain))
     assert robot.model.ntext == plain.model.ntext
     standing(robot)
 
@@ -48,7 +48,9 @@ def test_what_gives_a_body_its_mass_is_refused_with_its_name(tmp_path: Path) -> 
 def test_a_urdf_s_missing_mesh_that_is_only_shown_is_left_out(tmp_path: Path) -> None:
     missing = '<mesh filename="package://rover/seen/none.stl"/>'
     robot = Robot.from_mjcf(written(tmp_path, urdf(calf=shape(missing, kind="visual") + FOOT)))
-    assert any("package://rover/seen/none.stl" in line for line in text(robot) if line.startswith("not there"))
+    assert any(
+        "package://rover/seen/none.stl" in line for line in description_lines(robot) if line.startswith("not there")
+    )
     with pytest.raises(ModelError, match="is no file"):
         Robot.from_mjcf(written(tmp_path, urdf(calf=shape(missing) + FOOT)))
 

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from quad_env.describe import DescribeOptions, text
+from quad_env.describe import DescribeOptions, description_lines
 from quad_env.describe import main as describe
 from quad_env.doctor.check import DoctorSubject
 from quad_env.doctor.model import model as doctor_reads
@@ -98,7 +98,7 @@ LACKING = {  # heading and words of a line -> the model
 def test_what_the_robot_lacks_is_named_and_it_stands_without(line: tuple[str, str], tmp_path: Path) -> None:
     heading, words = line
     robot = robot_of_text(tmp_path, LACKING[line])
-    (said,) = (each for each in text(robot) if each.startswith(f"{heading:12} "))
+    (said,) = (each for each in description_lines(robot) if each.startswith(f"{heading:12} "))
     assert words in said
     assert any(words in detail for detail in doctor_reads(DoctorSubject(robot)).details)
     env, _ = standing(robot)
@@ -122,7 +122,7 @@ def test_a_robot_by_name_keeps_the_contacts_of_its_published_results(tmp_path: P
     theirs = mujoco.MjModel.from_xml_path(str(named.mjcf))
     assert theirs.geom_margin.max() > 0.0
     assert named.model.geom_margin.max() == theirs.geom_margin.max()
-    assert not any(line.startswith("contact") for line in text(named))
+    assert not any(line.startswith("contact") for line in description_lines(named))
     assert not Robot.from_mjcf(named.mjcf).model.geom_margin.any()
 
 

@@ -17,7 +17,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from quad_env import Robot
-from quad_env.describe import text
+from quad_env.describe import description_lines
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.model import compile_model
 from quad_env.robots import model_file
@@ -155,7 +155,7 @@ def test_what_is_not_the_robot_is_left_out_and_named(tmp_path: Path) -> None:
     robot = robot_of_text(tmp_path, Made(obstacle=SCENE).xml())
     assert (robot.mass, robot.servo) == (plain.mass, plain.servo)
     assert robot.model.nbody == plain.model.nbody
-    (said,) = (line for line in text(robot) if line.startswith("left out"))
+    (said,) = (line for line in description_lines(robot) if line.startswith("left out"))
     assert all(f"body {thing}" in said for thing in ("crate", "ball", "door", "target"))
 
 
@@ -301,8 +301,8 @@ def test_a_trunk_keeps_its_own_centre(tmp_path: Path) -> None:
         standing(robot)
     trunk = shown.model.geom("trunk")
     np.testing.assert_allclose((*trunk.pos, *trunk.size), (0.02, 0.0, 0.06, 0.2, 0.08, 0.05), atol=1e-12)
-    assert any("does not collide in the model" in line for line in text(shown))
-    assert not any("does not collide in the model" in line for line in text(solid))
+    assert any("does not collide in the model" in line for line in description_lines(shown))
+    assert not any("does not collide in the model" in line for line in description_lines(solid))
 
 
 @pytest.mark.parametrize("rise", [0.05, -0.08])

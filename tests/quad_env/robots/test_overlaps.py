@@ -5,7 +5,7 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from quad_env.describe import text
+from quad_env.describe import description_lines
 from quad_env.doctor.check import DoctorSubject
 from quad_env.doctor.model import model as doctor_reads
 from quad_env.doctor.stance_check import stands
@@ -39,7 +39,7 @@ def test_thighs_in_the_trunk_are_named_and_do_not_push_it(tmp_path: Path) -> Non
     assert mujoco.MjModel.from_xml_string(overlapping()).nexclude == 0
     assert robot.model.nexclude == 4
     assert self_contacts(robot.model) == 0
-    (line,) = (line for line in text(robot) if line.startswith("overlap"))
+    (line,) = (line for line in description_lines(robot) if line.startswith("overlap"))
     assert line.count(" mm") == 4
     assert "torso" in line
     found = doctor_reads(DoctorSubject(robot))
@@ -60,7 +60,7 @@ def test_an_explicit_pair_of_shapes_that_overlap_does_not_collide_either(tmp_pat
 def test_what_does_not_overlap_still_collides(tmp_path: Path) -> None:
     robot = robot_of_text(tmp_path, Made(foot=SHIN + Made().foot).xml())
     assert robot.model.nexclude == 0
-    assert not [line for line in text(robot) if line.startswith("overlap")]
+    assert not [line for line in description_lines(robot) if line.startswith("overlap")]
     assert not [line for line in doctor_reads(DoctorSubject(robot)).details if "overlap" in line]
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from quad_env import ModelError, Robot
-from quad_env.describe import text
+from quad_env.describe import description_lines
 from tests.quad_env.robots.made import Made
 from tests.quad_env.robots.test_model_files import PLAIN, robot_of_text
 
@@ -77,6 +77,8 @@ def test_a_fault_of_the_model_is_the_model_s(tmp_path: Path) -> None:
 
 def test_the_joints_own_damping_is_told_beside_that_of_the_servos(tmp_path: Path) -> None:
     damped = robot_of_text(tmp_path, PLAIN.replace(' armature="0.01"', ' armature="0.01" damping="2"'), "damped.xml")
-    said = [line for line in text(damped) if "own damping of 2 N·m·s/rad adds to that of the servos" in line]
+    said = [
+        line for line in description_lines(damped) if "own damping of 2 N·m·s/rad adds to that of the servos" in line
+    ]
     assert len(said) == 1
-    assert not any("own damping" in line for line in text(robot_of_text(tmp_path, PLAIN)))
+    assert not any("own damping" in line for line in description_lines(robot_of_text(tmp_path, PLAIN)))
