@@ -18,6 +18,7 @@ from quad_env.cli.launcher import launch
 REFERENCE = "flat"
 """Scenario of the requirement."""
 SCENARIOS = (REFERENCE, "stairs", "rough")
+"""Rendered scenarios."""
 
 
 @dataclass(frozen=True)

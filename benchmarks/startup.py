@@ -18,16 +18,23 @@ from quad_env.cli.launcher import launch
 FORBIDDEN_MODULES = ("gymnasium", "mujoco", "torch")
 """Modules that `import quad_env` must not load."""
 IMPORT_QUAD_ENV = "import quad_env, gymnasium"
+"""Timed import of this package."""
 IMPORT_GYMNASIUM = "import gymnasium"
+"""Import that it is compared with."""
 MAKE = "gym.make after it"
+"""Name of the timing of the first environment."""
 HELP_COMMANDS = ("python -m evaluate --help", "python -m train --help")
+"""Timed commands."""
 _TIMED = "import time; begin = time.perf_counter(); {code}; print(time.perf_counter() - begin)"
+"""Program that prints the duration of some code, s."""
 _CODE = {
     IMPORT_QUAD_ENV: _TIMED.format(code=IMPORT_QUAD_ENV),
     IMPORT_GYMNASIUM: _TIMED.format(code=IMPORT_GYMNASIUM),
     MAKE: f"{IMPORT_QUAD_ENV}; " + _TIMED.format(code="gymnasium.make(quad_env.ENV_ID)"),
 }
+"""Name of a timing -> program."""
 _LOADED = f"import sys, quad_env; print(*(name for name in {FORBIDDEN_MODULES} if name in sys.modules))"
+"""Program that prints the loaded ones of FORBIDDEN_MODULES."""
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,11 @@ from quad_env.cli.launcher import launch
 from quad_env.cli.progress import show_bar
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+"""Names of the browser's program."""
 FLAGS = ("--no-sandbox", "--no-first-run", "--disable-background-networking", "--disable-sync")
+"""Arguments of the browser."""
 SOFTWARE = ("--enable-unsafe-swiftshader",)
+"""Argument for rendering without graphics hardware."""
 WARM_UP = 5.0
 """s. Time before the measurement."""
 LONG_WARM_UP = 60.0

@@ -8,8 +8,11 @@ class Threshold:
     """Limit of a figure: reached if ≥ `bound`, or kept if ≤ `bound`."""
 
     sign: str
+    """`≥` or `≤`."""
     bound: float
+    """Limit, in `unit`."""
     unit: str = ""
+    """Unit for display, with a leading space if needed."""
 
     def is_met(self, value: float) -> bool:
         """Return whether the value is within the limit; NaN is not."""
@@ -24,9 +27,11 @@ class Requirement:
     """Requirement on figures; met if one of its limits is."""
 
     name: str
+    """Description of the figures."""
     command: str
     """Command that measures the figures."""
     limits: tuple[Threshold, ...]
+    """Limit of each figure."""
 
 
 BARS = {
@@ -84,7 +89,9 @@ class RequirementCheck:
     """Values measured for a requirement, one per limit. The fields are keys of the JSON file."""
 
     bar: str
+    """Name of the requirement in BARS."""
     values: tuple[float, ...]
+    """Measured value for each limit."""
 
     @property
     def is_met(self) -> bool:

@@ -60,9 +60,13 @@ class BenchmarkResult:
     """Result of a command: figures for the JSON file, tables to print, and checked requirements."""
 
     figures: dict[str, Any]
+    """Name -> figure, for the JSON file."""
     tables: tuple[Table, ...]
+    """Tables to print."""
     checks: tuple[RequirementCheck, ...] = ()
+    """Requirements with their measured values."""
     notes: tuple[str, ...] = ()
+    """Lines below the tables."""
     unmeasured: tuple[str, ...] = ()
     """Requirements that another command measures."""
 

@@ -82,6 +82,7 @@ class Quartiles:
     """Median and quartiles over the rounds."""
 
     median: float
+    """Median."""
     low: float
     """First quartile."""
     high: float

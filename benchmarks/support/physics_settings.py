@@ -68,6 +68,7 @@ class PhysicsSetting:
     """A change of the shipped model."""
 
     change: SpecEdit
+    """Change of the specification."""
     use_stepping_model: bool = True
     """True: stepped as in the environment. False: with every sensor evaluated, and islands of constraints searched."""
 
@@ -78,6 +79,7 @@ class PhysicsSetting:
 
 
 SHIPPED = "shipped"
+"""Name of the shipped settings."""
 ORIGINAL_SETTINGS = "first settings"
 """Name of the first settings of the project, which the speed of others is compared with."""
 

@@ -15,6 +15,7 @@ from evaluate.statistics.intervals import Interval
 from quad_env.cli.format import NO_BREAK
 
 FailureKind = Literal["falls", "success"]
+"""Event that counts as a failure."""
 FAILURE_KINDS: tuple[FailureKind, ...] = ("falls", "success")
 """Failures that define a breaking point: `falls`, half of the episodes fall; `success`, half no longer succeed."""
 BREAKING_POINT_WORDS: dict[FailureKind, str] = {
@@ -29,8 +30,11 @@ class AxisBreakingPoint:
     """Breaking point of one policy on one axis. The fields are the keys of results.json."""
 
     axis: str
+    """Name of the axis."""
     policy: str
+    """Name of the policy."""
     unit: str
+    """Unit of the severities."""
     severity50: float
     """Severity at which half of the episodes fail; NaN unless crossed."""
     ci: Interval

@@ -23,6 +23,7 @@ RATES = (SUCCESS_RATE, FALL_RATE)
 CAPS = {"velocity_error": VELOCITY_CAP, "yaw_rate_error": YAW_RATE_CAP, "mean_velocity_error": VELOCITY_CAP}
 """Error -> its largest value, m/s or rad/s."""
 ERRORS = tuple(CAPS)
+"""Compared errors."""
 SCORE = "score"
 """Mean success over the axes of a run, a proportion for each episode."""
 _METRIC_BOUNDS = CAPS | LIMITS | {SCORE: 1.0}
@@ -40,15 +41,21 @@ class Comparison:
     """Difference a − b of one metric on one scenario. The fields are the keys of results.json."""
 
     scenario: str
+    """Name of the scenario."""
     a: str
+    """Policy a."""
     b: str
+    """Policy b: the baseline if it is one of the two."""
     metric: str
+    """Compared metric."""
     difference: float
+    """Mean difference a − b."""
     ci: Interval
     """95 %: for rates Tango's score interval of paired proportions, for errors a bootstrap over the pairs."""
     p_value: float
     """p-value of this comparison alone."""
     test: str
+    """Name of the test."""
     p_value_holm: float
     """p-value corrected for its family (see `compare`)."""
     identical: bool = False
@@ -196,15 +203,19 @@ class MetricDifference:
     """Difference of one metric between two runs, b minus a. The fields are keys of the JSON file."""
 
     metric: str
+    """Compared metric."""
     a: float
     """Mean in run A."""
     b: float
     """Mean in run B."""
     difference: float
+    """Mean difference b − a."""
     ci: Interval
     """95 % interval of the difference."""
     p_value: float
+    """p-value of the test, not corrected."""
     test: str
+    """Name of the test."""
 
 
 def compare_metrics(

@@ -30,6 +30,7 @@ class Match:
     b: str
     """Policy of run B."""
     scenario: str
+    """Name of the scenario."""
     episodes: tuple[int, int]
     """Numbers of episodes in A and in B."""
     common: int
@@ -37,6 +38,7 @@ class Match:
     identical: bool
     """True if every column of every compared episode is bit-identical."""
     contrasts: tuple[MetricDifference, ...]
+    """Differences of the metrics, B minus A."""
     p_value_holm: float = np.nan
     """p-value of the difference of success, corrected with all claims of the comparison."""
 

@@ -22,12 +22,15 @@ class ParetoPoint:
     """Success and cost of transport of one policy. The fields are the keys of results.json."""
 
     policy: str
+    """Name of the policy."""
     success: float
     """Score of the policy."""
     success_ci: Interval
+    """95 % interval of the score."""
     cost: float
     """Cost of transport; NaN for a policy that does not move, or that did not run on the scenario."""
     cost_ci: Interval
+    """95 % interval of the cost of transport."""
     dominated_by: tuple[str, ...] = ()
     """Policies on the front with no less success and no higher cost, and one of the two better."""
 

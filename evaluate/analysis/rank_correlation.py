@@ -21,6 +21,7 @@ class RankCorrelation:
     """
 
     policies: tuple[str, ...]
+    """Names of the policies in A."""
     scores: tuple[tuple[float, ...], tuple[float, ...]]
     """Scores in A and in B."""
     correlation: float

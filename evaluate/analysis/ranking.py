@@ -27,7 +27,9 @@ class AdjacentPair:
     """Two adjacent policies of the ranking, made by `rank_policies`. The fields are keys of results.json."""
 
     better: str
+    """Policy with the higher score."""
     worse: str
+    """Policy with the lower score."""
     difference: float
     """Difference of their scores, paired by episode."""
     deviation: float
@@ -66,6 +68,7 @@ class Ranking:
     scenarios: tuple[str, ...]
     """One scenario of each severity of these axes."""
     episodes: int
+    """Number of episodes of each policy on each scenario."""
     places: tuple[ParetoPoint, ...]
     """Ranked policies, the most successful first."""
     neighbours: tuple[AdjacentPair, ...]

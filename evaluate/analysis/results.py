@@ -22,6 +22,7 @@ from quad_env.files.writing import write_atomically
 from quad_env.robots.robot import Robot
 
 SCHEMA = 1
+"""Version of the format of results.json."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class PolicyErrors:
     """Episodes in which a policy raised an exception, gave no answer in time, or gave no finite one."""
 
     policy: str
+    """Name of the policy."""
     failed: int
     """Number of these episodes."""
     episodes: int
@@ -42,11 +44,13 @@ class Results:
     """All results of a run, made by `analyse`; tables, files and the report show them."""
 
     seed: int
+    """Seed of the run."""
     episodes: int
     """Number of episodes in each cell."""
     complete: bool
     """False if the run was interrupted: cells are then missing, but each one present is complete."""
     cells: tuple[PolicyScenarioResult, ...]
+    """All cells, in the order of the run."""
     baseline: str
     """Policy that the others are compared with."""
     ranking: Ranking
@@ -54,7 +58,9 @@ class Results:
     summaries: dict[tuple[str, str], Summary]
     """(scenario, policy) -> figures, in the order of the run."""
     comparisons: tuple[Comparison, ...]
+    """Comparisons with the baseline and of adjacent policies, with corrected p-values."""
     breaking_points: tuple[AxisBreakingPoint, ...]
+    """Breaking points on every axis with at least three severities."""
     scores: tuple[Score, ...]
     """Scores without the hardware profile, the highest first."""
     hardware_scores: tuple[Score, ...]
@@ -64,6 +70,7 @@ class Results:
     hardware_pareto: Pareto
     """Success against cost of transport, with the hardware profile."""
     versions: Mapping[str, str | None]
+    """Package, or `success_rule` -> version of the run."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """Other facts about the origin of the figures, as JSON values: processor, threads, hashes of policies and code."""
 

@@ -33,7 +33,9 @@ class Score:
     """Mean success of one policy over all axes of a run. The fields are the keys of results.json."""
 
     policy: str
+    """Name of the policy."""
     score: float
+    """Mean success over the axes, 0 … 1."""
     ci: Interval
     """95 % interval, see `score_interval`."""
     axes: dict[str, tuple[float, ...]]
@@ -51,6 +53,7 @@ class ScoredCells:
     """Axes and cells that enter the score, made by `select_scored_cells`."""
 
     axes: tuple[SeverityAxis, ...]
+    """Axes that enter the score."""
     cells_by_policy: dict[str, dict[str, PolicyScenarioResult]]
     """Policy -> scenario -> cell, for the policies that ran every scenario of these axes with the same episodes."""
 

@@ -20,7 +20,9 @@ class SeverityAxis:
     name: str
     """Name from `axis_name`."""
     unit: str
+    """Unit of the severities; may be empty."""
     scenarios: tuple[Scenario, ...]
+    """Scenarios, the mildest first."""
 
     @property
     def scenario_names(self) -> tuple[str, ...]:

@@ -29,10 +29,15 @@ class Summary:
     """
 
     episodes: int
+    """Number of episodes."""
     severity: float
+    """Severity of the scenario; 0 without an axis."""
     severity_unit: str
+    """Unit of the severity."""
     successes: int
+    """Number of successful episodes."""
     success_rate: float
+    """Proportion of successful episodes."""
     success_rate_ci: Interval
     """Wilson interval, 95 %."""
     outcomes: dict[str, int]
@@ -42,9 +47,11 @@ class Summary:
     falls: int
     """Number of episodes that ended before the time limit, divergences included."""
     fall_rate: float
+    """Proportion of episodes with a fall."""
     fall_rate_ci: Interval
     """Wilson interval, 95 %."""
     diverged: int
+    """Number of diverged episodes."""
     time_to_fall: float
     """Mean over the episodes that fell, s."""
     velocity_error: float

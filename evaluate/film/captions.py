@@ -10,7 +10,9 @@ from quad_env.physics.arrows import Colour
 Ink = tuple[int, int, int]
 """Red, green and blue, 0 to 255."""
 DARK: Ink = (30, 34, 38)
+"""Background of captions."""
 WHITE: Ink = (255, 255, 255)
+"""Default text colour."""
 MIN_FONT_SIZE = 10
 """pixels. Smallest readable font size."""
 _MARGIN = 8

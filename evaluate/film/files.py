@@ -14,7 +14,9 @@ from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.files.writing import write_atomically
 
 STRIP_SUFFIX = ".png"
+"""Suffix of a strip of frames."""
 FILM_SUFFIXES = (".mp4", ".webp", ".gif", STRIP_SUFFIX)
+"""Suffixes of all formats."""
 STRIP_FRAMES = 12
 """Number of frames in a strip."""
 STRIP_WIDTH = 2560

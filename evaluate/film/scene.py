@@ -13,10 +13,15 @@ from quad_env.physics.state import rotation_matrix
 from quad_env.robots.similarity import scale_to_robot
 
 COMMAND: Colour = (0.25, 0.95, 0.35, 1.0)
+"""Colour of the arrow of the command."""
 VELOCITY: Colour = (1.0, 0.8, 0.1, 1.0)
+"""Colour of the arrow of the velocity."""
 PUSH: Colour = (0.9, 0.15, 0.15, 1.0)
+"""Colour of the arrow of a push."""
 CONTACT: Colour = (0.1, 0.6, 1.0, 1.0)
+"""Colour of a foot in contact."""
 SWING: Colour = (1.0, 1.0, 1.0, 1.0)
+"""Colour of a foot in the air."""
 VELOCITY_WINDOW = 0.5
 """s. Averaging time of the displayed velocity, because a trot sways within a stride."""
 PUSH_DISPLAY_TIME = 0.2

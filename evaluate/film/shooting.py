@@ -49,11 +49,14 @@ class FilmSpec:
     """Content of a film: policies next to each other in the same episode of a scenario."""
 
     policies: tuple[LabelledPolicy, ...]
+    """Policies, one view each."""
     scenario: Scenario
     seed: int
+    """Seed of the episode."""
     steps: int
     """Number of control steps."""
     title: str
+    """Title above the frames."""
     hardware: HardwareConfig = IDEAL
     command: tuple[float, float, float] | None = None
     """Command of the whole episode, m/s, m/s, rad/s; None: the scenario draws commands."""

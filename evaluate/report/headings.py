@@ -20,6 +20,7 @@ TERMINAL_TITLES = TITLES | {
 TERMINAL_DIFFERENCE_TITLES = TERMINAL_TITLES | {rate: f"{TITLES[rate]}\n% points" for rate in RATES}
 """Metric -> title of a column of differences on a terminal."""
 _PLACES = "at a steady 0.5 m/s", "over the commands"
+"""Descriptions of the scenarios for effort."""
 EFFORT_SCENARIOS = dict(
     zip(COST_SCENARIOS, (*_PLACES, *(f"{words}, hardware profile" for words in _PLACES)), strict=True)
 )
@@ -31,6 +32,7 @@ EFFORT_TITLES = {name: (BY_NAME[name].title, BY_NAME[name].unit) for name in EFF
 MAIN_EFFORT_TITLES = {"cost_of_transport": "cost of\ntransport", "step_rate": "steps\n1/s", "flight": "flight\n%"}
 """The three main figures of effort -> heading on a terminal."""
 _DIGITS = {"torque_rate": 0, "touchdown_impulse": 3}
+"""Figure of effort -> decimals, if not 2."""
 
 
 def format_effort(name: str, value: float) -> str:

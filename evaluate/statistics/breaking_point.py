@@ -18,6 +18,7 @@ MIN_LEVELS = 3
 """Minimum number of severities for a breaking point."""
 
 BreakingPointKind = Literal["crossed", "never", "always"]
+"""Position of a breaking point relative to the levels."""
 
 
 @dataclass(frozen=True)

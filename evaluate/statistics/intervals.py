@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Interval = tuple[float, float]
+"""Lower and upper end."""
 
 CONFIDENCE = 0.95
 """Confidence level of every interval."""

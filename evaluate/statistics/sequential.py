@@ -34,10 +34,13 @@ class AdjacentTest(NamedTuple):
     """Test of two adjacent policies of a ranking at one look, made by `compare_adjacent_policies`."""
 
     ahead: str
+    """Policy with the higher score."""
     behind: str
+    """Policy with the lower score."""
     p_value: float
     """Paired sign-flip permutation test, two-sided, not corrected."""
     distinguished: bool
+    """Whether the test at this look is significant."""
     futile: bool
     """Whether the pair is unlikely to be distinguished by the last look."""
 

@@ -49,6 +49,7 @@ HARDWARE_SCORES = "hardware_scores"
 KINDS = "scores", HARDWARE_SCORES
 """Keys of the scores."""
 _KEYS = "policies", "scores", "baseline", "breaking_points", "versions", "episodes", "seed"
+"""Required keys of a results.json."""
 
 
 def read_results(path: Path) -> dict[str, Any]:

@@ -27,6 +27,7 @@ from research.pages.csv_text import flatten_entry, to_csv
 from research.pages.policy_list import PolicyList
 
 SCENARIOS = "flat", "push", "rough", "noise:3", "latency:3"
+"""Default scenarios."""
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from research.pages.policy_list import PolicyList
 COMPARED = SUCCESS_RATE, "velocity_error"
 """Metrics with a difference from the reference."""
 COST = "cost_of_transport"
+"""Name of the cost of transport."""
 
 
 def mean_success(results: Results) -> dict[str, float]:

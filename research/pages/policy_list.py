@@ -37,6 +37,7 @@ class PublishedPolicy:
     """A policy of another project."""
 
     name: str
+    """Display name."""
     source: str
     """URL of its repository."""
     revision: str

@@ -56,11 +56,13 @@ class CalibrationCheck:
     """An interval or test that is repeated on many data sets."""
 
     name: str
+    """Name of the row."""
     count: int
     """Number of episodes of a data set."""
     fall_probability: float
     """Fall probability of the first policy; NaN if it has none."""
     outcome: CheckFunction
+    """Result for one data set."""
     bounds: Interval
     """Bounds of the rate of positive results."""
     expected: float = 0.95

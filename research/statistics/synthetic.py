@@ -28,6 +28,7 @@ class SyntheticEpisodes:
     """Outcomes of policies on the same episodes, (policies, n) each, made by `make_episodes`."""
 
     fell: Bools
+    """Falls."""
     error: Floats
     """Velocity error, m/s."""
 

@@ -56,6 +56,7 @@ ROBOTS = ("simple_quad", "go1", "go2")
 WINDOWS = ((-50, 0), (0, 10), (10, 20), (20, 30), (30, 50), (50, 100), (100, 200))
 """Windows after the start of a push in which errors are averaged, control steps from and to."""
 _LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "threads": (1, 256)}
+"""Option -> its smallest and largest value."""
 
 
 @dataclass(frozen=True)

@@ -115,6 +115,7 @@ def _make_scenario(speed: float | tuple[float, float] = 0.5, **settings: Any) ->
 ALONG = StartNoise(yaw=0.0)
 """Starts that face the stairs."""
 CURVES = CommandRanges((1.2, 1.5), (-0.3, 0.3), (-1.2, 1.2), 0.0, 2.0)
+"""Fast commands with turns, which change every 2 s."""
 TILTED_IMU: Any = SensorSuite(imu=Imu(rotation=(0.0, 0.7, 0.0)))
 """IMU mounted with an error of 0.7 rad about the trunk's y axis, unknown to the estimator."""
 STAIRS_15_CM = Stairs(0.15)
@@ -124,9 +125,11 @@ ICE = Ground(0.05)
 WEAK_MOTORS = Motors(10.0)
 """Motors with a tenth of their torque."""
 LONG_LATENCY = Latency(0.08, 0.08)
+"""Latency of 0.08 s."""
 LONG_DROPOUTS = Dropouts(4, 0.95, (0.1, 4.0))
 STAIRS_UP = _make_scenario(0.8, terrain=STAIRS_15_CM, start=ALONG)
 LYING = _make_scenario(start=AnyPose())
+"""Starts in any pose."""
 CASES = (
     FailureCase(rules.TRIP, _make_policy("robust"), _make_scenario(0.8, terrain=Stairs(0.2), start=ALONG), 120),
     FailureCase(rules.TRIP, _make_policy("end_to_end"), STAIRS_UP, 160, chosen=(3, 4, 5, 10, 11, 12)),

@@ -28,6 +28,7 @@ STANDING_HEIGHT = 0.45
 STANDING_SPEED = 0.3
 """Largest speed of the trunk along, m/s, and about, rad/s, each of its axes."""
 LYING = replace(SCENARIOS["flat"], name="lying", start=AnyPose())
+"""Flat ground with starts in any pose."""
 TIME_ALLOWED = 5.0
 """s. Time for getting up."""
 WATCHED = 6.0

@@ -65,6 +65,7 @@ class ContactSetting:
 
 
 _NEWTON = {"solver": mujoco.mjtSolver.mjSOL_NEWTON, "iterations": 100}
+"""MuJoCo's Newton solver."""
 SETTINGS = {
     "today": ContactSetting(),
     "time step 1 ms": ContactSetting({"timestep": 0.001}),

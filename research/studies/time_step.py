@@ -47,6 +47,7 @@ class _SteppedHardwareConfig(HardwareConfig):
     """Ideal hardware, simulated with a chosen physics step, s."""
 
     timestep: float = STEPS[0]
+    """s. Physics step."""
 
     def env_kwargs(self, robot: Robot) -> dict[str, Any]:
         return super().env_kwargs(robot) | {"config": TaskConfig(timestep=self.timestep)}

@@ -30,6 +30,7 @@ from train.run_folder import METRICS_FILE, VALIDATIONS_FILE, has_checkpoint, ste
 from train.run_record import differences, load_config
 
 DEFAULT = "default"
+"""Name of the variant without changes."""
 VARIANTS: Mapping[str, str] = {
     DEFAULT: "",
     "base: trot": "--base trot",

@@ -74,9 +74,11 @@ class RunCurve:
     """Validations of one run, made by `read_curve`."""
 
     folder: Path
+    """Folder of the run."""
     settings: Mapping[str, Any]
     """Option -> value, for all settings except the seed."""
     seed: int
+    """Training seed."""
     steps: Floats
     """Training steps of the k validations, (k,)."""
     figures: Floats
@@ -88,7 +90,9 @@ class SeedBand:
     """Runs of the same settings with different seeds, made by `group_by_seed`."""
 
     label: str
+    """Label in the legend."""
     runs: tuple[RunCurve, ...]
+    """Runs, one per seed."""
 
     @property
     def steps(self) -> Floats:

@@ -28,6 +28,7 @@ class TrainedRun:
     label: str
     """Name of the run in the evaluation."""
     config: TrainConfig
+    """Training configuration."""
     minutes: float
     """Training time, validation included, min."""
     git_revision: str

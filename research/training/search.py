@@ -46,7 +46,9 @@ at which it seldom does."""
 SIGNIFICANT = 0.05
 """Largest p-value with which a smaller cost counts as smaller."""
 ADOPTED = "The outcome is adopted."
+"""Words for an adopted outcome."""
 KEPT = "Those in force are kept: the outcome is not better."
+"""Words for a rejected outcome."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,7 @@ POLICIES = {
     "trot_integral": SearchTarget(integral.FILE, integral.SEARCH_RANGES),
     "trot_feedback": SearchTarget(virtual_model.FILE, search_ranges_of(virtual_model.VirtualParameters)),
 }
+"""Policy -> its searchable parameters."""
 
 
 @dataclass(frozen=True, kw_only=True)

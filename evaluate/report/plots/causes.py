@@ -13,6 +13,7 @@ _COLOURS = (
     *("#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#F0E442", "#CC79A7"),
     *("#882255", "#009E73", "#999999", "#555555", "#000000", "#DDDDDD"),
 )
+"""Colours of the causes, in the order of the rules."""
 COLOURS = dict(zip(CAUSES, _COLOURS, strict=True))
 """Cause -> colour, from Okabe and Ito, one from Tol, and greys.
 

@@ -39,7 +39,9 @@ class _Layout:
     counts: tuple[int, ...]
     """Number of columns of each part."""
     axis_names: tuple[str, ...]
+    """Names of the axes, a row each."""
     policies: tuple[str, ...]
+    """Names of the policies, a block each."""
 
     @property
     def heads(self) -> tuple[str, ...]:
