@@ -1,12 +1,9 @@
-"""Foot contact from an observation without contact sensors, by the momentum observer of the model-based controllers."""
-
-import numpy as np
+"""Foot contact from an observation without contact sensors."""
 
 from policies.base import Floats, Mask
+from policies.contact.foot_forces import FootForceEstimator
+from policies.contact.motion_state import compute_motion_state
 from policies.memory import PerRobotState
-from policies.mpc.contact import ContactEstimator
-from policies.mpc.motion import compute_motion_state
-from policies.mpc.parameters import TROT, parameters_of
 from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
@@ -30,14 +27,12 @@ class FootContactEstimator(PerRobotState):
     def __init__(self, robot: Robot, control_period: float) -> None:
         self._robot = robot
         self._dynamics = Dynamics(robot)
-        self._forces = ContactEstimator(robot, parameters_of(TROT, robot), control_period)
+        self._foot_forces = FootForceEstimator(robot, control_period)
         super().__init__()
 
     def estimate(self, observation: Floats) -> Mask:
         """Update the estimate with an observation of the environment, (n, k); return the feet in contact, (n, 4)."""
-        no_load = np.zeros((len(observation), 6))
-        vertical_force = self._forces.estimate(compute_motion_state(self._robot, self._dynamics, observation), no_load)[
-            ..., 2
-        ]
+        motion = compute_motion_state(self._robot, self._dynamics, observation)
+        vertical_force = self._foot_forces.estimate(motion).forces[..., 2]
         in_contact: Mask = vertical_force > CONTACT_WEIGHT_FRACTION * GRAVITY * self._robot.mass
         return in_contact

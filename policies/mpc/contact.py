@@ -1,10 +1,7 @@
 """Contact forces, external wrench and friction, estimated from joint torques.
 
-Over the last control period the equations of motion hold on average. The generalised force that the motion needed, less
-the torques of the servos, is the one of the environment. Its part on the joints of a leg gives the force on its foot.
-The part on the trunk that these forces leave unexplained is the wrench of a push, a load or the wind. It is a momentum
-observer in its simplest form; see De Luca and Mattone, "Sensorless robot collision detection and hybrid force/motion
-control", ICRA 2005.
+`policies.contact.foot_forces` gives the force on each foot. The wrench of a push, a load or the wind is the part on the
+trunk that these forces leave unexplained.
 """
 
 from dataclasses import dataclass
@@ -13,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from policies.contact.foot_forces import FootForceEstimator
+from policies.contact.motion_state import MotionState
 from policies.gait_cycle import Floats, LegCycle
 from policies.memory import PerRobotState, lowpass_gain, per_robot, warm_start_gain
-from policies.mpc.motion import MotionState
 from policies.mpc.parameters import ModelParameters
-from policies.mpc.servo_model import ServoModel
 from quad_env import OBSERVATION
 from quad_env.actuation.models import IDEAL, Actuator
 from quad_env.columns import Mask
@@ -58,25 +55,10 @@ class ContactEstimatorConstants:
     """Smallest assumed friction."""
     slip_update_gain: float = 0.3
     """Fraction of the change that a slip shows which is taken up per control period."""
-    damping: float = 1e-4
-    """Added to the squared Jacobian of a leg, m²: a straight leg shows no force along itself."""
 
 
 CONSTANTS = ContactEstimatorConstants()
 MAX_WRENCH = np.array(CONSTANTS.max_wrench)
-
-
-class PeriodMotion(NamedTuple):
-    """Mean motion of n robots over the last control period; with encoders over the last two."""
-
-    acceleration: Floats
-    """Generalised acceleration, (n, 18)."""
-    angle: Floats
-    """Joint angles, (n, 12), rad."""
-    speed: Floats
-    """Joint speeds, (n, 12), rad/s."""
-    targets: Floats
-    """Joint targets, (n, 12), rad."""
 
 
 class ContactEstimator(PerRobotState):
@@ -100,16 +82,6 @@ class ContactEstimator(PerRobotState):
     encoder_offsets: Floats = per_robot(np.zeros(12))
     """Encoder readings at a joint angle of zero, (n, 12), rad. With an offset the servos give a torque that legs in the
     air do not need."""
-    _has_last: Mask = per_robot(False)
-    """Robots with a last reading, (n,)."""
-    _last_velocity: Floats = per_robot(np.zeros(18))
-    """Last generalised velocity, (n, 18)."""
-    _last_angles: Floats = per_robot(np.zeros(12))
-    """Last joint angles, (n, 12), rad."""
-    _last_targets: Floats = per_robot(np.zeros(12))
-    """Last joint targets, (n, 12), rad."""
-    _last_trunk_acceleration: Floats = per_robot(np.zeros(6))
-    """Last trunk acceleration, (n, 6), m/s² and rad/s²."""
     _sample_count: Floats = per_robot(0.0)
     """Samples in the wrench, (n,)."""
     _was_sliding: Mask = per_robot(np.zeros(4, np.bool_))
@@ -130,7 +102,7 @@ class ContactEstimator(PerRobotState):
         self._parameters = parameters
         self._period = period
         self._encoders = encoders
-        self._servos = ServoModel(robot, actuator, period)
+        self._foot_forces = FootForceEstimator(robot, period, actuator, encoders=encoders)
         self._offset_gain = lowpass_gain(period, c.encoder_offset_time)
         self._contact_margin = c.contact_margin_per_stiffness * float(np.max(robot.servo_stiffness)) * encoders
         load_time = max(parameters.load_time, c.min_encoder_load_time) if encoders else parameters.load_time
@@ -194,8 +166,6 @@ class ContactEstimator(PerRobotState):
     def _solve_contact_forces(self, motion: MotionState, in_mid_swing: Mask | bool) -> tuple[Floats, Floats]:
         """Solve for the contact forces and the wrench that they leave unexplained; update contacts and offsets.
 
-        M q̈ + h - τ = Σ Jᵢᵀ fᵢ + w: the joint rows of each leg give fᵢ, the trunk rows w.
-
         Args:
             motion: State at the time of the readings, with the targets that led to it.
             in_mid_swing: Feet that are not in contact, (n, 4).
@@ -204,11 +174,7 @@ class ContactEstimator(PerRobotState):
             forces: Of the feet, level frame, (n, 4, 3), N.
             unexplained: Wrench on the trunk, (n, 6), N and N·m.
         """
-        bodies = motion.bodies
-        period_motion = self._period_motion(motion)
-        needed = np.matmul(bodies.inertia, period_motion.acceleration[..., None])[..., 0] + bodies.bias_force
-        needed[:, 6:] -= self._servos.torque(period_motion.targets, period_motion.angle, period_motion.speed)
-        forces = _forces_by_leg(bodies, needed[:, 6:])
+        forces, needed = self._foot_forces.estimate(motion)
         threshold = self._parameters.touch_force + np.where(self.in_contact, 0.0, self._contact_margin)
         self.in_contact = (forces[..., 2] > threshold) & np.logical_not(in_mid_swing)
         if self._encoders:
@@ -217,59 +183,16 @@ class ContactEstimator(PerRobotState):
         pressing = np.where(forces[..., 2:] < 0.0, 0.0, forces)
         explaining = forces if self._encoders else pressing
         count = len(forces)
-        trunk_jacobians = bodies.jacobians[..., :6].reshape(count, 12, 6).swapaxes(1, 2)
+        trunk_jacobians = motion.bodies.jacobians[..., :6].reshape(count, 12, 6).swapaxes(1, 2)
         unexplained = needed[:, :6] - np.matmul(trunk_jacobians, explaining.reshape(count, 12, 1))[..., 0]
         if self._encoders:
             return np.where(self.in_contact[..., None], forces, 0.0), unexplained
         return pressing, unexplained
 
-    def _period_motion(self, motion: MotionState) -> PeriodMotion:
-        """Return the mean motion since the last readings, and store the present ones.
-
-        Encoder speeds are means over a period. A difference of two is the mean acceleration over both periods, and the
-        forces are means over both.
-        """
-        period = self._period
-        velocity = motion.generalised_velocity
-        last_velocity = self._or_last(velocity, self._last_velocity)
-        last_angles = self._or_last(motion.joint_position, self._last_angles)
-        last_targets = self._or_last(motion.targets, self._last_targets)
-        self._last_velocity = velocity
-        self._last_angles = motion.joint_position
-        self._last_targets = motion.targets
-        self._has_last = np.ones_like(self._has_last)
-
-        acceleration = (velocity - last_velocity) / period
-        # The level frame has turned with the robot.
-        acceleration[:, 0] -= motion.angular_velocity[:, 2] * velocity[:, 1]
-        acceleration[:, 1] += motion.angular_velocity[:, 2] * velocity[:, 0]
-        last_trunk_acceleration = self._last_trunk_acceleration
-        self._last_trunk_acceleration = acceleration[:, :6].copy()
-        curvature = period / 12.0 * (velocity[:, 6:] - last_velocity[:, 6:])
-        if not self._encoders:
-            # Mean of the cubic through both angles with both speeds.
-            return PeriodMotion(
-                acceleration=acceleration,
-                angle=0.5 * (motion.joint_position + last_angles) - curvature,
-                speed=(motion.joint_position - last_angles) / period,
-                targets=motion.targets,
-            )
-        acceleration[:, :6] = 0.5 * (acceleration[:, :6] + last_trunk_acceleration)
-        return PeriodMotion(
-            acceleration=acceleration,
-            angle=last_angles + curvature,
-            speed=0.5 * (velocity[:, 6:] + last_velocity[:, 6:]),
-            targets=0.5 * (motion.targets + last_targets),
-        )
-
-    def _or_last(self, present: Floats, last: Floats) -> Floats:
-        """Return the last values, (n, k), or the present ones of robots without a last reading."""
-        return np.where(self._has_last[:, None], last, present)
-
     def _update_encoder_offsets(self, unexplained_torque: Floats) -> None:
         """Take the torques, (n, 12), N·m, that legs in the air do not need into the encoder offsets."""
         largest = CONSTANTS.max_encoder_offset
-        sample = np.clip(unexplained_torque / self._servos.stiffness, -largest, largest)
+        sample = np.clip(unexplained_torque / self._foot_forces.servos.stiffness, -largest, largest)
         in_stance = np.repeat(self.in_contact, 3, axis=1)
         self.encoder_offsets += np.where(in_stance, 0.0, self._offset_gain * sample)
 
@@ -294,15 +217,6 @@ class ContactEstimator(PerRobotState):
         change = c.slip_update_gain * (seen - self.friction_estimate)
         self.friction_estimate = self.friction_estimate + np.where(is_lower, change, 0.0)
         self.friction_estimate += self._period / p.grip_memory * (p.friction - self.friction_estimate)
-
-
-def _forces_by_leg(bodies: DynamicsTerms, joint_torques: Floats) -> Floats:
-    """Return the forces of the feet, (n, 4, 3), N, that cause joint torques, (n, 12), N·m, by damped least squares."""
-    jacobians = bodies.leg_jacobians
-    squares = np.matmul(jacobians, jacobians.swapaxes(2, 3)) + CONSTANTS.damping * np.eye(3)
-    projected = np.matmul(jacobians, joint_torques.reshape(-1, 4, 3, 1))
-    forces: Floats = np.linalg.solve(squares, projected)[..., 0]
-    return forces
 
 
 def wrench_to_acceleration(bodies: DynamicsTerms, rotation: Floats, wrench: Floats) -> Floats:

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from policies.contact.motion_state import MotionState
 from policies.gait_cycle import Floats, smoothstep
 from policies.legs.foot_path import cubic_swing
 from policies.legs.ground_plane import advect_footprints, fit_plane, height_above_plane, plane_height
 from policies.memory import PerRobotState, lowpass_gain, per_robot
-from policies.mpc.motion import MotionState
 from policies.mpc.parameters import ModelParameters
 from quad_env.columns import Mask, ordered_sum
 from quad_env.config import GRAVITY

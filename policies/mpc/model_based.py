@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from policies.base import Actions, GaitedPolicy, Mask, Policy, to_actions
 from policies.behaviour.motion import Stop
+from policies.contact.motion_state import MotionState
 from policies.gait_cycle import TURN, Floats, Gait, LegCycle
 from policies.memory import initialize_state, per_robot
 from policies.mpc.contact import (
@@ -33,7 +34,7 @@ from policies.mpc.footing import (
     swing_trajectory,
 )
 from policies.mpc.joint_predictor import JointPredictor
-from policies.mpc.motion import MotionState, PositionErrorIntegrator, add_load, estimate_load
+from policies.mpc.motion import PositionErrorIntegrator, add_load, estimate_load
 from policies.mpc.observer import DelayCompensator
 from policies.mpc.parameters import ModelParameters
 from policies.mpc.rigid_body import Friction

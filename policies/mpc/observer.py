@@ -11,14 +11,15 @@ as they are.
 import numpy as np
 from numpy.typing import NDArray
 
+from policies.contact.motion_state import MotionState, compute_motion_state
+from policies.contact.servo_model import ServoModel
 from policies.gait_cycle import Floats
 from policies.memory import PerRobotState, per_robot
 from policies.mpc.calibration import Calibration
 from policies.mpc.delay_estimator import MAX_DELAY_STEPS, DelayEstimator
-from policies.mpc.motion import MotionState, compute_motion_state, replace_robots
+from policies.mpc.motion import replace_robots
 from policies.mpc.reading_noise import NoiseEstimator
 from policies.mpc.readings import JOINT_VELOCITY, SENSED, normalise_gravity, predict_readings
-from policies.mpc.servo_model import ServoModel
 from policies.mpc.servo_step import compute_response
 from policies.mpc.state_filter import StateFilter
 from policies.mpc.state_predictor import StatePredictor

@@ -4,12 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD
+from policies.contact.motion_state import MotionState
 from policies.gait_cycle import TURN, Floats
 from policies.gaits.parameters import OFFSETS
 from policies.memory import per_robot
 from policies.mpc.footing import TerrainPlane, moment_arms
 from policies.mpc.model_based import ContactPlan, ControlState, ModelBased, StanceForces
-from policies.mpc.motion import MotionState
 from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import ForcePlans
 from policies.mpc.quadratic_program import Solver, solve

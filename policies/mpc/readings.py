@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from policies.contact.motion_state import MotionState
 from policies.gait_cycle import Floats
-from policies.mpc.motion import MotionState
 from quad_env import OBSERVATION
 from quad_env.physics.rotations import cross
 from quad_env.robots.robot import Robot

@@ -14,9 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from policies.contact.motion_state import MotionState
 from policies.gait_cycle import Floats
 from policies.mpc.block_matrices import add_to_diagonal, invert_3x3, multiply, transpose
-from policies.mpc.motion import MotionState, select_robots
+from policies.mpc.motion import select_robots
 from quad_env.columns import Mask, ordered_sum
 from quad_env.physics.dynamics import DynamicsTerms
 from quad_env.robots.robot import Robot

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from policies.base import CONTROL_PERIOD, Actions
+from policies.contact.motion_state import MotionState
 from policies.gait_cycle import Floats, smoothstep
 from policies.memory import lowpass_gain, per_robot
 from policies.mpc.footing import MAX_SLOPE, Terrain, TerrainPlane
-from policies.mpc.motion import MotionState
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
 from policies.mpc.reading_noise import NoiseEstimator

@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from policies.contact.motion_state import MotionState, compute_motion_state
 from policies.gait_cycle import Floats
 from policies.legs.ground_plane import height_above_plane
 from policies.memory import PerRobotState, per_robot
-from policies.mpc.motion import MotionState, compute_motion_state, replace_robots
+from policies.mpc.motion import replace_robots
 from policies.mpc.readings import JOINT_POSITION, JOINT_VELOCITY, SENSED, predict_readings
 from policies.mpc.servo_step import predict_landing
 from quad_env.columns import EnvIndices, Mask

@@ -7,9 +7,9 @@ components; the weights determine which one.
 
 import numpy as np
 
+from policies.contact.motion_state import MotionState
 from policies.gait_cycle import Floats
 from policies.mpc.footing import TerrainPlane
-from policies.mpc.motion import MotionState
 from policies.mpc.plans import min_norm_forces
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.parameters import VirtualParameters

@@ -9,8 +9,8 @@ import pytest
 import policies
 from evaluate.hardware import HardwareConfig
 from evaluate.rollouts.rollout import roll_out
+from policies.contact.motion_state import MotionState, compute_motion_state
 from policies.mpc.contact import ContactEstimator, wrench_to_acceleration
-from policies.mpc.motion import MotionState, compute_motion_state
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import MpcWbc
 from quad_env import OBSERVATION

@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from policies.contact.motion_state import MotionState, compute_motion_state
 from policies.gait_cycle import LegCycle
 from policies.mpc.contact import ContactEstimator, ContactState, classify_contacts, wrench_to_acceleration
-from policies.mpc.motion import MotionState, PointLoad, PositionErrorIntegrator, compute_motion_state, estimate_load
+from policies.mpc.motion import PointLoad, PositionErrorIntegrator, estimate_load
 from policies.mpc.parameters import MpcParameters
 from quad_env import OBSERVATION
 from quad_env.physics.dynamics import Dynamics

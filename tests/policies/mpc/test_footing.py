@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from policies.contact.motion_state import MotionState, compute_motion_state
 from policies.mpc.footing import (
     TerrainEstimator,
     ground_velocity,
@@ -12,7 +13,6 @@ from policies.mpc.footing import (
     point_velocity,
     swing_trajectory,
 )
-from policies.mpc.motion import MotionState, compute_motion_state
 from policies.mpc.parameters import MpcParameters
 from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.simple_quad import SIMPLE_QUAD

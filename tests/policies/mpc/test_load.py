@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from evaluate.rollouts.rollout import roll_out
+from policies.contact.motion_state import MotionState
 from policies.mpc.calibration import CALIBRATION_STEPS
-from policies.mpc.motion import MAX_LOAD, MIN_LOAD, MotionState, PointLoad, add_load, estimate_load
+from policies.mpc.motion import MAX_LOAD, MIN_LOAD, PointLoad, add_load, estimate_load
 from policies.mpc.policy import MpcWbc
 from quad_env import Scenario
 from quad_env.config import GRAVITY

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from policies.contact.motion_state import MotionState, compute_motion_state
 from policies.gait_cycle import LegCycle
 from policies.mpc.contact import ContactState
 from policies.mpc.footing import ground_velocity
-from policies.mpc.motion import MotionState, compute_motion_state
 from policies.mpc.policy import MpcWbc
 from policies.mpc.whole_body import Torques
 from quad_env.actuation.models import Actuator, TorqueSpeed

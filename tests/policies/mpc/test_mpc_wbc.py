@@ -10,9 +10,9 @@ import pytest
 from evaluate.measures.metrics import Measures, measure
 from evaluate.records.provenance import policy_digest
 from evaluate.rollouts import rollout
+from policies.contact.motion_state import compute_motion_state
 from policies.mpc.contact import ContactEstimator
 from policies.mpc.model_based import SOLVER_FAILURE_TIMEOUT
-from policies.mpc.motion import compute_motion_state
 from policies.mpc.parameters import MpcParameters
 from policies.mpc.policy import Mpc, MpcWbc
 from policies.mpc.quadratic_program import QpBatch, Solutions, solve

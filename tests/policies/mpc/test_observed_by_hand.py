@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from policies.contact.motion_state import compute_motion_state
+from policies.contact.servo_model import ServoModel
 from policies.mpc.joint_predictor import JointPredictor
-from policies.mpc.motion import compute_motion_state
 from policies.mpc.observer import DelayCompensator
 from policies.mpc.reading_noise import NoiseEstimator
 from policies.mpc.readings import predict_readings
-from policies.mpc.servo_model import ServoModel
 from policies.mpc.servo_step import _integrate, predict_landing
 from policies.mpc.state_filter import StateFilter
 from quad_env import OBSERVATION

@@ -9,8 +9,8 @@ import pytest
 
 from evaluate.rollouts.observers import FallRecorder, Step
 from evaluate.rollouts.rollout import roll_out
+from policies.contact.motion_state import MotionState
 from policies.mpc.calibration import CALIBRATION_STEPS
-from policies.mpc.motion import MotionState
 from policies.mpc.policy import MpcWbc
 from policies.mpc.reading_noise import NOISE_FLOOR_STD, NoiseEstimator
 from policies.mpc.readings import GROUPS, SENSED

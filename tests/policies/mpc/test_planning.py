@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from policies.contact.motion_state import MotionState, compute_motion_state
 from policies.mpc.footing import TerrainPlane
-from policies.mpc.motion import MotionState, compute_motion_state
 from policies.mpc.policy import Mpc, MpcWbc
 from policies.mpc.quadratic_program import QpBatch, Solutions, solve
 from policies.mpc.rigid_body import CondensedMpc, Friction

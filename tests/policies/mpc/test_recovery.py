@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from policies.mpc.motion import PositionErrorIntegrator, compute_motion_state
+from policies.contact.motion_state import compute_motion_state
+from policies.mpc.motion import PositionErrorIntegrator
 from policies.mpc.parameters import MpcParameters, parameters_of
 from policies.mpc.policy import MpcWbc
 from quad_env.physics.dynamics import Dynamics

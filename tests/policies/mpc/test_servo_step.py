@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from policies.mpc.motion import MotionState, compute_motion_state
+from policies.contact.motion_state import MotionState, compute_motion_state
 from policies.mpc.observer import DelayCompensator
 from policies.mpc.servo_step import compute_response
 from quad_env.physics.dynamics import Dynamics

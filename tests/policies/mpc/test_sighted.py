@@ -7,8 +7,8 @@ import policies
 from evaluate.measures.metrics import measure
 from evaluate.records.provenance import policy_digest
 from evaluate.rollouts import rollout
+from policies.contact.motion_state import compute_motion_state
 from policies.mpc.footing import TerrainPlane
-from policies.mpc.motion import compute_motion_state
 from policies.mpc.policy import MpcWbc
 from policies.mpc.sighted import (
     PLANE_FIT_HALF_SIZE,

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import policies
+from policies.contact.motion_state import MotionState, compute_motion_state
 from policies.mpc.footing import TerrainPlane
 from policies.mpc.model_based import ContactPlan, ControlState
-from policies.mpc.motion import MotionState, compute_motion_state
 from policies.mpc.rigid_body import Friction
 from policies.virtual_model.forces import distribute_acceleration, virtual_acceleration
 from policies.virtual_model.parameters import MAX_FREQUENCY, VirtualParameters, searched_parameters

@@ -1,0 +1,106 @@
+"""Motion state of the robots from their observations, with the dynamics at this state."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.gait_cycle import Floats
+from policies.legs.level_frame import level_frame
+from quad_env import OBSERVATION
+from quad_env.physics.dynamics import Dynamics, DynamicsTerms
+from quad_env.robots.robot import Robot
+
+
+class MotionState(NamedTuple):
+    """Motion, command and dynamics of n robots; made by `compute_motion_state`.
+
+    The level frame has its origin at the trunk centre, z up and x ahead.
+    """
+
+    tilt: Floats
+    """Roll and pitch, (n, 2), rad."""
+    rotation: Floats
+    """From the base to the level frame, (n, 3, 3)."""
+    velocity: Floats
+    """Of the trunk centre, level frame, (n, 3), m/s."""
+    angular_velocity: Floats
+    """Of the trunk, level frame, (n, 3), rad/s."""
+    generalised_velocity: Floats
+    """As in `quad_env.physics.dynamics`: velocity, level frame, angular velocity, base frame, joint speeds, (n, 18)."""
+    joint_position: Floats
+    """(n, 12), rad."""
+    targets: Floats
+    """Joint targets of the last control period, (n, 12), rad."""
+    command: Floats
+    """Forward and lateral velocity, m/s, and yaw rate, rad/s, (n, 3)."""
+    bodies: DynamicsTerms
+    """Dynamics at this state."""
+    foot_velocity: Floats
+    """Level frame, (n, 4, 3), m/s."""
+
+
+def compute_motion_state(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | Floats) -> MotionState:
+    """Compute the motion state of observations.
+
+    Args:
+        robot: Robot of the observations.
+        dynamics: Its dynamics.
+        observation: (n, k).
+
+    Returns:
+        State of n robots.
+    """
+    rows = observation.astype(np.float64)
+    frame = level_frame(rows[:, OBSERVATION["projected_gravity"]].T)
+    tilt = np.array((frame.roll, frame.pitch))
+    quaternion, rotation = _attitude(tilt)
+    angular_velocity_base = rows[:, OBSERVATION["angular_velocity"]]
+    velocity = np.matmul(rotation, rows[:, OBSERVATION["linear_velocity"], None])[..., 0]
+    joint_position = rows[:, OBSERVATION["joint_position"]] + robot.home_pose
+    joint_speed = rows[:, OBSERVATION["joint_velocity"]]
+    generalised_velocity = np.concatenate((velocity, angular_velocity_base, joint_speed), axis=1)
+    bodies = dynamics.compute(quaternion, velocity, angular_velocity_base, joint_position, joint_speed)
+    return MotionState(
+        tilt=tilt.T,
+        rotation=rotation,
+        velocity=velocity,
+        angular_velocity=np.matmul(rotation, angular_velocity_base[..., None])[..., 0],
+        generalised_velocity=generalised_velocity,
+        joint_position=joint_position,
+        targets=rows[:, OBSERVATION["previous_action"]] + robot.home_pose,
+        command=rows[:, OBSERVATION["command"]],
+        bodies=bodies,
+        foot_velocity=np.matmul(bodies.jacobians, generalised_velocity[:, None, :, None])[..., 0],
+    )
+
+
+def _attitude(tilt: Floats) -> tuple[Floats, Floats]:
+    """Convert roll and pitch to the rotation from the base to the level frame: roll about x, then pitch about y.
+
+    Args:
+        tilt: Roll and pitch, (2, n), rad.
+
+    Returns:
+        quaternion: (w, x, y, z), (n, 4).
+        rotation: (n, 3, 3).
+    """
+    cos_half_roll, cos_half_pitch = np.cos(0.5 * tilt)
+    sin_half_roll, sin_half_pitch = np.sin(0.5 * tilt)
+    quaternion = np.array(
+        (
+            cos_half_pitch * cos_half_roll,
+            cos_half_pitch * sin_half_roll,
+            sin_half_pitch * cos_half_roll,
+            -sin_half_pitch * sin_half_roll,
+        )
+    ).T
+    cos_roll, cos_pitch = np.cos(tilt)
+    sin_roll, sin_pitch = np.sin(tilt)
+    # One memory layout for any number of robots: the last bits of a product depend on it.
+    rotation = np.zeros((tilt.shape[1], 3, 3))
+    rotation[:, 0] = np.array((cos_pitch, sin_pitch * sin_roll, sin_pitch * cos_roll)).T
+    rotation[:, 1, 1] = cos_roll
+    rotation[:, 1, 2] = -sin_roll
+    rotation[:, 2] = np.array((-sin_pitch, cos_pitch * sin_roll, cos_pitch * cos_roll)).T
+    return quaternion, rotation
