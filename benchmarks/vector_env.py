@@ -57,7 +57,7 @@ class VectorEnvOptions(MeasurementOptions):
     rounds: int = 30
     """Rounds, of one control step of both (count), at most an episode. Figures are medians and quartiles over them."""
     robot_steps: int = 60_000
-    """More rounds where so many control steps, all robots together, take more (count)."""
+    """Control steps, all robots together (count); the number of rounds grows until they are reached."""
     warm_up: int = 40
     """Control steps before the first round (count): the robots walk then."""
 

@@ -47,9 +47,9 @@ class ViewOptions(OutputOptions):
     """The live view in real time, watched by a headless browser."""
 
     seconds: float = 60.0
-    """How long it is watched, s."""
+    """Duration of the measurement, s."""
     scenario: str = "flat"
-    """What the robot walks on."""
+    """Scenario."""
     policy: tuple[str, ...] = ("residual",)
     """Policies, a robot each."""
 

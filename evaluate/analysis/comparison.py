@@ -33,7 +33,7 @@ METRICS = (*RATES, *ERRORS)
 SIGNIFICANT = 0.05
 """Significance level: a corrected p-value below it counts as a difference."""
 NO_INTERVAL: Interval = (np.nan, np.nan)
-"""Interval of a quantity without one, such as the difference of bit-identical episodes."""
+"""Interval of a quantity without one, for example of the difference of bit-identical episodes."""
 
 
 @dataclass(frozen=True)

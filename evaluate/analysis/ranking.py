@@ -62,7 +62,7 @@ class Ranking:
     """Ranking of the policies that ran all scored scenarios. The fields are keys of results.json."""
 
     hardware: bool
-    """Whether the scores are those with the hardware profile, because the run has no others."""
+    """True if the scores are those with the hardware profile, because the run has no others."""
     axes: int
     """Number of axes in the mean that is the score."""
     scenarios: tuple[str, ...]

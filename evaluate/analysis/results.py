@@ -36,7 +36,7 @@ class PolicyErrors:
     episodes: int
     """Number of all its episodes in the run."""
     first: str
-    """Error in the first of them, such as `raised ValueError: …`, in one line."""
+    """Error in the first of them, in one line: `raised ValueError: …`."""
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ class Summary:
     """Mean of an episode, m."""
     figures: dict[str, float]
     """Every figure of `evaluate.measures.catalogue`: the mean over the episodes that have it. The cost of transport is
-    that of all episodes together."""
+    computed from all episodes together."""
     duty_factor: tuple[float, ...]
     """Mean of each foot."""
     effort: dict[str, float]

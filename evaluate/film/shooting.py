@@ -75,7 +75,7 @@ class RenderOptions:
     rate: float = 25.0
     """Approximate frames per second; a whole number of control steps lies between two frames."""
     arrows: bool = True
-    """Whether arrows are drawn."""
+    """True if arrows are drawn."""
 
     @property
     def steps_per_frame(self) -> int:

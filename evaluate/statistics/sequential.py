@@ -40,9 +40,9 @@ class AdjacentTest(NamedTuple):
     p_value: float
     """Paired sign-flip permutation test, two-sided, not corrected."""
     distinguished: bool
-    """Whether the test at this look is significant."""
+    """True if the test at this look is significant."""
     futile: bool
-    """Whether the pair is unlikely to be distinguished by the last look."""
+    """True if the pair is unlikely to be distinguished by the last look."""
 
 
 def looks(max_episodes: int) -> tuple[int, ...]:

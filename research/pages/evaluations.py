@@ -43,7 +43,7 @@ SCORE_WORDS = (
 )
 """Text above the table of scores."""
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
-"""Text of the figure for readers who do not see it."""
+"""Alternative text of the figure."""
 HARDWARE_SCORES = "hardware_scores"
 """Key of the scores with the hardware profile."""
 KINDS = "scores", HARDWARE_SCORES

@@ -35,15 +35,15 @@ class LeaderboardOptions:
     """Policies to compare, and where their results go."""
 
     list: Annotated[Path, tyro.conf.Positional]
-    """TOML file such as docs/leaderboard/go1.toml."""
+    """TOML file, for example docs/leaderboard/go1.toml."""
     files: Path = Path("results/policies")
-    """Folder of the published policies' files: clones of their repositories, or what --fetch puts there."""
+    """Folder of the published policies' files: clones of their repositories, or the downloads of --fetch."""
     fetch: Flag = False
     """Download the files that are not there."""
     trust: Flag = False
     """Load policies from files that can hide code."""
     reference: str | None = None
-    """Policy to compare the others with; by default that of ours with the highest mean success."""
+    """Policy to compare the others with; by default our policy with the highest mean success."""
     scenarios: tuple[str, ...] = SCENARIOS
     """Scenarios, as of `python -m evaluate`."""
     episodes: int = 24

@@ -30,11 +30,11 @@ class SimulatorsOptions:
     """Compare two runs of the same episodes, each in a simulator of its own."""
 
     a: Annotated[Path, tyro.conf.Positional]
-    """Folder of `python -m evaluate`, such as that of mujoco."""
+    """Folder of `python -m evaluate`, for example with --simulator mujoco."""
     b: Annotated[Path, tyro.conf.Positional]
-    """Folder of the same scenarios, policies and seed, such as that of drake."""
+    """Folder of the same scenarios, policies and seed, for example with --simulator drake."""
     page: Path | None = None
-    """Markdown file whose lines between <!-- simulators --> and <!-- /simulators --> are to be the table."""
+    """Markdown file with the lines <!-- simulators --> and <!-- /simulators -->, between which the table goes."""
     table: Path | None = None
     """CSV file for the figures."""
 

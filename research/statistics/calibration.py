@@ -41,9 +41,9 @@ class CalibrationOptions:
     runs: int = 1000
     """Runs until settled of each row (count)."""
     only: str = ""
-    """Rows whose name contains this; all, if empty."""
+    """Part of the names of the rows to run; all, if empty."""
     seed: int = 0
-    """Which data sets (whole number from 0)."""
+    """Seed of the data sets, >= 0."""
     page: Path | None = None
     """Markdown file with the lines `<!-- settled -->` and `<!-- /settled -->`, between which the table of runs until
     settled goes."""

@@ -26,7 +26,7 @@ DISCRETE_TEST_BOUNDS = (0.0, 0.06)
 """Bounds of the proportion of significant tests of counts. Their p-value can jump past 5 %; exact tests stay
 below it."""
 FALL_RATIO = 0.8
-"""Fall probability of the second policy over that of the first."""
+"""Ratio of the fall probabilities of the second and the first policy."""
 MIN_COVERAGE_BOUNDS = (0.93, 1.0)
 """Bounds of the proportion of 95 % intervals that may hold the truth more often."""
 PUSHES = (20.0, 35.0, 50.0, 65.0, 80.0, 100.0)

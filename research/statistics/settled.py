@@ -90,7 +90,7 @@ class SequentialRunResult:
     has_found_all: bool
     """True if it distinguishes all adjacent policies that differ."""
     fixed: tuple[bool, ...]
-    """Whether each plan of FIXED_PLANS distinguishes them."""
+    """True for each plan of FIXED_PLANS that distinguishes them."""
 
 
 def simulate_run(battery: Battery, generator: np.random.Generator) -> SequentialRunResult:

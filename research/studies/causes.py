@@ -43,15 +43,15 @@ class CausesOptions:
     page: Path = Path("docs/causes.md")
     """Page with places for that table, the thresholds and the reading."""
     films: Path | None = None
-    """Folder for strips of failures to be read; nothing else is written then but the key next to it."""
+    """Folder for strips of failures to be read; only these and the key next to the folder are written."""
     run: Path = Path("results/evaluation")
-    """Folder of the run whose failures are filmed."""
+    """Folder of the run with the failures to film."""
     count: int = 30
     """Strips (count)."""
     reading: Path | None = None
-    """CSV file of what a person read, columns `film` and `cause`; with `--key` its table is written into the page."""
+    """CSV file of a person's reading, columns `film` and `cause`; with `--key` its table is written into the page."""
     key: Path = Path("key.csv")
-    """What the rules say of these films, as `--films` wrote it."""
+    """Causes of these films by the rules, as written by `--films`."""
 
 
 def main(options: CausesOptions) -> int:

@@ -72,11 +72,11 @@ class EstimationOptions:
     episodes: int = 32
     """Episodes of 10 s in each row (count)."""
     seed: int = 0
-    """Which set of episodes (whole number from 0)."""
+    """Seed of the episodes, >= 0."""
     seeds: Literal["search", "validation", "evaluation"] = "validation"
     """Family of seeds."""
     ground: int = 1
-    """Field of random ground: 0 is the evaluation's, 1 that of validations, 2 that of searches."""
+    """Field of random ground: 0 for evaluations, 1 for validations, 2 for searches."""
     threads: int = 1
     """Threads of the simulation."""
     page: Path | None = None

@@ -86,7 +86,7 @@ class GaitsOptions:
     """Record a steady walk of each controller, and draw it into the pages that name it."""
 
     pages: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
-    """Markdown files with such places; by default those of docs and models."""
+    """Markdown files with blocks for gaits; by default all of docs and models."""
     out: Path = Path("docs/gaits")
     """Folder of the pictures; next to it goes walking.webp, the README's."""
 

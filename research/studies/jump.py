@@ -31,7 +31,7 @@ class JumpOptions:
     robots: int = 256
     """Robots (count), each with start noise of its own."""
     seed: int = 0
-    """Which set of starts (whole number from 0)."""
+    """Seed of the starts, >= 0."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class JumpResult:
     rise: Floats
     """Largest rise, (n,), m."""
     stands: NDArray[np.bool_]
-    """Whether each robot stands at the end, by `research.studies.recovery.is_standing`, (n,)."""
+    """True for robots that stand at the end, by `research.studies.recovery.is_standing`, (n,)."""
     peak_torque: float
     """Largest joint torque at the end of any control step, N·m."""
     rated_torque: float

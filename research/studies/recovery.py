@@ -54,7 +54,7 @@ class RecoveryOptions:
     robots: int = 1000
     """Robots (count), each with a random start of its own."""
     seed: int = 0
-    """Which set of starts (whole number from 0)."""
+    """Seed of the starts, >= 0."""
     seeds: Literal["search", "validation", "evaluation"] = "evaluation"
     """Family of seeds; the keyframes were searched on "search"."""
 

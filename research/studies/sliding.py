@@ -50,7 +50,7 @@ class ContactSetting:
     push: float = 0.1
     """s. Duration of the pushes; their impulse is the scenario's."""
     exact: bool = False
-    """Whether friction is exactly Coulomb's."""
+    """True for exact Coulomb friction."""
 
     def apply(self, spec: Any) -> Any:
         """Apply the change to a specification and return it."""
@@ -100,7 +100,7 @@ class SlidingOptions:
     episodes: int = 24
     """Search episodes of 10 s on each (count)."""
     seed: int = 38
-    """Which set of search episodes (whole number from 0)."""
+    """Seed of the search episodes, >= 0."""
     table: Path = Path("docs/results/sliding.csv")
     """CSV file to write."""
 

@@ -50,7 +50,7 @@ class StraightWalkingOptions:
     episodes: int = 64
     """Episodes of 10 s of each policy, speed and ground (count)."""
     seed: int = 0
-    """Which set of episodes (whole number from 0)."""
+    """Seed of the episodes, >= 0."""
     table: Path = Path("results/straight_walking.csv")
     """CSV file to write."""
     page: Path | None = None

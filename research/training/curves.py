@@ -37,7 +37,7 @@ class CurvesOptions:
     """Draw learning curves."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Folders of training runs, finished or not, such as runs/residual-*."""
+    """Folders of training runs, finished or not, for example runs/residual-*."""
     out: Path = Path("results/learning_curves.svg")
     """Picture to write, an .svg, .png or .pdf; replaced if it is there."""
 

@@ -52,13 +52,13 @@ class PublishOptions:
     """Runs to evaluate, and the folder of the shipped one."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Folders of finished runs: the seeds of one policy, and others to compare it with (such as end-to-end). Or the
-    folder of a shipped policy, whose MODEL.md is to be written again."""
+    """Folders of finished runs: the seeds of one policy, and others to compare it with, for example end-to-end. Or the
+    folder of a shipped policy, to write its MODEL.md again."""
     to: Path | None = None
     """Folder that gets policy.json, policy.safetensors and MODEL.md; by default POLICY among the models of the robot,
-    such as models/residual and models/go1/residual."""
+    for example models/residual and models/go1/residual."""
     policy: str = "residual"
-    """Which kind of policy ships."""
+    """Kind of policy that ships."""
     scenarios: tuple[str, ...] | None = None
     """Scenarios of the evaluation; by default every axis where robots begin to fail."""
     episodes: int = parameter(512, limits=(1, 1_000_000))

@@ -22,7 +22,7 @@ class SealOptions:
     """Add the digest of its description to each bundle."""
 
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Folders of trained policies, such as models/residual."""
+    """Folders of trained policies, for example models/residual."""
 
 
 def main(options: SealOptions) -> int:

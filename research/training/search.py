@@ -79,11 +79,11 @@ class FeedbackSearchOptions(SearchOptions):
     """Policy to search, scenarios, and effort of the search."""
 
     robot: str = "simple_quad"
-    """Robot: a name of quad_env.ROBOTS such as go1, or the path of its MJCF, URDF or TOML."""
+    """Robot: a name of quad_env.ROBOTS, for example go1, or the path of its MJCF, URDF or TOML."""
     policy: Literal["mpc_wbc", "trot_feedback", "trot_integral"] = "trot_feedback"
-    """Policy whose gait and gains are searched."""
+    """Policy with the searched gait and gains."""
     generations: int = parameter(22, limits=(0, 10_000))
-    """Rounds; 0 only does what follows the search."""
+    """Rounds; with 0 only the steps after the search."""
     candidates: int = parameter(16, limits=(4, 1000))
     """Parameter sets tried in a round."""
     episodes: int = parameter(1, limits=(1, 10_000))

@@ -20,7 +20,7 @@ MARKS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚",
 FIXED_STYLE_POLICIES = ("document", "document_repaired", "trot", "residual", "trot_feedback", "trot_integral", "robust")
 """Policies with the same colour in every report, the first of COLOURS; others get theirs by order."""
 FONT = "DejaVu Sans"
-"""Font by which text is measured."""
+"""Font for the measured width of texts."""
 WIDTH = 3.6
 """in. Width of a plot: about a phone's at 100 points an inch."""
 MAX_NAME_WIDTH = 1.5

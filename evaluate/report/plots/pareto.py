@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ALT = "Success against cost of transport of each policy, and the Pareto front"
-"""Text for readers who do not see the plot."""
+"""Alternative text of the plot."""
 HEIGHT = 2.5
 """in. Height of the axes."""
 
