@@ -11,6 +11,7 @@ import pytest
 import policies
 from evaluate.rollouts.rollout import run
 from quad_env.seeding import episode_seeds
+from tests.seams import short_episodes, without_report
 from tests.test_docs import PAGES, blocks, file_name
 
 TINY_TRAINING = (
@@ -32,8 +33,8 @@ film."""
 @pytest.mark.rendering
 def test_the_tutorial_runs_from_its_beginning_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 200)
-    monkeypatch.setattr("evaluate.commands.outputs.write_report", lambda *_, **__: None)  # 30 plots each
+    short_episodes(monkeypatch, 200)
+    without_report(monkeypatch)  # 30 plots each
     lines = [line for block in blocks("bash", PAGES["docs/tutorial.md"]) for line in block.splitlines()]
     assert len(lines) >= 8
     for line in lines[1:]:  # the first installs

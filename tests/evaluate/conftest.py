@@ -17,6 +17,7 @@ from evaluate.measures.metrics import MEASURE_NAMES, Measures
 from evaluate.rollouts.battery import resolve
 from quad_env import SCENARIOS as NOMINAL
 from quad_env import Scenario
+from tests.seams import without_report
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Run:
 @pytest.fixture
 def no_page(monkeypatch: pytest.MonkeyPatch) -> None:
     """A report of which the page, whose plots take seconds, is left out."""
-    monkeypatch.setattr("evaluate.commands.outputs.write_report", lambda *_, **__: None)
+    without_report(monkeypatch)
 
 
 @pytest.fixture

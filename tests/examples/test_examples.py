@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import pytest
 
+from tests.seams import short_episodes, without_report
+
 FOLDER = Path(__file__).parents[2] / "examples"
 FILES = {path.stem: path for path in FOLDER.rglob("*.py") if path.stem != "__init__"}
 
@@ -70,8 +72,8 @@ def test_it_runs_as_its_first_lines_say(name: str, where: Path, monkeypatch: pyt
     else:
         monkeypatch.chdir(where)
         monkeypatch.setattr("sys.argv", [str(file), *short.options.split()])
-        monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 300)
-        monkeypatch.setattr("evaluate.commands.outputs.write_report", lambda *_, **__: None)  # 30 plots
+        short_episodes(monkeypatch, 300)
+        without_report(monkeypatch)  # 30 plots
         with contextlib.suppress(SystemExit):
             runpy.run_path(str(file), run_name="__main__")
         printed = capfd.readouterr().out

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.live.view.test_driver import FAILING
 
 from live.commands.doctor import CHECKS as OF_POLICIES
 from policies import shipped
@@ -20,6 +21,7 @@ from quad_env.doctor.command import CHECKS
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from tests.live.view.test_controller import FAILING
 from tests.quad_env.robots.made import Made
+from tests.seams import without_processor_wait
 
 OF_THE_INSTALLATION, OF_THE_ROBOT = CHECKS[:3], CHECKS[3:]
 XML = SIMPLE_QUAD.mjcf.read_text(encoding="utf-8")
@@ -212,7 +214,7 @@ def test_a_frame_that_never_comes_is_no_missing_driver(monkeypatch: pytest.Monke
 def test_a_frame_that_waits_for_the_processor_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installation, "RENDER_TIMEOUT", 0.2)
     monkeypatch.setattr(installation, "DRAWING_PROGRAM", "import time; time.sleep(2)")
-    monkeypatch.setattr("quad_env.cli.child_process.RunClock.elapsed", lambda clock: 0.0)
+    without_processor_wait(monkeypatch)
     assert installation.opengl(DoctorSubject()).result == "ok"
 
 

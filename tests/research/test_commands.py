@@ -6,6 +6,7 @@ import pytest
 from quad_env.seeding import episode_seeds
 from research.__main__ import main
 from tests.batches import begun
+from tests.seams import short_episodes
 
 BRIEF = 130
 """Control steps of an episode."""
@@ -23,7 +24,7 @@ RUNS = {
 
 @pytest.mark.parametrize("words", RUNS, ids=lambda words: words.split()[0])
 def test_a_study_runs_the_episodes_of_its_options(words: str, monkeypatch, capsys) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", BRIEF)
+    short_episodes(monkeypatch, BRIEF)
     seeds, said = RUNS[words]
     with begun() as batches:
         assert main([*words.split(), "--seed", "5"]) == 0

@@ -19,6 +19,7 @@ from research.__main__ import main
 from research.pages import leaderboard as command
 from research.pages import policy_list
 from research.pages.leaderboard_page import format_gains
+from tests.seams import short_episodes
 
 REVISION, PATH, CONTENT = "d5e6b475", "onnx/go1 policy.onnx", b"a network"
 PUBLISHED = f"""
@@ -56,7 +57,7 @@ def board(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The folder, the current one, of a small leaderboard of two of our controllers, with episodes of 2 s."""
     folder = tmp_path_factory.mktemp("board")
     with contextlib.chdir(folder), pytest.MonkeyPatch.context() as patch:
-        patch.setattr("evaluate.rollouts.rollout.STEPS", 200)
+        short_episodes(patch, 200)
         assert main([*WORDS, str(listed(folder, published="", ours='"stand", "trot"'))]) == 0
         yield folder
 

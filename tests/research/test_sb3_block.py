@@ -19,6 +19,7 @@ from research.training.sb3_block import (
     markdown_lines,
     read_record,
 )
+from tests.seams import short_episodes
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -49,7 +50,7 @@ def weights(model: Path) -> bytes:
 def test_the_command_runs_the_block_of_the_page_with_each_seed_and_writes_the_figures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+    short_episodes(monkeypatch, 150)
     page = tmp_path / "page.md"
     page.write_text(PAGE, encoding="utf-8")
     words = ["--seeds", "0", "3", "--episodes", "2", "--page", str(page), "--record", str(tmp_path / "record.json")]

@@ -9,6 +9,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from research.__main__ import main
 from research.studies import sliding
 from research.studies.sliding import SETTINGS, ContactSetting, SlidingOptions, ball_spec, simulate_slide
+from tests.seams import short_episodes
 
 
 def ball(setting: ContactSetting = SETTINGS["today"], gravity: float | None = None):
@@ -49,7 +50,7 @@ def test_walks_have_the_setting_and_then_today_s_again(tmp_path, monkeypatch) ->
     """A trot on ice: friction of 0.02 lets no robot walk, and none is left over for the next setting."""
     monkeypatch.setitem(SETTINGS, "ice", ContactSetting(friction=0.02))
     monkeypatch.setattr(sliding, "measure_sliding", lambda setting: {})
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+    short_episodes(monkeypatch, 150)
     table = tmp_path / "sliding.csv"
     words = ["sliding", "--settings", "ice", "today", "--scenarios", "flat", "--episodes", "1", "--table", str(table)]
     assert main(words) == 0
@@ -60,7 +61,7 @@ def test_walks_have_the_setting_and_then_today_s_again(tmp_path, monkeypatch) ->
 
 def test_exact_friction_walks_as_far_as_today_s(monkeypatch) -> None:
     """On flat ground nothing slides: the trot succeeds under both."""
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+    short_episodes(monkeypatch, 150)
     options = SlidingOptions(scenarios=("flat",), episodes=1)
     assert sliding.evaluate_walks(SETTINGS["exact Coulomb friction"], options)["flat success"] == 1.0
 

@@ -14,6 +14,7 @@ from policies.network import Network
 from policies.residual import Features, ResidualPolicy
 from tests.effects import Called, Effect, check_all, check_other_than_usual
 from tests.quad_env.robots.alike import alike
+from tests.seams import short_episodes
 from train.__main__ import main
 from train.commands import export
 
@@ -35,7 +36,7 @@ EFFECTS = {
 
 
 def test_options_reach_what_they_govern(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 130)
+    short_episodes(monkeypatch, 130)
     base = Trot(robot=alike(tmp_path))
     network = Network((np.ones((Features(base).width, 12), np.float32),), (np.zeros(12, np.float32),))
     bundle.save(tmp_path / "mine", ResidualPolicy(base, network, hold=3), {}, "0" * 40)

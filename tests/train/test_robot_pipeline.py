@@ -15,6 +15,7 @@ from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun
 from tests.quad_env.robots.alike import alike
 from tests.quad_env.robots.made import Made
+from tests.seams import replace_report
 from train.__main__ import main
 from train.commands import robot as robot_pipeline
 from train.run_record import load_config
@@ -39,7 +40,7 @@ def words(robot: Path, out: Path) -> list[str]:
 def _brief_report() -> Iterator[None]:
     """The page has tests of its own, and its films take long."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("evaluate.commands.outputs.write_report", lambda _, path, **__: path.write_text("a page"))
+        replace_report(patch, lambda _, path, **__: path.write_text("a page"))
         yield
 
 

@@ -18,6 +18,7 @@ from evaluate.records.manifest import read
 from evaluate.records.store import ChunkStore, read_run
 from evaluate.report.table import print_levels
 from quad_env.scenarios.axes import AXES
+from tests.seams import short_episodes
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A policy that always falls and one that stands, at all levels of one axis."""
     place = tmp_path_factory.mktemp("axes")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("evaluate.rollouts.rollout.STEPS", 110)
+        short_episodes(patch, 110)
         patch.setattr(
             "evaluate.commands.outputs.write_report",
             lambda _, path, **_options: path.write_text("report", encoding="utf-8"),
@@ -68,7 +69,7 @@ def test_every_other_option_is_that_of_a_comparison(monkeypatch) -> None:
 @pytest.mark.usefixtures("no_simulation", "no_page")
 def test_it_goes_on_with_what_was_done(folder, tmp_path, monkeypatch) -> None:
     """As Ctrl-C leaves it: with its parts, and without an outcome."""
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 110)
+    short_episodes(monkeypatch, 110)
     shutil.copytree(folder / "out", tmp_path, dirs_exist_ok=True)
     run = read_run(tmp_path)
     store = ChunkStore(tmp_path, run.manifest, resumed=True)

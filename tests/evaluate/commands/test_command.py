@@ -15,6 +15,7 @@ import policies
 from evaluate.__main__ import main
 from evaluate.records.store import FILES
 from quad_env.files.writing import FolderInUseError, exclusive_lock
+from tests.seams import replace_report
 
 PYTHON = (sys.executable, "-W", "error")
 
@@ -178,7 +179,7 @@ def test_the_folder_is_the_runs_own_until_everything_is_written(capsys, tmp_path
     assert main(["--policies", "trot", "--threads", "1", "--out", str(tmp_path)]) == 130
     assert held == [True]
     monkeypatch.undo()
-    monkeypatch.setattr("evaluate.commands.outputs.write_report", looked)
+    replace_report(monkeypatch, looked)
     assert main([*QUICK, "--out", str(tmp_path)]) == 130
     assert held == [True, True]
     capsys.readouterr()

@@ -7,6 +7,7 @@ import pytest
 
 from evaluate.__main__ import main
 from evaluate.rollouts import diagnosis
+from tests.seams import short_episodes
 
 RUN = ("--policies", "stand", "trot", "--scenarios", "flat", "--episodes", "1")
 
@@ -16,7 +17,7 @@ def test_a_failed_check_is_one_line_once(capsys, tmp_path: Path, monkeypatch: py
     def warning(policy, robot: str) -> str | None:
         return f"on {robot} it leans" if policy.name == "stand" else None
 
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 110)
+    short_episodes(monkeypatch, 110)
     monkeypatch.setattr(diagnosis, "warning", warning)
     assert main([*RUN, "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().err.splitlines()[0] == "warning: stand: on simple_quad it leans"

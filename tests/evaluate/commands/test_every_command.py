@@ -25,6 +25,7 @@ from tests.effects import Called, Effect, Reading, check_all, check_other_than_u
 from tests.evaluate.commands import test_axes, test_command, test_pages, test_replay
 from tests.evaluate.records import test_resume, test_settled
 from tests.quad_env.robots.made import Made
+from tests.seams import short_episodes
 
 BRIEF = 130
 """Control steps of an episode."""
@@ -185,7 +186,7 @@ def test_every_option_has_an_effect_that_is_tested(command: str) -> None:
 
 @pytest.fixture(autouse=True)
 def _brief_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", BRIEF)
+    short_episodes(monkeypatch, BRIEF)
 
 
 @pytest.fixture(scope="module")
@@ -194,7 +195,7 @@ def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("evaluated")
     words = "--policies stand crouch --scenarios flat push --episodes 3 --threads 1 --out"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("evaluate.rollouts.rollout.STEPS", BRIEF)
+        short_episodes(patch, BRIEF)
         assert main([*words.split(), str(folder)]) == 0
     return folder
 

@@ -7,6 +7,7 @@ import pytest
 
 from evaluate.__main__ import main
 from policies.external import process
+from tests.seams import short_episodes
 
 FILE = """
 import time
@@ -37,7 +38,7 @@ def file(tmp_path: Path) -> Path:
 
 @pytest.fixture(autouse=True)
 def _short_episodes(no_page, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+    short_episodes(monkeypatch, 150)
 
 
 def rows(folder: Path) -> dict[str, list[dict]]:

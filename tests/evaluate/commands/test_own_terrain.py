@@ -7,11 +7,12 @@ import pytest
 
 from evaluate.__main__ import main
 from quad_env.scenarios import height_file
+from tests.seams import short_episodes
 
 
 @pytest.mark.usefixtures("no_page")
 def test_results_hold_what_the_terrain_was_and_refuse_another(tmp_path, capsys, monkeypatch) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+    short_episodes(monkeypatch, 150)
     heights, toml, out = tmp_path / "hill.npy", tmp_path / "hill.toml", tmp_path / "out"
     np.save(heights, np.random.default_rng(0).uniform(0, 0.1, (41, 41)))
     toml.write_text('file = "hill.npy"\nsize = [8, 8]\n', encoding="utf-8")

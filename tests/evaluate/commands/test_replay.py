@@ -10,6 +10,7 @@ import policies
 from evaluate.__main__ import main
 from evaluate.records import manifest
 from tests.evaluate.altered import other, with_value
+from tests.seams import short_episodes
 
 
 def replay(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
@@ -63,7 +64,7 @@ def test_what_may_have_caused_a_difference_is_said(run, tmp_path, capsys, monkey
 @pytest.mark.usefixtures("no_page")
 def test_an_episode_is_run_again_with_its_hardware(tmp_path, capsys, monkeypatch) -> None:
     option, usual, other, column = "sensors", "truth", "typical", "velocity_error"
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", 150)
+    short_episodes(monkeypatch, 150)
     figures = []
     for name in (usual, other):
         words = f"--policies residual --scenarios flat --episodes 2 --{option} {name} --out {tmp_path / name}"

@@ -23,6 +23,7 @@ from evaluate.records.episode_table import cell_of, read_table, table, write_tab
 from evaluate.records.store import FILES
 from evaluate.rollouts import rollout
 from quad_env.files.writing import write_atomically
+from tests.seams import replace_report
 
 STEPS = 150
 RUN = ("--policies", "stand", "trot", "--scenarios", "flat", "push:4", "--episodes", "5", "--seed", "2")
@@ -61,7 +62,7 @@ def a_page(results: Results, path: Path, **_options) -> None:
 @pytest.fixture(autouse=True)
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rollout, "STEPS", STEPS)
-    monkeypatch.setattr("evaluate.commands.outputs.write_report", a_page)
+    replace_report(monkeypatch, a_page)
 
 
 def evaluate(*arguments: object) -> tuple[int, str]:
@@ -78,7 +79,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("whole")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rollout, "STEPS", STEPS)
-        patch.setattr("evaluate.commands.outputs.write_report", a_page)
+        replace_report(patch, a_page)
         assert evaluate(*RUN, "--out", folder)[0] == 0
     return folder
 

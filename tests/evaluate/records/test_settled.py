@@ -14,6 +14,7 @@ from evaluate.rollouts import rollout
 from evaluate.statistics.sequential import correction
 from quad_env.files.writing import write_atomically
 from tests.evaluate.records.test_resume import a_page, assert_same, evaluate, full
+from tests.seams import replace_report
 
 RUN = ("stand", "trot", "--scenarios", "flat", "push:4", "--until", "settled", "--episodes", "16", "--seed", "2")
 ONE = ("--threads", "1", "--out")
@@ -23,7 +24,7 @@ ONE = ("--threads", "1", "--out")
 def short():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rollout, "STEPS", 150)
-        patch.setattr("evaluate.commands.outputs.write_report", a_page)
+        replace_report(patch, a_page)
         yield
 
 

@@ -21,6 +21,7 @@ from evaluate.measures.metrics import MEASURE_NAMES
 from evaluate.rollouts import workers
 from evaluate.rollouts.run import sequential
 from quad_env import SCENARIOS
+from tests.seams import short_episodes
 from tests.waiting import until
 
 STEPS = 110
@@ -80,7 +81,7 @@ def test_workers_give_the_same_bits_as_one_process_and_tell_how_far_they_are() -
 
 
 def test_a_lost_worker_is_one_line(tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr("evaluate.rollouts.rollout.STEPS", STEPS)
+    short_episodes(monkeypatch, STEPS)
     run = ["--policies", "stand", "trot", "--scenarios", "flat", "push", "--episodes", "4"]
     resolve = policies.resolve
     monkeypatch.setattr("policies.resolve", lambda name, **how: Deadly() if name == "trot" else resolve(name, **how))

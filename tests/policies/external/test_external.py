@@ -26,6 +26,7 @@ from policies.external.reference import PolicyReference, resolve_reference
 from policies.external.server import PolicyServer, make_server
 from quad_env import OBSERVATION, OBSERVATION_SIZE, SIMPLE_QUAD, HomePoseActions, VectorHomePoseActions
 from quad_env.cli.command_line import UsageError
+from tests.seams import deadlines, without_processor_wait
 from train.sb3.vec_env import TrainingVecEnv
 
 FILE = """
@@ -241,8 +242,7 @@ def test_a_policy_of_all_robots_that_failed_moves_those_that_begin_again(tmp_pat
 def test_a_process_that_gives_no_answer_is_ended_within_a_deadline_whatever_the_number_of_robots(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("policies.external.process.KILL_GRACE_PERIOD", 0.5)
-    monkeypatch.setattr("policies.external.process.ACT_DEADLINE", 1.0)
+    deadlines(monkeypatch, act=1.0, grace=0.5)
     robots = 256
     observations = np.resize(OBSERVATIONS, (robots, OBSERVATION_SIZE))
     with closing(ExternalPolicy(f"{file}:Hangs", robot="simple_quad")) as policy:
@@ -258,8 +258,7 @@ def test_a_process_that_gives_no_answer_is_ended_within_a_deadline_whatever_the_
 def test_many_robots_that_are_each_answered_for_in_time_may_take_longer_together(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("policies.external.process.KILL_GRACE_PERIOD", 0.2)
-    monkeypatch.setattr("policies.external.process.ACT_DEADLINE", 1.0)
+    deadlines(monkeypatch, act=1.0, grace=0.2)
     robots = 100
     with closing(ExternalPolicy(f"{file}:Slow")) as policy:
         policy.reset(robots)
@@ -507,13 +506,12 @@ def test_a_policy_that_gets_little_of_the_processor_is_not_taken_for_one_that_ha
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The clock of the limits stands still while the process waits: here it says so all the time."""
-    monkeypatch.setattr("policies.external.process.ACT_DEADLINE", 0.02)
-    monkeypatch.setattr("policies.external.process.KILL_GRACE_PERIOD", 0.0)
+    deadlines(monkeypatch, act=0.02, grace=0.0)
     with closing(ExternalPolicy(f"{file}:Sleeps", robot="simple_quad")) as policy:
         policy.reset(1)
         policy.act(OBSERVATIONS[:1])
         assert policy.failure[0] is not None
-    monkeypatch.setattr("quad_env.cli.child_process.RunClock.elapsed", lambda clock: 0.0)
+    without_processor_wait(monkeypatch)
     with closing(ExternalPolicy(f"{file}:Sleeps", robot="simple_quad")) as policy:
         policy.reset(1)
         policy.act(OBSERVATIONS[:1])
@@ -521,7 +519,7 @@ def test_a_policy_that_gets_little_of_the_processor_is_not_taken_for_one_that_ha
 
 
 def test_limits_of_time_can_be_raised(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("policies.external.process.KILL_GRACE_PERIOD", 0.0)
+    deadlines(monkeypatch, grace=0.0)
     monkeypatch.setenv("QUAD_ENV_LOAD_TIMEOUT", "0.05")
     with pytest.raises(PolicyError, match="no answer within 50 ms"):
         ExternalPolicy(f"{file}:LoadsSlowly", robot="simple_quad")
