@@ -10,7 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.live.view.test_driver import FAILING
 
 from live.commands.doctor import CHECKS as OF_POLICIES
 from policies import shipped
