@@ -212,9 +212,9 @@ class ContactEstimator(PerRobotState):
         is_sliding = has_slipped & self._had_slipped
         self._had_slipped = has_slipped
         ratio = np.where(is_sliding, tangential_force / np.maximum(forces[..., 2], 1e-9), 0.0).max(axis=1)
-        seen = np.maximum(c.friction_safety_factor * ratio, c.min_friction)
-        is_lower = is_sliding.any(axis=1) & (seen < self.friction_estimate)
-        change = c.slip_update_gain * (seen - self.friction_estimate)
+        friction_seen = np.maximum(c.friction_safety_factor * ratio, c.min_friction)
+        is_lower = is_sliding.any(axis=1) & (friction_seen < self.friction_estimate)
+        change = c.slip_update_gain * (friction_seen - self.friction_estimate)
         self.friction_estimate = self.friction_estimate + np.where(is_lower, change, 0.0)
         self.friction_estimate += self._period / p.grip_memory * (p.friction - self.friction_estimate)
 

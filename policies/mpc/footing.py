@@ -125,8 +125,8 @@ def point_velocity(state: MotionState, yaw_rate: Floats, positions: Floats) -> F
     Returns:
         Level frame, (n, 4, 2), m/s.
     """
-    by_yaw = yaw_rate[:, None, None] * (positions[..., 1::-1] * _ROTATE_90)
-    velocity: Floats = state.bodies.com_velocity[:, None, :2] + by_yaw
+    yaw_velocity = yaw_rate[:, None, None] * (positions[..., 1::-1] * _ROTATE_90)
+    velocity: Floats = state.bodies.com_velocity[:, None, :2] + yaw_velocity
     return velocity
 
 

@@ -352,8 +352,8 @@ class ModelBased(GaitedPolicy):
         """
         state = control_state.motion
         moment = cross(stance_forces.moment_arms, stance_forces.forces).sum(axis=1)[..., None]
-        by_forces = np.linalg.solve(state.bodies.rotational_inertia, moment)[..., 0]
-        angular_acceleration = by_forces + control_state.disturbance_acceleration[:, 3:]
+        force_acceleration = np.linalg.solve(state.bodies.rotational_inertia, moment)[..., 0]
+        angular_acceleration = force_acceleration + control_state.disturbance_acceleration[:, 3:]
         return WholeBodyReference(
             base_angular_acceleration=np.matmul(angular_acceleration[:, None], state.rotation)[:, 0],
             foot_acceleration=contact_plan.foot_acceleration,

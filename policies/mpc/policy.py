@@ -228,9 +228,9 @@ class MpcWbc(Mpc):
         if solved.all():
             return torques
         self.failures += ~torques.has_solution
-        by_leg = super()._solve_torques(state, reference, disturbance_wrench, friction)
+        fallback = super()._solve_torques(state, reference, disturbance_wrench, friction)
         return Torques(
-            np.where(solved, torques.torque, by_leg.torque),
-            np.where(solved, torques.acceleration, by_leg.acceleration),
+            np.where(solved, torques.torque, fallback.torque),
+            np.where(solved, torques.acceleration, fallback.acceleration),
             torques.has_solution,
         )

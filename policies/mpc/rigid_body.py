@@ -164,9 +164,9 @@ class CondensedMpc:
         """Return the gradient of the cost at zero forces of all feet, (n, 12 N)."""
         count = len(stance)
         weights = self.weights
-        free = self.free_response(body)
-        pull = np.matmul(self.position_response.T, weights.pose * (free.pose - reference.pose))
-        pull += np.matmul(self.velocity_response.T, weights.rate * (free.rate - reference.rate))
+        free_response = self.free_response(body)
+        pull = np.matmul(self.position_response.T, weights.pose * (free_response.pose - reference.pose))
+        pull += np.matmul(self.velocity_response.T, weights.rate * (free_response.rate - reference.rate))
         by_step = accelerations.reshape(count, self.steps, 3 * LEGS, 6)
         gradient: Floats = np.matmul(by_step, pull[..., None]).reshape(count, -1)
         even_force = body.mass[:, None] * GRAVITY / np.maximum(stance.sum(axis=2), 1)

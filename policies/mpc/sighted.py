@@ -51,22 +51,39 @@ class ScannedTerrain(NamedTuple):
         Returns:
             (n, 4), m.
         """
-        _, rows, columns = self.heights.shape
-        row, next_row, u = _locate(positions[..., 0] / self.scan.spacing + self.scan.behind, rows)
-        column, next_column, v = _locate(positions[..., 1] / self.scan.spacing + self.scan.aside, columns)
-        robot = np.arange(len(positions))[:, None]
-        z = self.heights
-        in_row = (1.0 - v) * z[robot, row, column] + v * z[robot, row, next_column]
-        in_next_row = (1.0 - v) * z[robot, next_row, column] + v * z[robot, next_row, next_column]
-        height: Floats = (1.0 - u) * in_row + u * in_next_row
-        return height
+        _, num_rows, num_columns = self.heights.shape
+        row = _locate(positions[..., 0] / self.scan.spacing + self.scan.behind, num_rows)
+        column = _locate(positions[..., 1] / self.scan.spacing + self.scan.aside, num_columns)
+        height = self._in_row(row.lower, column)
+        next_height = self._in_row(row.upper, column)
+        interpolated: Floats = (1.0 - row.fraction) * height + row.fraction * next_height
+        return interpolated
+
+    def _in_row(self, row: EnvIndices, column: "GridCell") -> Floats:
+        """Return the heights in a row of the grid, (n, 4), linear between two columns, (n, 4), m."""
+        robot = np.arange(len(row))[:, None]
+        height = self.heights[robot, row, column.lower]
+        next_height = self.heights[robot, row, column.upper]
+        interpolated: Floats = (1.0 - column.fraction) * height + column.fraction * next_height
+        return interpolated
 
 
-def _locate(coordinate: Floats, count: int) -> tuple[EnvIndices, EnvIndices, Floats]:
-    """Return the grid points before and after a coordinate in grid steps, and the fraction of the way between them."""
+class GridCell(NamedTuple):
+    """Cell of a grid along one axis, of n robots' feet, (n, 4) each."""
+
+    lower: EnvIndices
+    """Index of the grid point before."""
+    upper: EnvIndices
+    """Index of the grid point after; the same at the edge."""
+    fraction: Floats
+    """Fraction of the way between both."""
+
+
+def _locate(coordinate: Floats, count: int) -> GridCell:
+    """Return the cell of a coordinate, (n, 4), in grid steps, on an axis of `count` points."""
     clipped = np.clip(coordinate, 0.0, count - 1.0)
     index = clipped.astype(np.intp)
-    return index, np.minimum(index + 1, count - 1), clipped - index
+    return GridCell(index, np.minimum(index + 1, count - 1), clipped - index)
 
 
 @cache

@@ -231,10 +231,10 @@ def _leg_accelerations(bodies: DynamicsTerms, foot_acceleration: Floats, trunk_a
 
     `foot_acceleration`: (n, 4, 3), m/s²; `trunk_acceleration`: (n, 6), m/s² and rad/s².
     """
-    by_trunk = np.einsum("nlxk,nk->nlx", bodies.jacobians[..., :6], trunk_acceleration)
+    trunk_part = np.einsum("nlxk,nk->nlx", bodies.jacobians[..., :6], trunk_acceleration)
     jacobian = bodies.leg_jacobians
     transposed = jacobian.swapaxes(2, 3)
     squares = np.matmul(transposed, jacobian) + _DAMPING * np.eye(3)
-    by_legs = foot_acceleration - bodies.foot_bias_acceleration - by_trunk
-    projected = np.matmul(transposed, by_legs[..., None])
+    leg_part = foot_acceleration - bodies.foot_bias_acceleration - trunk_part
+    projected = np.matmul(transposed, leg_part[..., None])
     return np.linalg.solve(squares, projected)[..., 0].reshape(len(trunk_acceleration), 12)

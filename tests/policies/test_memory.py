@@ -3,8 +3,11 @@
 from typing import Any
 
 import numpy as np
+import pytest
 
-from policies.memory import PerRobotState, lowpass_gain, per_robot, warm_start_gain
+from policies.base import Actions, Policy, to_actions
+from policies.memory import PerRobotState, initialize_state, lowpass_gain, per_robot, warm_start_gain
+from quad_env.sensing.height_scan import table_with
 
 
 class Part(PerRobotState):
@@ -64,3 +67,48 @@ def test_a_filter_takes_in_its_share_and_at_first_the_mean() -> None:
     """0.01 / (0.01 + 0.04) of a change; of the k-th of few looks 1 / k."""
     np.testing.assert_allclose(lowpass_gain(0.01, 0.04), 0.2)
     np.testing.assert_allclose(warm_start_gain(0.2, np.array([0, 1, 2, 4, 5, 9])), [1.0, 1.0, 0.5, 0.25, 0.2, 0.2])
+
+
+class Leaning(Policy):
+    """A policy as users write them: an initial value by a function of the object, and `_restart` under its old name."""
+
+    name = "leaning"
+    targets: Any = per_robot(lambda policy: policy.robot.home_pose + policy.lean)
+    steps: Any = per_robot(0)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.lean = 0.1
+        self.restarted: list[list[bool]] = []
+
+    def _restart(self, mask: Any) -> None:
+        super()._restart(mask)
+        self.restarted.append(mask.tolist())
+
+    def _act(self, observation: Any) -> Actions:
+        self.steps += 1
+        return to_actions(self.robot, self.targets)
+
+
+def test_a_policy_of_a_user_acts_without_a_reset_and_its_restart_is_still_called() -> None:
+    policy = Leaning()
+    assert policy.steps.tolist() == [0]
+    observation = np.zeros(table_with(policy.robot, None).size, np.float32)
+    np.testing.assert_allclose(policy.act(observation), policy.robot.home_pose + 0.1, atol=1e-6)
+    policy.lean = 0.2
+    policy.reset(2)
+    policy.act(np.tile(observation, (2, 1)))
+    policy.lean = 0.3
+    policy.reset_where(np.array([True, False]))
+    assert policy.restarted == [[True, False]]
+    assert policy.steps.tolist() == [0, 1]
+    np.testing.assert_allclose(policy.targets - policy.robot.home_pose, [[0.3] * 12, [0.2] * 12])
+
+
+def test_an_initial_value_is_declared_and_given() -> None:
+    """A name that no class declares, and an array without an initial value, are refused."""
+    with pytest.raises(TypeError, match="Part: no array turns declared with per_robot"):
+        initialize_state(Part(), turns=0)
+    whole = Whole.__new__(Whole)
+    with pytest.raises(TypeError, match=r"Whole\.past: no initial value; pass it to initialize_state"):
+        whole.reset(1)
