@@ -22,7 +22,7 @@ from quad_env.files.text import format_exception
 from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
-from quad_env.sensing.channel import delay_to_steps
+from quad_env.sensing.sensor_models import delay_to_steps
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 
 TRAINED = tuple(sorted({"residual", *(file.parent.name for file in shipped.MODELS.glob(f"*/{DESCRIPTION}"))}))

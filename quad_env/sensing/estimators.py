@@ -2,8 +2,8 @@
 
 from quad_env.robots.robot import Robot
 from quad_env.sensing.estimator import ComplementaryFilter
-from quad_env.sensing.instruments import SensorModels
 from quad_env.sensing.kalman import KalmanFilter
+from quad_env.sensing.sensor_models import SensorModels
 from quad_env.sensing.suite import SENSORS, SensorSuite
 
 COMPLEMENTARY = "complementary"

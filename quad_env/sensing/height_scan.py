@@ -17,7 +17,7 @@ from quad_env.scenarios.disturbances import Delay
 from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import Terrain
-from quad_env.sensing.channel import Channel, Clock, Noise
+from quad_env.sensing.sensor_models import Channel, Clock, Noise
 from quad_env.sensing.suite import Sampled
 from quad_env.task.observations import ObservationTable, ObservationTerm, observation_table
 

@@ -1,7 +1,7 @@
 """Error-state Kalman filter of attitude, velocity, IMU biases and foot positions of n robots; feet in contact rest.
 
-The process model and its derivatives stand in `error_state`; the encoders measure the positions of the feet. The noise
-follows from the data of the sensors (`SensorSuite`) and from `KalmanParameters`. Of the errors that are constant in an
+The process model with its derivatives and the contact model stand in `kalman_models`. The encoders measure the
+positions of the feet. The noise follows from the data of the sensors (`SensorSuite`) and from `KalmanParameters`. Of the errors that are constant in an
 episode only the biases of the IMU are states. The position and mounting of the IMU and the zeros of the encoders are
 part of the noise.
 
@@ -22,10 +22,11 @@ from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 from quad_env.robots.kinematics import foot_jacobians, foot_positions
 from quad_env.robots.robot import Robot
-from quad_env.sensing import error_state
-from quad_env.sensing.contact_probability import CONTACT_PARAMETERS, contact_probability
-from quad_env.sensing.error_state import (
+from quad_env.sensing import kalman_models
+from quad_env.sensing.estimator import AlignedReadings, unit
+from quad_env.sensing.kalman_models import (
     ACCELEROMETER_BIAS,
+    CONTACT_PARAMETERS,
     FEET,
     GYRO_BIAS,
     IDENTITY,
@@ -33,10 +34,10 @@ from quad_env.sensing.error_state import (
     VELOCITY,
     NominalState,
     StepMeasurements,
+    contact_probability,
     exp_so3,
     matvec,
 )
-from quad_env.sensing.estimator import AlignedReadings, unit
 from quad_env.sensing.suite import SensorSuite
 
 
@@ -215,7 +216,7 @@ class KalmanFilter:
         self._delay = delay_steps * dt
         self._errors = sensor_errors(suite)
         legs = len(robot.leg_names)
-        size = error_state.error_dim(robot)
+        size = kalman_models.error_dim(robot)
         self.gravity = np.zeros((num_envs, 3))
         self.velocity = np.zeros((num_envs, 3))
         self.gyro_bias = np.zeros((num_envs, 3))
@@ -242,7 +243,7 @@ class KalmanFilter:
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the error of `nominal`, with the IMU's mounting, (n, 24, 24), in the order of `error_state`."""
+        """Covariance of the error of `nominal`, with the IMU's mounting, (n, 24, 24); see `kalman_models`."""
         out = self._covariance.copy()
         out[:, TILT, TILT] += self._errors.mounting**2 * IDENTITY
         return out
@@ -296,11 +297,11 @@ class KalmanFilter:
         state = _select(self.nominal, env_ids)
         previous = _select(self.previous, env_ids)
         measurements = self._step_measurements(previous, readings)
-        rotated = error_state.rotate_state(state, measurements, self._dt)
-        predicted = error_state.predict(self._robot, state, rotated, self._dt)
+        rotated = kalman_models.rotate_state(state, measurements, self._dt)
+        predicted = kalman_models.predict(self._robot, state, rotated, self._dt)
         force = rotated.specific_force
         acceleration = matvec(0.5 * (rotated.rotation + IDENTITY), force) + GRAVITY * predicted.gravity
-        transition = error_state.error_transition_matrix(self._robot, state, measurements, rotated, self._dt)
+        transition = kalman_models.error_transition_matrix(self._robot, state, measurements, rotated, self._dt)
         gyro_change = readings.gyro - previous.gyro
         covariance = self._predict_covariance(self._covariance[env_ids], transition, gyro_change, acceleration)
         force_change = np.sqrt(_squared_length(force - previous.specific_force))[..., None]
@@ -349,7 +350,7 @@ class KalmanFilter:
         error = (measurement.innovation.reshape(len(env_ids), 1, -1) @ gain)[:, 0]
         out = covariance - covariance[:, FEET].mT @ gain
         self._covariance[env_ids] = 0.5 * (out + out.mT)
-        _assign(self.nominal, env_ids, error_state.inject_error(predicted, error))
+        _assign(self.nominal, env_ids, kalman_models.inject_error(predicted, error))
 
     def extrapolate(self, prediction: Prediction, gyro: Array, env_ids: EnvIndices) -> None:
         """Extrapolate from the time of the readings to now, with constant rotation and the recent acceleration.
@@ -476,7 +477,7 @@ def _swing_variance(speed_std: float, probability: Array, dt: float) -> Array:
 
 def _foot_blocks(covariance: Array, legs: int) -> Array:
     """Return the covariance of each foot's position, (k, 4, 3, 3)."""
-    return np.stack([covariance[:, error_state.foot(leg), error_state.foot(leg)] for leg in range(legs)], axis=1)
+    return np.stack([covariance[:, kalman_models.foot(leg), kalman_models.foot(leg)] for leg in range(legs)], axis=1)
 
 
 def _add_foot_blocks(matrices: Array, blocks: Array, start: int = FEET.start) -> None:

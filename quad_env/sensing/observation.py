@@ -13,10 +13,9 @@ from quad_env.physics.state import QuadState
 from quad_env.robots.robot import Robot
 from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.scenario import Scenario
-from quad_env.sensing.channel import Channel, Clock, Noise
 from quad_env.sensing.estimator import AlignedReadings
 from quad_env.sensing.estimators import make_estimator
-from quad_env.sensing.instruments import SensorModels
+from quad_env.sensing.sensor_models import Channel, Clock, Noise, SensorModels
 from quad_env.sensing.suite import SensorSuite
 from quad_env.task.observations import ObservationTable, observation_table
 

@@ -34,10 +34,10 @@ from quad_env.scenarios.registry import scenario as named
 from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import SmoothRandom
 from quad_env.seeding import episode_seeds
-from quad_env.sensing.channel import delay_to_steps
-from quad_env.sensing.error_state import TILT, VELOCITY
 from quad_env.sensing.estimators import ESTIMATORS
 from quad_env.sensing.kalman import KalmanFilter
+from quad_env.sensing.kalman_models import TILT, VELOCITY
+from quad_env.sensing.sensor_models import delay_to_steps
 from quad_env.sensing.suite import sensor_suite
 from research.pages.places import RESULTS, read_page, write_block
 

@@ -9,7 +9,7 @@ import pytest
 from evaluate.rollouts import rollout
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.seeding import episode_seeds
-from quad_env.sensing.error_state import VELOCITY, error_dim
+from quad_env.sensing.kalman_models import VELOCITY, error_dim
 from research.studies import estimation
 from tests.batches import begun
 from tests.robot_models import NEEDS_MODELS

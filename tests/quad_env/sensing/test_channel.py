@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from quad_env.sensing.channel import BLOCK, Channel, Noise, delay_to_steps
+from quad_env.sensing.sensor_models import BLOCK, Channel, Noise, delay_to_steps
 
 
 def seen(rate: float, delay: float, steps: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,8 +9,7 @@ from quad_env import SENSORS, Encoders, FootContact, Imu, JointTorque, Scenario,
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.episode import EpisodeSample
 from quad_env.scenarios.randomisation import DomainRandomisation
-from quad_env.sensing.channel import BLOCK, Channel, Noise
-from quad_env.sensing.instruments import SensorModels
+from quad_env.sensing.sensor_models import BLOCK, Channel, Noise, SensorModels
 
 WIDTHS = {"gyro": 3, "accelerometer": 3, "joint_position": 12, "foot_contact": 4, "joint_torque": 12}
 SIZE = sum(WIDTHS.values())

@@ -10,11 +10,11 @@ from quad_env.config import GRAVITY
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.robots.kinematics import foot_jacobians, foot_positions
 from quad_env.robots.simple_quad import SIMPLE_QUAD as ROBOT
-from quad_env.sensing import error_state
-from quad_env.sensing.error_state import FEET, NominalState, StepMeasurements, exp_so3
+from quad_env.sensing import kalman_models
 from quad_env.sensing.estimator import AlignedReadings, unit
 from quad_env.sensing.estimators import ESTIMATORS, KALMAN
 from quad_env.sensing.kalman import KalmanFilter
+from quad_env.sensing.kalman_models import FEET, NominalState, StepMeasurements, exp_so3
 from quad_env.sensing.suite import Encoders, Imu, SensorSuite
 from quad_env.task.observations import OBSERVATION
 
@@ -45,16 +45,16 @@ def error_between(truth: NominalState, estimate: NominalState) -> np.ndarray:
 def test_the_transition_is_the_derivative_of_the_prediction() -> None:
     random = np.random.default_rng(0)
     start, seen = motion(random), samples(random)
-    to = error_state.rotate_state(start, seen, DT)
-    found = error_state.error_transition_matrix(ROBOT, start, seen, to, DT)[0]
-    after = error_state.predict(ROBOT, start, to, DT)
-    for entry in range(error_state.error_dim(ROBOT)):
-        error = np.zeros((1, error_state.error_dim(ROBOT)))
+    to = kalman_models.rotate_state(start, seen, DT)
+    found = kalman_models.error_transition_matrix(ROBOT, start, seen, to, DT)[0]
+    after = kalman_models.predict(ROBOT, start, to, DT)
+    for entry in range(kalman_models.error_dim(ROBOT)):
+        error = np.zeros((1, kalman_models.error_dim(ROBOT)))
         error[0, entry] = SMALL
         if entry < 3:  # a turn about gravity itself is no error of it
             error[0, :3] -= start.gravity[0] * (start.gravity[0] @ error[0, :3])
-        off = error_state.inject_error(start, error)
-        moved = error_state.predict(ROBOT, off, error_state.rotate_state(off, seen, DT), DT)
+        off = kalman_models.inject_error(start, error)
+        moved = kalman_models.predict(ROBOT, off, kalman_models.rotate_state(off, seen, DT), DT)
         expected = found @ error[0]
         expected[:3] -= after.gravity[0] * (after.gravity[0] @ expected[:3])
         np.testing.assert_allclose(error_between(moved, after) / SMALL, expected / SMALL, atol=3e-5)
@@ -72,7 +72,7 @@ def test_the_jacobians_of_the_feet_are_derivatives() -> None:
 def test_a_turn_takes_the_world_the_other_way() -> None:
     """A trunk that has rolled to its right by Exp(-ω dt) sees gravity on its right, where y is left."""
     roll = np.array([[0.5, 0.0, 0.0]])
-    gravity = error_state.matvec(exp_so3(-roll), np.array([[0.0, 0.0, -1.0]]))
+    gravity = kalman_models.matvec(exp_so3(-roll), np.array([[0.0, 0.0, -1.0]]))
     np.testing.assert_allclose(gravity, [[0.0, -np.sin(0.5), -np.cos(0.5)]], atol=1e-12)
 
 
@@ -209,7 +209,7 @@ def test_after_one_sample_feet_are_as_uncertain_as_the_encoders() -> None:
     suite = SensorSuite(encoders=Encoders(noise=0.001, bits=None))
     found = after_one_sample(suite).covariance[0]
     for leg, jacobian in enumerate(foot_jacobians(ROBOT, ROBOT.home_pose.reshape(1, 4, 3))[0]):
-        place, noise = error_state.foot(leg), 0.001**2 * jacobian @ jacobian.T
+        place, noise = kalman_models.foot(leg), 0.001**2 * jacobian @ jacobian.T
         np.testing.assert_allclose(found[place, place], noise, atol=0.02 * noise.max())
 
 
@@ -218,7 +218,7 @@ def test_the_covariance_counts_the_mounting_of_the_imu_as_tilt() -> None:
         after_one_sample(SensorSuite(imu=Imu(rotation=(angle, angle, angle)))).covariance[0] for angle in (0.0, 0.02)
     )
     more = np.zeros_like(straight)
-    more[error_state.TILT, error_state.TILT] = 0.02**2 * np.eye(3)
+    more[kalman_models.TILT, kalman_models.TILT] = 0.02**2 * np.eye(3)
     np.testing.assert_allclose(turned - straight, more, atol=1e-12)
 
 
