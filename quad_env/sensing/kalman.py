@@ -1,9 +1,9 @@
 """Error-state Kalman filter of attitude, velocity, IMU biases and foot positions of n robots; feet in contact rest.
 
 The process model with its derivatives and the contact model stand in `kalman_models`. The encoders measure the
-positions of the feet. The noise follows from the data of the sensors (`SensorSuite`) and from `KalmanParameters`. Of the errors that are constant in an
-episode only the biases of the IMU are states. The position and mounting of the IMU and the zeros of the encoders are
-part of the noise.
+positions of the feet. The noise follows from the data of the sensors (`SensorSuite`) and from `KalmanParameters`. Of
+the errors that are constant in an episode only the biases of the IMU are states. The position and mounting of the IMU
+and the zeros of the encoders are part of the noise.
 
 A foot that is probably not in contact gets a large process noise, mostly along the ground. A foot that has just touched
 down, or one under a changing load, gets a smaller one. A foot that is farther from its predicted position than its
