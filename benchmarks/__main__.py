@@ -13,20 +13,22 @@ from quad_env.cli.launcher import launch
 
 
 @dataclass(frozen=True)
-class AllOptions(OutputOptions):
+class AllBenchmarksOptions(OutputOptions):
     """Single and vector environment, physics, policies, start-up."""
 
 
-def measure(options: AllOptions) -> BenchmarkResult:
+def measure(options: AllBenchmarksOptions) -> BenchmarkResult:
     """Run one measurement after the other, at the sizes for which the requirements hold."""
     quick = options.quick
     scenario, envs = vector_env.REFERENCE
     results = {
-        "single_env": single_env.measure(single_env.SingleEnvOptions(quick=quick)),
-        "vector_env": vector_env.measure(vector_env.VectorEnvOptions(quick=quick, envs=(envs,), scenarios=(scenario,))),
-        "physics": physics.measure(physics.PhysicsOptions(quick=quick, settings=(SHIPPED, ORIGINAL_SETTINGS))),
-        "policies": policies.measure(policies.PoliciesOptions(quick=quick)),
-        "startup": startup.measure(startup.StartupOptions(quick=quick)),
+        "single_env": single_env.measure(single_env.SingleEnvBenchmarkOptions(quick=quick)),
+        "vector_env": vector_env.measure(
+            vector_env.VectorEnvBenchmarkOptions(quick=quick, envs=(envs,), scenarios=(scenario,))
+        ),
+        "physics": physics.measure(physics.PhysicsBenchmarkOptions(quick=quick, settings=(SHIPPED, ORIGINAL_SETTINGS))),
+        "policies": policies.measure(policies.PoliciesBenchmarkOptions(quick=quick)),
+        "startup": startup.measure(startup.StartupBenchmarkOptions(quick=quick)),
     }
     return BenchmarkResult(
         figures={name: result.figures for name, result in results.items()},
@@ -36,7 +38,7 @@ def measure(options: AllOptions) -> BenchmarkResult:
     )
 
 
-main = make_command(AllOptions, measure, "benchmarks", __doc__)
+main = make_command(AllBenchmarksOptions, measure, "benchmarks", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

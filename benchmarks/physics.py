@@ -31,7 +31,7 @@ from quad_env.cli.launcher import launch
 
 
 @dataclass(frozen=True)
-class PhysicsOptions(MeasurementOptions):
+class PhysicsBenchmarkOptions(MeasurementOptions):
     """Solver, iterations, cone, contacts and timestep."""
 
     rounds: int = 9
@@ -44,7 +44,7 @@ class PhysicsOptions(MeasurementOptions):
     """Threads of the simulation (count; default: this machine's cores)."""
 
 
-def measure(options: PhysicsOptions) -> BenchmarkResult:
+def measure(options: PhysicsBenchmarkOptions) -> BenchmarkResult:
     """Measure speed and accuracy of each physics setting, and find the fastest accurate one."""
     if options.quick:
         options = replace(options, rounds=1, envs=2, settings=("PGS, 5",))
@@ -81,7 +81,7 @@ def _measure_accuracies(names: Sequence[str], strides: tuple[Stride, ...]) -> di
     return accuracies
 
 
-def _walking(name: str, strides: tuple[Stride, ...], options: PhysicsOptions) -> TimedFunction:
+def _walking(name: str, strides: tuple[Stride, ...], options: PhysicsBenchmarkOptions) -> TimedFunction:
     """Return a function that times one stride of all robots, s per robot and simulated second.
 
     The robots are spread evenly over all strides.
@@ -110,7 +110,7 @@ def _walking(name: str, strides: tuple[Stride, ...], options: PhysicsOptions) ->
     return walk
 
 
-def _speeds(seconds: dict[str, Floats], accuracies: dict[str, Accuracy], options: PhysicsOptions) -> Table:
+def _speeds(seconds: dict[str, Floats], accuracies: dict[str, Accuracy], options: PhysicsBenchmarkOptions) -> Table:
     """Create the table of speeds."""
     rows = make_table(
         f"Speed, {options.envs} robots under the trot, {options.threads} threads",
@@ -140,7 +140,7 @@ def _mark(accuracy: Accuracy) -> str:
     return "yes" if accuracy.is_within_bars else "no"
 
 
-main = make_command(PhysicsOptions, measure, "benchmarks.physics", __doc__)
+main = make_command(PhysicsBenchmarkOptions, measure, "benchmarks.physics", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -31,7 +31,7 @@ Clock = Callable[[], float]
 
 
 @dataclass(frozen=True)
-class PoliciesOptions(MeasurementOptions):
+class PoliciesBenchmarkOptions(MeasurementOptions):
     """Every policy at several numbers of robots, and one robot's worst calls."""
 
     policies: tuple[str, ...] = policies.names()
@@ -44,7 +44,7 @@ class PoliciesOptions(MeasurementOptions):
     """Calls that the percentiles are over (count); a thousand or more, for one to be beyond them."""
 
 
-def measure(options: PoliciesOptions) -> BenchmarkResult:
+def measure(options: PoliciesBenchmarkOptions) -> BenchmarkResult:
     """Measure the mean cost of an action at each number of robots, then percentiles of single calls."""
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 2), steps=2, calls=10)
@@ -68,7 +68,7 @@ def measure(options: PoliciesOptions) -> BenchmarkResult:
     )
 
 
-def _means_table(costs: Mapping[int, Mapping[str, Floats]], options: PoliciesOptions) -> Table:
+def _means_table(costs: Mapping[int, Mapping[str, Floats]], options: PoliciesBenchmarkOptions) -> Table:
     """Create the table of the mean cost of an action by policy and number of robots."""
     rows = make_table("µs a robot and control step", "policy", *(f"n = {num_envs}" for num_envs in options.envs))
     for name in options.policies:
@@ -93,7 +93,7 @@ def _percentile(values: Floats) -> float:
     return float(np.percentile(values, PERCENTILE))
 
 
-def _time_actions(num_envs: int, options: PoliciesOptions) -> dict[str, Floats]:
+def _time_actions(num_envs: int, options: PoliciesBenchmarkOptions) -> dict[str, Floats]:
     """Time the actions of each policy, s per robot and action, (rounds,)."""
     steps = options.steps
 
@@ -114,7 +114,7 @@ def _time_actions(num_envs: int, options: PoliciesOptions) -> dict[str, Floats]:
     return interleave(timed_functions, options.rounds, f"policies, {num_envs} robots")
 
 
-def _time_single_calls(options: PoliciesOptions, clock: Clock) -> dict[str, Floats]:
+def _time_single_calls(options: PoliciesBenchmarkOptions, clock: Clock) -> dict[str, Floats]:
     """Time single calls for one robot, s, (calls,): actions, a whole control step, and a physics step."""
     start = bare.make_initial_states("flat", 1)
     data = bare.BareLoop(start).data
@@ -159,7 +159,7 @@ def _timed(call: Callable[[], object], clock: Clock) -> TimedFunction:
     return timed_call
 
 
-main = make_command(PoliciesOptions, measure, "benchmarks.policies", __doc__)
+main = make_command(PoliciesBenchmarkOptions, measure, "benchmarks.policies", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -31,7 +31,7 @@ CLOCKS = ("wall", "processor", "until closed")
 
 
 @dataclass(frozen=True)
-class RecordingOptions(MeasurementOptions):
+class RecordingBenchmarkOptions(MeasurementOptions):
     """One robot that walks, with and without a recording."""
 
     policies: tuple[str, ...] = ("trot", "residual")
@@ -42,7 +42,7 @@ class RecordingOptions(MeasurementOptions):
     """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
 
 
-def measure(options: RecordingOptions) -> BenchmarkResult:
+def measure(options: RecordingBenchmarkOptions) -> BenchmarkResult:
     """Compare the duration of an episode with and without recording, for each policy and format."""
     if options.quick:
         options = replace(options, rounds=1, seconds=0.2)
@@ -63,7 +63,7 @@ def measure(options: RecordingOptions) -> BenchmarkResult:
     return BenchmarkResult({"seconds": seconds}, (rows,), (check_requirement("recording", max(wall_ratios)),))
 
 
-def _seconds(name: str, options: RecordingOptions) -> dict[str, dict[str, Floats]]:
+def _seconds(name: str, options: RecordingBenchmarkOptions) -> dict[str, dict[str, Floats]]:
     """Return format, or `none` -> clock -> durations, s, (rounds,)."""
     steps = round(options.seconds / CONTROL_PERIOD)
     policy = policies.resolve(name)
@@ -98,7 +98,7 @@ def _recording(file: str | None, policy: Policy) -> Iterator[tuple[Observer, ...
         yield (observer,)
 
 
-main = make_command(RecordingOptions, measure, "benchmarks.recording", __doc__)
+main = make_command(RecordingBenchmarkOptions, measure, "benchmarks.recording", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -22,14 +22,14 @@ SCENARIOS = (REFERENCE, "stairs", "rough")
 
 
 @dataclass(frozen=True)
-class RenderingOptions(MeasurementOptions):
+class RenderingBenchmarkOptions(MeasurementOptions):
     """One robot, seen by the camera that follows it, on several grounds."""
 
     frames: int = 5
     """Frames of each ground in a round (count)."""
 
 
-def measure(options: RenderingOptions) -> BenchmarkResult:
+def measure(options: RenderingBenchmarkOptions) -> BenchmarkResult:
     """Measure the frame rate on each ground, in turns."""
     if options.quick:
         options = replace(options, rounds=1, frames=1)
@@ -60,7 +60,7 @@ def _timed_frames(env: gym.Env, frames: int) -> TimedFunction:
     return draw
 
 
-main = make_command(RenderingOptions, measure, "benchmarks.rendering", __doc__)
+main = make_command(RenderingBenchmarkOptions, measure, "benchmarks.rendering", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -17,7 +17,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 @dataclass(frozen=True)
-class SingleEnvOptions(MeasurementOptions):
+class SingleEnvBenchmarkOptions(MeasurementOptions):
     """One robot: wrappers, checks, commands, observation, reward and infos against the physics alone."""
 
     robot: str = SIMPLE_QUAD.name
@@ -26,7 +26,7 @@ class SingleEnvOptions(MeasurementOptions):
     """Control steps of 10 ms in a round (count), at most an episode."""
 
 
-def measure(options: SingleEnvOptions) -> BenchmarkResult:
+def measure(options: SingleEnvBenchmarkOptions) -> BenchmarkResult:
     """Compare the environment with a bare loop over the same steps from the same state."""
     if options.quick:
         options = replace(options, rounds=1, steps=20)
@@ -46,7 +46,7 @@ def measure(options: SingleEnvOptions) -> BenchmarkResult:
     return BenchmarkResult(figures, (rows,), (check_requirement("single_env", ratio.median),))
 
 
-def _time_both(options: SingleEnvOptions) -> dict[str, Floats]:
+def _time_both(options: SingleEnvBenchmarkOptions) -> dict[str, Floats]:
     """Time environment and bare loop in turns, s per control step, (rounds,)."""
     actions = bare.record_actions(options.steps, robot=options.robot)
     loop = bare.BareLoop(bare.make_initial_states("flat", 1, options.robot))
@@ -74,7 +74,7 @@ def _run(step: Callable[[bare.Actions], object], actions: bare.Actions) -> float
     return (time.perf_counter() - begin) / len(actions)
 
 
-main = make_command(SingleEnvOptions, measure, "benchmarks.single_env", __doc__)
+main = make_command(SingleEnvBenchmarkOptions, measure, "benchmarks.single_env", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -38,14 +38,14 @@ _LOADED = f"import sys, quad_env; print(*(name for name in {FORBIDDEN_MODULES} i
 
 
 @dataclass(frozen=True)
-class StartupOptions(MeasurementOptions):
+class StartupBenchmarkOptions(MeasurementOptions):
     """Durations of imports, first environment and help."""
 
     rounds: int = 7
     """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
 
 
-def measure(options: StartupOptions) -> BenchmarkResult:
+def measure(options: StartupBenchmarkOptions) -> BenchmarkResult:
     """Measure imports, first environment and help; the ratio compares the two imports."""
     if options.quick:
         options = replace(options, rounds=1)
@@ -93,7 +93,7 @@ def _time_outside(command: str) -> TimedFunction:
     return wait
 
 
-main = make_command(StartupOptions, measure, "benchmarks.startup", __doc__)
+main = make_command(StartupBenchmarkOptions, measure, "benchmarks.startup", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -28,7 +28,7 @@ REFERENCE = DEFAULTS["residual"]
 
 
 @dataclass(frozen=True)
-class TrainingOptions(MeasurementOptions):
+class TrainingBenchmarkOptions(MeasurementOptions):
     """One round is a rollout and its update; robots, scenarios and network are the defaults of `python -m train`."""
 
     robot: str = REFERENCE.robot
@@ -41,7 +41,7 @@ class TrainingOptions(MeasurementOptions):
     """Rollouts (count). Figures are medians and quartiles over them."""
 
 
-def measure(options: TrainingOptions) -> BenchmarkResult:
+def measure(options: TrainingBenchmarkOptions) -> BenchmarkResult:
     """Measure the learner's speed, the speed of the physics alone, and the shares of the other parts."""
     defaults = replace(DEFAULTS["residual"], base=options.base)
     ppo = replace(defaults.ppo, envs=options.envs)
@@ -62,7 +62,7 @@ def measure(options: TrainingOptions) -> BenchmarkResult:
     )
 
 
-def _is_reference(options: TrainingOptions) -> bool:
+def _is_reference(options: TrainingBenchmarkOptions) -> bool:
     """Return whether the requirement holds for these options."""
     measured = (options.robot, options.base, options.envs)
     return measured == (REFERENCE.robot, REFERENCE.base, REFERENCE.ppo.envs)
@@ -142,7 +142,7 @@ class Stopwatch:
         return call
 
 
-main = make_command(TrainingOptions, measure, "benchmarks.training", __doc__)
+main = make_command(TrainingBenchmarkOptions, measure, "benchmarks.training", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

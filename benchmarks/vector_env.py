@@ -43,7 +43,7 @@ TIMED_RESETS = 5
 
 
 @dataclass(frozen=True)
-class VectorEnvOptions(MeasurementOptions):
+class VectorEnvBenchmarkOptions(MeasurementOptions):
     """n robots: commands, observations, rewards, ends, resets, pushes and terrain against the physics alone."""
 
     robot: str = SIMPLE_QUAD.name
@@ -77,7 +77,7 @@ class VectorEnvTiming:
     """Additional duration of an environment step, µs per robot."""
 
 
-def measure(options: VectorEnvOptions) -> BenchmarkResult:
+def measure(options: VectorEnvBenchmarkOptions) -> BenchmarkResult:
     """Time each scenario at each number of robots."""
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 3), scenarios=("flat", "rough"), robot_steps=1, warm_up=1)
@@ -96,7 +96,7 @@ def measure(options: VectorEnvOptions) -> BenchmarkResult:
     return BenchmarkResult(figures, (_timings_table(timings, options),), checks)
 
 
-def _timings_table(timings: Mapping[tuple[str, int], VectorEnvTiming], options: VectorEnvOptions) -> Table:
+def _timings_table(timings: Mapping[tuple[str, int], VectorEnvTiming], options: VectorEnvBenchmarkOptions) -> Table:
     """Create the table of all timings."""
     rows = make_table(
         f"Vector env, {with_count(options.threads, 'thread')}, control steps of 10 ms of all robots together",
@@ -109,7 +109,7 @@ def _timings_table(timings: Mapping[tuple[str, int], VectorEnvTiming], options: 
     return rows
 
 
-def time_vector_env(name: str, num_envs: int, options: VectorEnvOptions, advance: Advance) -> VectorEnvTiming:
+def time_vector_env(name: str, num_envs: int, options: VectorEnvBenchmarkOptions, advance: Advance) -> VectorEnvTiming:
     """Time environment and bare batch, in turns of one control step.
 
     Args:
@@ -176,7 +176,7 @@ class TrotEnv:
         return (time.perf_counter() - begin) / len(self.action)
 
 
-main = make_command(VectorEnvOptions, measure, "benchmarks.vector_env", __doc__)
+main = make_command(VectorEnvBenchmarkOptions, measure, "benchmarks.vector_env", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -43,7 +43,7 @@ SIZE = {"width": 1280, "height": 900}
 
 
 @dataclass(frozen=True)
-class ViewOptions(OutputOptions):
+class ViewBenchmarkOptions(OutputOptions):
     """The live view in real time, watched by a headless browser."""
 
     seconds: float = 60.0
@@ -54,10 +54,10 @@ class ViewOptions(OutputOptions):
     """Policies, a robot each."""
 
 
-def measure(options: ViewOptions) -> BenchmarkResult:
+def measure(options: ViewBenchmarkOptions) -> BenchmarkResult:
     """Watch the live view for the given time."""
     if options.quick:
-        options = ViewOptions(quick=True, seconds=4.0, scenario=options.scenario, policy=options.policy)
+        options = ViewBenchmarkOptions(quick=True, seconds=4.0, scenario=options.scenario, policy=options.policy)
     with _browser() as browser:
         figures = _watch(browser, options)
     rows = make_table("Live view in a headless browser", "viewer", "x real time", "frames/s", "first frame, s")
@@ -76,7 +76,7 @@ def measure(options: ViewOptions) -> BenchmarkResult:
     return BenchmarkResult({"view": figures}, (rows, growth), checks)
 
 
-def _watch(browser: Any, options: ViewOptions) -> dict[str, Any]:
+def _watch(browser: Any, options: ViewBenchmarkOptions) -> dict[str, Any]:
     """Start the view, open it in the browser and take readings."""
     arguments = ["--policy", *options.policy, "--scenario", options.scenario, "--command", "0.5", "0", "0"]
     begin = time.perf_counter()
@@ -168,7 +168,7 @@ def _process(*words: str) -> Iterator[subprocess.Popen[str]]:
         process.communicate()
 
 
-main = make_command(ViewOptions, measure, "benchmarks.view", __doc__)
+main = make_command(ViewBenchmarkOptions, measure, "benchmarks.view", __doc__)
 
 if __name__ == "__main__":
     raise SystemExit(launch(main))

@@ -18,7 +18,7 @@ PAGES_FOLDER = "pages"
 """Folder of the episode pages, inside the folder of their run."""
 
 
-class Failure(NamedTuple):
+class FailedEpisode(NamedTuple):
     """A failed episode, made by `select_failures`.
 
     Attributes:
@@ -46,7 +46,7 @@ class Failure(NamedTuple):
     cause: str | None
 
 
-def select_failures(results: Results) -> Iterator[tuple[str, Failure]]:
+def select_failures(results: Results) -> Iterator[tuple[str, FailedEpisode]]:
     """Select the worst and the most typical failure of each policy on each axis.
 
     The worst failure is at the mildest level at which the policy fails: the earliest fall there, or the earliest
@@ -77,7 +77,7 @@ def select_failures(results: Results) -> Iterator[tuple[str, Failure]]:
                 yield "typical", typical
 
 
-def _typical_failure(failures: Sequence[Failure]) -> Failure:
+def _typical_failure(failures: Sequence[FailedEpisode]) -> FailedEpisode:
     """Return the failure nearest to the median time among those with the most frequent cause, the mildest first."""
     cause = Counter(failure.cause for failure in failures).most_common(1)[0][0]
     same_cause = [failure for failure in failures if failure.cause == cause]
@@ -90,7 +90,7 @@ def _typical_failure(failures: Sequence[Failure]) -> Failure:
 
 def _failures_on_axis(
     cells: Sequence[PolicyScenarioResult], policy: str, axis: SeverityAxis, run: str
-) -> Iterator[Failure]:
+) -> Iterator[FailedEpisode]:
     """Yield the failures of one policy on one axis; `run` is the hash of the run."""
     first_row = 0
     for cell in cells:
@@ -99,14 +99,16 @@ def _failures_on_axis(
         first_row += cell.episodes
 
 
-def _failures_of_cell(cell: PolicyScenarioResult, axis: SeverityAxis, first_row: int, run: str) -> Iterator[Failure]:
+def _failures_of_cell(
+    cell: PolicyScenarioResult, axis: SeverityAxis, first_row: int, run: str
+) -> Iterator[FailedEpisode]:
     """Yield the failures of one cell, which starts at that row of the table."""
     measures = cell.measures
     scenario = cell.scenario.name
     times = np.nan_to_num(np.where(measures.fell, measures.fall_time, measures.cause_time), nan=np.inf)
     file = re.sub(r"[^\w.=+-]+", "_", f"{cell.policy}_{scenario}")[:80].strip("_.")
     for number in np.flatnonzero(~measures.succeeded).tolist():
-        yield Failure(
+        yield FailedEpisode(
             policy=cell.policy,
             axis=axis.name,
             scenario=scenario,

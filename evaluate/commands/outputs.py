@@ -11,7 +11,7 @@ import matplotlib.figure  # noqa: F401
 import scipy.stats  # noqa: F401
 from rich.console import Console
 
-from evaluate.analysis.failures import Failure, select_failures
+from evaluate.analysis.failures import FailedEpisode, select_failures
 from evaluate.analysis.results import Results, analyse, write_json
 from evaluate.commands.options import PROGRAM, command
 from evaluate.records.episode_table import write_parquet
@@ -105,7 +105,7 @@ def _file_writers(run: Run, results: Results) -> list[tuple[str, Callable[[Path]
     return writers
 
 
-def _to_replay(failure: Failure, folder: Path) -> str:
+def _to_replay(failure: FailedEpisode, folder: Path) -> str:
     """Return the commands that replay a failure and list all failures."""
     replay = f"{PROGRAM} replay {shlex.quote(str(folder))}"
     shown = f"{failure.policy} fails in row {failure.row}: {replay} {failure.row} --page {failure.row}.html"

@@ -7,7 +7,7 @@ from itertools import groupby
 from pathlib import Path
 
 from evaluate.analysis import failures as analysis
-from evaluate.analysis.failures import PAGES_FOLDER, Failure
+from evaluate.analysis.failures import PAGES_FOLDER, FailedEpisode
 from evaluate.analysis.results import Results
 from evaluate.report.html import breakable, collapsible, note, section, table
 from evaluate.report.sections.figures import policy_label
@@ -44,7 +44,7 @@ def render_failures(results: Results, folder: Path) -> str:
     return section("Worst and most typical failures", lead, *tables) if tables else ""
 
 
-def _row(kind: str, failure: Failure, folder: Path) -> dict[str, str]:
+def _row(kind: str, failure: FailedEpisode, folder: Path) -> dict[str, str]:
     """Format the row of one failure, which is `worst`, `typical` or both."""
     command = f"python -m evaluate replay {shlex.quote(str(folder))} {failure.row} --page {failure.row}.html"
     link = f'<a href="{PAGES_FOLDER}/{escape(failure.page)}">episode {failure.number}</a>'
