@@ -48,7 +48,8 @@ class Features(PerRobotState):
     """Number of observations of each robot since its reset, (n,)."""
 
     def __init__(self, base: Policy, inputs: Inputs = NO_HISTORY) -> None:
-        self.base, self.inputs = base, inputs
+        self.base = base
+        self.inputs = inputs
         self._table = table_with(base.robot, base.height_scan)
         self._own = observation_table(base.robot).size
         """Numbers of an observation without a height scan; only these have a history."""

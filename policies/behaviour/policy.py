@@ -78,7 +78,8 @@ class Behaviour(Policy):
         self.machine.observe(observation)
         if self._follow:
             self._request_from_command(observation)
-        state, changed = self.machine.state, self.machine.take_changes()
+        state = self.machine.state
+        changed = self.machine.take_changes()
         rows = observation.astype(np.float64)
         joints = rows[:, OBSERVATION["joint_position"]] + self.robot.home_pose
         targets = self._gait_targets(observation, state)

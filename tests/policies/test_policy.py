@@ -200,3 +200,22 @@ def test_a_base_that_is_shown_a_scan_acts_as_without_also_where_a_robot_starts_a
         policy.reset_where(np.array([True, False]))
         found.append((first, policy.act(seen[1])))
     np.testing.assert_array_equal(*found)
+
+
+def test_names_of_older_versions_still_work():
+    """`_restart` of a user's policy is called at a reset of some robots, and `check_fits` and `Foreign` exist."""
+    restarted = []
+
+    class Mine(policies.Stand):
+        def _restart(self, mask):
+            super()._restart(mask)
+            restarted.append(mask.tolist())
+
+    policy = Mine()
+    policy.reset(2)
+    policy.reset_where(np.array([True, False]))
+    assert restarted == [[True, False]]
+    policy.check_fits(policy.robot, policy.control_period)
+    with pytest.raises(ValueError, match="make it for its environment"):
+        policy.check_fits(policy.robot, 0.5)
+    assert policies.Foreign is policies.ExternalPolicy
