@@ -102,7 +102,7 @@ class ContactEstimator(PerRobotState):
         self._parameters = parameters
         self._period = period
         self._encoders = encoders
-        self._foot_forces = FootForceEstimator(robot, period, actuator, encoders=encoders)
+        self.foot_forces = FootForceEstimator(robot, period, actuator, encoders=encoders)
         self._offset_gain = lowpass_gain(period, c.encoder_offset_time)
         self._contact_margin = c.contact_margin_per_stiffness * float(np.max(robot.servo_stiffness)) * encoders
         load_time = max(parameters.load_time, c.min_encoder_load_time) if encoders else parameters.load_time
@@ -174,7 +174,7 @@ class ContactEstimator(PerRobotState):
             forces: Of the feet, level frame, (n, 4, 3), N.
             unexplained: Wrench on the trunk, (n, 6), N and N·m.
         """
-        forces, needed = self._foot_forces.estimate(motion)
+        forces, needed = self.foot_forces.estimate(motion)
         threshold = self._parameters.touch_force + np.where(self.in_contact, 0.0, self._contact_margin)
         self.in_contact = (forces[..., 2] > threshold) & np.logical_not(in_mid_swing)
         if self._encoders:
@@ -192,7 +192,7 @@ class ContactEstimator(PerRobotState):
     def _update_encoder_offsets(self, unexplained_torque: Floats) -> None:
         """Take the torques, (n, 12), N·m, that legs in the air do not need into the encoder offsets."""
         largest = CONSTANTS.max_encoder_offset
-        sample = np.clip(unexplained_torque / self._foot_forces.servos.stiffness, -largest, largest)
+        sample = np.clip(unexplained_torque / self.foot_forces.servos.stiffness, -largest, largest)
         in_stance = np.repeat(self.in_contact, 3, axis=1)
         self.encoder_offsets += np.where(in_stance, 0.0, self._offset_gain * sample)
 

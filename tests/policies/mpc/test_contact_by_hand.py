@@ -289,7 +289,7 @@ def test_servos_are_asked_for_their_torque_over_the_last_control_period(
     encoders: bool, targets: float, angle: float, speed: float
 ) -> None:
     sense = ContactEstimator(SIMPLE_QUAD, P, 0.01, encoders=encoders)
-    sense._servos = servos = Noted()  # type: ignore[assignment]
+    sense.foot_forces.servos = servos = Noted()  # type: ignore[assignment]
     looks_at(sense, EARLIER, LATER)
     np.testing.assert_allclose(servos.asked[0][0] - SIMPLE_QUAD.home_pose, targets, atol=1e-6)
     np.testing.assert_allclose(servos.asked[1][0] - SIMPLE_QUAD.home_pose, angle, atol=1e-6)
@@ -304,7 +304,7 @@ def test_forces_and_wrench_are_what_the_motion_needed_less_what_the_servos_gave(
     """M v̇ + h: in the rows of each leg Jᵀ f of its foot, in those of the trunk the wrench and what the feet bear. Of
     encoders the mean over two periods; a force of the ground that would pull is none."""
     sense = ContactEstimator(SIMPLE_QUAD, P, 0.01, encoders=encoders)
-    sense._servos = Noted()  # type: ignore[assignment]
+    sense.foot_forces.servos = Noted()  # type: ignore[assignment]
     before, last = {"linear_velocity": (0.1, -0.1, 0.3)}, {"linear_velocity": (0.3, 0.0, -0.6), "joint_velocity": 0.5}
     now, forces, wrench = looks_at(sense, {}, before, last)
     change = np.zeros(18)
