@@ -10,8 +10,8 @@ import tyro
 from rich.console import Console
 from rich.markup import escape
 
+from evaluate.analysis.combined_runs import CombinedRuns, combine_runs
 from evaluate.analysis.comparison import METRICS, RATES, SIGNIFICANT, SUCCESS_RATE, MetricDifference
-from evaluate.analysis.joint import CombinedRuns, combine_runs
 from evaluate.analysis.matches import Match, StoredRun, match_runs, strip_hardware_suffix
 from evaluate.analysis.rank_correlation import MIN_POLICIES, RankCorrelation
 from evaluate.analysis.results import nan_to_null

@@ -12,7 +12,7 @@ import tyro
 
 from quad_env.files.writing import write_atomically
 from research.pages import evaluations
-from research.pages.places import insert_block, read_page
+from research.pages.blocks import insert_block, read_page
 
 ROBOTS = "robots"
 """Name of the block for the table of other robots."""

@@ -16,8 +16,8 @@ import tyro
 from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import make_writable_folder, write_atomically
 from research.pages import evaluations
+from research.pages.blocks import insert_block, read_page
 from research.pages.csv_text import flatten_entry, to_csv
-from research.pages.places import insert_block, read_page
 
 TABLES = {
     "": "each policy on each scenario",

@@ -15,9 +15,9 @@ from evaluate.records.store import read_rows
 from quad_env.cli.command_line import UsageError
 from quad_env.cli.format import estimate, number
 from quad_env.files.writing import write_atomically
+from research.pages.blocks import write_block
 from research.pages.csv_text import to_csv
 from research.pages.markdown import table
-from research.pages.places import write_block
 
 PLACE = "simulators"
 """Name of the table's block in the page."""

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import track
 
 from quad_env.cli.command_line import UsageError, check_numbers
-from research.pages.places import read_page, write_block
+from research.pages.blocks import read_page, write_block
 from research.statistics import checks, settled
 from research.statistics.checks import CalibrationCheck
 

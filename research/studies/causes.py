@@ -27,9 +27,9 @@ from evaluate.records.store import read_run
 from evaluate.rollouts import rollout
 from quad_env.cli.command_line import UsageError, check_numbers
 from quad_env.files.writing import make_writable_folder, write_atomically
+from research.pages.blocks import write_block
 from research.pages.csv_text import to_csv
 from research.pages.markdown import table
-from research.pages.places import write_block
 from research.studies.failure_films import draw_strip, frame_range
 from research.studies.failures import CASES
 

@@ -39,7 +39,7 @@ from quad_env.sensing.kalman import KalmanFilter
 from quad_env.sensing.kalman_models import TILT, VELOCITY
 from quad_env.sensing.sensor_models import delay_to_steps
 from quad_env.sensing.suite import sensor_suite
-from research.pages.places import RESULTS, read_page, write_block
+from research.pages.blocks import RESULTS, read_page, write_block
 
 SETTLING = 100
 """Number of control steps from the start that do not count."""

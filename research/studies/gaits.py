@@ -44,8 +44,8 @@ from quad_env.cli.format import number
 from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.scenarios.registry import STEADY, scenario
 from quad_env.seeding import episode_seeds
+from research.pages.blocks import read_page
 from research.pages.markdown import table
-from research.pages.places import read_page
 from research.studies.failure_films import stack_images
 
 FILM_STEPS = range(400, 600, 2)

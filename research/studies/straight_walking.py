@@ -28,8 +28,8 @@ from quad_env.robots.similarity import scale_to_robot
 from quad_env.scenarios.registry import scenario
 from quad_env.scenarios.scenario import Scenario
 from research.pages import markdown
+from research.pages.blocks import RESULTS, read_page, write_block
 from research.pages.csv_text import flatten_entry, to_csv
-from research.pages.places import RESULTS, read_page, write_block
 
 GROUNDS = {"flat": "level", "push": "pushed", "rough": "uneven"}
 """Scenario -> its name in the tables."""

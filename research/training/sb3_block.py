@@ -27,7 +27,7 @@ from quad_env.files.writing import make_writable_folder, write_atomically
 from quad_env.scenarios.registry import scenario
 from quad_env.seeding import episode_seeds
 from research.pages import markdown
-from research.pages.places import insert_block, read_page
+from research.pages.blocks import insert_block, read_page
 
 PLACE = "sb3"
 """Name of the block in the page for the figures."""
