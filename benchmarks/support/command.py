@@ -87,14 +87,14 @@ def make_command(
         with one line after a user's mistake, 130 after Ctrl-C.
     """
 
-    def run(words: Sequence[str]) -> int:
-        options = parse(kind, list(words), program=f"python -m {program}", description=description or "")
+    def run(arguments: Sequence[str]) -> int:
+        options = parse(kind, list(arguments), program=f"python -m {program}", description=description or "")
         _check(options)
         facts = machine_facts()
         write_results(measure(options), facts, options, program)
         return 0
 
-    return lambda words=None: exit_code(lambda: run(sys.argv[1:] if words is None else words))
+    return lambda arguments=None: exit_code(lambda: run(sys.argv[1:] if arguments is None else arguments))
 
 
 def _check(options: OutputOptions) -> None:

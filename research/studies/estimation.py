@@ -90,7 +90,7 @@ class EstimationErrors(NamedTuple):
     """Roll and pitch at the time of the readings, rad, (steps, n, 2)."""
     velocity: Floats
     """Velocity at the time of the readings, m/s, (steps, n, 3)."""
-    shown: Floats
+    observed_velocity: Floats
     """Velocity in the observation, m/s, (steps, n, 3)."""
     nees: Floats
     """NEES, (steps, n); NaN without a covariance."""
@@ -134,7 +134,7 @@ def _walk_cells(errors: EstimationErrors) -> tuple[str, ...]:
     """Format the errors of one row of `walk_table`."""
     roll = np.degrees(rms(errors.tilt[..., :1]))
     pitch = np.degrees(rms(errors.tilt[..., 1:]))
-    velocities = (rms(errors.velocity), rms(errors.shown), rms(errors.shown[..., :2]))
+    velocities = (rms(errors.velocity), rms(errors.observed_velocity), rms(errors.observed_velocity[..., :2]))
     return (*(f"{value:.3f}" for value in velocities), f"{roll:.2f}, {pitch:.2f}", *consistency(errors.nees))
 
 
@@ -176,7 +176,7 @@ def _push_cells(observer: "EstimationErrorObserver") -> list[str]:
     """Format the errors of one row of `push_table`."""
     errors = observer.errors(observer.falls.step)
     at_readings = error_after_push(errors.velocity, observer.pushes)
-    in_observation = error_after_push(errors.shown, observer.pushes)
+    in_observation = error_after_push(errors.observed_velocity, observer.pushes)
     return [f"{first:.3f}, {second:.3f}" for first, second in zip(at_readings, in_observation, strict=True)]
 
 

@@ -89,11 +89,12 @@ def _text(lines: Sequence[str], width: int, size: int = 14) -> Image.Image:
 
 def _title(record: EpisodeSignals, part: slice) -> tuple[str, str]:
     """Describe the scenario, and the end of the episode."""
-    scenario, axis = record.scenario, AXES[record.scenario.axis]
-    real = " Real motors, delays, sensors, and an estimator." if scenario.hardware else ""
+    scenario = record.scenario
+    axis = AXES[scenario.axis]
+    profile = " Real motors, delays, sensors, and an estimator." if scenario.hardware else ""
     scene = f"{scenario.name}: {axis.sentence} The {axis.quantity} is {scenario.severity:g} {scenario.severity_unit}"
     fall = f"It falls at {part.stop * record.episodes.dt:.2f} s."
-    return f"{scene}.{real}", fall if record.fell else "It stays upright, and does not follow its command."
+    return f"{scene}.{profile}", fall if record.fell else "It stays upright, and does not follow its command."
 
 
 def _frames(policy: Policy, record: EpisodeSignals, part: slice) -> Iterator[Image.Image]:

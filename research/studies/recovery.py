@@ -114,6 +114,6 @@ def format_result(outcome: RecoveryResult) -> str:
         f"largest torque {outcome.peak_torque:.1f} N·m; {outcome.diverged} diverged",
     ]
     if len(times):
-        middle, most, last = np.quantile(times, (0.5, 0.9, 1.0))
-        lines.append(f"time to stand: median {middle:.2f} s, 90 % {most:.2f} s, longest {last:.2f} s")
+        median, percentile_90, longest = np.quantile(times, (0.5, 0.9, 1.0))
+        lines.append(f"time to stand: median {median:.2f} s, 90 % {percentile_90:.2f} s, longest {longest:.2f} s")
     return "\n".join(lines)

@@ -108,11 +108,11 @@ def make_config(options: AblationsOptions, name: str, seed: int) -> TrainConfig:
     Returns:
         The configuration.
     """
-    words = f"{VARIANTS[name]} --steps {options.steps} --seed {seed} --threads {options.threads}".split()
-    words += ["--validation.interval", "0", "--validation.episodes", str(options.episodes)]
-    words += ["--validation.scenarios", *VALIDATED_ON]
+    arguments = f"{VARIANTS[name]} --steps {options.steps} --seed {seed} --threads {options.threads}".split()
+    arguments += ["--validation.interval", "0", "--validation.episodes", str(options.episodes)]
+    arguments += ["--validation.scenarios", *VALIDATED_ON]
     folder = "".join(letter if letter.isalnum() else "-" for letter in name)
-    return replace(parse(words), out=options.out / folder / f"seed-{seed}")
+    return replace(parse(arguments), out=options.out / folder / f"seed-{seed}")
 
 
 def train_missing(run: TrainConfig) -> None:

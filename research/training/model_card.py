@@ -114,8 +114,8 @@ def describe_origin(run: TrainedRun) -> str:
 def describe_correction(config: TrainConfig) -> str:
     """Describe the correction of the base by the policy."""
     rate = 1.0 / (CONTROL_PERIOD * config.ppo.hold)
-    most = f"{config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips"
-    return f"corrects `{config.base}` at {rate:g} Hz by at most {most}"
+    authority = f"{config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips"
+    return f"corrects `{config.base}` at {rate:g} Hz by at most {authority}"
 
 
 def describe_mixture(config: TrainConfig) -> str:

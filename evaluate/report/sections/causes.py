@@ -36,8 +36,8 @@ def _key_entry(cause: str) -> str:
 
 def _cause_plots(results: Results) -> Iterator[str]:
     """Render a heading and a plot for each policy that failed, in the order of the ranking."""
-    for real, title in TITLES.items():
-        axes = [axis for axis in severity_axes(results.cells) if axis.name.endswith(HARDWARE) == real]
+    for on_hardware_profile, title in TITLES.items():
+        axes = [axis for axis in severity_axes(results.cells) if axis.name.endswith(HARDWARE) == on_hardware_profile]
         order = dict.fromkeys((*(place.policy for place in results.ranking.places), *results.policies))
         shares = {policy: dict(_shares(results, policy, axes)) for policy in order}
         pictures = "".join(_cause_plot(policy, by_axis) for policy, by_axis in shares.items() if any(by_axis.values()))
