@@ -112,7 +112,7 @@ def parse_robot_option(robot: str, option: str = "--robot") -> HardwareConfig:
         The default hardware with that robot.
 
     Raises:
-        UsageError: There is no such robot.
+        UsageError: The robot does not exist.
     """
     hardware = HardwareConfig(robot=robot)
     try:

@@ -77,8 +77,8 @@ def trips(record: EpisodeSignals, window: slice | None = None) -> Iterator[Event
         leg, sample = np.unravel_index(score[row].argmax(), score[row].shape)
         at = (row, leg, sample)
         part = "foot" if sample == len(SHANK_SAMPLES) - 1 else "shin"
-        obstacle = _rise_text(record, float(rise[at]))
-        description = f"{_leg_name(record, int(leg))} {part} hits {obstacle} at {speed[at]:.1f} m/s"
+        description = f"{_leg_name(record, int(leg))} {part} hits {_rise_text(record, float(rise[at]))}"
+        description += f" at {speed[at]:.1f} m/s"
         yield Event(TRIP, int(steps[row]), float(score[at]), description, is_instantaneous=True)
 
 
@@ -282,8 +282,8 @@ def _dropouts(record: EpisodeSignals) -> Iterator[Event]:
             missed = float(
                 np.abs(sent[start - action_delay : end - action_delay] - sent[start - action_delay - 1]).max()
             )
-            servo = _joint_name(record, joint)
-            description = f"{servo} receives no targets for {(end - start) * dt:.2f} s, {missed:.2f} rad off"
+            description = f"{_joint_name(record, joint)} receives no targets for {(end - start) * dt:.2f} s"
+            description += f", {missed:.2f} rad off"
             yield Event(SIGNAL, start, missed / record.threshold("held"), description, is_instantaneous=True)
 
 

@@ -38,10 +38,16 @@ def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
     Returns:
         Footfalls of all episodes.
     """
-    steps, _, feet = contact.shape
+    feet = contact.shape[-1]
     stance = debounce(contact & upright[..., None], round(MIN_SWING_TIME / dt))
-    rows = np.ascontiguousarray(np.moveaxis(stance, 0, -1)).reshape(-1, steps)
-    change = np.diff(rows.astype(np.int8), axis=1)
+    row, landing = _landings(np.ascontiguousarray(np.moveaxis(stance, 0, -1)).reshape(-1, len(stance)))
+    return Footfalls(stance, landing + 1, row // feet, row % feet)
+
+
+def _landings(stance: Bools) -> tuple[Ints, Ints]:
+    """Return row and last step of each complete swing, for the stance of each foot, (rows, steps)."""
+    steps = stance.shape[1]
+    change = np.diff(stance.astype(np.int8), axis=1)
     lift_off_row, lift_off = np.nonzero(change == -1)
     landing_row, landing = np.nonzero(change == 1)
     # Lift-offs and landings alternate: the last lift-off before a landing, on the axis of all rows, is of the same
@@ -49,8 +55,7 @@ def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
     latest = np.searchsorted(lift_off_row * steps + lift_off, landing_row * steps + landing) - 1
     owner = np.append(lift_off_row, -1)[latest]  # -1 without a lift-off
     is_swing = owner == landing_row
-    row = landing_row[is_swing]
-    return Footfalls(stance, landing[is_swing] + 1, row // feet, row % feet)
+    return landing_row[is_swing], landing[is_swing]
 
 
 def debounce(contact: Bools, shortest: int) -> Bools:
