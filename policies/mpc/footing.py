@@ -188,7 +188,7 @@ def swing_trajectory(
     p: ModelParameters,
     start: Floats,
     foothold_positions: Floats,
-    passing: Floats,
+    ground_velocities: Floats,
     progress: Floats,
     time: Floats,
     period: float,
@@ -203,7 +203,7 @@ def swing_trajectory(
         p: Step height and landing depth.
         start: Position at lift-off, level frame, (n, 4, 2), m.
         foothold_positions: Position at touch-down, level frame, (n, 4, 2), m.
-        passing: Velocity of the ground relative to the trunk, (n, 4, 2), m/s.
+        ground_velocities: Velocity of the ground relative to the trunk, (n, 4, 2), m/s.
         progress: Of the swing, 0 to 1, (n, 4).
         time: Duration of a swing, (n,), s.
         period: Control period, s.
@@ -214,7 +214,7 @@ def swing_trajectory(
         velocity: (n, 4, 3), m/s.
         acceleration: (n, 4, 3), m/s².
     """
-    end_slope = passing * time[:, None, None]
+    end_slope = ground_velocities * time[:, None, None]
     progress_step = (period / time)[:, None]
 
     def position_at(t: Floats) -> Floats:
@@ -237,7 +237,7 @@ def swing_trajectory(
     return positions[0], velocity, (later_velocity - velocity) / period
 
 
-def moment_arms(
+def predict_moment_arms(
     feet: Floats,
     foothold_positions: Floats,
     centre: Floats,
@@ -268,7 +268,7 @@ def moment_arms(
     velocity_by_step = velocity[:, None, None]
     standing = feet[:, None, :, :2] - velocity_by_step * times[:, None, None]
     landed = foothold_positions[:, None] - velocity_by_step * np.where(stance, time_in_stance, 0.0)[..., None]
-    arms = np.empty((*stance.shape, 3))
-    arms[..., :2] = np.where(stays_in_stance, standing, landed) - centre[:, None, None, :2]
-    arms[..., 2] = z
-    return arms
+    moment_arms = np.empty((*stance.shape, 3))
+    moment_arms[..., :2] = np.where(stays_in_stance, standing, landed) - centre[:, None, None, :2]
+    moment_arms[..., 2] = z
+    return moment_arms

@@ -258,7 +258,7 @@ class ModelBased(GaitedPolicy):
         state = control_state.motion
         cycle = self._gait.legs(self._phase)
         contacts = self._classify_contacts(cycle, control_state.contact_forces)
-        ground = self._ground(state, contacts.landed)
+        ground = self._estimate_ground(state, contacts.landed)
         foothold_positions = plan_footholds(
             self.robot,
             p,
@@ -288,7 +288,7 @@ class ModelBased(GaitedPolicy):
         """Reference height of the trunk centre above the ground, m."""
         return self.parameters.height - self.robot.hip_rise
 
-    def _ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
+    def _estimate_ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
         """Return the ground plane; `landed`: feet that show it by their positions, (n, 4)."""
         return self.terrain_estimator.ground(state, landed)
 
@@ -308,12 +308,12 @@ class ModelBased(GaitedPolicy):
         foot_velocity = state.foot_velocity
         self._record_liftoff(state, cycle)
         swing_time = (1.0 - p.duty) / self._frequencies
-        passing = ground_velocity(state, state.command[:, 2])
+        ground_velocities = ground_velocity(state, state.command[:, 2])
         position, velocity, acceleration = swing_trajectory(
             p,
             self._liftoff_position,
             foothold_positions,
-            passing,
+            ground_velocities,
             cycle.progress,
             swing_time,
             self.control_period,

@@ -65,26 +65,26 @@ class ForcePlans(PerRobotState):
         has_other_stance: Mask = (self._stance[self._robots, self._step] != stance).any(axis=1)
         return has_other_stance | is_old
 
-    def renew(self, robots: EnvSelection, forces: Floats, stance: Mask, arms: Floats) -> None:
+    def renew(self, robots: EnvSelection, forces: Floats, stance: Mask, moment_arms: Floats) -> None:
         """Set the plans of g robots from now on.
 
         Args:
             robots: Their indices, (g,).
             forces: Level frame, (g, N, 4, 3), N.
             stance: Stance feet, (g, N, 4).
-            arms: Vectors from the centre of mass to the feet, level frame, (g, N, 4, 3), m.
+            moment_arms: Vectors from the centre of mass to the feet, level frame, (g, N, 4, 3), m.
         """
         self.forces[robots] = forces
         self._stance[robots] = stance
-        self._moment_arms[robots] = arms
+        self._moment_arms[robots] = moment_arms
         self.age[robots] = 0.0
 
-    def present_forces(self, stance: Mask, arms: Floats, friction: Friction) -> Floats:
+    def present_forces(self, stance: Mask, moment_arms: Floats, friction: Friction) -> Floats:
         """Return the contact forces of the present step of each plan.
 
         Args:
             stance: Present stance feet, (n, 4).
-            arms: Present vectors from the centre of mass to the feet, level frame, (n, 4, 3), m.
+            moment_arms: Present vectors from the centre of mass to the feet, level frame, (n, 4, 3), m.
             friction: Bounds, used where other feet are in stance than planned.
 
         Returns:
@@ -98,7 +98,7 @@ class ForcePlans(PerRobotState):
             return forces
         moment = cross(self._moment_arms[robots, step], forces).sum(axis=1)
         wrench = np.concatenate((forces.sum(axis=1), moment), axis=1)
-        return np.where(as_planned[:, None, None], forces, distribute_wrench(wrench, stance, arms, friction))
+        return np.where(as_planned[:, None, None], forces, distribute_wrench(wrench, stance, moment_arms, friction))
 
     @property
     def _robots(self) -> EnvIndices:
@@ -111,20 +111,20 @@ class ForcePlans(PerRobotState):
         return np.minimum((self.age + _CLOCK_ROUNDING) / self._period, self._steps - 1).astype(np.intp)
 
 
-def distribute_wrench(wrench: Floats, stance: Mask, arms: Floats, friction: Friction) -> Floats:
+def distribute_wrench(wrench: Floats, stance: Mask, moment_arms: Floats, friction: Friction) -> Floats:
     """Distribute a wrench over the stance feet.
 
     Args:
         wrench: About the centre of mass, (n, 6), N and N·m.
         stance: Stance feet, (n, 4).
-        arms: Vectors from the centre of mass to the feet, (n, 4, 3), m.
+        moment_arms: Vectors from the centre of mass to the feet, (n, 4, 3), m.
         friction: Bounds of the forces.
 
     Returns:
         Minimum-norm contact forces clipped to the friction pyramid, (n, 4, 3), N. The clipped forces may not sum to
         the wrench.
     """
-    effects = np.concatenate((np.broadcast_to(np.eye(3), (len(arms), 4, 3, 3)), skew(arms)), axis=2)
+    effects = np.concatenate((np.broadcast_to(np.eye(3), (len(moment_arms), 4, 3, 3)), skew(moment_arms)), axis=2)
     forces = min_norm_forces(effects, wrench, stance, _DAMPING)
     normal = np.clip(forces[..., 2], 0.0, friction.max_normal_force[:, None])
     max_tangential = friction.coefficient[:, None, None] * normal[..., None]

@@ -8,7 +8,7 @@ from policies.contact.motion_state import MotionState
 from policies.gait_cycle import TURN, Floats
 from policies.gaits.parameters import OFFSETS
 from policies.memory import per_robot
-from policies.mpc.footing import TerrainPlane, moment_arms
+from policies.mpc.footing import TerrainPlane, predict_moment_arms
 from policies.mpc.model_based import ContactPlan, ControlState, ModelBased, StanceForces
 from policies.mpc.parameters import TROT, MpcParameters, parameters_of
 from policies.mpc.plans import ForcePlans
@@ -73,8 +73,8 @@ class Mpc(ModelBased):
         """Renew the force plans that are due, and return the planned forces."""
         state = control_state.motion
         stance = contact_plan.stance
-        stance_schedule, time_in_stance = self._schedule(stance)
-        arms = self._moment_arms(state, contact_plan, stance_schedule, time_in_stance)
+        stance_schedule, time_in_stance = self._make_schedule(stance)
+        moment_arms = self._predict_moment_arms(state, contact_plan, stance_schedule, time_in_stance)
         self._plans.advance(self.control_period)
         due = self._plans.due(stance, self.parameters.plan_period)
         failed = np.zeros(self.num_envs, np.bool_)
@@ -84,14 +84,14 @@ class Mpc(ModelBased):
                 state,
                 contact_plan.ground,
                 control_state.disturbance_acceleration,
-                arms,
+                moment_arms,
                 stance_schedule,
                 control_state.friction,
             )
-        forces = self._plans.present_forces(stance, arms[:, 0], control_state.friction)
-        return StanceForces(forces, arms[:, 0], failed)
+        forces = self._plans.present_forces(stance, moment_arms[:, 0], control_state.friction)
+        return StanceForces(forces, moment_arms[:, 0], failed)
 
-    def _schedule(self, stance: Mask) -> tuple[Mask, Floats]:
+    def _make_schedule(self, stance: Mask) -> tuple[Mask, Floats]:
         """Return the contact schedule: the present stance feet in the first step, then the gait.
 
         Args:
@@ -107,7 +107,7 @@ class Mpc(ModelBased):
         stance_schedule[:, 0] = stance
         return stance_schedule, cycle.progress * (self.parameters.duty / self._frequencies)[:, None, None]
 
-    def _moment_arms(
+    def _predict_moment_arms(
         self, state: MotionState, contact_plan: ContactPlan, stance_schedule: Mask, time_in_stance: Floats
     ) -> Floats:
         """Return the vectors from the centre of mass to the feet over the horizon, level frame, (n, N, 4, 3), m."""
@@ -115,7 +115,7 @@ class Mpc(ModelBased):
         foothold_height = self._foothold_height(
             state, contact_plan.foothold_positions, contact_plan.ground, stance_schedule
         )
-        return moment_arms(
+        return predict_moment_arms(
             bodies.feet,
             contact_plan.foothold_positions,
             bodies.com_position,
@@ -138,7 +138,7 @@ class Mpc(ModelBased):
         state: MotionState,
         ground: TerrainPlane,
         disturbance_acceleration: Floats,
-        arms: Floats,
+        moment_arms: Floats,
         stance_schedule: Mask,
         friction: Friction,
     ) -> Mask:
@@ -149,7 +149,7 @@ class Mpc(ModelBased):
             state: State of n robots.
             ground: Plane under the feet.
             disturbance_acceleration: Level frame, (n, 6), m/s² and rad/s².
-            arms: Vectors from the centre of mass to the feet over the horizon, (n, N, 4, 3), m.
+            moment_arms: Vectors from the centre of mass to the feet over the horizon, (n, N, 4, 3), m.
             stance_schedule: Stance feet over the horizon, (n, N, 4).
             friction: Bounds of the contact forces.
 
@@ -164,13 +164,13 @@ class Mpc(ModelBased):
         reference = self._mpc_reference(state, ground, selection)
         failed = due.copy()
         for group, programs in horizon.make_programs(
-            body, arms[selection], stance_schedule[selection], reference, friction.select(selection)
+            body, moment_arms[selection], stance_schedule[selection], reference, friction.select(selection)
         ):
             solutions = self._solver(programs)
             solved_robots = robots[group[solutions.solved]]
             schedule = stance_schedule[solved_robots]
             forces = horizon.scatter_forces(solutions.x[solutions.solved], schedule)
-            self._plans.renew(solved_robots, forces, schedule, arms[solved_robots])
+            self._plans.renew(solved_robots, forces, schedule, moment_arms[solved_robots])
             failed[solved_robots] = False
         self.failures += failed
         return failed

@@ -124,7 +124,7 @@ class CondensedMpc:
         return MpcReference(body.pose[:, None] + t * rate + 0.5 * t * t * acceleration, rate + t * acceleration)
 
     def make_programs(
-        self, body: RigidBodyState, arms: Floats, stance: Mask, reference: MpcReference, friction: Friction
+        self, body: RigidBodyState, moment_arms: Floats, stance: Mask, reference: MpcReference, friction: Friction
     ) -> Iterator[tuple[EnvIndices, QpBatch]]:
         """Assemble the quadratic programs of the contact forces, in groups of one shape.
 
@@ -132,7 +132,7 @@ class CondensedMpc:
 
         Args:
             body: Present state of n robots.
-            arms: Vectors from the centre of mass to the feet in each step, (n, N, 4, 3), m.
+            moment_arms: Vectors from the centre of mass to the feet in each step, (n, N, 4, 3), m.
             stance: Stance feet in each step, (n, N, 4).
             reference: Reference of the bodies.
             friction: Bounds of the forces.
@@ -140,8 +140,8 @@ class CondensedMpc:
         Yields:
             Indices of g robots, and their programs.
         """
-        count = len(arms)
-        accelerations = self._accelerations_by_force(body, arms)
+        count = len(moment_arms)
+        accelerations = self._accelerations_by_force(body, moment_arms)
         gradient = self._gradient(body, stance, reference, accelerations)
         is_variable = stance.reshape(count, -1).repeat(3, axis=1)
         for robots in group_by_stance_count(stance.sum(axis=(1, 2))):
@@ -151,11 +151,13 @@ class CondensedMpc:
             bounds = friction_constraints(variables.shape[1] // 3, friction.select(robots))
             yield robots, QpBatch(hessian, gradient[rows, variables], *bounds)
 
-    def _accelerations_by_force(self, body: RigidBodyState, arms: Floats) -> Floats:
+    def _accelerations_by_force(self, body: RigidBodyState, moment_arms: Floats) -> Floats:
         """Return the angular and linear acceleration per force of each foot in each step, (n, 12 N, 6)."""
-        count = len(arms)
+        count = len(moment_arms)
         accelerations: Floats = np.zeros((count, self.steps * LEGS, 3, 6))
-        angular = np.matmul(skew(-arms).reshape(count, -1, 3), np.linalg.inv(body.inertia))  # the inertia is symmetric
+        angular = np.matmul(
+            skew(-moment_arms).reshape(count, -1, 3), np.linalg.inv(body.inertia)
+        )  # the inertia is symmetric
         accelerations[..., :3] = angular.reshape(count, -1, 3, 3)
         accelerations[..., 3:] = _EYE / body.mass[:, None, None, None]
         return accelerations.reshape(count, -1, 6)

@@ -226,7 +226,7 @@ class SightedMpcWbc(MpcWbc):
 
     def _ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
         """Return the filtered plane of the scan; the plane through the footprints for robots with an empty scan."""
-        ground = super()._ground(state, landed)
+        ground = super()._estimate_ground(state, landed)
         scanned = make_scanned_terrain(self._scan, self._heights, ground, self.robot.foot_radius)
         noise = self._scan_noise.update(scanned.heights.reshape(self.num_envs, -1))[:, 0]
         self._terrain, kept_fraction = denoise_terrain(scanned, ground, noise)

@@ -52,5 +52,5 @@ class TrotFeedback(ModelBased):
         acceleration = virtual_acceleration(self.parameters, state, contact_plan.ground, self._trunk_height)
         wanted = acceleration - control_state.disturbance_acceleration
         forces = distribute_acceleration(self.parameters, state, wanted, contact_plan.stance, control_state.friction)
-        arms = state.bodies.feet - state.bodies.com_position[:, None]
-        return StanceForces(forces, arms, np.zeros(self.num_envs, np.bool_))
+        moment_arms = state.bodies.feet - state.bodies.com_position[:, None]
+        return StanceForces(forces, moment_arms, np.zeros(self.num_envs, np.bool_))

@@ -7,10 +7,10 @@ from policies.contact.motion_state import MotionState, compute_motion_state
 from policies.mpc.footing import (
     TerrainEstimator,
     ground_velocity,
-    moment_arms,
     nominal_footholds,
     plan_footholds,
     point_velocity,
+    predict_moment_arms,
     swing_trajectory,
 )
 from policies.mpc.parameters import MpcParameters
@@ -143,7 +143,7 @@ def test_arms_of_feet_that_stand_lag_behind_and_those_of_feet_that_land_from_the
     aim = np.array([[[0.3, 0.3], [0.3, -0.3], [-0.1, 0.3], [-0.1, -0.3]]])
     stands = np.array([[[1, 1, 0, 0], [1, 0, 0, 1], [1, 1, 0, 1]]], np.bool_)
     since = np.array([[[9.0, 9.0, 9.0, 9.0], [9.0, 9.0, 9.0, 0.03], [9.0, 0.01, 9.0, 0.07]]])
-    found = moment_arms(
+    found = predict_moment_arms(
         feet,
         aim,
         np.array([[-0.05, 0.02, -0.1]]),

@@ -115,7 +115,7 @@ def test_feet_stand_over_the_horizon_now_as_they_do_and_then_by_the_gait() -> No
     gait = policy._gait
     assert gait.offsets[0] == 0.0
     swing = 1.0 - policy.parameters.duty
-    stands, since = policy._schedule(np.array([[True] * 4, [False] * 4]))
+    stands, since = policy._make_schedule(np.array([[True] * 4, [False] * 4]))
     at = 0.3 + 2.0 * policy._horizon.step_middles
     by_gait = at % 1.0 >= swing
     np.testing.assert_array_equal(stands[0, 1:, 0], by_gait[1:])
