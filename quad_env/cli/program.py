@@ -137,7 +137,7 @@ def _line_for(error: Exception) -> str:
 
 
 def format_os_error(error: Exception) -> str:
-    """Return `cannot use FILE (No such file or directory)` for an error of the system, else the error's own text."""
+    """Return `cannot use FILE (Permission denied)` for an error of the system, else the error's own text."""
     if not isinstance(error, OSError) or error.strerror is None:
         return str(error)
     return f"cannot use {error.filename} ({error.strerror})" if error.filename else f"cannot go on ({error.strerror})"

@@ -13,9 +13,16 @@ class FolderInUseError(OSError):
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write `content` to the file `path` through a temporary file in the same folder.
+    """Write a file through a temporary file in the same folder.
 
     At any moment, and after a power cut, the file is the old one or the new one, whole.
+
+    Args:
+        path: The file.
+        content: Its new content.
+
+    Raises:
+        BaseException: Any error of the writing, once the temporary file is deleted.
     """
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:

@@ -190,34 +190,50 @@ def extend_foot(
     down -= (down @ axis) * axis
     down /= np.linalg.norm(down)
     directions = _gravity_directions(down, axis, tilts)
-    depths = {geom: ((points - knee) @ directions.T).max(axis=0) + radius for geom, (points, radius) in hulls.items()}
+    depths = {geom: _depths_below(knee, hull, directions) for geom, hull in hulls.items()}
     lowest = np.max(list(depths.values()), axis=0)
     length = float(np.linalg.norm(centre - knee)) + foot.radius
-    is_short = {geom: _is_short(points, down, length) for geom, (points, _) in hulls.items()}
-    added = _touching_geoms(depths, lowest, is_short).difference(foot.geoms)
+    short = {geom for geom, (points, _) in hulls.items() if _is_short(points, down, length)}
+    added = _touching_geoms(depths, lowest, short).difference(foot.geoms)
     if not added:
         return foot
-    extended = foot._replace(geoms=(*foot.geoms, *sorted(added, key=lambda geom: -float(depths[geom].max()))))
-    ball_depth = (centre - knee) @ directions.T + foot.radius
-    if not foot.points.size and (lowest < ball_depth + _THRESHOLDS.ball_depth).all():
-        return extended
-    return _with_points(model, data, extended)
+    foot = foot._replace(geoms=(*foot.geoms, *sorted(added, key=lambda geom: -float(depths[geom].max()))))
+    ball_depths = (centre - knee) @ directions.T + foot.radius
+    if not foot.points.size and (lowest < ball_depths + _THRESHOLDS.ball_depth).all():
+        return foot
+    return _with_points(model, data, foot)
 
 
-def _touching_geoms(depths: dict[int, Floats], lowest: Floats, is_short: dict[int, bool]) -> set[int]:
+def _depths_below(knee: Floats, hull: tuple[Floats, float], directions: Floats) -> Floats:
+    """Return the depths of a geom below the knee in k directions of gravity, (k,), m.
+
+    Args:
+        knee: Position of the knee, world frame, (3,), m.
+        hull: Points of the geom, world frame, (m, 3), m, and the radius about them, m.
+        directions: Unit vectors, world frame, (k, 3).
+
+    Returns:
+        The depths.
+    """
+    points, radius = hull
+    depths: Floats = ((points - knee) @ directions.T).max(axis=0) + radius
+    return depths
+
+
+def _touching_geoms(depths: dict[int, Floats], lowest: Floats, short: set[int]) -> set[int]:
     """Return the ids of the geoms that are nearly the lowest in one pose.
 
     Args:
         depths: Depths of each geom below the knee in k poses, (k,), m.
         lowest: Largest depth in each pose, (k,), m.
-        is_short: True for each geom that is no shin.
+        short: Ids of the geoms that are no shins.
 
     Returns:
         The ids.
     """
     touching = set()
     for geom, depth in depths.items():
-        slack = _THRESHOLDS.short_level if is_short[geom] else _THRESHOLDS.level
+        slack = _THRESHOLDS.short_level if geom in short else _THRESHOLDS.level
         if (depth >= lowest - slack).any():
             touching.add(geom)
     return touching
