@@ -109,7 +109,7 @@ DESCRIPTION_REMEDY = "in the description: --write mine.toml writes it, to correc
 
 
 def check_description(subject: DoctorSubject) -> Finding:
-    """Check that the description of the policy of `subject` is complete and fits the robot and the network."""
+    """Check that the description of the policy of `subject` is complete and fits the robot."""
     try:
         policy = _load_policy(subject)
     except PolicyError as error:

@@ -43,7 +43,10 @@ class EpisodeOptions:
             raise UsageError(f"--scenario: {error}") from error
 
     def check(self, **limits: tuple[float, float]) -> None:
-        """Raise UsageError for an option beyond its `limits` (name -> smallest, largest), or for seed and command."""
+        """Raise UsageError for a number beyond its `limits`: name -> smallest, largest value.
+
+        Seed and command are checked in any case.
+        """
         if getattr(self, "command", None) is not None:
             limits["command"] = (-COMMAND_BOUND, COMMAND_BOUND)
         check_numbers(self, {"seed": (0, 2**63 - 1)} | limits)

@@ -89,7 +89,7 @@ def _body_frame(model: Any, data: Any, body: int) -> tuple[Floats, Rotation]:
 def _relative_frame(
     model: Any, data: Any, body: int, origin: Floats, orientation: Rotation
 ) -> tuple[Floats, Floats, str]:
-    """Return translation, quaternion and parent link of a world frame that is attached to a body or its joint."""
+    """Return translation, quaternion and parent link of a world frame that is attached to a body."""
     parent = model.body_weldid[body]
     parent_origin, parent_orientation = _body_frame(model, data, parent)
     parent_from_world = parent_orientation.inv()

@@ -162,7 +162,15 @@ def _event_text(readings: dict[str, Floats]) -> str:
 
 
 def topic_name(family: str, name: str) -> str:
-    """Return `/family/name` with only letters, digits and underscores in `name`, and no digit first, as ROS demands."""
+    """Return the topic `/family/name` with a `name` that ROS allows in a `family` of topics.
+
+    Args:
+        family: First part of the topic.
+        name: Name of a part of the robot; other characters than letters, digits and underscores are replaced.
+
+    Returns:
+        The topic.
+    """
     part = re.sub(r"\W", "_", name, flags=re.ASCII)
     return f"/{family}/{'_' * part[:1].isdigit()}{part}"
 

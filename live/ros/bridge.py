@@ -156,7 +156,7 @@ class Bridge:
             self._session.reset()
 
     def _validation_error(self, topic: str, values: Floats, size: int) -> tuple[str, str] | None:
-        """Return the reason to refuse a message, the same text for all with this fault, and details; None if valid."""
+        """Return the reason to refuse a message, a fixed text per fault, and details; None if valid."""
         joints = self._session.env.robot.num_joints
         if topic != self._topic:
             return f"{self._topic} moves this robot", ""
@@ -184,6 +184,7 @@ class Bridge:
         infos = {name: values[0] for name, values in step.infos.items()}
 
         def numbers(**names: str) -> dict[str, list[float]]:
+            """Return infos as lists under other names."""
             return {name: infos[reading].tolist() for name, reading in names.items()}
 
         imu = numbers(quaternion="quaternion", angular_velocity="angular_velocity")

@@ -49,7 +49,7 @@ def find(version: str | None) -> tuple[str, str]:
     requested = version or os.environ.get("ROS_VERSION")
     versions = [requested] if requested in REQUIRED_MODULES else list(REQUIRED_MODULES)
     on_path = (os.path.join(folder, "python3") for folder in os.get_exec_path())
-    pythons = dict.fromkeys(each for each in ("/usr/bin/python3", *on_path, sys.executable) if os.access(each, os.X_OK))
+    pythons = dict.fromkeys(path for path in ("/usr/bin/python3", *on_path, sys.executable) if os.access(path, os.X_OK))
     for candidate in versions:
         for python in pythons:
             if _can_import(python, REQUIRED_MODULES[candidate]):

@@ -86,7 +86,7 @@ class ViewController:
         }
 
     def handle(self, request: Request) -> None:
-        """Carry out a `request`; ValueError, ImportError or OSError if that fails, and then nothing has changed."""
+        """Carry out a `request`; on ValueError, ImportError or OSError nothing has changed."""
         self._handlers[request.do](**request.values)
 
     def step(self) -> bool:

@@ -50,7 +50,7 @@ class LiveView:
         self._render_thread = RenderThread(self.server.show)
 
     def receive(self, text: str) -> str | None:
-        """Return the answer to a page's `text`, or None; a request is carried out before the next control step."""
+        """Return the answer to a page's `text`, or None; requests wait for the next control step."""
         if text == HANDSHAKE:
             return self._choices
         try:

@@ -109,6 +109,6 @@ def rounded(values: Any) -> list[float]:
 
 
 def _correction(policy: Policy) -> float | None:
-    """Return the largest fraction of its authority that a residual uses at a joint; None for other policies."""
+    """Return the largest fraction of a residual's authority in use; None for other policies."""
     correction = getattr(policy, "correction", None)
     return None if correction is None else round(float(np.abs(correction).max()), 3)

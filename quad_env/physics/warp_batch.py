@@ -62,7 +62,10 @@ class WarpBatch(ArrayBatch):
         return super().expand(field)
 
     def sensor(self, name: str) -> Any:
-        """Return the sensor called `name`; its `data`, (n, size), belong to the state before the last physics step."""
+        """Return the sensor called `name`; its `data` are (n, size).
+
+        They belong to the state before the last physics step.
+        """
         sensor = self._model.sensor(name)
         start = int(sensor.adr[0])
         size = int(sensor.dim[0])
@@ -105,7 +108,7 @@ class WarpBatch(ArrayBatch):
         self._is_model_stale = True
 
     def _compiled_steps(self, steps: int) -> Callable[[], None]:
-        """Return a function that steps all robots; on a GPU one CUDA graph, which saves the time of each launch.
+        """Return a function that steps all robots; on a GPU one CUDA graph, which saves launch times.
 
         Call it before the state is uploaded: compiling a graph moves the robots.
         """
@@ -140,7 +143,10 @@ class WarpBatch(ArrayBatch):
                 values[selection] = device_values[selection]
 
     def _upload_expanded_fields(self) -> None:
-        """Copy the fields that differ between robots to the device, always into the same memory, which graphs read."""
+        """Copy the fields that differ between robots to the device.
+
+        The memory stays the same, because CUDA graphs read from it.
+        """
         for name, values in self._expanded.items():
             device_array = getattr(self._device_model, name)
             rows = values.astype(np.float32)

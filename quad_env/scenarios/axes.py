@@ -240,7 +240,10 @@ def _slippery(friction: float) -> Scenario:
 
 @_axis("mass on the trunk", "kg", (2.5, 5.0, 10.0, 20.0, 40.0, 60.0), nominal=5.0)
 def _payload(mass: float) -> Scenario:
-    """Load somewhere on the trunk, at another place in every episode. Up to four times the robot's own mass."""
+    """Load somewhere on the trunk, at another place in every episode.
+
+    Up to four times the robot's own mass.
+    """
     return Scenario("payload", payload=Payload(mass))
 
 

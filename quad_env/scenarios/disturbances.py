@@ -134,7 +134,7 @@ class SensorNoise(Settings):
 
     @property
     def deviations(self) -> dict[str, float]:
-        """Name of each sensed term in `quad_env.OBSERVATION` -> its standard deviation, in the unit of the term."""
+        """Name of each sensed term in `quad_env.OBSERVATION` -> its standard deviation, in its unit."""
         return {
             "projected_gravity": 0.25 * self.gyro,
             "angular_velocity": self.gyro,

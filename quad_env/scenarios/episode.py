@@ -29,7 +29,7 @@ class PushPlan:
     """Force of each push, world frame, x and y, (…, count, 2), N."""
 
     def force_at(self, step: ArrayLike) -> Array | None:
-        """Return the force on the trunk in control step `step`, (n,): world frame, (n, 2), N; None without pushes."""
+        """Return the force on the trunk in `step`, (n,): world frame, (n, 2), N; None without pushes."""
         if not self.steps:
             return None
         steps_since_start = np.asarray(step)[..., None] - self.first_step
@@ -126,7 +126,10 @@ def draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) ->
 
 
 def _draw_any_pose(robot: Robot, start: AnyPose, radius: float, stream: np.random.Generator) -> Array:
-    """Draw a start as `draw_start`, uniform over orientations: yaw, the sine of the pitch and roll are uniform."""
+    """Draw a start as `draw_start`, uniform over orientations.
+
+    Yaw, the sine of the pitch, and roll are uniform.
+    """
     position = radius * stream.uniform(-1, 1, 2)
     yaw, sin_pitch, roll = stream.uniform(-1, 1, 3)
     angles = (np.pi * yaw, np.pi * roll, np.arcsin(sin_pitch))

@@ -45,7 +45,7 @@ _MERGED_BY_FIELD = (Scenario, CommandRanges, Ground, Motors)
 
 @lru_cache(maxsize=32)
 def scenarios_of(robot: Robot) -> dict[str, Scenario]:
-    """Return the named scenarios of `robot` by name: each axis at its nominal severity, scaled to it, and `STEADY`."""
+    """Return the named scenarios of `robot`: each axis at its nominal severity, and `STEADY`."""
     return {name: axis.scenario(axis.nominal, name) for name, axis in axes_of(robot).items()} | {STEADY.name: STEADY}
 
 
@@ -111,7 +111,7 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
 
 
 def _extension_scenario(name: str, robot: Robot) -> Scenario | None:
-    """Return an extension's scenario of that name, or its axis of that name at the nominal severity; None without."""
+    """Return an extension's scenario of that name, or its axis at the nominal severity; else None."""
     scenarios = extension_scenarios()
     if name in scenarios:
         return scaled(scenarios[name], robot)
@@ -153,7 +153,7 @@ def split(name: str) -> tuple[str, Callable[[Scenario, Robot], Scenario] | None]
 
 
 def _terrain_scenario(path: Path, robot: Robot) -> Scenario:
-    """Return the undisturbed scenario on a user's terrain, with the file's name; the terrain is not scaled."""
+    """Return the undisturbed scenario on a user's terrain, named after the file, without scaling."""
     if path.stem in SCENARIOS or ":" in path.stem or is_combination(path.stem):
         raise ValueError(f"{path}: a scenario of quad_env is written {path.stem}; call the file differently")
     return scaled(Scenario(path.stem, HeightField.from_toml(path)), robot)
@@ -195,7 +195,7 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 
 def scaled_name(name: str, robot: Robot) -> str:
-    """Return the name of the scenario that is as hard for `robot` as `name` is for SimpleQuad, to three digits."""
+    """Return the scenario name that is as hard for `robot` as `name` for SimpleQuad, to three digits."""
     base_name, apply_suffix = split(name)
     if apply_suffix is not None:
         return scaled_name(base_name, robot) + name.removeprefix(base_name)
@@ -269,7 +269,7 @@ def _combine(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
 
 
 def _merge(default: Any, settings: list[_AxisSetting], name: str, path: str = "") -> Any:
-    """Merge one setting over the axes of a combination, field by field where it has fields that several axes set.
+    """Merge one setting over the axes of a combination, field by field if axes may share it.
 
     Args:
         default: Setting without any disturbance.

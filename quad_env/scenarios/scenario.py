@@ -59,7 +59,7 @@ class Scenario(Settings):
 
 
 def with_hardware_profile(scenario: Scenario) -> Scenario:
-    """Return the `scenario` on the robot's hardware profile, with the suffix HARDWARE; unchanged if it has that."""
+    """Return the `scenario` on the hardware profile, with the suffix HARDWARE; unchanged if it has it."""
     return _with_settings(scenario, hardware=True)
 
 
@@ -75,7 +75,7 @@ def _without_scan(scenario: Scenario, _: Robot) -> Scenario:
 
 
 def _with_settings(scenario: Scenario, **settings: Any) -> Scenario:
-    """Return the scenario with other settings and the suffixes of these in its name; unchanged if it has them."""
+    """Return the scenario with other settings and their suffixes; unchanged if it has them."""
     changed = replace(scenario, **settings)
     name = scenario.name.removesuffix(scenario.suffix) + changed.suffix
     return scenario if changed == scenario else replace(changed, name=name)

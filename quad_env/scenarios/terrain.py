@@ -298,7 +298,7 @@ def _interpolate_height(grid: Array, span: float, column: ScalarOrBatch, row: Sc
 
 
 def _interpolate_triangle(start: Any, side: Any, end: Any, near: Any, far: Any) -> Any:
-    """Interpolate between the corners of a triangle: first sample of a cell, its neighbour, the opposite one.
+    """Interpolate in a triangle of a cell: its first sample, a neighbour and the opposite sample.
 
     `near` and `far` are the smaller and the larger of both offsets in the cell, 0 … 1.
     """

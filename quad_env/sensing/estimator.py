@@ -160,7 +160,7 @@ def leg_odometry_velocity(
 
 
 def _calf_angular_velocity(joints: Array, previous_joints: Array, angular_velocity: Array, period: float) -> Array:
-    """Return the angular velocity of the calves, base frame, (k, 4, 3), rad/s, midway between two encoder samples."""
+    """Return the angular velocity of the calves midway between samples, base frame, (k, 4, 3), rad/s."""
     speed = (joints - previous_joints) / period
     hip = 0.5 * (joints + previous_joints)[..., 0]
     bend = speed[..., 1] + speed[..., 2]

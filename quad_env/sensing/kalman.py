@@ -176,7 +176,7 @@ class FootMeasurement(NamedTuple):
 
 
 def sensor_errors(suite: SensorSuite) -> SensorErrors:
-    """Return the data-sheet errors of a suite; of the IMU's position and rotation only the magnitude is known."""
+    """Return the sensor errors of a `suite`; of the IMU's position and rotation only the magnitude."""
     imu = suite.imu
     encoders = suite.encoders
     return SensorErrors(
@@ -353,7 +353,7 @@ class KalmanFilter:
         _assign(self.nominal, env_ids, kalman_models.inject_error(predicted, error))
 
     def extrapolate(self, prediction: Prediction, gyro: Array, env_ids: EnvIndices) -> None:
-        """Extrapolate from the time of the readings to now, with constant rotation and the recent acceleration.
+        """Extrapolate from the time of the readings to now with the recent rotation and acceleration.
 
         Args:
             prediction: Result of `predict`.
@@ -437,7 +437,7 @@ class KalmanFilter:
     def _update_contact(
         self, readings: AlignedReadings, innovation: Array, expected: Array, jacobians: Array, env_ids: EnvIndices
     ) -> FootContactState:
-        """Store and return the contact of each foot; `expected` is the covariance of its innovation in contact."""
+        """Store and return the contact of each foot; `expected` is the innovation covariance in contact."""
         previous = _select(self.contact, env_ids)
         probability = contact_probability(previous.probability, readings.contact, innovation, expected, self._dt)
         stance_time = probability * (previous.stance_time + self._dt)
@@ -458,7 +458,7 @@ class KalmanFilter:
 
 
 def _swing_covariance(probability: Array, innovation: Array, expected: Array, vertical: Array, dt: float) -> Array:
-    """Return the extra position covariance of feet that may not be in contact, base frame, (k, 4, 3, 3), m²."""
+    """Return the extra position covariance of feet that may swing, base frame, (k, 4, 3, 3), m²."""
     horizontal_variance = _swing_variance(PARAMETERS.swing_horizontal_velocity_std, probability, dt)
     vertical_variance = _swing_variance(CONTACT_PARAMETERS.swing_speed, probability, dt)
     excess = (innovation * innovation).sum(axis=-1) - (expected * IDENTITY).sum(axis=(-2, -1))
@@ -469,7 +469,7 @@ def _swing_covariance(probability: Array, innovation: Array, expected: Array, ve
 
 
 def _swing_variance(speed_std: float, probability: Array, dt: float) -> Array:
-    """Return the extra variance along an axis, (k, 4), m², from 0 in contact to about (speed_std · dt)² in swing."""
+    """Return the extra variance along an axis, (k, 4), m², up to about (speed_std · dt)² in swing."""
     rest_std = PARAMETERS.contact_velocity_std
     out: Array = (rest_std * dt) ** 2 * ((speed_std / rest_std) ** (2 - 2 * probability) - 1)
     return out

@@ -207,7 +207,7 @@ def inject_error(state: NominalState, error: Array) -> NominalState:
 
 
 def exp_so3(rotation_vectors: Array) -> Array:
-    """Return the rotation matrices Exp(φ), (…, 3, 3), of rotation vectors φ, (…, 3), rad (Rodrigues' formula)."""
+    """Return the matrices Exp(φ), (…, 3, 3), of `rotation_vectors` φ, (…, 3), rad (Rodrigues)."""
     angle = np.sqrt(np.maximum((rotation_vectors * rotation_vectors).sum(axis=-1), 1e-16))[..., None, None]
     axis = skew(rotation_vectors)
     sine_term = np.sin(angle) / angle

@@ -86,6 +86,10 @@ def _observation_noise(table: ObservationTable, scenario: Scenario, num_envs: in
 class TrueStateObservation:
     """Builds the observation from the true state, with a scenario's disturbances if it has any.
 
+    Args:
+        robot: The robots.
+        disturbance: Noise and latency of the scenario, if it has any.
+
     Attributes:
         estimator: None; gravity and velocity are the true state's.
         is_exact: True if the observation is the undisturbed true state.
@@ -94,12 +98,6 @@ class TrueStateObservation:
     estimator = None
 
     def __init__(self, robot: Robot, disturbance: ObservationDisturbance | None = None) -> None:
-        """Create the model.
-
-        Args:
-            robot: The robots.
-            disturbance: Noise and latency of the scenario, if it has any.
-        """
         self._table = observation_table(robot)
         self._disturbance = disturbance
         self.is_exact = disturbance is None

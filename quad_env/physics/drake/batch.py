@@ -64,7 +64,7 @@ class DrakeBatch(ArrayBatch):
         """Positions and velocities of each context after its last step, as bytes."""
 
     def sensor(self, name: str) -> Any:
-        """Return the sensor called `name`; its `data`, (n, 1), are ground contacts of a part or a foot's force, N."""
+        """Return the sensor called `name`; its `data`, (n, 1), are a part's ground contacts or a force, N."""
         if name not in self._sensors:
             source, geoms = self._contact_source(name)
             self._sensors[name] = _ContactSensor(source, geoms, np.zeros((len(self._contexts), 1)))

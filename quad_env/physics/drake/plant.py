@@ -131,7 +131,7 @@ def _add_servo(plant: Any, model: mujoco.MjModel, joints: list[Any], servo: int)
 
 
 def _add_joint_friction(plant: Any, model: mujoco.MjModel, joints: list[Any]) -> None:
-    """Add the dry friction of joints, as a velocity servo at 0 rad/s with the friction as its torque limit."""
+    """Add the dry friction of joints: a velocity servo at 0 rad/s, limited to the friction torque."""
     for joint, torque, armature in zip(joints, model.dof_frictionloss[6:], model.dof_armature[6:], strict=True):
         if torque > 0:
             brake = plant.AddJointActuator(f"{joint.name()}_friction", joint, torque)
@@ -178,7 +178,7 @@ def _drake_frictions(model: mujoco.MjModel, geoms: EnvIndices, ground: int) -> N
 
 
 def _contact_stiffness(model: mujoco.MjModel, ground: int) -> float:
-    """Return the stiffness of MuJoCo's contact of a leg's end with the ground at first touch, N/m; see `Ground`."""
+    """Return the stiffness of MuJoCo's contact of a foot with the ground, N/m; see `Ground`."""
     inverse_inertia = model.body_invweight0[model.body_weldid, 0].max()
     return float(1.0 / ((1.0 - model.geom_solimp[ground, 0]) * model.geom_solref[ground, 0] ** 2 * inverse_inertia))
 
