@@ -68,7 +68,7 @@ def test_a_policy_that_is_described_as_it_is_raises_no_complaint(
 @pytest.mark.parametrize("name", NETWORKS)
 def test_each_planted_mistake_is_named(name: str, mistake: str, described: dict[str, PolicySpec]) -> None:
     robot = STYLES[name].robot
-    wrong = planted_errors.MISTAKES[mistake](described[name])
+    wrong = planted_errors.PLANTED_ERRORS[mistake](described[name])
     assert wrong != described[name]
     line = diagnosis.warning(made(wrong, robot), robot)
     assert line is not None
@@ -89,7 +89,7 @@ def test_the_policys_damping_is_proposed(name: str, described: dict[str, PolicyS
 @pytest.mark.parametrize(("mistake", "remedy"), [("ends", "check `joints`"), ("order_of_terms", "check `terms`")])
 def test_other_mistakes_on_one_network(mistake: str, remedy: str, described: dict[str, PolicySpec]) -> None:
     line = diagnosis.warning(
-        made(planted_errors.MISTAKES[mistake](described["levelled"]), "simple_quad"), "simple_quad"
+        made(planted_errors.PLANTED_ERRORS[mistake](described["levelled"]), "simple_quad"), "simple_quad"
     )
     assert line is not None
     assert remedy in line

@@ -10,7 +10,7 @@ from live.commands.doctor import DESCRIPTION_CHECKS
 from policies.external import ExternalPolicy
 from quad_env import OBSERVATION_SIZE
 from quad_env.doctor.check import DoctorSubject, run_checks
-from tests.policies.external.small_networks import Numbers
+from tests.policies.external.small_networks import SmallNetwork
 
 pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
@@ -33,7 +33,7 @@ def warning(reference: Path | str, trust: bool = False) -> str | None:
 
 
 def test_an_onnx_of_our_width_that_does_not_walk_is_asked_what_it_reads(tmp_path: Path) -> None:
-    file = Numbers(OBSERVATION_SIZE).onnx(tmp_path / "policy.onnx")
+    file = SmallNetwork(OBSERVATION_SIZE).onnx(tmp_path / "policy.onnx")
     line = warning(file)
     assert line is not None
     assert "it was given this environment's 48 numbers (projected_gravity 3, angular_velocity 3" in line
@@ -44,7 +44,7 @@ def test_an_onnx_of_our_width_that_does_not_walk_is_asked_what_it_reads(tmp_path
 
 
 def test_doctor_finds_a_problem_in_it(tmp_path: Path) -> None:
-    file = Numbers(OBSERVATION_SIZE).onnx(tmp_path / "policy.onnx")
+    file = SmallNetwork(OBSERVATION_SIZE).onnx(tmp_path / "policy.onnx")
     found = dict(run_checks(DESCRIPTION_CHECKS, DoctorSubject(policy=str(file))))
     assert [finding.result for finding in found.values()] == ["problem", "left out", "left out"]
     assert found["description"].observed.startswith("its file does not say what it reads, and ")

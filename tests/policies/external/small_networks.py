@@ -1,4 +1,4 @@
-"""Networks of other projects, written as their exporters do, the same networks in NumPy, and descriptions of them."""
+"""Small networks in the form of other projects' exporters, the same networks in NumPy, and their specifications."""
 
 import warnings
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from policies.external.spec import ObservationTerm, PolicySpec
 
 HIDDEN = 16
 JOINTS = tuple(f"{leg}_{link}_joint" for link in ("thigh", "calf", "hip") for leg in ("RL", "FR", "RR", "FL"))
-"""Of SimpleQuad in another project's words, by kind."""
+"""Joint names of SimpleQuad in another project's words, by kind."""
 OBSERVED = tuple(f"{leg}_{link}_joint" for leg in ("FR", "FL", "RR", "RL") for link in ("hip", "thigh", "calf"))
 MIXED = (
     ObservationTerm("angular_velocity", scale=(0.25,), clip=(-1.0, 1.0), history=3),
@@ -24,8 +24,8 @@ MIXED = (
 )
 
 
-def described(network: Path, terms: tuple[ObservationTerm, ...] = MIXED, **fields: Any) -> PolicySpec:
-    """A description whose joints are permuted and whose numbers are all different."""
+def make_spec(network: Path, terms: tuple[ObservationTerm, ...] = MIXED, **fields: Any) -> PolicySpec:
+    """Return a specification with permuted joints and all different numbers."""
     numbers = 1.0 + np.arange(12) / 10
     given = {
         "control_rate": 50.0,
@@ -40,8 +40,8 @@ def described(network: Path, terms: tuple[ObservationTerm, ...] = MIXED, **field
 
 
 @dataclass
-class Numbers:
-    """Weights of a network from so many numbers to 12, with a memory if it is asked for."""
+class SmallNetwork:
+    """Weights of a network from `width` numbers to 12, with a memory if `lstm`."""
 
     width: int
     lstm: bool = False
@@ -52,8 +52,8 @@ class Numbers:
         self.gates = random.normal(0.0, 0.5, (4, 2 * HIDDEN, HIDDEN)).astype(np.float32)  # in, out, forget, cell
         self.last = random.normal(0.0, HIDDEN**-0.5, (HIDDEN, 12)).astype(np.float32)
 
-    def fresh(self) -> Callable[[np.ndarray], np.ndarray]:
-        """From one observation, (k,), to one action, (12,), of a robot that has just begun."""
+    def make_act(self) -> Callable[[np.ndarray], np.ndarray]:
+        """Return a function from one observation, (k,), to one action, (12,), with a fresh memory."""
         state = {"hidden": np.zeros(HIDDEN), "cell": np.zeros(HIDDEN)}
 
         def act(seen: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Policies from outside: each loader, how a policy is asked, and that what it does wrong costs its own robots alone."""
+"""External policies: each loader, the calls of a policy, and failures that cost their own robots alone."""
 
 import os
 import pickle
@@ -98,7 +98,7 @@ FAULTS = {
     "Short": ("return np.zeros(3)", "gave float64 of shape (3,), not numbers of shape (12,)"),
     "Nan": ("return np.full(12, np.nan)", "gave targets that are not finite"),
 }
-"""What a robot that is commanded forward gets in its third call, and the reason that is given; by class."""
+"""Action of a robot with a forward command in its third call, and the reason of the failure, by class."""
 WITHOUT_ANSWER = {"Hangs": ("time.sleep(60.0)",), "Ends": ("os._exit(3)",)}
 for name, (fault, *_) in (FAULTS | WITHOUT_ANSWER).items():
     FILE += f"\nclass {name}(Faulty):\n    def fault(self):\n        {fault}\n"
@@ -129,7 +129,7 @@ def served(file: Path, name: str = "", deadline: float = 5.0) -> PolicyServer:
 
 
 def third_step(of: PolicyServer) -> tuple[np.ndarray, dict[int, str]]:
-    """Actions and failures of the third control step of three robots, of which the second is commanded forward."""
+    """Return actions and failures of the third control step of three robots; the second has a forward command."""
     assert of.reset(3, 0) == {}
     for _ in range(2):
         assert of.step(OBSERVATIONS).failures == {}

@@ -1,4 +1,4 @@
-"""Described policies act as a direct computation does, robot by robot, whatever the batch."""
+"""Network policies act like a direct computation, robot by robot, in any batch."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,7 +12,7 @@ from policies.base import PolicyError
 from policies.external.network_policy import NetworkPolicy
 from policies.external.spec import ObservationTerm, PolicySpec
 from quad_env import OBSERVATION, SIMPLE_QUAD
-from tests.policies.external.small_networks import JOINTS, MIXED, OBSERVED, Numbers, described
+from tests.policies.external.small_networks import JOINTS, MIXED, OBSERVED, SmallNetwork, make_spec
 
 pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
@@ -30,7 +30,7 @@ def place(joint: str) -> int:
 
 
 class Direct:
-    """One robot's targets as someone who knows the project writes them down, for MIXED's terms of three steps."""
+    """Direct computation of a robot's targets for the terms MIXED with three steps of history."""
 
     def __init__(self, description: PolicySpec, act: Callable[[np.ndarray], np.ndarray]) -> None:
         self.d, self.act = description, act
@@ -97,7 +97,7 @@ def acted(policy: NetworkPolicy, rows: np.ndarray, *, restarts: bool = False) ->
     return np.array(found)
 
 
-def network(kind: str, file: Path, numbers: Numbers) -> Path:
+def network(kind: str, file: Path, numbers: SmallNetwork) -> Path:
     """The network's file of that kind."""
     if kind == "torchscript":
         pytest.importorskip("torch")
@@ -119,15 +119,15 @@ CASES: list[tuple[str, bool, dict[str, Any]]] = [
 def test_it_acts_as_a_direct_computation_and_alone_as_in_a_batch(
     kind: str, lstm: bool, fields: dict[str, Any], tmp_path: Path
 ) -> None:
-    numbers = Numbers(WIDTH, lstm)
+    numbers = SmallNetwork(WIDTH, lstm)
     file = network(kind, tmp_path / "policy", numbers)
-    description = described(file, action_clip=(-0.8, 0.8), observation_clip=0.9, **fields)
+    description = make_spec(file, action_clip=(-0.8, 0.8), observation_clip=0.9, **fields)
     policy, rows = NetworkPolicy(description), walk()
     found = acted(policy, rows, restarts=True)
-    directs = [Direct(description, numbers.fresh()) for _ in range(ROBOTS)]
+    directs = [Direct(description, numbers.make_act()) for _ in range(ROBOTS)]
     for step, observation in enumerate(rows):
         for robot in np.flatnonzero(restarted(step)):
-            directs[robot] = Direct(description, numbers.fresh())
+            directs[robot] = Direct(description, numbers.make_act())
         expected = [direct.targets(seen) for direct, seen in zip(directs, observation, strict=True)]
         np.testing.assert_allclose(found[step], expected, atol=1e-6, rtol=0.0)
     assert np.ptp(found, axis=0).max() > 0.01
@@ -138,8 +138,8 @@ def test_it_acts_as_a_direct_computation_and_alone_as_in_a_batch(
 
 @pytest.mark.parametrize("period", [0.01, 0.012, 0.015, 0.02, 0.0333])
 def test_each_target_is_held_until_the_next_at_any_period(period: float, tmp_path: Path) -> None:
-    file = Numbers(3).onnx(tmp_path / "policy.onnx")
-    policy = NetworkPolicy(described(file, (ObservationTerm("command"),), control_rate=1.0 / period))
+    file = SmallNetwork(3).onnx(tmp_path / "policy.onnx")
+    policy = NetworkPolicy(make_spec(file, (ObservationTerm("command"),), control_rate=1.0 / period))
     rows = np.zeros((STEPS, 1, OBSERVATION["command"].stop), np.float32)
     rows[:, :, OBSERVATION["command"]] = np.linspace(-1.0, 1.0, STEPS)[:, None, None]
     actions = acted(policy, rows)[:, 0]
@@ -155,7 +155,7 @@ def test_joints_that_turn_the_other_way_or_are_zero_elsewhere(tmp_path: Path) ->
     signs = tuple(-1.0 if "hip" not in name else 1.0 for name in JOINTS)
     zeros = tuple((0.1 + np.arange(12) / 50).tolist())
     terms = (ObservationTerm("joint_position"), ObservationTerm("joint_velocity"))
-    plain = described(Numbers(24).onnx(tmp_path / "policy.onnx"), terms, control_rate=100.0)
+    plain = make_spec(SmallNetwork(24).onnx(tmp_path / "policy.onnx"), terms, control_rate=100.0)
     turned = replace(plain, signs=signs, zeros=zeros)
     row = np.zeros((1, 1, OBSERVATION["command"].stop), np.float32)
     row[..., OBSERVATION["joint_position"]] = np.linspace(-0.02, 0.02, 12)
@@ -165,7 +165,7 @@ def test_joints_that_turn_the_other_way_or_are_zero_elsewhere(tmp_path: Path) ->
     rates = row[0, 0, OBSERVATION["joint_velocity"]]
     seen = [sign[name] * (angles[place(name)] - zero[name]) - default[name] for name in OBSERVED]
     seen += [sign[name] * rates[place(name)] for name in OBSERVED]
-    action = Numbers(24).fresh()(np.array(seen, np.float32))
+    action = SmallNetwork(24).make_act()(np.array(seen, np.float32))
     expected = np.zeros(12)
     for name, scale, value in zip(JOINTS, plain.action_scale, action, strict=True):
         expected[place(name)] = zero[name] + sign[name] * (default[name] + scale * value)
@@ -176,7 +176,7 @@ def test_joints_that_turn_the_other_way_or_are_zero_elsewhere(tmp_path: Path) ->
 
 
 def test_its_robot_has_the_gains_of_the_description_joint_by_joint(tmp_path: Path) -> None:
-    description = described(Numbers(WIDTH).onnx(tmp_path / "policy.onnx"))
+    description = make_spec(SmallNetwork(WIDTH).onnx(tmp_path / "policy.onnx"))
     robot = NetworkPolicy(description).robot
     for joint, stiffness, damping in zip(JOINTS, description.stiffness, description.damping, strict=True):
         assert robot.servo_stiffness[place(joint)] == stiffness
@@ -188,10 +188,10 @@ def test_targets_are_about_the_offset_of_the_actions_where_that_is_not_the_defau
     previous: Any, tmp_path: Path
 ) -> None:
     """By as much as the offset is off it at the first step, when nothing has been acted before, joint by joint."""
-    file = Numbers(WIDTH).onnx(tmp_path / "policy.onnx")
-    offset = tuple(0.01 * (number + 1) + each for number, each in enumerate(described(file).default_position))
+    file = SmallNetwork(WIDTH).onnx(tmp_path / "policy.onnx")
+    offset = tuple(0.01 * (number + 1) + each for number, each in enumerate(make_spec(file).default_position))
     plain, shifted = (
-        NetworkPolicy(described(file, action_offset=each, previous_action=previous)) for each in (None, offset)
+        NetworkPolicy(make_spec(file, action_offset=each, previous_action=previous)) for each in (None, offset)
     )
     rows = walk(2)
     first, other = plain.act(rows[0][:1])[0], shifted.act(rows[0][:1])[0]
@@ -203,9 +203,9 @@ def test_targets_are_about_the_offset_of_the_actions_where_that_is_not_the_defau
 
 
 def test_targets_are_limited_in_the_policys_terms(tmp_path: Path) -> None:
-    limits = tuple((-0.05 + low, 0.05 + low) for low in described(tmp_path).default_position)
-    file = Numbers(WIDTH).onnx(tmp_path / "policy.onnx")
-    free, held = (NetworkPolicy(described(file, target_clip=clip)) for clip in (None, limits))
+    limits = tuple((-0.05 + low, 0.05 + low) for low in make_spec(tmp_path).default_position)
+    file = SmallNetwork(WIDTH).onnx(tmp_path / "policy.onnx")
+    free, held = (NetworkPolicy(make_spec(file, target_clip=clip)) for clip in (None, limits))
     places = [place(joint) for joint in JOINTS]
     rows = 5.0 * walk()
     expected = np.clip(acted(free, rows)[0][:, places], *np.transpose(limits))
@@ -225,6 +225,6 @@ def test_targets_are_limited_in_the_policys_terms(tmp_path: Path) -> None:
 )
 @pytest.mark.parametrize("kind", ["onnx", "torchscript"])
 def test_what_does_not_fit_is_refused_in_words(kind: str, fields: dict[str, Any], words: str, tmp_path: Path) -> None:
-    file = network(kind, tmp_path / "policy", Numbers(WIDTH))
+    file = network(kind, tmp_path / "policy", SmallNetwork(WIDTH))
     with pytest.raises(PolicyError, match=words):
-        NetworkPolicy(described(file, **fields))
+        NetworkPolicy(make_spec(file, **fields))

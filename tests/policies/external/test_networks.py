@@ -1,4 +1,4 @@
-"""Networks of described policies: batches, memories, and files that are none."""
+"""Networks of specifications: batches, memories, and files that are no networks."""
 
 import warnings
 from collections.abc import Callable
@@ -11,7 +11,7 @@ import pytest
 from policies.base import PolicyError
 from policies.external.networks import BatchedNetwork, load_network
 from policies.external.spec import ObservationTerm
-from tests.policies.external.small_networks import Numbers, described
+from tests.policies.external.small_networks import SmallNetwork, make_spec
 
 onnx = pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
@@ -20,8 +20,8 @@ TERMS = (ObservationTerm("joint_velocity"), ObservationTerm("command"))
 WIDTH = 15
 
 
-def of(file: Path) -> BatchedNetwork:
-    return load_network(described(file, TERMS))
+def load(file: Path) -> BatchedNetwork:
+    return load_network(make_spec(file, TERMS))
 
 
 @pytest.fixture
@@ -44,9 +44,9 @@ def test_a_row_has_the_same_bits_whatever_is_next_to_it(batch: int | str, tmp_pa
         graph.node[-1].output[0] = "last_one"
         graph.node.extend([mean, onnx.helper.make_node("Add", ["last_one", "mean"], ["actions"])])
 
-    mixed = of(altered(Numbers(WIDTH).onnx(tmp_path / "p.onnx", batch), mix))
+    mixed = load(altered(SmallNetwork(WIDTH).onnx(tmp_path / "p.onnx", batch), mix))
     mixed.reset(20)
-    found, act = mixed.compute_actions(rows, np.arange(20)), Numbers(WIDTH).fresh()
+    found, act = mixed.compute_actions(rows, np.arange(20)), SmallNetwork(WIDTH).make_act()
     np.testing.assert_allclose(found, [2.0 * act(row) for row in rows], atol=1e-5)
     np.testing.assert_array_equal(mixed.compute_actions(rows[7:8], np.array([0])), found[7:8])
 
@@ -55,15 +55,15 @@ def test_a_row_has_the_same_bits_whatever_is_next_to_it(batch: int | str, tmp_pa
 def test_a_restart_of_one_robot_leaves_the_memories_of_the_others(kind: str, tmp_path: Path, rows) -> None:
     if kind == "torchscript":
         pytest.importorskip("torch")
-    numbers = Numbers(WIDTH, lstm=True)
-    found = of(numbers.onnx(tmp_path / "p.onnx", 1) if kind == "onnx" else numbers.torchscript(tmp_path / "p.pt"))
+    numbers = SmallNetwork(WIDTH, lstm=True)
+    found = load(numbers.onnx(tmp_path / "p.onnx", 1) if kind == "onnx" else numbers.torchscript(tmp_path / "p.pt"))
     assert found.has_memory
     found.reset(3)
-    acts = [numbers.fresh() for _ in range(3)]
+    acts = [numbers.make_act() for _ in range(3)]
     for step in range(6):
         if step == 3:
             found.reset_where(np.array([False, True, False]))
-            acts[1] = numbers.fresh()
+            acts[1] = numbers.make_act()
         who = np.array([0, 1, 2] if step % 2 else [2, 1])
         expected = [acts[robot](rows[3 * step + robot]) for robot in who]
         np.testing.assert_allclose(found.compute_actions(rows[3 * step + who], who), expected, atol=1e-6)
@@ -76,7 +76,7 @@ def test_a_torchscript_that_keeps_its_memory_to_itself(tmp_path: Path, rows) -> 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         torch.jit.script(torch_modules.Counting(WIDTH)).save(str(tmp_path / "p.pt"))
-    found = of(tmp_path / "p.pt")
+    found = load(tmp_path / "p.pt")
     assert found.has_memory
     found.reset(2)
     for step in (1, 2, 3):
@@ -110,7 +110,7 @@ def unknown_state(graph: Any) -> None:
 )
 def test_what_is_no_network_of_a_policy_is_refused_in_words(change: Any, words: str, tmp_path: Path) -> None:
     with pytest.raises(PolicyError, match=words):
-        of(altered(Numbers(WIDTH).onnx(tmp_path / "p.onnx"), change))
+        load(altered(SmallNetwork(WIDTH).onnx(tmp_path / "p.onnx"), change))
 
 
 def test_a_checkpoint_is_no_torchscript_and_runs_no_code(tmp_path: Path) -> None:
@@ -123,5 +123,5 @@ def test_a_checkpoint_is_no_torchscript_and_runs_no_code(tmp_path: Path) -> None
 
     torch.save({"weights": Harmful()}, tmp_path / "p.pt")
     with pytest.raises(PolicyError, match=r"p\.pt is a checkpoint, not TorchScript.*a checkpoint holds weights alone"):
-        of(tmp_path / "p.pt")
+        load(tmp_path / "p.pt")
     assert not touched.exists()

@@ -1,4 +1,4 @@
-"""Inputs and outputs of ONNX files are known by name, in any order; what names do not decide is asked for."""
+"""Inputs and outputs of ONNX files are found by name, in any order; ambiguous names are refused."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 
 from policies.base import PolicyError
 from policies.external import onnx_network
-from tests.policies.external.small_networks import Numbers
+from tests.policies.external.small_networks import SmallNetwork
 
 onnx = pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
@@ -18,12 +18,12 @@ WIDTH = 5
 
 def altered(
     file: Path,
-    numbers: Numbers,
+    numbers: SmallNetwork,
     outputs: Sequence[str],
     renamed: dict[str, str] | None = None,
     inputs: Sequence[str] | None = None,
 ) -> Path:
-    """Write a network whose outputs are in that order, those that it has not are noise of the action's shape."""
+    """Write a network with its outputs in this order; unknown outputs are noise of the action's shape."""
     model = onnx.load(numbers.onnx(file))
     graph = model.graph
     known = {each.name: each for each in graph.output}
@@ -52,10 +52,10 @@ def altered(
     return file
 
 
-def check(file: Path, numbers: Numbers) -> None:
-    """It gives what the network does, step by step."""
+def check(file: Path, numbers: SmallNetwork) -> None:
+    """Check that it gives the network's actions, step by step."""
     make, has_memory = onnx_network.make_network_factory(onnx_network.open_session(file), file)
-    act, expected = make(), numbers.fresh()
+    act, expected = make(), numbers.make_act()
     assert has_memory == numbers.lstm
     for row in np.random.default_rng(1).standard_normal((6, WIDTH)).astype(np.float32):
         np.testing.assert_allclose(np.ravel(act(row)), expected(row), atol=1e-5)
@@ -73,7 +73,7 @@ def check(file: Path, numbers: Numbers) -> None:
 )
 @pytest.mark.parametrize("inputs", [("obs", "h_in", "c_in"), ("c_in", "obs", "h_in")], ids=" ".join)
 def test_a_memory_is_renewed_by_name(tmp_path: Path, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> None:
-    numbers = Numbers(WIDTH, lstm=True)
+    numbers = SmallNetwork(WIDTH, lstm=True)
     check(altered(tmp_path / "net.onnx", numbers, outputs, inputs=inputs), numbers)
 
 
@@ -88,7 +88,7 @@ def test_a_memory_is_renewed_by_name(tmp_path: Path, outputs: tuple[str, ...], i
     ids=lambda names: names["h_in"],
 )
 def test_other_names_of_a_memory(tmp_path: Path, renamed: dict[str, str]) -> None:
-    numbers = Numbers(WIDTH, lstm=True)
+    numbers = SmallNetwork(WIDTH, lstm=True)
     check(altered(tmp_path / "net.onnx", numbers, ("actions", "c_out", "h_out"), renamed), numbers)
 
 
@@ -103,16 +103,16 @@ def test_other_names_of_a_memory(tmp_path: Path, renamed: dict[str, str]) -> Non
     ],
 )
 def test_what_a_network_gives_besides_its_action_is_left(tmp_path: Path, outputs: tuple[str, ...], name: str) -> None:
-    numbers, here = Numbers(WIDTH), [each if each != name else "actions" for each in outputs]
+    numbers, here = SmallNetwork(WIDTH), [each if each != name else "actions" for each in outputs]
     check(altered(tmp_path / "net.onnx", numbers, here, {"actions": name}), numbers)
 
 
 def test_what_names_do_not_decide_is_asked_for(tmp_path: Path) -> None:
-    numbers = Numbers(WIDTH)
+    numbers = SmallNetwork(WIDTH)
     file = altered(tmp_path / "net.onnx", numbers, ("left", "actions"), {"actions": "right"})
     with pytest.raises(PolicyError, match="outputs left, right, and none is called actions"):
         onnx_network.make_network_factory(onnx_network.open_session(file), file)
     renamed = {"h_in": "a", "c_in": "b", "h_out": "x", "c_out": "y"}
-    file = altered(tmp_path / "net.onnx", Numbers(WIDTH, lstm=True), ("actions", "h_out", "c_out"), renamed)
+    file = altered(tmp_path / "net.onnx", SmallNetwork(WIDTH, lstm=True), ("actions", "h_out", "c_out"), renamed)
     with pytest.raises(PolicyError, match="reads a besides the observation, and x, y may update it; name the output"):
         onnx_network.make_network_factory(onnx_network.open_session(file), file)

@@ -1,4 +1,4 @@
-"""Corrections of a description by one of the usual mistakes, name by name and figure by figure."""
+"""Corrections of a specification with one common error, name by name and value by value."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +23,7 @@ from quad_env import SIMPLE_QUAD
 BY_KIND = tuple(f"{leg}_{link}" for link in ("hip", "thigh", "calf") for leg in ("FL", "FR", "RL", "RR"))
 BY_LEG = tuple(f"{leg}_{link}" for leg in ("FL", "FR", "RL", "RR") for link in ("hip", "thigh", "calf"))
 COUNT = tuple(float(number) for number in range(1, 13))
-"""A figure of each joint, all different."""
+"""A different value for each joint."""
 TERMS = (
     ObservationTerm("linear_velocity"),
     ObservationTerm("angular_velocity", (0.25,)),
@@ -43,13 +43,13 @@ def description(joints: tuple[str, ...] = BY_KIND, **fields: object) -> PolicySp
     return PolicySpec(Path("policy.onnx"), 50.0, joints, terms=TERMS, **given | fields)  # type: ignore[arg-type]
 
 
-def undone(described: PolicySpec, mistake: str, count: int = 1) -> list[Correction]:
+def corrections_of(described: PolicySpec, mistake: str, count: int = 1) -> list[Correction]:
     return [each for each in corrections(described, SIMPLE_QUAD, count) if each.error == mistake]
 
 
 def test_joints_by_kind_become_joints_by_leg_and_their_figures_go_with_their_names() -> None:
     """First the names alone; then with the figures of hips, 1 to 4, thighs, 5 to 8, and calves, 9 to 12, leg by leg."""
-    names, together = undone(description(observed_joints=BY_LEG), GROUPING)
+    names, together = corrections_of(description(observed_joints=BY_LEG), GROUPING)
     assert names.spec == replace(description(), joints=BY_LEG, observed_joints=BY_KIND)
     assert names.keys_to_correct == "`joints`"
     assert names.changed_setting == "the joint order FL FR RL RR by leg"
@@ -65,7 +65,7 @@ def test_joints_by_kind_become_joints_by_leg_and_their_figures_go_with_their_nam
 
 
 def test_joints_by_leg_become_joints_by_kind_and_their_figures_go_with_their_names() -> None:
-    _, together = undone(description(BY_LEG, action_offset=COUNT), GROUPING)
+    _, together = corrections_of(description(BY_LEG, action_offset=COUNT), GROUPING)
     assert together.spec.joints == BY_KIND
     by_hand = (1.0, 4.0, 7.0, 10.0, 2.0, 5.0, 8.0, 11.0, 3.0, 6.0, 9.0, 12.0)
     assert together.spec.stiffness == together.spec.action_offset == by_hand
@@ -81,7 +81,7 @@ def test_joints_by_leg_become_joints_by_kind_and_their_figures_go_with_their_nam
 def test_legs_that_are_exchanged_have_each_other_s_names(
     mistake: str, legs: tuple[str, ...], order: tuple[int, ...]
 ) -> None:
-    names, together = undone(description(), mistake)
+    names, together = corrections_of(description(), mistake)
     expected = tuple(f"{leg}_{link}" for link in ("hip", "thigh", "calf") for leg in legs)
     assert names.spec.joints == together.spec.joints == expected
     assert names.spec.stiffness == COUNT
@@ -90,7 +90,7 @@ def test_legs_that_are_exchanged_have_each_other_s_names(
 
 def test_two_mistakes_in_the_order_of_the_joints_are_undone_together() -> None:
     """Isaac Lab's order, by kind from the left, as against Unitree's, by leg from the right."""
-    names, _ = undone(description(), f"{SIDES} and {GROUPING}", 2)
+    names, _ = corrections_of(description(), f"{SIDES} and {GROUPING}", 2)
     expected = tuple(f"{leg}_{link}" for leg in ("FR", "FL", "RR", "RL") for link in ("hip", "thigh", "calf"))
     assert names.spec.joints == expected
     assert [each.error for each in corrections(description(), SIMPLE_QUAD, 2)][::2] == [
@@ -102,7 +102,7 @@ def test_two_mistakes_in_the_order_of_the_joints_are_undone_together() -> None:
 
 def test_figures_that_are_all_alike_leave_one_correction() -> None:
     alike = dict.fromkeys(("default_position", "action_scale", "stiffness", "damping"), (1.0,) * 12)
-    assert len(undone(description(**alike, target_clip=None), SIDES)) == 1
+    assert len(corrections_of(description(**alike, target_clip=None), SIDES)) == 1
 
 
 def test_an_order_is_told_in_words() -> None:
@@ -112,7 +112,7 @@ def test_an_order_is_told_in_words() -> None:
 
 
 def test_velocities_are_tried_in_every_other_frame_together_and_alone() -> None:
-    found = undone(description(), FRAMES)
+    found = corrections_of(description(), FRAMES)
     frames = [tuple(term.frame for term in each.spec.terms[:2]) for each in found]
     assert frames == [("world", "world"), ("world", "body"), ("body", "world")]
     assert [each.keys_to_correct for each in found] == [
@@ -125,9 +125,9 @@ def test_velocities_are_tried_in_every_other_frame_together_and_alone() -> None:
 
 
 def test_gravity_is_tried_the_other_way_and_nothing_else() -> None:
-    (found,) = undone(description(), GRAVITY)
+    (found,) = corrections_of(description(), GRAVITY)
     assert found.spec.terms == (*TERMS[:2], ObservationTerm("projected_gravity", (-1.0, -2.0, -3.0)), TERMS[3])
-    assert not undone(replace(description(), terms=TERMS[:2]), GRAVITY)
+    assert not corrections_of(replace(description(), terms=TERMS[:2]), GRAVITY)
 
 
 def test_gains_are_tried_as_the_robot_s_own_and_far_off_in_the_order_of_the_joints() -> None:
@@ -144,5 +144,5 @@ def test_gains_are_tried_as_the_robot_s_own_and_far_off_in_the_order_of_the_join
 
 
 def replace_gains():  # type: ignore[no-untyped-def]
-    """A robot whose servos all differ."""
+    """A robot with different gains of all servos."""
     return SIMPLE_QUAD.with_servo(300.0 + np.arange(12.0), 10.0 + 0.1 * np.arange(12.0))

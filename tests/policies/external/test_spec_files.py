@@ -17,7 +17,7 @@ from policies.external.reference import PolicyReference, resolve_reference
 from policies.external.server import make_server
 from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
 from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD, HeightScan
-from tests.policies.external.small_networks import Numbers, described
+from tests.policies.external.small_networks import SmallNetwork, make_spec
 
 pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
@@ -29,7 +29,7 @@ WIDTH = 15
 @pytest.fixture
 def description(tmp_path: Path) -> PolicySpec:
     """That of an ONNX, written as policy.toml next to it."""
-    made = described(Numbers(WIDTH).onnx(tmp_path / "policy.onnx"), TERMS)
+    made = make_spec(SmallNetwork(WIDTH).onnx(tmp_path / "policy.onnx"), TERMS)
     write_toml(made, tmp_path / "policy.toml")
     return made
 
@@ -70,8 +70,8 @@ def test_a_height_scan_is_asked_of_the_environment(tmp_path: Path) -> None:
         ObservationTerm("joint_velocity"),
         ObservationTerm("height_scan", grid=HeightGrid((-0.1, 0.0, 0.1), (0.0,))),
     )
-    file = Numbers(WIDTH).onnx(tmp_path / "policy.onnx")
-    write_toml(described(file, terms), tmp_path / "policy.toml")
+    file = SmallNetwork(WIDTH).onnx(tmp_path / "policy.onnx")
+    write_toml(make_spec(file, terms), tmp_path / "policy.toml")
     with closing(ExternalPolicy(tmp_path / "policy.toml")) as policy:
         assert policy.height_scan == HeightScan(ahead=1, behind=1, aside=0, spacing=0.1)
         policy.reset(1)
@@ -99,7 +99,7 @@ def test_another_description_or_network_is_another_policy(description: PolicySpe
     for each in (description, replace(description, action_scale=(0.1,) * 12)):
         write_toml(each, file)
         contents.add(resolve_reference(file, trust=False).sha256)
-    Numbers(WIDTH, lstm=True).onnx(tmp_path / "policy.onnx")
+    SmallNetwork(WIDTH, lstm=True).onnx(tmp_path / "policy.onnx")
     contents.add(resolve_reference(file, trust=False).sha256)
     assert len(contents) == 3
 
@@ -137,7 +137,7 @@ def test_torchscript_of_any_ending_wants_trust_and_runs(description: PolicySpec,
     row = np.random.default_rng(0).normal(0.0, 0.3, (1, OBSERVATION_SIZE)).astype(np.float32)
     expected = NetworkPolicy(description).act(row)
     description.network.unlink()
-    file = Numbers(WIDTH).torchscript(tmp_path / name)
+    file = SmallNetwork(WIDTH).torchscript(tmp_path / name)
     write_toml(replace(description, network=file), tmp_path / "policy.toml")
     with pytest.raises(PolicyError, match=r"can run code .* --trust"):
         resolve_reference(tmp_path / "policy.toml", trust=False)
@@ -170,11 +170,11 @@ def test_what_is_no_description_of_a_policy_is_refused_in_words(tmp_path: Path) 
 
 
 def test_an_onnx_that_says_nothing_acts_on_our_observation(tmp_path: Path) -> None:
-    file = Numbers(OBSERVATION_SIZE).onnx(tmp_path / "policy.onnx")
+    file = SmallNetwork(OBSERVATION_SIZE).onnx(tmp_path / "policy.onnx")
     assert resolve_reference(file, trust=False).spec is None
     of = make_server(resolve_reference(file, trust=False), SIMPLE_QUAD, CONTROL_PERIOD, 5.0)
     of.reset(1, 0)
     observation = np.ones((1, OBSERVATION_SIZE), np.float32)
     np.testing.assert_allclose(
-        of.step(observation).actions[0], Numbers(OBSERVATION_SIZE).fresh()(observation[0]), atol=1e-5
+        of.step(observation).actions[0], SmallNetwork(OBSERVATION_SIZE).make_act()(observation[0]), atol=1e-5
     )

@@ -30,7 +30,7 @@ class Style:
 
     robot: str = "simple_quad"
     legs: tuple[int, ...] = (1, 0, 3, 2)
-    """Order of the legs in that of the joints."""
+    """Order of the legs in the order of the joints."""
     is_by_kind: bool = True
     terms: dict[str, tuple[float, ...]] = field(
         default_factory=lambda: {
@@ -50,7 +50,7 @@ class Style:
     history: int = 1
     """Steps, by time, the newest first."""
     turned: tuple[int, ...] = ()
-    """Links, 0 to 2, whose joints turn the other way than the robot's."""
+    """Links, 0 to 2, with joints of the opposite direction."""
     is_scaled: bool = False
     """True if the previous action is in rad."""
     default: float = 0.1

@@ -40,7 +40,7 @@ def written(file: Path, settings: Any) -> Path:
 
 
 def deploy(ids: list[int]) -> dict[str, Any]:
-    """Unitree's, for a policy whose joint i is motor ids[i]."""
+    """Unitree's `deploy.yaml` for a policy with motor ids[i] as joint i."""
     joints = tuple(MOTORS[motor] for motor in ids)
     action = {"clip": None, "joint_names": [".*"], "scale": of(joints, 0.25), "offset": of(joints), "joint_ids": None}
     return {

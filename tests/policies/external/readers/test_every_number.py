@@ -72,7 +72,7 @@ def test_of_himloco(tmp_path: Path) -> None:
 
 
 def test_of_rl_sar(tmp_path: Path) -> None:
-    """And what the file itself says counts before what the base of its robot says."""
+    """The file itself overrides the base of its robot."""
     config, base = files.rl_sar(list(range(12)))
     own = config["go2/robot_lab"]
     own |= {"clip_obs": 90.0, "ang_vel_scale": 0.26, "dof_pos_scale": 1.1, "dof_vel_scale": 0.06}

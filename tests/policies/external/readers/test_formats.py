@@ -1,4 +1,4 @@
-"""What the files of other projects mean: joints in any order, scales and clips of terms, both layouts of a history."""
+"""Files of other projects: joints in any order, scales and clips of terms, both layouts of a history."""
 
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from tests.policies.external.readers.files import ISAAC, MOTORS, OF, network, of
 
 
 def described(file: Path) -> PolicySpec:
-    """What a file says, which its TOML says too."""
+    """Return the specification of a file; its TOML has the same."""
     found = read(file)
     assert found is not None
     write_toml(found, file.with_name("again.toml"))

@@ -51,7 +51,7 @@ def refusal(file: Path) -> str:
 
 
 def bomb(levels: int = 9, width: int = 9) -> str:
-    """YAML anchors whose collection has `width ** levels` leaves when it is written out."""
+    """Return YAML anchors of a collection with `width ** levels` leaves when written out."""
     lines = ["a0: &a0 [x, x, x]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * width)}]" for n in range(1, levels)]
     return "\n".join(lines) + "\n"

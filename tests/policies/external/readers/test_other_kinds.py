@@ -1,4 +1,4 @@
-"""Files that say a part of a policy: what kind they are, what they say, and a TOML of it to complete."""
+"""Files with a part of a policy: their kind, their known fields, and a TOML to complete."""
 
 import time
 import tomllib
