@@ -134,7 +134,8 @@ def _time_single_calls(options: PoliciesBenchmarkOptions, clock: Clock) -> dict[
 
 def _control_step() -> Callable[[], object]:
     """Return a function that runs one control step of one robot, with an episode's end once in a thousand."""
-    env, policy = gym.make(ENV_ID), policies.make("trot")
+    env = gym.make(ENV_ID)
+    policy = policies.make("trot")
     observation, _ = env.reset(seed=0)
     policy.reset()
 

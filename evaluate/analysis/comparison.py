@@ -17,7 +17,10 @@ from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
 
 BASELINE = "trot"
 """Default baseline."""
-SUCCESS_RATE, FALL_RATE = "success_rate", "fall_rate"
+SUCCESS_RATE = "success_rate"
+"""Name of the proportion of successful episodes."""
+FALL_RATE = "fall_rate"
+"""Name of the proportion of episodes with a fall."""
 RATES = (SUCCESS_RATE, FALL_RATE)
 """Proportions of the episodes. A larger success rate is better; a larger value of any other metric is worse."""
 CAPS = {"velocity_error": VELOCITY_CAP, "yaw_rate_error": YAW_RATE_CAP, "mean_velocity_error": VELOCITY_CAP}

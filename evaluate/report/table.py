@@ -177,6 +177,7 @@ def summary_figures(summary: Summary, end: str) -> dict[str, str]:
     """
     cells = {"cost_of_transport": number(summary.cost_of_transport, 2)}
     for metric in METRICS:
-        value, ci = getattr(summary, metric), getattr(summary, f"{metric}_ci")
+        value = getattr(summary, metric)
+        ci = getattr(summary, f"{metric}_ci")
         cells[metric] = share(value, ci) if metric in RATES else plus_minus(value, ci)
     return {column: re.sub(r" (?=\[|±)", end, cell) for column, cell in cells.items()}

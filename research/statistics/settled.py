@@ -20,7 +20,9 @@ VARIANCE_SHARES = {"episode": 0.02, "scenario": 0.4, "policy": 0.01, "own": 0.57
 """Source of variance of an outcome -> its share: the episode, the episode on a scenario, the episode with a policy, and
 the rest.
 """
-EASIEST_SUCCESS, HARDEST_SUCCESS = 0.9, 0.05
+EASIEST_SUCCESS = 0.9
+"""Success of the worst policy on the easiest scenario; evenly spread down to HARDEST_SUCCESS."""
+HARDEST_SUCCESS = 0.05
 """Success of the worst policy on the hardest scenario."""
 FIXED_PLANS = tuple(range(4, MAX_EPISODES + 1, 2))
 """Numbers of episodes of the plans of fixed size."""

@@ -80,7 +80,8 @@ def main(options: PublishOptions) -> int:
         raise UsageError("name the folders of the finished runs, as in: runs/residual-0 runs/residual-1")
     runs = [load_trained_run(folder) for folder in options.runs]
     shipped = select_shipped(runs, options.policy)
-    base, robot = shipped.config.base, shipped.config.hardware.robot_model
+    base = shipped.config.base
+    robot = shipped.config.hardware.robot_model
     if base_to_json(policies.load(shipped.bundle, robot).base) != base_to_json(policies.make(base, robot=robot)):
         raise UsageError(f"{shipped.label} corrects a {base} of other parameters than today's: train it again")
     to = options.to or models_folder(robot) / options.policy.replace("-", "_")
@@ -110,7 +111,8 @@ def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: 
     from evaluate.commands.execution import execute
     from evaluate.commands.outputs import analyse_run
 
-    baseline, robot = shipped.baseline, shipped.config.hardware.robot_model
+    baseline = shipped.baseline
+    robot = shipped.config.hardware.robot_model
     evaluation = Evaluation(
         policies=(baseline, *(run.label for run in runs)),
         robot=shipped.config.robot,
