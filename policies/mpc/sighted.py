@@ -224,7 +224,7 @@ class SightedMpcWbc(MpcWbc):
         self._heights = observation[:, self._scan_slice].astype(np.float64)
         return super()._act(observation)
 
-    def _ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
+    def _estimate_ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
         """Return the filtered plane of the scan; the plane through the footprints for robots with an empty scan."""
         ground = super()._estimate_ground(state, landed)
         scanned = make_scanned_terrain(self._scan, self._heights, ground, self.robot.foot_radius)

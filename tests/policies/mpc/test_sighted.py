@@ -156,10 +156,10 @@ def test_a_new_robot_believes_the_ground_that_it_sees_at_once_and_another_one_by
     """After 10 ms 1 / 11 of the change, of a time constant of 0.1 s; slopes up to 0.6."""
     policy = looking(shown(-0.35, 0.2, -0.1))
     now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
-    np.testing.assert_allclose(np.array(policy._ground(now, STANDS))[:, 0], [-0.35, 0.2, -0.1], atol=1e-9)
+    np.testing.assert_allclose(np.array(policy._estimate_ground(now, STANDS))[:, 0], [-0.35, 0.2, -0.1], atol=1e-9)
     policy._is_first_step[:] = False, True
     policy._heights = shown(-0.46, 0.75, -0.65)
-    found = np.array(policy._ground(now, STANDS))
+    found = np.array(policy._estimate_ground(now, STANDS))
     np.testing.assert_allclose(found[:, 1], [-0.46, 0.6, -0.6], atol=1e-9)
     np.testing.assert_allclose(found[:, 0], [-0.36, 0.2 + 0.4 / 11.0, -0.1 - 0.5 / 11.0], atol=1e-9)
 
@@ -170,7 +170,7 @@ def test_one_point_too_deep_to_see_makes_no_robot_blind_and_none_that_is_seen_do
     policy = looking(heights)
     policy._is_first_step[1] = False
     now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
-    ground = policy._ground(now, STANDS)
+    ground = policy._estimate_ground(now, STANDS)
     assert policy._scan_weight[:, 0].tolist() == [1.0, 0.0]
     np.testing.assert_allclose(np.array(ground)[:, 1], [now.bodies.feet[1, :, 2].mean(), 0.0, 0.0], atol=1e-9)
     assert ground.height[0] == pytest.approx(-0.35, abs=0.02)
@@ -181,7 +181,7 @@ def test_forces_are_planned_for_feet_that_stand_at_their_heights_and_for_those_t
     0.1 m is 0.25 m ahead."""
     policy = looking(shown(-0.35, 0.2, -0.1) + 0.1 * (SMALL.points[:, 0] > 0.25))
     now = compute_motion_state(SIMPLE_QUAD, Dynamics(SIMPLE_QUAD), reading(2))
-    ground = policy._ground(now, STANDS)
+    ground = policy._estimate_ground(now, STANDS)
     stands = np.array([[[1, 1, 0, 1], [1, 0, 0, 1], [1, 1, 1, 1]]] * 2, np.bool_)
     aim = np.tile([[0.3, 0.2], [0.3, -0.2], [-0.1, 0.2], [-0.1, -0.2]], (2, 1, 1))
     feet, seen = now.bodies.feet[0, :, 2], np.array([-0.21, -0.17, -0.39, -0.35])
