@@ -84,7 +84,7 @@ def check_searches_are_on_their_own_episodes_and_ground() -> None:
 
     effort = SearchOptions(generations=2, candidates=4, episodes=3, steps=BRIEF, spread=0.1)
     ranges = {"frequency": (2.0, 4.0), "duty": (0.4, 0.6)}
-    unused: dict[str, Any] = {"conclude": lambda _: ("", ""), "file": Path("unused.json"), "account": "unused.md"}
+    unused: dict[str, Any] = {"finalize": lambda _: ("", ""), "file": Path("unused.json"), "account": "unused.md"}
     list(evolve(effort, SearchProblem(trot.TrotParameters(), ranges, costs, **unused)))
     assert {PURPOSES[seed >> 48] for seed in seen} == {"search"}
     assert len(set(seen)) == 6, "every generation has new episodes"
@@ -230,7 +230,7 @@ def seeds_of_evaluation(module: str) -> Plant:
 
 def ground_of_evaluation(module: str) -> Plant:
     """The module has the evaluation's own surface."""
-    return lambda patch: patch.setattr(f"{module}.practice", lambda name, *_, **__: scenario(name))
+    return lambda patch: patch.setattr(f"{module}.with_terrain_seed", lambda name, *_, **__: scenario(name))
 
 
 FAULTS: Faults = {
