@@ -40,7 +40,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
     Every info is a number or an array of numbers. The time limit (1000 steps, 10 s) is the `TimeLimit` wrapper that
     `gym.make` adds.
 
-    Keyword arguments of the robot and the task:
+    Keyword Args:
         config: Control rate, fall rule and reward weights.
         rewards: Reward terms of the user, name -> (function, weight), or name -> weight of an extension's term; see
             docs/extending.md.
@@ -66,7 +66,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         width: Width of rendered frames, pixels.
         height: Height of rendered frames, pixels.
         camera: Name of a camera of the model.
-        **parts: Keyword arguments of the robot and the task, see above.
+        **parts: Keyword arguments of the robot and the task, as above.
 
     Raises:
         ValueError: An argument is invalid.

@@ -73,7 +73,7 @@ def test_a_run_says_that_it_is_slow_comes_again_and_is_told_apart(
 
 def test_a_task_costs_what_its_simulator_takes() -> None:
     tasks = [
-        SimpleNamespace(numbers=range(3), steps=10, hardware=HardwareConfig(simulator=name))
+        SimpleNamespace(episode_indices=range(3), steps=10, hardware=HardwareConfig(simulator=name))
         for name in RELATIVE_STEP_TIME
     ]
     assert [estimated_steps(task) for task in tasks] == [30, 30 * RELATIVE_STEP_TIME[DRAKE]]  # type: ignore[arg-type]

@@ -93,3 +93,12 @@ def test_one_robot_and_a_batch_have_the_same_bits() -> None:
     one, two = TABLE.observe(state_of(), (0.7, 0.8, 0.9)), TABLE.observe(batch, np.full((3, 2), 0.7))
     np.testing.assert_array_equal(two[0, :-3], one[:-3])
     np.testing.assert_array_equal(two[0], two[1])
+
+
+def test_given_values_of_the_sensed_terms_are_followed_by_action_and_command() -> None:
+    command = (0.7, 0.8, 0.9)
+    observation = TABLE.observe(state_of(), command)
+    sensed = np.arange(TABLE.sensed.stop, dtype=np.float32)
+    assembled = TABLE.assemble(sensed[None], state_of(), command)
+    np.testing.assert_array_equal(assembled[TABLE.sensed], sensed)
+    np.testing.assert_array_equal(assembled[TABLE.sensed.stop :], observation[TABLE.sensed.stop :])
