@@ -16,7 +16,7 @@ from evaluate.rollouts.walking_test import Walk, run_walks
 from policies import ExternalPolicy, PolicyError
 from policies.base import CONTROL_PERIOD, Policy
 from policies.external.network_policy import with_spec_gains
-from policies.external.spec import ObservationTerm, PolicySpec
+from policies.external.spec import PolicySpec, SpecTerm
 from policies.external.spec_errors import joint_order_in_words
 from quad_env.doctor.causes import self_contacts
 from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
@@ -166,7 +166,7 @@ def describe_spec(spec: PolicySpec, robot: Robot) -> Iterator[str]:
     yield from (f"open    {remark}" for remark in spec.remarks)
 
 
-def _format_term(term: ObservationTerm) -> str:
+def _format_term(term: SpecTerm) -> str:
     """Return a term in text, for example `joint_velocity 12 × 0.05`, with the length of its history."""
     scale = "" if set(term.scale) == {1.0} else f" × {_format_numbers(term.scale)}"
     history = f" of {term.history} steps" if term.history > 1 else ""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from policies.base import Floats, Mask, PolicyError
 from policies.external.foot_contact import FootContactEstimator
 from policies.external.joint_mapping import map_action_joints, map_observed_joints
-from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
+from policies.external.spec import HeightGrid, PolicySpec, SpecTerm
 from policies.legs.level_frame import level_frame
 from policies.memory import PerRobotState, per_robot
 from quad_env.columns import EnvIndices
@@ -127,7 +127,7 @@ class ObservationAdapter(PerRobotState):
             foot_contact=self._foot_contact[env_ids],
         )
 
-    def _compute_term(self, term: ObservationTerm, signals: RobotSignals) -> Floats:
+    def _compute_term(self, term: SpecTerm, signals: RobotSignals) -> Floats:
         """Return a term in this control step, neither clipped nor scaled, (m, width)."""
         readings = signals.readings
         match term.name:
@@ -154,14 +154,14 @@ class ObservationAdapter(PerRobotState):
                 return self._compute_height_scan(term, readings["height_scan"])
         return _rotate_to_frame(readings[term.name], term.frame, signals)
 
-    def _compute_clock(self, term: ObservationTerm, signals: RobotSignals) -> Floats:
+    def _compute_clock(self, term: SpecTerm, signals: RobotSignals) -> Floats:
         """Return sine and cosine of a clock, (m, 2); zeros for commands below the term's threshold."""
         angle = 2.0 * np.pi * term.clock / self._spec.control_rate * signals.steps
         clock = np.stack((np.sin(angle), np.cos(angle)), axis=1)
         is_moving = np.linalg.norm(signals.readings["command"], axis=1, keepdims=True) >= term.zero_below
         return np.where(is_moving, clock, 0.0)
 
-    def _compute_height_scan(self, term: ObservationTerm, scan: Floats) -> Floats:
+    def _compute_height_scan(self, term: SpecTerm, scan: Floats) -> Floats:
         """Return the heights at the term's points from the environment's scan, (m, p), m."""
         assert self.height_scan is not None and term.grid is not None  # noqa: PT018
         differences = self.height_scan.points[None] - _grid_points(term.grid)[:, None]
@@ -188,7 +188,7 @@ def _servo_torque(robot: Robot, readings: dict[str, Floats]) -> Floats:
     return np.clip(torque, -robot.rated_torque, robot.rated_torque)
 
 
-def _clip_and_scale(values: Floats, term: ObservationTerm) -> Floats:
+def _clip_and_scale(values: Floats, term: SpecTerm) -> Floats:
     """Return the values of a term, clipped, then scaled."""
     clipped: Floats = values if term.clip is None else np.clip(values, *term.clip)
     return np.multiply(clipped, term.scale)

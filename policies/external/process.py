@@ -25,7 +25,7 @@ from policies.external.server import (
     FIRST_CALL_TIMEOUT_FACTOR,
     SIGNAL_NAMES,
     PolicyServer,
-    StepResult,
+    PolicyStepResult,
     make_server,
     serve_requests,
 )
@@ -212,7 +212,7 @@ class ExternalPolicy(Policy):
         self._record_failures(self._request("reset_where", mask) or {})
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        result: StepResult | None = None
+        result: PolicyStepResult | None = None
         if any(reason is None for reason in self.failure):
             result = self._request("step", observation)
         home = np.tile(self.robot.home_pose.astype(np.float32), (self.num_envs, 1))

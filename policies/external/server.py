@@ -37,7 +37,7 @@ _parent_connection: Connection | None = None
 
 
 @dataclass(frozen=True)
-class StepResult:
+class PolicyStepResult:
     """Result of a control step of n robots, which the child sends to its parent."""
 
     actions: Actions
@@ -186,7 +186,7 @@ class PolicyServer:
             failures |= self._record_failures([robot], reason)
         return failures
 
-    def step(self, observation: NDArray[np.float32]) -> StepResult:
+    def step(self, observation: NDArray[np.float32]) -> PolicyStepResult:
         """Return the actions for the observations of all robots, (n, k)."""
         count = len(observation)
         joints = self._robot.num_joints
@@ -204,7 +204,7 @@ class PolicyServer:
             actions = actions if action is None else action
         nonfinite = np.flatnonzero(~np.isfinite(actions).all(axis=1) & ~self._failed).tolist()
         failures |= self._record_failures(nonfinite, "gave targets that are not finite")
-        return StepResult(actions, failures, self.signals())
+        return PolicyStepResult(actions, failures, self.signals())
 
     def signals(self) -> dict[str, NDArray[Any]]:
         """Return the SIGNAL_NAMES that the policy has, each with n rows."""

@@ -106,7 +106,7 @@ class HeightGrid(_CheckedSpec):
 
 
 @dataclass(frozen=True)
-class ObservationTerm(_CheckedSpec):
+class SpecTerm(_CheckedSpec):
     """Observation term of a policy: clipped, then scaled."""
 
     name: str
@@ -174,7 +174,7 @@ class PolicySpec(_CheckedSpec):
     """Servo stiffness, N·m/rad, in the order of `joints`."""
     damping: tuple[NonNegative, ...]
     """Servo damping, N·m·s/rad, in the order of `joints`."""
-    terms: tuple[ObservationTerm, ...]
+    terms: tuple[SpecTerm, ...]
     """Terms in the order of the observation."""
     action_offset: Numbers | None = None
     """Targets of zero actions, rad, in the order of `joints`; None: the default position."""
@@ -262,7 +262,7 @@ class PolicySpec(_CheckedSpec):
             newer["zero_below"] = thresholds
         older = {name: value for name, value in vars(self).items() if name not in ("signs", "zeros", "remarks")}
         text = repr(older | {"network": ""}) + (repr(newer) if newer else "")
-        return text.replace("ObservationTerm(", "Term(")  # the name of the class in earlier digests
+        return text.replace("SpecTerm(", "Term(")  # the name of the class in earlier digests
 
 
 def _check_plausible(settings: object) -> None:

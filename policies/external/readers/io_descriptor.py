@@ -14,7 +14,7 @@ from policies.external.readers.drafts import IncompleteSpecError
 from policies.external.readers.isaac_terms import incomplete_remarks, make_term, observed_order
 from policies.external.readers.joint_orders import JointNames
 from policies.external.readers.settings import WRITE_TOML, FileSettings, load_settings, matches
-from policies.external.spec import Numbers, ObservationTerm, PolicySpec
+from policies.external.spec import Numbers, PolicySpec, SpecTerm
 from quad_env.files.text import brief
 
 FOLDER = "io_descriptors"
@@ -145,7 +145,7 @@ def _function_name(entry: FileSettings) -> str:
     return entry.text(key).rpartition(".")[2]
 
 
-def _parse_term(entry: FileSettings) -> ObservationTerm:
+def _parse_term(entry: FileSettings) -> SpecTerm:
     """Return a term by the last part of its `full_path`, with its `overloads`."""
     function = _function_name(entry)
     overloads = entry.optional_section("overloads")

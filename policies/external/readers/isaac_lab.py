@@ -13,7 +13,7 @@ from policies.external.readers.io_descriptor import joint_order
 from policies.external.readers.isaac_terms import history_length, incomplete_remarks, make_term, observed_order
 from policies.external.readers.joint_orders import FAMILIES, JointNames, names_by_kind
 from policies.external.readers.settings import WRITE_TOML, FileSettings, load_settings, matches
-from policies.external.spec import HeightGrid, Numbers, ObservationTerm, PolicySpec, Range
+from policies.external.spec import HeightGrid, Numbers, PolicySpec, Range, SpecTerm
 
 _ACTUATOR_JOINTS = "joint_names_expr"
 """Key of an actuator's expressions for joint names."""
@@ -103,7 +103,7 @@ def _parse_offset(action: FileSettings, joints: JointNames) -> Numbers | None:
 
 
 def _parse_observed_joints(
-    group: FileSettings, terms: dict[str, ObservationTerm], joints: JointNames, asset_joints: JointNames | None
+    group: FileSettings, terms: dict[str, SpecTerm], joints: JointNames, asset_joints: JointNames | None
 ) -> JointNames | None:
     """Return the order of the observed joints; None for the order of `joints`."""
 
@@ -114,7 +114,7 @@ def _parse_observed_joints(
     return observed if observed != joints else None
 
 
-def _parse_term(settings: FileSettings, group: FileSettings, term: FileSettings) -> ObservationTerm:
+def _parse_term(settings: FileSettings, group: FileSettings, term: FileSettings) -> SpecTerm:
     """Return an observation term, with the history of its group. Raises PolicyError."""
     function = _function_name(term)
     if function == "generated_commands":

@@ -14,7 +14,7 @@ from typing import NoReturn
 from policies.base import PolicyError
 from policies.external.readers.joint_orders import JointNames
 from policies.external.readers.settings import WRITE_TOML, FileSettings
-from policies.external.spec import TERM_WIDTHS, HeightGrid, ObservationTerm
+from policies.external.spec import TERM_WIDTHS, HeightGrid, SpecTerm
 from quad_env.files.text import MAX_SHOWN, brief
 
 TERM_NAMES = {
@@ -45,7 +45,7 @@ _THRESHOLD_KEYS = "command_threshold", "zero_below"
 """Parameters with another threshold."""
 
 
-def make_term(function: str, settings: FileSettings, grid: HeightGrid | None = None) -> ObservationTerm:
+def make_term(function: str, settings: FileSettings, grid: HeightGrid | None = None) -> SpecTerm:
     """Return a term by the name of its function. An unknown function and modifiers raise PolicyError.
 
     Args:
@@ -64,7 +64,7 @@ def make_term(function: str, settings: FileSettings, grid: HeightGrid | None = N
     clip = None if settings.find("clip") is None else settings.range("clip")
     clock, zero_below = _parse_clock(function, settings)
     history = history_length(settings)
-    term = ObservationTerm(name, clip=clip, history=history, clock=clock, grid=grid, zero_below=zero_below)
+    term = SpecTerm(name, clip=clip, history=history, clock=clock, grid=grid, zero_below=zero_below)
     return with_scale(term, settings)
 
 
@@ -90,7 +90,7 @@ def incomplete_remarks(terms: Iterable[tuple[str, FileSettings]]) -> tuple[str, 
     )
 
 
-def with_scale(term: ObservationTerm, settings: FileSettings, key: str = "scale") -> ObservationTerm:
+def with_scale(term: SpecTerm, settings: FileSettings, key: str = "scale") -> SpecTerm:
     """Return a term with the scale of the settings; one number if all are equal.
 
     Args:
@@ -112,7 +112,7 @@ def history_length(settings: FileSettings) -> int:
     return max(1, int(settings.number("history_length", 1)))
 
 
-def observed_order(terms: dict[str, ObservationTerm], order: Callable[[str], JointNames]) -> JointNames | None:
+def observed_order(terms: dict[str, SpecTerm], order: Callable[[str], JointNames]) -> JointNames | None:
     """Return the order in which the terms observe the joints.
 
     Args:

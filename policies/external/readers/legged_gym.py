@@ -11,7 +11,7 @@ from dataclasses import replace
 from policies.base import PolicyError
 from policies.external.readers.joint_orders import isaac_gym_order
 from policies.external.readers.settings import WRITE_TOML, FileSettings
-from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
+from policies.external.spec import HeightGrid, PolicySpec, SpecTerm
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
@@ -83,24 +83,24 @@ def _parse_gains(control: FileSettings, joint: str) -> tuple[float, float]:
     return stiffness.number(key), damping.number(key)
 
 
-def _parse_terms(settings: FileSettings, scales: FileSettings) -> tuple[ObservationTerm, ...]:
+def _parse_terms(settings: FileSettings, scales: FileSettings) -> tuple[SpecTerm, ...]:
     """Return the terms of legged_gym or HIMLoco, if their width is the file's. Raises PolicyError."""
     env = settings.section("env")
     width = env.number("num_observations")
     velocity_scale = scales.number("lin_vel")
     turn_scale = scales.number("ang_vel")
-    attitude = [ObservationTerm("angular_velocity", (turn_scale,)), ObservationTerm("projected_gravity")]
-    command = ObservationTerm("command", (velocity_scale, velocity_scale, turn_scale))
+    attitude = [SpecTerm("angular_velocity", (turn_scale,)), SpecTerm("projected_gravity")]
+    command = SpecTerm("command", (velocity_scale, velocity_scale, turn_scale))
     joints = [
-        ObservationTerm("joint_position", (scales.number("dof_pos"),)),
-        ObservationTerm("joint_velocity", (scales.number("dof_vel"),)),
-        ObservationTerm("previous_action"),
+        SpecTerm("joint_position", (scales.number("dof_pos"),)),
+        SpecTerm("joint_velocity", (scales.number("dof_vel"),)),
+        SpecTerm("previous_action"),
     ]
     if env.find("num_one_step_observations") is not None:
         terms = [command, *attitude, *joints]
         step_width = env.number("num_one_step_observations")
     else:
-        velocity = ObservationTerm("linear_velocity", (velocity_scale,))
+        velocity = SpecTerm("linear_velocity", (velocity_scale,))
         terms = [velocity, *attitude, command, *joints, *_parse_heights(settings, scales)]
         step_width = width
     terms_width = sum(term.width for term in terms)
@@ -113,7 +113,7 @@ def _parse_terms(settings: FileSettings, scales: FileSettings) -> tuple[Observat
     return tuple(replace(term, history=int(width / step_width)) for term in terms)
 
 
-def _parse_heights(settings: FileSettings, scales: FileSettings) -> list[ObservationTerm]:
+def _parse_heights(settings: FileSettings, scales: FileSettings) -> list[SpecTerm]:
     """Return the height scan if the terrain is measured, else no term."""
     terrain = settings.section("terrain")
     if terrain.find("measure_heights") is not True:
@@ -121,4 +121,4 @@ def _parse_heights(settings: FileSettings, scales: FileSettings) -> list[Observa
     x = terrain.numbers("measured_points_x", None)
     y = terrain.numbers("measured_points_y", None)
     grid = HeightGrid(x, y, x_first=False, offset=0.5)
-    return [ObservationTerm("height_scan", (scales.number("height_measurements"),), (-1.0, 1.0), grid=grid)]
+    return [SpecTerm("height_scan", (scales.number("height_measurements"),), (-1.0, 1.0), grid=grid)]

@@ -14,7 +14,7 @@ from policies.base import PolicyError
 from policies.external.onnx_network import read_metadata
 from policies.external.readers.isaac_terms import make_term
 from policies.external.readers.settings import WRITE_TOML, FileSettings, find_network
-from policies.external.spec import ObservationTerm, PolicySpec
+from policies.external.spec import PolicySpec, SpecTerm
 
 CONTROL_RATE = 50.0
 """Hz. Control rate of mjlab's velocity tasks."""
@@ -61,7 +61,7 @@ def parse_spec(file: Path) -> PolicySpec | None:
     )
 
 
-def _parse_terms(settings: FileSettings) -> tuple[ObservationTerm, ...]:
+def _parse_terms(settings: FileSettings) -> tuple[SpecTerm, ...]:
     """Return the terms in the order of the observation."""
     names = settings.texts("observation_names")
     lists = [settings.find(f"observation_terms_{key}") or [None] * len(names) for key in _TERM_LISTS]

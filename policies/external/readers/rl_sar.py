@@ -15,7 +15,7 @@ from policies.base import PolicyError
 from policies.external.readers.isaac_terms import raise_unknown_term, with_scale
 from policies.external.readers.joint_orders import JointNames
 from policies.external.readers.settings import WRITE_TOML, FileSettings, find_network, load_settings
-from policies.external.spec import JOINT_FIELDS, ObservationTerm, PolicySpec, Range
+from policies.external.spec import JOINT_FIELDS, PolicySpec, Range, SpecTerm
 
 _TERMS = {
     "lin_vel": ("linear_velocity", "lin_vel_scale"),
@@ -159,7 +159,7 @@ def _joint_names(settings: FileSettings) -> JointNames | None:
     return tuple(name.replace("_controller", "_joint") for name in settings.texts("joint_controller_names"))
 
 
-def _parse_terms(settings: FileSettings, history: int) -> tuple[ObservationTerm, ...]:
+def _parse_terms(settings: FileSettings, history: int) -> tuple[SpecTerm, ...]:
     """Return the terms with that number of control steps each. Raises PolicyError for unknown ones."""
     terms = []
     for name in settings.texts("observations"):
@@ -168,7 +168,7 @@ def _parse_terms(settings: FileSettings, history: int) -> tuple[ObservationTerm,
         term_name, scale_key = _TERMS[name]
         if scale_key:
             settings.get(scale_key)
-        terms.append(with_scale(ObservationTerm(term_name, history=history), settings, scale_key))
+        terms.append(with_scale(SpecTerm(term_name, history=history), settings, scale_key))
     return tuple(terms)
 
 

@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 from policies.base import PolicyError
 from policies.external.readers.joint_orders import names_by_leg
 from policies.external.readers.settings import FileSettings, find_network
-from policies.external.spec import JOINT_FIELDS, HeightGrid, ObservationTerm, PolicySpec
+from policies.external.spec import JOINT_FIELDS, HeightGrid, PolicySpec, SpecTerm
 from policies.parameters import is_number
 
-Spec = TypeVar("Spec", PolicySpec, ObservationTerm, HeightGrid)
+Spec = TypeVar("Spec", PolicySpec, SpecTerm, HeightGrid)
 MAX_LINE = 100
 """Largest number of characters of a list in one line."""
 
@@ -75,16 +75,16 @@ def _expand_joint_values(name: str, value: Any, joints: Any) -> Any:
     return value if is_per_joint else [value] * 12
 
 
-def _parse_term(given: Any) -> ObservationTerm:
+def _parse_term(given: Any) -> SpecTerm:
     """Return a term from its name, or from a table of its fields."""
     if not isinstance(given, dict):
-        return _make(ObservationTerm, {"name": given})
+        return _make(SpecTerm, {"name": given})
     parsed: dict[str, Any] = {}
     if isinstance(given.get("grid"), dict):
         parsed["grid"] = _make(HeightGrid, given["grid"])
     if is_number(given.get("scale")):
         parsed["scale"] = (given["scale"],)
-    return _make(ObservationTerm, given | parsed)
+    return _make(SpecTerm, given | parsed)
 
 
 def _make(kind: type[Spec], values: dict[str, Any]) -> Spec:

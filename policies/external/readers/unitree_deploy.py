@@ -11,7 +11,7 @@ from policies.base import PolicyError
 from policies.external.readers.isaac_terms import incomplete_remarks, make_term, observed_order
 from policies.external.readers.joint_orders import UNITREE_MOTORS, JointNames
 from policies.external.readers.settings import FileSettings
-from policies.external.spec import Numbers, ObservationTerm, PolicySpec, Range
+from policies.external.spec import Numbers, PolicySpec, Range, SpecTerm
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
@@ -69,7 +69,7 @@ def _observation_group(settings: FileSettings) -> FileSettings:
 
 
 def _parse_observed_joints(
-    group: FileSettings, terms: dict[str, ObservationTerm], asset_joints: JointNames
+    group: FileSettings, terms: dict[str, SpecTerm], asset_joints: JointNames
 ) -> JointNames | None:
     """Return the order of the observed joints; None if no term observes joints."""
 
@@ -79,7 +79,7 @@ def _parse_observed_joints(
     return observed_order(terms, order)
 
 
-def _parse_term(name: str, settings: FileSettings, scale_first: bool) -> ObservationTerm:
+def _parse_term(name: str, settings: FileSettings, scale_first: bool) -> SpecTerm:
     """Return an observation term; the clip of a term that is scaled first applies to its unscaled values."""
     term = make_term(name, settings)
     if not scale_first or term.clip is None:

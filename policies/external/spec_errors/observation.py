@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Literal
 
-from policies.external.spec import Numbers, ObservationTerm, PolicySpec
+from policies.external.spec import Numbers, PolicySpec, SpecTerm
 from policies.external.spec_errors.correction import (
     CLOCK,
     FRAMES,
@@ -62,7 +62,7 @@ def change_frames(spec: PolicySpec) -> Iterator[Correction]:
 def reverse_gravity(spec: PolicySpec) -> Iterator[Correction]:
     """Yield the projected gravity with the opposite sign."""
 
-    def reverse(term: ObservationTerm) -> ObservationTerm:
+    def reverse(term: SpecTerm) -> SpecTerm:
         reversed_term = replace(term, scale=tuple(-factor for factor in term.scale))
         return reversed_term if term.name == "projected_gravity" else term
 
@@ -124,7 +124,7 @@ def change_conventions(spec: PolicySpec) -> Iterator[Correction]:
             yield from _change_clock(spec, term)
 
 
-def _change_clock(spec: PolicySpec, term: ObservationTerm) -> Iterator[Correction]:
+def _change_clock(spec: PolicySpec, term: SpecTerm) -> Iterator[Correction]:
     """Yield another threshold and other frequencies of a clock."""
     threshold = 0.0 if term.zero_below else CLOCK_THRESHOLD
     gated = f"a clock that is zero below a command of {threshold:g}"
@@ -147,14 +147,14 @@ def change_term_order(spec: PolicySpec) -> Iterator[Correction]:
         yield Correction(TERMS, changed_setting, "`terms`", replace(spec, terms=order))
 
 
-def _sort_terms(terms: tuple[ObservationTerm, ...], names: tuple[str, ...]) -> tuple[ObservationTerm, ...]:
+def _sort_terms(terms: tuple[SpecTerm, ...], names: tuple[str, ...]) -> tuple[SpecTerm, ...]:
     """Return the terms with these names in this order, the others at their places."""
     known = [term for term in terms if term.name in names]
     in_order = iter(sorted(known, key=lambda term: names.index(term.name)))
     return tuple(next(in_order) if term.name in names else term for term in terms)
 
 
-def _map_terms(spec: PolicySpec, change: Callable[[ObservationTerm], ObservationTerm]) -> PolicySpec:
+def _map_terms(spec: PolicySpec, change: Callable[[SpecTerm], SpecTerm]) -> PolicySpec:
     """Return the specification with each of its terms changed."""
     return replace(spec, terms=tuple(map(change, spec.terms)))
 
@@ -165,7 +165,7 @@ def _with_clock(spec: PolicySpec, frequency: float, zero_below: float) -> Policy
     return _map_terms(spec, lambda term: change(term) if term.name == "gait_clock" else term)
 
 
-def _scale_setter(scales: dict[str, Numbers]) -> Callable[[ObservationTerm], ObservationTerm]:
+def _scale_setter(scales: dict[str, Numbers]) -> Callable[[SpecTerm], SpecTerm]:
     """Return a function that gives terms these scales; their limits clip at the same values."""
     return lambda term: replace(term, scale=scales[term.name]) if term.name in scales else term
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from policies.external.spec import ObservationTerm, PolicySpec
+from policies.external.spec import PolicySpec, SpecTerm
 
 JOINT_VALUES = "default_position", "action_scale", "stiffness", "damping", "signs"
 FRONT_HIND = {"f": "h", "h": "f", "r": "f"}
@@ -40,7 +40,7 @@ def grouping(described: PolicySpec) -> PolicySpec:
     return replace(described, joints=tuple(moved), **figures)
 
 
-def _terms(described: PolicySpec, change: Callable[[ObservationTerm], ObservationTerm]) -> PolicySpec:
+def _terms(described: PolicySpec, change: Callable[[SpecTerm], SpecTerm]) -> PolicySpec:
     return replace(described, terms=tuple(map(change, described.terms)))
 
 
@@ -55,7 +55,7 @@ def gravity(described: PolicySpec) -> PolicySpec:
 
 
 def _other_scale(described: PolicySpec, name: str, pair: tuple[float, float]) -> PolicySpec:
-    def change(term: ObservationTerm) -> ObservationTerm:
+    def change(term: SpecTerm) -> SpecTerm:
         return replace(term, scale=(pair[pair[0] == term.scale[0]],)) if term.name == name else term
 
     return _terms(described, change)

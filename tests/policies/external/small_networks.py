@@ -8,23 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from policies.external.spec import ObservationTerm, PolicySpec
+from policies.external.spec import PolicySpec, SpecTerm
 
 HIDDEN = 16
 JOINTS = tuple(f"{leg}_{link}_joint" for link in ("thigh", "calf", "hip") for leg in ("RL", "FR", "RR", "FL"))
 """Joint names of SimpleQuad in another project's words, by kind."""
 OBSERVED = tuple(f"{leg}_{link}_joint" for leg in ("FR", "FL", "RR", "RL") for link in ("hip", "thigh", "calf"))
 MIXED = (
-    ObservationTerm("angular_velocity", scale=(0.25,), clip=(-1.0, 1.0), history=3),
-    ObservationTerm("projected_gravity", history=3),
-    ObservationTerm("command", scale=(2.0, 2.0, 0.25), history=3),
-    ObservationTerm("joint_position", history=3),
-    ObservationTerm("joint_velocity", scale=(0.05,), history=3),
-    ObservationTerm("previous_action", history=3),
+    SpecTerm("angular_velocity", scale=(0.25,), clip=(-1.0, 1.0), history=3),
+    SpecTerm("projected_gravity", history=3),
+    SpecTerm("command", scale=(2.0, 2.0, 0.25), history=3),
+    SpecTerm("joint_position", history=3),
+    SpecTerm("joint_velocity", scale=(0.05,), history=3),
+    SpecTerm("previous_action", history=3),
 )
 
 
-def make_spec(network: Path, terms: tuple[ObservationTerm, ...] = MIXED, **fields: Any) -> PolicySpec:
+def make_spec(network: Path, terms: tuple[SpecTerm, ...] = MIXED, **fields: Any) -> PolicySpec:
     """Return a specification with permuted joints and all different numbers."""
     numbers = 1.0 + np.arange(12) / 10
     given = {

@@ -10,7 +10,7 @@ import pytest
 
 from policies.base import PolicyError
 from policies.external.network_policy import NetworkPolicy
-from policies.external.spec import ObservationTerm, PolicySpec
+from policies.external.spec import PolicySpec, SpecTerm
 from quad_env import OBSERVATION, SIMPLE_QUAD
 from tests.policies.external.small_networks import JOINTS, MIXED, OBSERVED, SmallNetwork, make_spec
 
@@ -139,7 +139,7 @@ def test_it_acts_as_a_direct_computation_and_alone_as_in_a_batch(
 @pytest.mark.parametrize("period", [0.01, 0.012, 0.015, 0.02, 0.0333])
 def test_each_target_is_held_until_the_next_at_any_period(period: float, tmp_path: Path) -> None:
     file = SmallNetwork(3).onnx(tmp_path / "policy.onnx")
-    policy = NetworkPolicy(make_spec(file, (ObservationTerm("command"),), control_rate=1.0 / period))
+    policy = NetworkPolicy(make_spec(file, (SpecTerm("command"),), control_rate=1.0 / period))
     rows = np.zeros((STEPS, 1, OBSERVATION["command"].stop), np.float32)
     rows[:, :, OBSERVATION["command"]] = np.linspace(-1.0, 1.0, STEPS)[:, None, None]
     actions = acted(policy, rows)[:, 0]
@@ -154,7 +154,7 @@ def test_each_target_is_held_until_the_next_at_any_period(period: float, tmp_pat
 def test_joints_that_turn_the_other_way_or_are_zero_elsewhere(tmp_path: Path) -> None:
     signs = tuple(-1.0 if "hip" not in name else 1.0 for name in JOINTS)
     zeros = tuple((0.1 + np.arange(12) / 50).tolist())
-    terms = (ObservationTerm("joint_position"), ObservationTerm("joint_velocity"))
+    terms = (SpecTerm("joint_position"), SpecTerm("joint_velocity"))
     plain = make_spec(SmallNetwork(24).onnx(tmp_path / "policy.onnx"), terms, control_rate=100.0)
     turned = replace(plain, signs=signs, zeros=zeros)
     row = np.zeros((1, 1, OBSERVATION["command"].stop), np.float32)

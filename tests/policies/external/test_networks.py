@@ -10,13 +10,13 @@ import pytest
 
 from policies.base import PolicyError
 from policies.external.networks import BatchedNetwork, load_network
-from policies.external.spec import ObservationTerm
+from policies.external.spec import SpecTerm
 from tests.policies.external.small_networks import SmallNetwork, make_spec
 
 onnx = pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
 
-TERMS = (ObservationTerm("joint_velocity"), ObservationTerm("command"))
+TERMS = (SpecTerm("joint_velocity"), SpecTerm("command"))
 WIDTH = 15
 
 

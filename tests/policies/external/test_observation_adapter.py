@@ -11,7 +11,7 @@ from evaluate.rollouts.observers import Step
 from evaluate.rollouts.rollout import roll_out
 from policies.base import Floats, PolicyError
 from policies.external.observation_adapter import ObservationAdapter, required_height_scan
-from policies.external.spec import HeightGrid, ObservationTerm
+from policies.external.spec import HeightGrid, SpecTerm
 from quad_env import OBSERVATION, SIMPLE_QUAD, HeightScan
 from quad_env.sensing.height_scan import table_with
 from tests.policies.external.small_networks import make_spec
@@ -20,7 +20,7 @@ HOME, PERIOD = SIMPLE_QUAD.home_pose, 0.01
 NETWORK = Path("policy.onnx")
 
 
-def make_adapter(*wanted: ObservationTerm, **fields: Any) -> ObservationAdapter:
+def make_adapter(*wanted: SpecTerm, **fields: Any) -> ObservationAdapter:
     return ObservationAdapter(make_spec(NETWORK, wanted, **fields), SIMPLE_QUAD, PERIOD)
 
 
@@ -44,7 +44,7 @@ def test_angles_speeds_and_torques_are_in_the_order_of_the_observed_joints() -> 
     numbers = np.arange(12.0)
     row = standing(joint_position=0.01 * numbers, joint_velocity=0.1 * numbers, previous_action=0.02 * numbers)
     names = ("absolute_joint_position", "joint_velocity", "joint_torque", "constant")
-    of = make_adapter(*map(ObservationTerm, names[:3]), ObservationTerm(names[3], scale=(2.0,), values=(1.0, -3.0)))
+    of = make_adapter(*map(SpecTerm, names[:3]), SpecTerm(names[3], scale=(2.0,), values=(1.0, -3.0)))
     angles, speeds, torques, constant = np.split(observe_rows(of, row), [12, 24, 36])
     order = [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
     np.testing.assert_allclose(angles, (HOME + 0.01 * numbers)[order], atol=1e-6)
@@ -55,12 +55,12 @@ def test_angles_speeds_and_torques_are_in_the_order_of_the_observed_joints() -> 
 
 
 def test_torques_are_limited_to_what_the_servos_can_give() -> None:
-    torques = observe_rows(make_adapter(ObservationTerm("joint_torque")), standing(previous_action=np.full(12, -2.0)))
+    torques = observe_rows(make_adapter(SpecTerm("joint_torque")), standing(previous_action=np.full(12, -2.0)))
     np.testing.assert_allclose(torques, -SIMPLE_QUAD.rated_torque)
 
 
 def test_the_heading_frame_is_that_of_the_simulation() -> None:
-    of = make_adapter(ObservationTerm("linear_velocity", frame="heading"))
+    of = make_adapter(SpecTerm("linear_velocity", frame="heading"))
 
     def compare(step: Step) -> None:
         shown = observe_rows(of, step.observation.astype(np.float64))
@@ -70,7 +70,7 @@ def test_the_heading_frame_is_that_of_the_simulation() -> None:
 
 
 def test_the_world_frame_is_the_heading_at_the_start_of_each_episode() -> None:
-    of, up = make_adapter(ObservationTerm("linear_velocity", frame="world")), np.array((0.2, -0.3, np.sqrt(0.87)))
+    of, up = make_adapter(SpecTerm("linear_velocity", frame="world")), np.array((0.2, -0.3, np.sqrt(0.87)))
     spinning = standing(projected_gravity=-up, linear_velocity=2.0 * up, angular_velocity=0.5 * up)
     ahead = standing(linear_velocity=(1.0, 0.0, 0.2), angular_velocity=(0.0, 0.0, 0.5))
     np.testing.assert_allclose(observe_rows(of, *[spinning] * 101), (0.0, 0.0, 2.0), atol=1e-6)
@@ -80,7 +80,7 @@ def test_the_world_frame_is_the_heading_at_the_start_of_each_episode() -> None:
 
 
 def test_contacts_are_those_of_the_simulation_in_nine_steps_of_ten() -> None:
-    of = ObservationAdapter(make_spec(NETWORK, (ObservationTerm("foot_contact"),)), SIMPLE_QUAD, PERIOD)
+    of = ObservationAdapter(make_spec(NETWORK, (SpecTerm("foot_contact"),)), SIMPLE_QUAD, PERIOD)
     of.reset(2)
     agreed: list[Floats] = []
 
@@ -97,9 +97,7 @@ def test_contacts_are_those_of_the_simulation_in_nine_steps_of_ten() -> None:
 
 def test_a_clock_is_at_zero_at_the_first_step() -> None:
     # The seventh step of 50 Hz is 6 * 20 ms after the first, and 2 Hz are 0.24 cycles then.
-    shown = observe_rows(
-        make_adapter(ObservationTerm("gait_clock", clock=2.0)), *[standing(command=(0.5, 0.0, 0.0))] * 7
-    )
+    shown = observe_rows(make_adapter(SpecTerm("gait_clock", clock=2.0)), *[standing(command=(0.5, 0.0, 0.0))] * 7)
     np.testing.assert_allclose(shown, (np.sin(0.48 * np.pi), np.cos(0.48 * np.pi)), atol=1e-6)
 
 
@@ -107,20 +105,18 @@ def test_a_clock_is_at_zero_at_the_first_step() -> None:
 def test_a_clock_that_is_zero_at_small_commands_goes_on_meanwhile(
     command: tuple[float, float, float], is_shown: bool
 ) -> None:
-    of = make_adapter(ObservationTerm("gait_clock", clock=2.0, zero_below=0.1))
+    of = make_adapter(SpecTerm("gait_clock", clock=2.0, zero_below=0.1))
     shown = observe_rows(of, *[standing(command=command)] * 7)
     np.testing.assert_allclose(shown, (np.sin(0.48 * np.pi), np.cos(0.48 * np.pi)) if is_shown else 0.0, atol=1e-6)
     after = observe_rows(of, standing(command=(0.5, 0.0, 0.0)))
     np.testing.assert_allclose(after, (np.sin(0.56 * np.pi), np.cos(0.56 * np.pi)), atol=1e-6)
     with pytest.raises(PolicyError, match="`zero_below` belongs to the term gait_clock"):
-        ObservationTerm("command", zero_below=0.1)
+        SpecTerm("command", zero_below=0.1)
 
 
 def test_robots_that_act_at_different_steps_have_clocks_histories_and_actions_of_their_own() -> None:
     """The second of three acts twice, and then all: clocks at 1, 3 and 1 of 50 Hz, 0.04 of a cycle each."""
-    of = make_adapter(
-        ObservationTerm("gait_clock", clock=2.0, history=2), ObservationTerm("previous_action", history=2)
-    )
+    of = make_adapter(SpecTerm("gait_clock", clock=2.0, history=2), SpecTerm("previous_action", history=2))
     of.reset(3)
     of.action[:] = np.array([1.0, 2.0, 3.0])[:, None]
     rows = np.repeat(standing(), 3, axis=0)
@@ -146,7 +142,7 @@ def test_robots_that_act_at_different_steps_have_clocks_histories_and_actions_of
 )
 def test_terms_may_have_histories_of_different_lengths(newest: Any, expected: list[float]) -> None:
     """The last three of one and the present one of another: the forward command, and a part of the velocity."""
-    of = make_adapter(ObservationTerm("command", history=3), ObservationTerm("angular_velocity"), history_newest=newest)
+    of = make_adapter(SpecTerm("command", history=3), SpecTerm("angular_velocity"), history_newest=newest)
     rows = [standing(command=(step, 0.0, 0.0), angular_velocity=(0.1 * step, 0.0, 0.0)) for step in range(8)]
     np.testing.assert_allclose(observe_rows(of, *rows)[::3], expected, atol=1e-6)
 
@@ -154,7 +150,7 @@ def test_terms_may_have_histories_of_different_lengths(newest: Any, expected: li
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_scan_reaches_as_far_as_its_points_whichever_side_they_are_on(side: float) -> None:
     """Points 0.1 and 0.2 m aside, ahead and behind."""
-    of = make_adapter(ObservationTerm("height_scan", grid=HeightGrid((-0.1, 0.3), (0.1 * side, 0.2 * side))))
+    of = make_adapter(SpecTerm("height_scan", grid=HeightGrid((-0.1, 0.3), (0.1 * side, 0.2 * side))))
     scan = of.height_scan
     assert scan is not None
     assert (scan.ahead, scan.behind, scan.aside) == (3, 1, 2)
@@ -168,7 +164,7 @@ def test_a_scan_reaches_as_far_as_its_points_whichever_side_they_are_on(side: fl
 @pytest.mark.parametrize("x_first", [True, False])
 def test_points_of_a_height_scan_are_found_in_the_environments(x_first: bool) -> None:
     grid = HeightGrid((-0.2, 0.0, 0.4), (-0.1, 0.1), x_first, offset=0.5)
-    term = ObservationTerm("height_scan", grid=grid)
+    term = SpecTerm("height_scan", grid=grid)
     scan = required_height_scan(make_spec(NETWORK, (term,)))
     assert scan == HeightScan(ahead=4, behind=2, aside=1, spacing=0.1)
     x, y = scan.points.T
@@ -185,7 +181,7 @@ def test_a_grid_that_the_environment_cannot_have_is_refused(x: tuple[float, ...]
             make_spec(
                 NETWORK,
                 (
-                    ObservationTerm(
+                    SpecTerm(
                         "height_scan",
                         grid=HeightGrid(x, (0.0, 0.7)),
                     ),

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from policies.external.spec import JOINT_FIELDS, ObservationTerm, PolicySpec
+from policies.external.spec import JOINT_FIELDS, PolicySpec, SpecTerm
 from policies.external.spec_errors import (
     ENDS,
     FRAMES,
@@ -25,10 +25,10 @@ BY_LEG = tuple(f"{leg}_{link}" for leg in ("FL", "FR", "RL", "RR") for link in (
 COUNT = tuple(float(number) for number in range(1, 13))
 """A different value for each joint."""
 TERMS = (
-    ObservationTerm("linear_velocity"),
-    ObservationTerm("angular_velocity", (0.25,)),
-    ObservationTerm("projected_gravity", (1.0, 2.0, 3.0)),
-    ObservationTerm("joint_position"),
+    SpecTerm("linear_velocity"),
+    SpecTerm("angular_velocity", (0.25,)),
+    SpecTerm("projected_gravity", (1.0, 2.0, 3.0)),
+    SpecTerm("joint_position"),
 )
 
 
@@ -126,7 +126,7 @@ def test_velocities_are_tried_in_every_other_frame_together_and_alone() -> None:
 
 def test_gravity_is_tried_the_other_way_and_nothing_else() -> None:
     (found,) = corrections_of(description(), GRAVITY)
-    assert found.spec.terms == (*TERMS[:2], ObservationTerm("projected_gravity", (-1.0, -2.0, -3.0)), TERMS[3])
+    assert found.spec.terms == (*TERMS[:2], SpecTerm("projected_gravity", (-1.0, -2.0, -3.0)), TERMS[3])
     assert not corrections_of(replace(description(), terms=TERMS[:2]), GRAVITY)
 
 

@@ -15,14 +15,14 @@ from policies.external.network_policy import NetworkPolicy
 from policies.external.readers import write_toml
 from policies.external.reference import PolicyReference, resolve_reference
 from policies.external.server import make_server
-from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
+from policies.external.spec import HeightGrid, PolicySpec, SpecTerm
 from quad_env import OBSERVATION_SIZE, SIMPLE_QUAD, HeightScan
 from tests.policies.external.small_networks import SmallNetwork, make_spec
 
 pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
 
-TERMS = (ObservationTerm("joint_velocity", scale=(0.05,)), ObservationTerm("command"))
+TERMS = (SpecTerm("joint_velocity", scale=(0.05,)), SpecTerm("command"))
 WIDTH = 15
 
 
@@ -67,8 +67,8 @@ def test_the_file_that_describes_a_policy_names_it(description: PolicySpec, tmp_
 
 def test_a_height_scan_is_asked_of_the_environment(tmp_path: Path) -> None:
     terms = (
-        ObservationTerm("joint_velocity"),
-        ObservationTerm("height_scan", grid=HeightGrid((-0.1, 0.0, 0.1), (0.0,))),
+        SpecTerm("joint_velocity"),
+        SpecTerm("height_scan", grid=HeightGrid((-0.1, 0.0, 0.1), (0.0,))),
     )
     file = SmallNetwork(WIDTH).onnx(tmp_path / "policy.onnx")
     write_toml(make_spec(file, terms), tmp_path / "policy.toml")

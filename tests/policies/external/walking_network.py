@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import policies
-from policies.external.spec import ObservationTerm, PolicySpec
+from policies.external.spec import PolicySpec, SpecTerm
 from policies.legs.kinematics import joint_angles
 from quad_env import OBSERVATION, OBSERVATION_SIZE, Robot
 from quad_env.robots.registry import get_robot
@@ -119,8 +119,8 @@ def write(file: Path, style: Style = LEVELLED) -> PolicySpec:
     """Write the network; its description."""
     robot = get_robot(style.robot)
     trot = policies.make("trot", robot=robot)
-    terms = [ObservationTerm(name, scale, history=style.history) for name, scale in style.terms.items()]
-    terms.append(ObservationTerm("gait_clock", clock=trot.frequency, history=style.history))
+    terms = [SpecTerm(name, scale, history=style.history) for name, scale in style.terms.items()]
+    terms.append(SpecTerm("gait_clock", clock=trot.frequency, history=style.history))
     signs = _signs(style)
     default = (signs * (robot.home_pose + style.default))[style.order]
     found = PolicySpec(

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from policies.external.readers import read
-from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
+from policies.external.spec import HeightGrid, PolicySpec, SpecTerm
 
 pytest.importorskip("yaml")
 
@@ -44,14 +44,14 @@ def test_of_legged_gym(tmp_path: Path) -> None:
     assert found.default_position == tuple(OF[joint] for joint in found.joints)
     grid = HeightGrid((-0.1, 0.0, 0.1), (0.0, 0.2), x_first=False, offset=0.5)
     assert found.terms == (
-        ObservationTerm("linear_velocity", (2.1,)),
-        ObservationTerm("angular_velocity", (0.26,)),
-        ObservationTerm("projected_gravity"),
-        ObservationTerm("command", (2.1, 2.1, 0.26)),
-        ObservationTerm("joint_position", (1.1,)),
-        ObservationTerm("joint_velocity", (0.06,)),
-        ObservationTerm("previous_action"),
-        ObservationTerm("height_scan", (5.1,), (-1.0, 1.0), grid=grid),
+        SpecTerm("linear_velocity", (2.1,)),
+        SpecTerm("angular_velocity", (0.26,)),
+        SpecTerm("projected_gravity"),
+        SpecTerm("command", (2.1, 2.1, 0.26)),
+        SpecTerm("joint_position", (1.1,)),
+        SpecTerm("joint_velocity", (0.06,)),
+        SpecTerm("previous_action"),
+        SpecTerm("height_scan", (5.1,), (-1.0, 1.0), grid=grid),
     )
 
 
@@ -62,12 +62,12 @@ def test_of_himloco(tmp_path: Path) -> None:
     found = described(tmp_path, settings)
     assert found.action_scale == pytest.approx((0.12, 0.3, 0.3) * 4)
     assert found.terms == (
-        ObservationTerm("command", (2.1, 2.1, 0.26), history=2),
-        ObservationTerm("angular_velocity", (0.26,), history=2),
-        ObservationTerm("projected_gravity", history=2),
-        ObservationTerm("joint_position", (1.1,), history=2),
-        ObservationTerm("joint_velocity", (0.06,), history=2),
-        ObservationTerm("previous_action", history=2),
+        SpecTerm("command", (2.1, 2.1, 0.26), history=2),
+        SpecTerm("angular_velocity", (0.26,), history=2),
+        SpecTerm("projected_gravity", history=2),
+        SpecTerm("joint_position", (1.1,), history=2),
+        SpecTerm("joint_velocity", (0.06,), history=2),
+        SpecTerm("previous_action", history=2),
     )
 
 
@@ -90,13 +90,13 @@ def test_of_rl_sar(tmp_path: Path) -> None:
     assert found.action_scale == tuple(of(MOTORS, 0.25))
     assert found.default_position == tuple(of(MOTORS, 0.7))
     assert found.terms == (
-        ObservationTerm("linear_velocity", (2.3,), history=3),
-        ObservationTerm("command", (2.1, 2.2, 0.27), history=3),
-        ObservationTerm("angular_velocity", (0.26,), history=3),
-        ObservationTerm("projected_gravity", history=3),
-        ObservationTerm("joint_position", (1.1,), history=3),
-        ObservationTerm("joint_velocity", (0.06,), history=3),
-        ObservationTerm("previous_action", history=3),
+        SpecTerm("linear_velocity", (2.3,), history=3),
+        SpecTerm("command", (2.1, 2.2, 0.27), history=3),
+        SpecTerm("angular_velocity", (0.26,), history=3),
+        SpecTerm("projected_gravity", history=3),
+        SpecTerm("joint_position", (1.1,), history=3),
+        SpecTerm("joint_velocity", (0.06,), history=3),
+        SpecTerm("previous_action", history=3),
     )
 
 

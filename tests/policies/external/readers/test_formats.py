@@ -7,7 +7,7 @@ import pytest
 
 from policies.base import PolicyError
 from policies.external.readers import read, write_toml
-from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
+from policies.external.spec import HeightGrid, PolicySpec, SpecTerm
 
 pytest.importorskip("yaml")
 pytest.importorskip("onnx")
@@ -46,7 +46,7 @@ def test_unitree_gains_are_by_motor_and_all_else_by_joint(tmp_path: Path, seed: 
     names = [term.name for term in policy.terms]
     assert names[:3] == ["angular_velocity", "projected_gravity", "command"]
     assert names[3:] == ["joint_position", "joint_velocity", "previous_action"]
-    assert policy.terms[4] == ObservationTerm("joint_velocity", tuple(of(MOTORS)), (-10.0, 10.0), 3)
+    assert policy.terms[4] == SpecTerm("joint_velocity", tuple(of(MOTORS)), (-10.0, 10.0), 3)
     assert (policy.history_layout, policy.history_newest, policy.history_start) == ("term", "last", "first")
 
 
@@ -75,8 +75,8 @@ def test_unitree_history_by_time_scales_before_clips_and_a_gait_clock(tmp_path: 
         written(tmp_path / "params/deploy.yaml", {**found, "observations": {"obs": found["observations"]}})
     )
     assert policy.history_layout == "time"
-    assert policy.terms[0] == ObservationTerm("angular_velocity", (0.25,), (-4.0, 4.0), 4)
-    assert policy.terms[-1] == ObservationTerm("gait_clock", history=4, clock=1.25)
+    assert policy.terms[0] == SpecTerm("angular_velocity", (0.25,), (-4.0, 4.0), 4)
+    assert policy.terms[-1] == SpecTerm("gait_clock", history=4, clock=1.25)
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ def test_a_clock_stops_at_small_commands_where_the_file_says_so(
     found["observations"][name] = {"params": params, "clip": None, "scale": None, "history_length": 1}
     network(tmp_path)
     policy = described(written(tmp_path / "params/deploy.yaml", found))
-    assert policy.terms[-1] == ObservationTerm("gait_clock", clock=2.0, zero_below=threshold)
+    assert policy.terms[-1] == SpecTerm("gait_clock", clock=2.0, zero_below=threshold)
     assert any("`zero_below = 0.1` in a TOML" in remark for remark in policy.remarks) is (threshold == 0.0)
 
 
@@ -175,7 +175,7 @@ def test_rl_sar_joints_are_the_bases_motors_by_the_mapping(tmp_path: Path, seed:
     assert policy.stiffness == tuple(of(joints, 20.0))
     assert policy.default_position == tuple(of(joints))
     assert policy.control_rate == pytest.approx(50)
-    assert policy.terms[0] == ObservationTerm("command", (2.0, 2.0, 0.25), history=3)
+    assert policy.terms[0] == SpecTerm("command", (2.0, 2.0, 0.25), history=3)
     assert (policy.action_clip, policy.observation_clip) == ((-50.0, 50.0), 100.0)
     assert (policy.history_layout, policy.history_newest, policy.history_start) == ("time", "first", "zero")
 
@@ -219,8 +219,8 @@ def test_hips_of_rl_sar_before_v2_3_are_reduced_and_shown_so(tmp_path: Path) -> 
     network(tmp_path, "policy.pt")
     policy = described(written(tmp_path / "config.yaml", rl_sar_before_v2_3(0.5)))
     assert policy.action_scale == (0.125, 0.25, 0.25) * 4
-    assert policy.terms[-1] == ObservationTerm("previous_action", (0.5, 1.0, 1.0) * 4, history=6)
-    assert policy.terms[3] == ObservationTerm("joint_position", history=6)
+    assert policy.terms[-1] == SpecTerm("previous_action", (0.5, 1.0, 1.0) * 4, history=6)
+    assert policy.terms[3] == SpecTerm("joint_position", history=6)
 
 
 def test_joints_of_rl_sar_before_v2_3_are_transposed_for_isaac_sim(tmp_path: Path) -> None:
@@ -253,10 +253,10 @@ def test_legged_gym_joints_are_in_isaac_gyms_order(tmp_path: Path, suffix: str) 
     assert policy.joints == tuple(f"{leg}_{kind}" for leg in ("FL", "FR", "RL", "RR") for kind in files.KINDS)
     assert policy.default_position == tuple(OF[name] for name in policy.joints)
     assert policy.stiffness == (20.0, 30.0, 40.0) * 4
-    assert policy.terms[0] == ObservationTerm("linear_velocity", (2.0,))
-    assert policy.terms[3] == ObservationTerm("command", (2.0, 2.0, 0.25))
+    assert policy.terms[0] == SpecTerm("linear_velocity", (2.0,))
+    assert policy.terms[3] == SpecTerm("command", (2.0, 2.0, 0.25))
     grid = HeightGrid((-0.1, 0.0, 0.1), (0.0, 0.2), x_first=False, offset=0.5)
-    assert policy.terms[-1] == ObservationTerm("height_scan", (5.0,), (-1.0, 1.0), grid=grid)
+    assert policy.terms[-1] == SpecTerm("height_scan", (5.0,), (-1.0, 1.0), grid=grid)
     assert (policy.width, policy.action_clip) == (54, (-50.0, 50.0))
 
 
@@ -277,7 +277,7 @@ def test_himloco_shows_six_steps_the_newest_first_and_scales_hips_less(tmp_path:
     found["control"]["hip_reduction"] = 0.5
     network(tmp_path, "policy.pt")
     policy = described(written(tmp_path / "settings.yaml", found))
-    assert policy.terms[0] == ObservationTerm("command", (2.0, 2.0, 0.25), history=6)
+    assert policy.terms[0] == SpecTerm("command", (2.0, 2.0, 0.25), history=6)
     assert (policy.history_layout, policy.history_newest, policy.history_start) == ("time", "first", "zero")
     assert policy.action_scale == (0.125, 0.25, 0.25) * 4
     assert policy.width == 270
@@ -300,7 +300,7 @@ def test_mjlab_metadata_is_in_the_order_of_its_joints(tmp_path: Path, seed: int)
     assert policy.stiffness == tuple(of(names, 20.0))
     assert policy.damping == policy.default_position == tuple(of(names))
     assert policy.action_scale == tuple(of(names, 2.0))
-    assert policy.terms[3] == ObservationTerm("joint_position")
+    assert policy.terms[3] == SpecTerm("joint_position")
     assert (policy.control_rate, policy.width) == (50.0, 48)
 
 
@@ -314,8 +314,8 @@ def test_mjlab_terms_may_have_scales_clips_and_histories(tmp_path: Path) -> None
     }
     policy = described(files.onnx_file(tmp_path / "policy.onnx", metadata))
     assert policy.terms == (
-        ObservationTerm("angular_velocity", (0.25,)),
-        ObservationTerm("joint_position", (1.0, 2.0, 3.0) * 4, (-1.0, 1.0), 3),
+        SpecTerm("angular_velocity", (0.25,)),
+        SpecTerm("joint_position", (1.0, 2.0, 3.0) * 4, (-1.0, 1.0), 3),
     )
     assert policy.action_scale == (0.5,) * 12
 

@@ -18,7 +18,7 @@ from policies.base import PolicyError
 from policies.external.readers import name_patterns, read
 from policies.external.readers.settings import load_settings
 from policies.external.reference import resolve_reference
-from policies.external.spec import MAX_OBSERVATION, ObservationTerm, PolicySpec
+from policies.external.spec import MAX_OBSERVATION, PolicySpec, SpecTerm
 from quad_env.files.reading import NETWORK_LIMIT
 from quad_env.files.text import brief
 
@@ -271,10 +271,10 @@ def test_an_observation_has_a_largest_width(tmp_path: Path) -> None:
         "stiffness": (20.0,) * 12,
         "damping": (0.5,) * 12,
     }
-    step = ObservationTerm("joint_position", history=1000)
+    step = SpecTerm("joint_position", history=1000)
     with pytest.raises(PolicyError, match=f"an observation has at most {MAX_OBSERVATION}"):
         PolicySpec(**made, terms=(step,) * 20_000)  # type: ignore[arg-type]
-    wide = ObservationTerm("constant", values=(0.0,) * 5_000)
+    wide = SpecTerm("constant", values=(0.0,) * 5_000)
     with pytest.raises(PolicyError, match="show 5012000 numbers"):
         PolicySpec(**made, terms=(step, wide))  # type: ignore[arg-type]
     assert PolicySpec(**made, terms=(step, step)).width == 24_000  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ import pytest
 from policies.base import PolicyError
 from policies.external.readers import IncompleteSpecError, read, write_draft, write_toml
 from policies.external.reference import resolve_reference
-from policies.external.spec import ObservationTerm
+from policies.external.spec import SpecTerm
 
 pytest.importorskip("yaml")
 pytest.importorskip("onnx")
@@ -92,7 +92,7 @@ def test_an_io_descriptor_names_the_joints_of_each_term(tmp_path: Path, seed: in
     assert policy.stiffness == tuple(of(joints, 20.0))
     assert policy.damping == tuple(of(joints, 0.5))
     assert policy.control_rate == pytest.approx(50)
-    assert policy.terms[0] == ObservationTerm("angular_velocity", (0.25,), history=3)
+    assert policy.terms[0] == SpecTerm("angular_velocity", (0.25,), history=3)
     assert [term.name for term in policy.terms][2:] == [
         "command",
         "joint_position",
@@ -172,7 +172,7 @@ def test_flat_settings_with_rl_sars_keys_are_read_or_drafted(tmp_path: Path) -> 
     policy = read(written(tmp_path / "runner.yaml", flat))
     assert policy is not None
     assert policy.joints == MOTORS
-    assert policy.terms[0] == ObservationTerm("command", (2.0, 2.0, 0.25), history=3)
+    assert policy.terms[0] == SpecTerm("command", (2.0, 2.0, 0.25), history=3)
     assert policy.stiffness == tuple(of(MOTORS, 20.0))
     del flat["joint_names"]
     found = incomplete(written(tmp_path / "runner.yaml", flat))

@@ -9,7 +9,7 @@ import pytest
 from policies.base import PolicyError
 from policies.external.readers import read, write_toml
 from policies.external.readers.joint_orders import names_by_leg
-from policies.external.spec import HeightGrid, ObservationTerm, PolicySpec
+from policies.external.spec import HeightGrid, PolicySpec, SpecTerm
 
 JOINTS = names_by_leg("FR FL RR RL")
 TWELVE = tuple(float(each) for each in range(1, 13))
@@ -18,7 +18,7 @@ TWELVE = tuple(float(each) for each in range(1, 13))
 @pytest.fixture
 def plain(tmp_path: Path) -> PolicySpec:
     (tmp_path / "net.onnx").touch()
-    terms = (ObservationTerm("projected_gravity"), ObservationTerm("command", (2.0, 2.0, 0.25)))
+    terms = (SpecTerm("projected_gravity"), SpecTerm("command", (2.0, 2.0, 0.25)))
     values = {
         "default_position": TWELVE,
         "action_scale": (0.5,) * 12,
@@ -41,12 +41,10 @@ def test_every_field_is_read_as_it_was_written(tmp_path: Path, plain: PolicySpec
         history_start="zero",
         previous_action="scaled",
         terms=(
-            ObservationTerm("gait_clock", history=2, clock=1.5),
-            ObservationTerm(
-                "height_scan", (5.0,), (-1.0, 1.0), 2, grid=HeightGrid(TWELVE, (0.0,), x_first=False, offset=0.3)
-            ),
-            ObservationTerm("constant", history=2, values=(1e-05, 2.0)),
-            ObservationTerm("linear_velocity", (1.0, 2.0, 3.0), history=2, frame="world"),
+            SpecTerm("gait_clock", history=2, clock=1.5),
+            SpecTerm("height_scan", (5.0,), (-1.0, 1.0), 2, grid=HeightGrid(TWELVE, (0.0,), x_first=False, offset=0.3)),
+            SpecTerm("constant", history=2, values=(1e-05, 2.0)),
+            SpecTerm("linear_velocity", (1.0, 2.0, 3.0), history=2, frame="world"),
         ),
     )
     for each in (plain, full):
@@ -85,7 +83,7 @@ def test_numbers_stand_for_all_joints_or_for_a_kind(tmp_path: Path, plain: Polic
     assert found.stiffness == (20, 30, 40) * 4
     assert found.default_position == (0, 0.9, -1.8) * 4
     assert found.target_clip == ((-2, 2),) * 12
-    assert found.terms == (ObservationTerm("projected_gravity"), ObservationTerm("command", (2,), history=3))
+    assert found.terms == (SpecTerm("projected_gravity"), SpecTerm("command", (2,), history=3))
 
 
 def test_the_docs_file_of_playgrounds_go1_is_read(tmp_path: Path, repository: Path) -> None:
