@@ -7,7 +7,7 @@ import pytest
 
 from evaluate.measures.outcomes import MOVING
 from quad_env import OBSERVATION
-from quad_env.config import CommandRanges, StartNoise
+from quad_env.config import CommandRanges, FallRule, StartNoise
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.simulation import Simulation, SimulationConfig
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -131,3 +131,12 @@ def test_each_disturbance_of_a_surprise_has_its_share_of_the_reference(share: fl
     assert scenario.dropouts == Dropouts(duration=0.1 * share)
     assert scenario.ground.friction == pytest.approx(0.8 * 0.75**share)
     assert scenario.motors == Motors(torque_limit=100.0 * 0.5**share, bandwidth=20.0 / share)
+
+
+def test_deprecated_names_still_answer() -> None:
+    push, slippery = AXES["push"], AXES["slippery"]
+    assert push.of(SIMPLE_QUAD) == push.for_robot(SIMPLE_QUAD)
+    assert (push.falling, slippery.falling) == (push.harder_when_smaller, slippery.harder_when_smaller) == (False, True)
+    assert CommandRanges().times(2.0, 3.0) == CommandRanges().scaled(2.0, 3.0)
+    assert Motors(torque_limit=8.0).largest_torque(SIMPLE_QUAD) == Motors(torque_limit=8.0).max_torque(SIMPLE_QUAD)
+    assert FallRule().lowest(0.6) == FallRule().min_trunk_height(0.6)
