@@ -81,7 +81,7 @@ def launch(main: Callable[[], int]) -> int:
     if signal.getsignal(signal.SIGINT) in (_handle_interrupt, signal.default_int_handler):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     if code == INTERRUPTED:
-        # An interrupt within exec() has the interpreter end by the signal later on, whatever the exit code.
+        # An interrupt within exec() has the interpreter end by the signal later on, for any exit code.
         os._exit(INTERRUPTED)
     return code
 

@@ -155,8 +155,8 @@ def _motor_armature_and_damping(model: Any) -> Floats:
     for motor in range(model.nactuator):
         if int(model.actuator_trntype[motor]) in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
             gear = model.actuator_gear[model.actuator_outadr[motor], 0]
-            own = model.actuator_armature[motor], model.actuator_damping[motor], *model.actuator_dampingpoly[motor]
-            totals[model.actuator_trnid[motor, 0]] += gear**2 * np.array(own)
+            damping = (model.actuator_damping[motor], *model.actuator_dampingpoly[motor])
+            totals[model.actuator_trnid[motor, 0]] += gear**2 * np.array((model.actuator_armature[motor], *damping))
     return totals
 
 

@@ -21,7 +21,7 @@ class StanceTilts:
     """Tilts of a shin in the stances that decide which geoms are the foot, rad."""
 
     margin: float = 0.3
-    """Largest tilt beyond that of standing."""
+    """Largest tilt beyond the tilt of standing."""
     min_bent: float = 0.8
     """Lower bound on the estimated largest tilt with a bent knee."""
     max_bent: float = 1.0

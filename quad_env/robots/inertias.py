@@ -65,12 +65,13 @@ def _balanced_bodies(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -
     """Return the names of bodies with impossible moments that MuJoCo, or `compile_balanced`, has made equal."""
     if int(spec.compiler.inertiafromgeom) == INERTIA_FROM_GEOMS:
         return ()
-    return tuple(
-        body.name or f"number {body.id}"
-        for body, own in moments
-        if (own[0] < MIN_INERTIA or own[0] + own[1] < own[2])
-        and np.ptp(own) > np.ptp(model.body_inertia[body.id]) == 0.0
-    )
+    names = []
+    for body, own_moments in moments:
+        is_impossible = own_moments[0] < MIN_INERTIA or own_moments[0] + own_moments[1] < own_moments[2]
+        is_balanced = np.ptp(own_moments) > np.ptp(model.body_inertia[body.id]) == 0.0
+        if is_impossible and is_balanced:
+            names.append(body.name or f"number {body.id}")
+    return tuple(names)
 
 
 def remove_inferred_masses(spec: Any) -> tuple[str, ...]:
@@ -103,8 +104,8 @@ def remove_inferred_masses(spec: Any) -> tuple[str, ...]:
 def _mass(body: Any, welded_only: bool = False) -> float:
     """Return the mass of a body and of those below it, or of those that are welded to it, kg."""
     below = [each for each in body.bodies if not (welded_only and each.joints)]
-    own = float(body.mass) if body.explicitinertial else 0.0
-    return own + sum(_mass(each, welded_only) for each in below)
+    mass = float(body.mass) if body.explicitinertial else 0.0
+    return mass + sum(_mass(each, welded_only) for each in below)
 
 
 def _moments(body: Any) -> Floats:

@@ -58,10 +58,10 @@ def find_contradictions(robot: Robot) -> Iterator[str]:
     ]
     if not wrong:
         return
-    shown = {(leg, place): name for name, leg, place in reversed(wrong)}
-    pairs = ", ".join(f"{name} is {LEG_POSITIONS[place]}" for (_, place), name in reversed(shown.items()))
+    examples = {(leg, place): name for name, leg, place in reversed(wrong)}
+    pairs = ", ".join(f"{name} is {LEG_POSITIONS[place]}" for (_, place), name in reversed(examples.items()))
     all_wrong = len(wrong) == sum(leg is not None for leg in named)
-    yield f"names and places disagree: {pairs}; {_remedy(shown) if all_wrong else PARTIAL_REMEDY}"
+    yield f"names and places disagree: {pairs}; {_remedy(examples) if all_wrong else PARTIAL_REMEDY}"
 
 
 def _remedy(wrong: dict[tuple[str, str], str]) -> str:

@@ -1,7 +1,7 @@
 """Joints of a model that belong to none of its four legs, as of an arm, a tail or wheels: found and locked.
 
-A locked joint is removed, and its body is welded at the joint's reference. A servo, however stiff, or an equality would
-be one more spring: it limits the stable time step, yields under load, and leaves coordinates in the state that no
+A locked joint is removed, and its body is welded at the joint's reference. Even a stiff servo, or an equality, would be
+one more spring: it limits the stable time step, yields under load, and leaves coordinates in the state that no
 policy knows. A weld is exact at any time step and costs nothing.
 """
 

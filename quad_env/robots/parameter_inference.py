@@ -71,7 +71,7 @@ def _checked_name(name: Any) -> str:
     """Return a robot's name. Raises ModelError for an invalid name."""
     is_name = isinstance(name, str) and name and not name.startswith(".") and Path(name).name == name
     if not is_name or not name.isprintable():
-        raise ModelError(f"a robot's name is that of a folder too, such as my_robot: got {name!r}")
+        raise ModelError(f"name: a robot's name must be valid as a folder's name, such as my_robot; got {name!r}")
     return str(name)
 
 
@@ -213,7 +213,7 @@ def _read_toml(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any
 def _parse_parameter(name: str, value: Any) -> Any:
     """Return a given parameter as `Robot` has it. Raises ModelError for an invalid value."""
     if name not in GIVEN_PARAMETERS:
-        raise ModelError(f"a robot's {name!r} cannot be given; what can: {', '.join(GIVEN_PARAMETERS)}")
+        raise ModelError(f"{name!r} cannot be given; valid: {', '.join(GIVEN_PARAMETERS)}")
     try:
         numbers = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:

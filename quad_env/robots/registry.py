@@ -36,8 +36,8 @@ MAKER_SERVOS: dict[str, tuple[ArrayLike, ArrayLike] | None] = {
 }
 """Servo stiffness, N·m/rad, and damping, N·m·s/rad, of the package's models with twelve joints, by name.
 
-The gains are the maker's, or else those of most users: of every joint, or of hip, thigh and calf. None where no source
-gives any: the robot then has the gains that an imported robot gets.
+The gains are the maker's, or else the gains of most users: of every joint, or of hip, thigh and calf. None where no
+source gives any: the robot then has the gains that an imported robot gets.
 """
 _KNEE_DIRECTIONS = {"mini_cheetah": -1.0}
 """Knee directions that a model does not give."""

@@ -190,8 +190,8 @@ def _add_contact_sensors(scene: Any, sensor: dict[str, Any], parts: list[Any]) -
 
     for number, part in enumerate(parts):
         kind = mujoco.mjtObj.mjOBJ_GEOM if hasattr(part, "contype") else mujoco.mjtObj.mjOBJ_BODY
-        own = {"name": numbered_name(sensor["name"], number), "objtype": kind, "objname": part.name}
-        scene.add_sensor(**sensor | own)
+        fields = {"name": numbered_name(sensor["name"], number), "objtype": kind, "objname": part.name}
+        scene.add_sensor(**sensor | fields)
 
 
 def _set_home_pose(scene: Any, robot: RobotParameters) -> None:

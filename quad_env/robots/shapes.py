@@ -11,7 +11,7 @@ Bools = NDArray[np.bool_]
 
 GROUND_BIT = 1 << 30
 """Bit of `contype` of the geoms that collide with the ground, and of `conaffinity` of the ground. The geoms collide
-with the ground whatever bits the model uses, and no two geoms of a robot collide that do not in its model.
+with the ground for any bits of the model, and no two geoms of a robot collide that do not in its model.
 """
 _SIGNS = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)], indexing="ij"), axis=-1).reshape(-1, 3)
 """Signs of the corners of a box, (8, 3)."""

@@ -209,8 +209,8 @@ def _check_equal_legs(legs: Sequence[Leg]) -> None:
     for length in ("hip_offset", "thigh_length", "calf_length", "foot.radius"):
         values = [attrgetter(length)(leg) for leg in legs]
         if np.ptp(values) > _LENGTH_TOLERANCE * (legs[0].thigh_length + legs[0].calf_length):
-            each = ", ".join(f"{leg.name} {value:.3f}" for leg, value in zip(legs, values, strict=True))
-            raise ModelError(f"the legs differ in {re.sub('[_.]', ' ', length)}, m: {each}")
+            lengths = ", ".join(f"{leg.name} {value:.3f}" for leg, value in zip(legs, values, strict=True))
+            raise ModelError(f"the legs differ in {re.sub('[_.]', ' ', length)}, m: {lengths}")
 
 
 def _name(part: Any) -> str:

@@ -75,8 +75,8 @@ def _reach(model: Any, body: int) -> float:
     points: list[Floats] = []
     for each in welded_bodies(model, body):
         below = model.body_pos[np.flatnonzero(model.body_parentid == each)]
-        own = [np.zeros((1, 3)), below, *(box_corners(model, geom) for geom in geom_ids(model, [each]))]
-        points.append(_in_assembly(model, each, np.concatenate(own)))
+        corners = [np.zeros((1, 3)), below, *(box_corners(model, geom) for geom in geom_ids(model, [each]))]
+        points.append(_in_assembly(model, each, np.concatenate(corners)))
     centre = _in_assembly(model, body, model.body_ipos[body])
     return float(np.linalg.norm(np.concatenate(points) - centre, axis=1).max())
 

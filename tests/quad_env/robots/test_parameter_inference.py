@@ -199,7 +199,7 @@ def test_a_robot_is_called_after_the_file_that_was_given(tmp_path: Path) -> None
     assert [Robot.from_mjcf(path).name for path in (one, other, named)] == ["one", "other", "rover"]
     assert Robot.from_mjcf(named, name="mine").name == "mine"
     for name in ("../made", ".made", 5):
-        with pytest.raises(ModelError, match="a robot's name is that of a folder too"):
+        with pytest.raises(ModelError, match="a robot's name must be valid as a folder's name"):
             Robot.from_mjcf(one, name=name)
 
 
@@ -220,7 +220,7 @@ def test_figures_from_a_file_come_before_what_is_inferred(tmp_path: Path) -> Non
     assert (robot.name, robot.knee_direction.tolist(), robot.rated_torque) == ("mine", 4 * [1.0], 12.5)
     assert robot.home_pose[2] > 0.0
     for line, said in {
-        "servo_stifness = 3": "'servo_stifness' cannot be given; what can: home_pose, ",
+        "servo_stifness = 3": "'servo_stifness' cannot be given; valid: home_pose, ",
         "knee_direction = [1, 1, -1]": r"one of these a leg, got \[1, 1, -1\]",
         "rated_torque = -1": "rated_torque is a number above 0, got -1",
         "home_pose = [1, 2]": "home_pose is three angles",

@@ -47,8 +47,8 @@ def test_legs_that_hang_from_the_world_are_named(tmp_path: Path) -> None:
 
 
 FAULTS = {
-    'name = "../other"': "a robot's name is that of a folder too",
-    "name = 5": "a robot's name is that of a folder too",
+    'name = "../other"': "a robot's name must be valid as a folder's name",
+    "name = 5": "a robot's name must be valid as a folder's name",
     "home_pose = [1, 2]": "home_pose is three angles",
     "home_pose = [0.0, 0.5, 1.0]": "the home pose lies outside the limits of",
     "rated_torque = -1": "rated_torque is a number above 0",
