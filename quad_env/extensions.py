@@ -62,12 +62,13 @@ _added_observers: list[Callable[[], None]] = []
 def add_extension(extension: Extension) -> None:
     """Add an extension to this process. Worker processes of the evaluator receive it as well.
 
+    ValueError is raised if another extension has the same name of the same kind.
+
     Args:
-        extension: Additions; a name that is taken is refused when its kind is read.
+        extension: Additions; a built-in name is refused when its kind is read.
 
     Raises:
         TypeError: The argument is not an `Extension`.
-        ValueError: Another extension has the same name of the same kind.
     """
     if not isinstance(extension, Extension):
         raise TypeError(f"extension: expected a quad_env.Extension, got {extension!r}")
@@ -89,10 +90,13 @@ def when_added(drop_cache: Callable[[], None]) -> None:
 
 
 def named(kind: str) -> dict[str, Any]:
-    """Return every addition of a kind by name: of installed packages, then of this process.
+    """Return every addition of a kind by name.
 
     Args:
         kind: Name of a field of `Extension`.
+
+    Returns:
+        Additions of installed packages, then of this process.
     """
     additions: dict[str, Any] = {}
     for extension in (*_installed(), *_added):
@@ -106,6 +110,9 @@ def check_new(kind: str, builtin: Mapping[str, Any]) -> dict[str, Any]:
     Args:
         kind: Name of a field of `Extension`.
         builtin: Names that the package itself has of this kind.
+
+    Returns:
+        Additions by name.
 
     Raises:
         ValueError: An addition has a built-in name.

@@ -12,8 +12,10 @@ TOCTREE = "```{{toctree}}\n:hidden:\n:caption: {title}\n\n{pages}\n```\n"
 
 
 def with_contents(page: str) -> str:
-    """A Markdown page with a hidden `toctree` at the end of each section that links to other pages, by the words of the
-    links."""
+    """Add a hidden `toctree` to each section of a Markdown page that links to other pages.
+
+    Entries have the words of the links.
+    """
     first, *sections = re.split(r"^## ", page, flags=re.MULTILINE)
     return first + "".join(f"## {section}\n{_toctree(section)}" for section in sections)
 
@@ -30,6 +32,6 @@ def _read(app: Sphinx, name: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Called by Sphinx."""
+    """Connect the extension to Sphinx."""
     app.connect("source-read", _read)
     return {"parallel_read_safe": True}

@@ -11,7 +11,7 @@ SETTINGS: Any = Config()
 
 
 def with_literal_blocks(lines: Sequence[str]) -> Iterator[str]:
-    """The lines with `::` before each block that is indented, after an empty line, below one that is not."""
+    """Yield the lines with `::` before each indented block that follows an empty line."""
     before = ""  # the last line that is not empty
     for number, line in enumerate(lines):
         if line.startswith("    ") and number and not lines[number - 1] and not before.startswith(" "):
@@ -26,6 +26,6 @@ def _process(app: Sphinx, what: Any, name: str, thing: Any, options: Any, lines:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Called by Sphinx."""
+    """Connect the extension to Sphinx."""
     app.connect("autodoc-process-docstring", _process)
     return {"parallel_read_safe": True}

@@ -26,6 +26,6 @@ def _read(app: Sphinx, name: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Called by Sphinx."""
+    """Connect the extension to Sphinx."""
     app.connect("source-read", _read)
     return {"parallel_read_safe": True}

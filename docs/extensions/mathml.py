@@ -14,8 +14,11 @@ FUNCTION = re.compile(r"(<mi>(?:sin|cos|arccos|exp)</mi>)(?=(<mo)?)")
 
 
 def mathml(formula: str, display: str = "inline") -> str:
-    """MathML of a formula in LaTeX, with the spaces about sin and the like that the converter leaves out, and the bars
-    of norms, which browsers stretch one by one, all of one height."""
+    """Convert a formula in LaTeX to MathML.
+
+    The converter leaves out the spaces about functions such as sin; they are added. Bars of norms have one height,
+    since browsers stretch each by itself.
+    """
     converted = convert(formula, display=display).replace(NORM, NORM.replace("<mo>", '<mo stretchy="false">'))
     return FUNCTION.sub(lambda found: SPACE + found[1] + ("" if found[2] else SPACE), converted)
 
@@ -31,6 +34,6 @@ def _block(writer: HTML5Translator, node: nodes.math_block) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Called by Sphinx."""
+    """Connect the extension to Sphinx."""
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     return {"parallel_read_safe": True}

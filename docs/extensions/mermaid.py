@@ -7,6 +7,6 @@ from sphinx.application import Sphinx
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Called by Sphinx."""
+    """Connect the extension to Sphinx."""
     app.add_lexer("mermaid", TextLexer)
     return {"parallel_read_safe": True}

@@ -128,7 +128,7 @@ RULES = {
 }
 
 
-def outcomes(
+def outcomes(  # noqa: PLR0913 -- arrays of one kind, by keyword alone
     *,
     fell: Bools,
     diverged: Bools,

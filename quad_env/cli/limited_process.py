@@ -27,8 +27,8 @@ from quad_env.cli.limited_protocol import (
     READY,
     TIME,
     CrashError,
-    Failure,
     LimitExceededError,
+    ProcessFailure,
     Question,
     receive,
     send,
@@ -69,7 +69,7 @@ def call(function: Callable[..., Any], *arguments: Any) -> Any:
             answer = _ask(Question(function.__module__, function.__qualname__, arguments))
     except _UnavailableError:
         return function(*arguments)
-    if isinstance(answer, Failure):
+    if isinstance(answer, ProcessFailure):
         raise answer.error
     return answer
 

@@ -65,7 +65,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Failure:
+class ProcessFailure:
     """Exception of a call, in place of its result."""
 
     error: Exception

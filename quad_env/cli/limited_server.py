@@ -10,7 +10,16 @@ import sys
 from typing import Any, BinaryIO
 
 from quad_env.cli.launcher import is_out_of_memory
-from quad_env.cli.limited_protocol import BEGUN, MEMORY, READY, Failure, LimitExceededError, Question, receive, send
+from quad_env.cli.limited_protocol import (
+    BEGUN,
+    MEMORY,
+    READY,
+    LimitExceededError,
+    ProcessFailure,
+    Question,
+    receive,
+    send,
+)
 from quad_env.files.text import format_exception
 
 _IDLE_TIME = 30.0
@@ -44,7 +53,7 @@ def _serve_question(question: Question, answers: BinaryIO) -> int:
     _set_limits(question)
     value = _answer(function, question)
     if _peak_memory() - before > question.mebibytes * 2**20:
-        value = Failure(_memory_error(question))
+        value = ProcessFailure(_memory_error(question))
     send(answers, (value,))
     return _peak_memory() - before
 
@@ -66,12 +75,12 @@ def _answer(function: Any, question: Question) -> Any:
         return value
     except Exception as error:
         if is_out_of_memory(error):
-            return Failure(_memory_error(question))
+            return ProcessFailure(_memory_error(question))
         try:
             pickle.loads(pickle.dumps(error))
         except Exception:
-            return Failure(RuntimeError(format_exception(error)))
-        return Failure(error)
+            return ProcessFailure(RuntimeError(format_exception(error)))
+        return ProcessFailure(error)
 
 
 def _memory_error(question: Question) -> LimitExceededError:

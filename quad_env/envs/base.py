@@ -91,7 +91,7 @@ class Equipment(NamedTuple):
         return None if self.sensors is None else (self.sensors.imu.position, self.sensors.imu.rotation)
 
 
-class StepResult(NamedTuple, Generic[ScalarOrBatch]):
+class StepOutcome(NamedTuple, Generic[ScalarOrBatch]):
     """Results of a control step: of one robot in floats, or of k robots in arrays."""
 
     state: QuadState[ScalarOrBatch]
@@ -255,7 +255,7 @@ class QuadEnvBase:
                 part.reset(env_ids, episodes)
         self._tracked_command[env_ids] = self._schedule.command[env_ids]
 
-    def _advance(self, targets: Array, env_ids: EnvSelection | None) -> StepResult[Any]:
+    def _advance(self, targets: Array, env_ids: EnvSelection | None) -> StepOutcome[Any]:
         """Advance robots by one control step, in the order of its phases.
 
         Args:
@@ -274,7 +274,7 @@ class QuadEnvBase:
         terms = self._step_terms(state, terminated, diverged)
         self._schedule.resample_commands(moving)
         observation = self._observe(state, env_ids)
-        return StepResult(state, observation, terms, fall, diverged, terminated)
+        return StepOutcome(state, observation, terms, fall, diverged, terminated)
 
     def _apply_action(self, targets: Array, env_ids: EnvSelection) -> Array | None:
         """Return the targets that the servos receive, (n, 12), rad; None: the action's."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from quad_env import columns
 from quad_env.envs.arguments import check_frame, check_joint_targets, parse_reset_options, warn_no_render_mode
-from quad_env.envs.base import EnvKwargs, QuadEnvBase, StepResult
+from quad_env.envs.base import EnvKwargs, QuadEnvBase, StepOutcome
 from quad_env.envs.vector_env import Observation
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.scenario import Scenario
@@ -166,7 +166,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         if self._terminated:
             observation, info = self._current_observation()
             return observation, 0.0, True, False, info
-        result: StepResult[float] = self._advance(targets[None], None)
+        result: StepOutcome[float] = self._advance(targets[None], None)
         self._fall = result.fall
         self._diverged = bool(result.diverged)
         self._terminated = bool(result.terminated)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from quad_env import columns
 from quad_env.columns import Array, EnvIndices, EnvSelection, Mask
 from quad_env.envs import arguments
-from quad_env.envs.base import EnvKwargs, QuadEnvBase, StepResult
+from quad_env.envs.base import EnvKwargs, QuadEnvBase, StepOutcome
 from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.episode import PushPlan
@@ -148,7 +148,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         )
         done = self._terminated | self._truncated
         moving = np.flatnonzero(~done) if done.any() else ALL
-        result: StepResult[Array] = self._advance(targets, moving)
+        result: StepOutcome[Array] = self._advance(targets, moving)
         self._store(result, moving)
         terms = {key: self._scatter(values, moving) for key, values in result.terms.items()}
         rewards = columns.ordered_sum(terms[key] for key in self._reward_keys)
@@ -216,7 +216,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         state = self._compute_state(env_ids)
         self._store_observation(state, self._observe(state, env_ids), env_ids)
 
-    def _store(self, result: StepResult[Array], env_ids: EnvSelection) -> None:
+    def _store(self, result: StepOutcome[Array], env_ids: EnvSelection) -> None:
         """Store the result of a step of the robots `env_ids`, and whether it is their last within the time limit."""
         self._state = result.state if env_ids is ALL else None
         self._diverged[env_ids] = result.diverged
