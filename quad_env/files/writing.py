@@ -23,7 +23,7 @@ def write_atomically(path: Path, content: bytes) -> None:
 
     Raises:
         BaseException: Any error of the writing, once the temporary file is deleted.
-    """
+    """  # noqa: DOC502 -- a bare `raise`
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
