@@ -124,22 +124,22 @@ class FirstOrderFilter:
         self._gain = 1 - math.exp(-timestep * 2 * math.pi * bandwidth)
         self._value = np.tile(home, (num_envs, 1))
 
-    def reset(self, ids: EnvSelection) -> None:
-        """Reset the filters of the robots `ids` to the home pose."""
-        self._value[ids] = self._home
+    def reset(self, env_ids: EnvSelection) -> None:
+        """Reset the filters of the robots `env_ids` to the home pose."""
+        self._value[env_ids] = self._home
 
-    def update(self, targets: Array, ids: EnvSelection) -> Array:
+    def update(self, targets: Array, env_ids: EnvSelection) -> Array:
         """Advance the filters by a physics step.
 
         Args:
             targets: Joint targets of the selected robots, (k, 12), rad.
-            ids: The selected robots.
+            env_ids: The selected robots.
 
         Returns:
             Filtered targets at the start of the physics step, (k, 12), rad.
         """
-        value = self._value[ids].copy()
-        self._value[ids] = value + self._gain * (targets - value)
+        value = self._value[env_ids].copy()
+        self._value[env_ids] = value + self._gain * (targets - value)
         return value
 
 
@@ -169,28 +169,28 @@ class MotorThermalModel:
         """(n, 12), °C."""
         self._is_off: Mask = np.zeros(force_range.shape[:2], np.bool_)
 
-    def reset(self, ids: EnvSelection) -> None:
-        """Reset the motors of the robots `ids`: cold and working."""
-        self.temperature[ids] = self._thermal.ambient
-        self._is_off[ids] = False
-        self._force_range[ids] = self.full_range[ids]
+    def reset(self, env_ids: EnvSelection) -> None:
+        """Reset the motors of the robots `env_ids`: cold and working."""
+        self.temperature[env_ids] = self._thermal.ambient
+        self._is_off[env_ids] = False
+        self._force_range[env_ids] = self.full_range[env_ids]
 
-    def update(self, torque: Array, ids: EnvSelection) -> None:
+    def update(self, torque: Array, env_ids: EnvSelection) -> None:
         """Advance temperatures and torque limits by a physics step.
 
         Args:
             torque: Torques of the selected robots in the physics step, (k, 12), N·m.
-            ids: The selected robots.
+            env_ids: The selected robots.
         """
         thermal = self._thermal
         steady = thermal.ambient + self._temperature_per_torque2 * (torque * torque)
-        temperature = steady + (self.temperature[ids] - steady) * self._decay
-        is_off = self._is_off[ids] | (temperature >= thermal.shutdown)
+        temperature = steady + (self.temperature[env_ids] - steady) * self._decay
+        is_off = self._is_off[env_ids] | (temperature >= thermal.shutdown)
         margin = np.clip((thermal.shutdown - temperature) / (thermal.shutdown - thermal.derating), 0.0, 1.0)
         limit_fraction = np.where(is_off, 0.0, thermal.derated + (1 - thermal.derated) * margin)
-        self.temperature[ids] = temperature
-        self._is_off[ids] = is_off
-        self._force_range[ids] = self.full_range[ids] * limit_fraction[..., None]
+        self.temperature[env_ids] = temperature
+        self._is_off[env_ids] = is_off
+        self._force_range[env_ids] = self.full_range[env_ids] * limit_fraction[..., None]
 
 
 def make_target_filter(

@@ -68,28 +68,28 @@ class MotorMeter:
         """Readings of the last control step, name -> (n, ...)."""
         self.readings["foot_impulse"] = np.zeros((len(self._speed), len(robot.leg_names)))
 
-    def reset(self, ids: EnvSelection) -> None:
-        """Reset the readings of the robots `ids` to zero."""
+    def reset(self, env_ids: EnvSelection) -> None:
+        """Reset the readings of the robots `env_ids` to zero."""
         for values in (self._mean_torque, *self.readings.values()):
-            values[ids] = 0.0
+            values[env_ids] = 0.0
 
-    def start(self, ids: EnvSelection) -> None:
-        """Start a control step of the robots `ids`."""
+    def start(self, env_ids: EnvSelection) -> None:
+        """Start a control step of the robots `env_ids`."""
         self._samples.clear()
-        self._speed_before = self._speed[ids].copy()
+        self._speed_before = self._speed[env_ids].copy()
 
-    def record(self, ids: EnvSelection) -> None:
-        """Record the physics step that the robots `ids` have just made."""
+    def record(self, env_ids: EnvSelection) -> None:
+        """Record the physics step that the robots `env_ids` have just made."""
         before = self._speed_before
-        after = self._speed[ids].copy()
-        force = sum_foot_forces(self._touch, ids)
+        after = self._speed[env_ids].copy()
+        force = sum_foot_forces(self._touch, env_ids)
         with np.errstate(all="ignore"):  # values of a diverged robot, which is reset after this control step
-            torque = self._applied_torque(ids, after - before)
+            torque = self._applied_torque(env_ids, after - before)
         self._samples.append(SubstepSample(before, after, torque, force))
         self._speed_before = after
 
-    def finish(self, ids: EnvSelection) -> None:
-        """Compute the readings of the control step of the robots `ids` from its physics steps."""
+    def finish(self, env_ids: EnvSelection) -> None:
+        """Compute the readings of the control step of the robots `env_ids` from its physics steps."""
         before, after, torque, force = (np.array(values) for values in zip(*self._samples, strict=True))
         time = self._timestep
         with np.errstate(all="ignore"):
@@ -103,12 +103,12 @@ class MotorMeter:
                 "mean_torque": magnitude.mean(axis=0),
                 "peak_torque": magnitude.max(axis=0),
                 "peak_speed": np.abs(after).max(axis=0),
-                "torque_change": np.abs(mean - self._mean_torque[ids]),
+                "torque_change": np.abs(mean - self._mean_torque[env_ids]),
                 "foot_impulse": time * force.sum(axis=0),
             }
-        self._mean_torque[ids] = mean
+        self._mean_torque[env_ids] = mean
         for name, values in readings.items():
-            self.readings[name][ids] = values
+            self.readings[name][env_ids] = values
 
 
 def touch_sensors(robot: Robot, model: Any) -> list[list[str]]:
@@ -127,17 +127,17 @@ def touch_sensors(robot: Robot, model: Any) -> list[list[str]]:
     return [names_of_part(f"{leg}_foot_touch", names) for leg in robot.leg_names]
 
 
-def sum_foot_forces(touch: Sequence[Sequence[Array]], ids: EnvSelection) -> Array:
+def sum_foot_forces(touch: Sequence[Sequence[Array]], env_ids: EnvSelection) -> Array:
     """Sum the forces of the touch sensors of each foot.
 
     Args:
         touch: Data of the sensors of each foot, (n, 1) each, N.
-        ids: Indices of k robots.
+        env_ids: Indices of k robots.
 
     Returns:
         Ground force on each foot, (k, 4), N.
     """
-    return np.concatenate([np.sum([force[ids] for force in forces], axis=0) for forces in touch], axis=1)
+    return np.concatenate([np.sum([force[env_ids] for force in forces], axis=0) for forces in touch], axis=1)
 
 
 def make_applied_torque_reader(batch: Batch, model: Any, num_joints: int) -> AppliedTorqueReader:
@@ -157,8 +157,8 @@ def make_applied_torque_reader(batch: Batch, model: Any, num_joints: int) -> App
     """
     explicit = batch.bind("actuator_force")
     if not batch.features.implicit_damping:
-        return lambda ids, _: explicit[ids]
+        return lambda env_ids, _: explicit[env_ids]
     derivative = batch.bind("qDeriv")
     diagonal = (model.D_rowadr + model.D_diag)[-num_joints:]
     damping = model.dof_damping[-num_joints:].copy()
-    return lambda ids, change: explicit[ids] + (derivative[ids][:, diagonal] + damping) * change
+    return lambda env_ids, change: explicit[env_ids] + (derivative[env_ids][:, diagonal] + damping) * change

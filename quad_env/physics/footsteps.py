@@ -37,37 +37,37 @@ class FootContactTracker:
         self._height = np.zeros_like(self._air_steps)
         self._descent_speed = np.zeros_like(self._air_steps)
 
-    def reset(self, ids: EnvSelection) -> None:
-        """Start an episode of the robots `ids`: no foot is in a swing."""
+    def reset(self, env_ids: EnvSelection) -> None:
+        """Start an episode of the robots `env_ids`: no foot is in a swing."""
         for values in (self._air_steps, self.swing_time, self.touchdown_speed, self._descent_speed):
-            values[ids] = 0.0
-        self._height[ids] = self._foot_heights(ids)
+            values[env_ids] = 0.0
+        self._height[env_ids] = self._foot_heights(env_ids)
 
-    def update(self, ids: EnvSelection) -> None:
-        """Update swings and speeds after a control step of the robots `ids`."""
-        contact = touching(self._contacts, ids)
-        air_steps = self._air_steps[ids]
+    def update(self, env_ids: EnvSelection) -> None:
+        """Update swings and speeds after a control step of the robots `env_ids`."""
+        contact = touching(self._contacts, env_ids)
+        air_steps = self._air_steps[env_ids]
         has_landed = contact & (air_steps > MAX_BOUNCE_STEPS)
-        self.swing_time[ids] = np.where(has_landed, self._period * air_steps, 0.0)
-        self.touchdown_speed[ids] = np.where(has_landed, self._descent_speed[ids], 0.0)
-        height = self._foot_heights(ids)
-        self._descent_speed[ids] = np.maximum(self._height[ids] - height, 0.0) / self._period
-        self._height[ids] = height
-        self._air_steps[ids] = np.where(contact, 0.0, air_steps + 1.0)
+        self.swing_time[env_ids] = np.where(has_landed, self._period * air_steps, 0.0)
+        self.touchdown_speed[env_ids] = np.where(has_landed, self._descent_speed[env_ids], 0.0)
+        height = self._foot_heights(env_ids)
+        self._descent_speed[env_ids] = np.maximum(self._height[env_ids] - height, 0.0) / self._period
+        self._height[env_ids] = height
+        self._air_steps[env_ids] = np.where(contact, 0.0, air_steps + 1.0)
 
-    def _foot_heights(self, ids: EnvSelection) -> Array:
-        return self._site_positions[ids][:, self._foot_sites, 2]
+    def _foot_heights(self, env_ids: EnvSelection) -> Array:
+        return self._site_positions[env_ids][:, self._foot_sites, 2]
 
 
-def touching(contacts: Sequence[Sequence[Array]], ids: EnvSelection) -> Mask:
+def touching(contacts: Sequence[Sequence[Array]], env_ids: EnvSelection) -> Mask:
     """Return True for each part of a robot that touched the ground.
 
     Args:
         contacts: Contact counts of the sensors of each part, (n, 1) each.
-        ids: Indices of k robots.
+        env_ids: Indices of k robots.
 
     Returns:
         Contact of each part, (k, parts).
     """
-    counts = [sum((count[ids] for count in others), first[ids]) for first, *others in contacts]
+    counts = [sum((count[env_ids] for count in others), first[env_ids]) for first, *others in contacts]
     return np.concatenate(counts, axis=1) > 0

@@ -57,7 +57,7 @@ class IdealSensors:
         self._copies: list[tuple[Array, Array]] = []
         """Outputs of the batch and their copies."""
 
-    def read(self, rows: EnvIndices, clock: NDArray[np.int64], period: int) -> dict[str, Array]:
+    def read(self, env_ids: EnvIndices, clock: NDArray[np.int64], period: int) -> dict[str, Array]:
         """Return the values of perfect sensors at the present state; call it once per control step.
 
         `accelerometer` is the mean specific force since its last sample: the change of the IMU's velocity divided by
@@ -66,7 +66,7 @@ class IdealSensors:
         trunk's motion by 2.4 m/s² (rms, vertical) because of implicit integration.
 
         Args:
-            rows: Indices of the robots, (k,).
+            env_ids: Indices of the robots, (k,).
             clock: Control steps since their start, (k,).
             period: Control steps between two samples of the accelerometer.
 
@@ -78,28 +78,28 @@ class IdealSensors:
             foot_contact: Ground force on each foot, (k, 4), N.
             joint_torque: (k, 12), N·m.
         """
-        self._batch.forward(rows)
-        gyro, acceleration, velocity, orientation = (data[rows] for data in self._imu)
+        self._batch.forward(env_ids)
+        gyro, acceleration, velocity, orientation = (data[env_ids] for data in self._imu)
         rotation = np.moveaxis(np.array(rotation_matrix(to_components(orientation))), -1, 0)
-        mean_force = self._mean_specific_force(rows, velocity, rotation, period)
+        mean_force = self._mean_specific_force(env_ids, velocity, rotation, period)
         is_due = clock % period == 0
-        self._velocity[rows[is_due]] = velocity[is_due]
-        self._rotation[rows[is_due]] = rotation[is_due]
+        self._velocity[env_ids[is_due]] = velocity[is_due]
+        self._rotation[env_ids[is_due]] = rotation[is_due]
         is_first = clock == 0
         return {
             "gyro": gyro,
             "accelerometer": np.where(is_first[:, None], acceleration, mean_force),
             "up": rotation[:, 2],
-            "joint_position": self._qpos[rows, self._joints],
-            "foot_contact": sum_foot_forces(self._touch, rows),
-            "joint_torque": self._torque[rows, self._joints],
+            "joint_position": self._qpos[env_ids, self._joints],
+            "foot_contact": sum_foot_forces(self._touch, env_ids),
+            "joint_torque": self._torque[env_ids, self._joints],
         }
 
-    def _mean_specific_force(self, rows: EnvIndices, velocity: Array, rotation: Array, period: int) -> Array:
+    def _mean_specific_force(self, env_ids: EnvIndices, velocity: Array, rotation: Array, period: int) -> Array:
         """Return the mean specific force since the last sample, IMU axes, (k, 3), m/s²."""
-        force_world = (velocity - self._velocity[rows]) / (period * self._dt)
+        force_world = (velocity - self._velocity[env_ids]) / (period * self._dt)
         force_world[:, 2] += GRAVITY
-        mean_rotation = 0.5 * (self._rotation[rows] + rotation)
+        mean_rotation = 0.5 * (self._rotation[env_ids] + rotation)
         return ordered_sum((mean_rotation * force_world[:, :, None]).transpose(1, 0, 2))
 
     def copy(self, output: Array) -> Array:
@@ -108,7 +108,7 @@ class IdealSensors:
         self._copies.append((output, copy))
         return copy
 
-    def refresh(self, rows: slice | EnvIndices) -> None:
-        """Update the copies of the robots `rows` to the outputs of their last physics step."""
+    def refresh(self, env_ids: slice | EnvIndices) -> None:
+        """Update the copies of the robots `env_ids` to the outputs of their last physics step."""
         for output, copy in self._copies:
-            copy[rows] = output[rows]
+            copy[env_ids] = output[env_ids]

@@ -40,14 +40,14 @@ class RandomisedModels:
         self._centre_of_mass = expand("body_ipos")[:, trunk]
         self._nominal_centre_of_mass = self._centre_of_mass.copy()
 
-    def reset(self, rows: EnvIndices, randomization: Sequence[RandomizationSample]) -> None:
+    def reset(self, env_ids: EnvIndices, randomization: Sequence[RandomizationSample]) -> None:
         """Set the parameters of robots.
 
         Args:
-            rows: Indices of the robots, (k,).
+            env_ids: Indices of the robots, (k,).
             randomization: Their parameters, k.
         """
-        for row, sample in zip(rows, randomization, strict=True):
+        for row, sample in zip(env_ids, randomization, strict=True):
             for factor, field, nominal in self._scaled:
                 field[row] = nominal[row] * getattr(sample, factor)
             self._centre_of_mass[row] = self._nominal_centre_of_mass[row] + sample.centre_of_mass
