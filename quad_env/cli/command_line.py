@@ -87,7 +87,8 @@ def _check_values(words: list[str], program: str) -> None:
     for previous, word in zip(("", *words), words, strict=False):
         option, equals, value = word.partition("=")
         if word == "":
-            raise UsageError(f"{previous if previous.startswith('--') else 'value'}: empty; see `{program} --help`")
+            subject = f"{previous}: " if previous.startswith("--") else ""
+            raise UsageError(f"{subject}empty value; see `{program} --help`")
         if option.startswith("--") and equals and not value:
             raise UsageError(f"{option}: empty value; see `{program} --help`")
 
