@@ -1,7 +1,7 @@
 // Curves of the latest seconds of every robot, each in its colour.
 
 const SECONDS = 6;
-const EVERY = 2; // rows: a line has a point each 20 ms
+const ROW_STRIDE = 2; // rows: a line has a point each 20 ms
 const FEET = ["fl", "fr", "hl", "hr"];
 const style = getComputedStyle(document.documentElement);
 const colour = (name) => style.getPropertyValue(`--${name}`).trim();
@@ -55,7 +55,7 @@ export class Curves {
     for (const [name, rows, of] of curves) {
       pen.strokeStyle = colour(name);
       pen.beginPath();
-      for (const row of rows) if (Math.round(100 * row[0]) % EVERY === 0) pen.lineTo(x(row[0]), y(of(row)));
+      for (const row of rows) if (Math.round(100 * row[0]) % ROW_STRIDE === 0) pen.lineTo(x(row[0]), y(of(row)));
       pen.stroke();
     }
     pen.strokeStyle = colour("panel");

@@ -1,6 +1,6 @@
 // Steering by gamepad: left stick forward and to the sides, right stick turns.
 
-const DEAD = 0.12; // share of a stick's way in which it counts as at rest
+const DEAD_ZONE = 0.12; // fraction of a stick's range that counts as at rest
 const PERIOD = 50; // ms between two commands
 const PUSH = 0, HALT = 1, PAUSE = 9; // buttons of the standard layout
 
@@ -21,8 +21,8 @@ export class Gamepads {
     if (!pad) return;
     const stick = (axis, [low, high]) => {
       const way = -(pad.axes[axis] ?? 0);
-      if (Math.abs(way) < DEAD) return 0;
-      const share = (Math.abs(way) - DEAD) / (1 - DEAD);
+      if (Math.abs(way) < DEAD_ZONE) return 0;
+      const share = (Math.abs(way) - DEAD_ZONE) / (1 - DEAD_ZONE);
       return way > 0 ? share * high : share * low;
     };
     const { forward, left, turn } = this.ranges;

@@ -1,24 +1,24 @@
-// The page of the live view: shows what it is sent, sends what is to be done. Messages: live/view/requests.py.
+// Page of the live view: shows frames and states, sends requests. Messages: live/view/requests.py.
 import { Curves } from "./curves.js";
 import { Gamepads } from "./gamepads.js";
 
 const at = (id) => document.getElementById(id);
 const RANGES = { forward: [-1, 1.5], left: [-0.8, 0.8], turn: [-1.2, 1.2] };
 const STEPS = { forward: 0.1, left: 0.1, turn: 0.2 };
-const SETTLING = 400; // ms after something was set here in which the reported state does not set it back
-const KEPT_EVENTS = 12;
+const SETTLING = 400; // ms after an input in which the reported state does not overwrite it
+const MAX_EVENTS = 12;
 
 const command = { forward: 0, left: 0, turn: 0 };
 const curves = new Curves(at);
 let socket = null;
 let axes = [];
 let latest = null; // the latest state
-let decoding = 0; // frames that came and are not shown yet
-let shown = []; // when those of the latest second were shown, ms
-let set = 0; // when something was set here, ms
+let decoding = 0; // frames received but not shown yet
+let frame_times = []; // times of the frames shown in the last second, ms
+let last_input = 0; // time of the last input, ms
 
-function send(what, values = {}) {
-  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ do: what, ...values }));
+function send(action, values = {}) {
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ do: action, ...values }));
 }
 
 function connect() {
@@ -34,16 +34,16 @@ function connect() {
     notice("not connected: is `python -m quad_env view` still running? trying again …");
     setTimeout(connect, 1000);
   };
-  socket.onmessage = ({ data }) => (typeof data === "string" ? take(JSON.parse(data)) : show(data));
+  socket.onmessage = ({ data }) => (typeof data === "string" ? handle_message(JSON.parse(data)) : show(data));
 }
 
-const taken = () => socket?.readyState === WebSocket.OPEN && socket.send("drawn");
+const acknowledge_frame = () => socket?.readyState === WebSocket.OPEN && socket.send("drawn");
 
-// Shows a frame; the next one may come while this one is being decoded, and no further one until it is shown.
+// Show a frame. One more frame may arrive while it is decoded, and the next one after it is shown.
 async function show(file) {
   const first = decoding === 0;
   decoding += 1;
-  if (first) taken();
+  if (first) acknowledge_frame();
   const canvas = at("frame");
   const picture = await createImageBitmap(new Blob([file], { type: "image/jpeg" }));
   if (canvas.width !== picture.width || canvas.height !== picture.height) {
@@ -52,32 +52,32 @@ async function show(file) {
   }
   canvas.getContext("2d").drawImage(picture, 0, 0);
   picture.close();
-  shown = [...shown.filter((time) => time > performance.now() - 1000), performance.now()];
+  frame_times = [...frame_times.filter((time) => time > performance.now() - 1000), performance.now()];
   canvas.dataset.frames = Number(canvas.dataset.frames ?? 0) + 1;
   decoding -= 1;
-  if (!first) taken();
+  if (!first) acknowledge_frame();
 }
 
-function take(message) {
-  if (message.kind === "offer") offered(message);
-  if (message.kind === "state") stated(message);
-  if (message.kind === "error") happened(message.text, "bad");
+function handle_message(message) {
+  if (message.kind === "offer") show_choices(message);
+  if (message.kind === "state") show_state(message);
+  if (message.kind === "error") add_event(message.text, "bad");
 }
 
-function offered({ robot, policies, axes: offeredAxes }) {
+function show_choices({ robot, policies, axes: offeredAxes }) {
   document.title = `SimpleQuad: ${robot}`;
   axes = offeredAxes;
   for (const select of [at("policy-0"), at("policy-1")]) select.replaceChildren(...policies.map((name) => new Option(name)));
   at("policy-1").prepend(new Option("none", ""));
   at("scenario").replaceChildren(new Option("flat"), ...axes.map(({ name }) => new Option(name)).filter((o) => o.value !== "flat"));
-  severity();
+  set_severity_slider();
   if (latest) show_scenario(latest.scenario);
 }
 
 const chosen_axis = () => axes.find(({ name }) => name === at("scenario").value);
 
-// The slider of the chosen axis's severity, from its mildest to its hardest level.
-function severity(value) {
+// Set the slider of the chosen axis's severity, from its mildest to its hardest level.
+function set_severity_slider(value) {
   const axis = chosen_axis();
   at("severity-label").hidden = !axis || axis.levels.length < 2;
   if (!axis) return;
@@ -85,20 +85,20 @@ function severity(value) {
   slider.min = Math.min(...axis.levels);
   slider.max = Math.max(...axis.levels);
   slider.value = value ?? axis.nominal;
-  told_severity();
+  show_severity_value();
 }
 
-function told_severity() {
+function show_severity_value() {
   at("severity-value").textContent = `${Number(at("severity").value).toPrecision(3)} ${chosen_axis().unit}`;
 }
 
-// Has the choice be that of a scenario's name: rough, rough:3, rough=0.12; another one leaves it as it is.
-function show_scenario(called) {
-  const [, name, sign, value] = called.match(/^(\w+)(?:([:=])([\d.e-]+))?$/) ?? [];
-  const axis = axes.find((each) => each.name === name);
+// Select the axis and severity of a scenario's name: rough, rough:3, rough=0.12; other names change nothing.
+function show_scenario(scenario) {
+  const [, name, sign, value] = scenario.match(/^(\w+)(?:([:=])([\d.e-]+))?$/) ?? [];
+  const axis = axes.find((candidate) => candidate.name === name);
   if (!axis && name !== "flat") return;
   at("scenario").value = name;
-  severity(sign === ":" ? axis.levels[value - 1] : sign === "=" ? Number(value) : undefined);
+  set_severity_slider(sign === ":" ? axis.levels[value - 1] : sign === "=" ? Number(value) : undefined);
 }
 
 function choose_scenario() {
@@ -107,14 +107,14 @@ function choose_scenario() {
   send("scenario", { name: axis && axis.levels.length > 1 ? `${name}=${Number(Number(at("severity").value).toPrecision(3))}` : name });
 }
 
-function stated(state) {
+function show_state(state) {
   const first = !latest;
   if (latest?.scenario !== state.scenario) show_scenario(state.scenario);
   latest = state;
-  const here = performance.now() - set > SETTLING;
-  if (here || first) {
+  const has_settled = performance.now() - last_input > SETTLING;
+  if (has_settled || first) {
     [command.forward, command.left, command.turn] = state.command;
-    sliders();
+    show_command();
     at("follow").checked = state.follow;
     at("speed").value = Math.round(Math.log2(state.speed));
     for (const number of [0, 1]) name_policy(at(`policy-${number}`), state.robots[number]?.policy ?? "");
@@ -122,12 +122,12 @@ function stated(state) {
   at("pause").textContent = state.paused ? "go on" : "pause";
   at("speed-value").textContent = `${state.speed} ×`;
   at("clock").textContent = `${state.time.toFixed(2)} s, ${state.scenario}, seed ${state.seed}, commands ${state.by_hand ? "by hand" : "of the scenario"}${state.paused ? ", paused" : ""}`;
-  at("rate").textContent = `${state.measured.toFixed(2)} × real time, ${shown.filter((time) => time > performance.now() - 1000).length} frames/s`;
+  at("rate").textContent = `${state.measured.toFixed(2)} × real time, ${frame_times.filter((time) => time > performance.now() - 1000).length} frames/s`;
   if (state.drawing) notice(state.drawing);
-  outcomes(state);
-  table(state);
+  show_outcomes(state);
+  show_table(state);
   curves.add(state.robots);
-  for (const event of state.events) happened(event);
+  for (const event of state.events) add_event(event);
 }
 
 function name_policy(select, name) {
@@ -137,14 +137,14 @@ function name_policy(select, name) {
 }
 
 function element(tag, text, kind = "") {
-  const made = document.createElement(tag);
-  made.textContent = text;
-  made.className = kind;
-  return made;
+  const node = document.createElement(tag);
+  node.textContent = text;
+  node.className = kind;
+  return node;
 }
 
-// What became of each robot, with the moments that led to it; it stays until the next episode.
-function outcomes({ robots }) {
+// Outcome of each robot with the events that led to it; it stays until the next episode.
+function show_outcomes({ robots }) {
   const parts = robots.map(({ policy, outcome, failed, story }, number) => {
     const part = element("p", `${policy}: `, `robot-${number}`);
     part.append(element("span", outcome, failed ? "bad" : "known"), ...story.map((line) => element("small", line)));
@@ -157,7 +157,7 @@ function outcomes({ robots }) {
 
 const HEADS = ["robot", "forward, m/s", "left, m/s", "turning, rad/s", "x, m", "y, m", "heading, °", "height, m", "tilt, °", "torque, % of the limit", "correction, % of the authority"];
 
-function table({ robots }) {
+function show_table({ robots }) {
   const percent = (value) => (value === null ? "–" : Math.round(100 * value));
   const rows = robots.map(({ policy, velocity, position, heading, height, tilt, torque, correction }, number) => {
     const figures = [...velocity, position[0], position[1]].map((value) => value.toFixed(2));
@@ -172,16 +172,16 @@ function table({ robots }) {
   at("robots").replaceChildren(head, ...rows);
 }
 
-function happened(text, kind = "") {
+function add_event(text, kind = "") {
   at("events").prepend(element("li", text, kind));
-  while (at("events").childElementCount > KEPT_EVENTS) at("events").lastElementChild.remove();
+  while (at("events").childElementCount > MAX_EVENTS) at("events").lastElementChild.remove();
 }
 
 function notice(text) {
   at("notice").textContent = text;
 }
 
-function sliders() {
+function show_command() {
   for (const [name, value] of Object.entries(command)) {
     at(`${name}-slider`).value = value;
     at(`${name}-value`).textContent = value.toFixed(2);
@@ -193,15 +193,15 @@ function steer(changes) {
     const [low, high] = RANGES[name];
     command[name] = Math.min(high, Math.max(low, Math.round(100 * value) / 100));
   }
-  set = performance.now();
-  sliders();
+  last_input = performance.now();
+  show_command();
   send("steer", command);
 }
 
 const halt = () => steer({ forward: 0, left: 0, turn: 0 });
 const push = () => send("push", { direction: Number(at("direction").value), impulse: Number(at("impulse").value) });
 const pause = () => send("pause", { on: !latest?.paused });
-const again = () => send("reset", { seed: latest?.seed ?? 0 });
+const restart = () => send("reset", { seed: latest?.seed ?? 0 });
 const follow = () => send("follow", { on: !latest?.follow });
 
 const KEYS = {
@@ -217,15 +217,15 @@ const KEYS = {
   x: push,
   p: pause,
   ".": () => send("step"),
-  r: again,
+  r: restart,
   n: () => send("next"),
   f: follow,
 };
 
 addEventListener("keydown", (event) => {
   const { tagName, type } = event.target;
-  const own = type === "text" || tagName === "SELECT" || (type === "range" && event.key.startsWith("Arrow"));
-  if (own || event.ctrlKey || event.altKey || event.metaKey) return;
+  const control_uses_key = type === "text" || tagName === "SELECT" || (type === "range" && event.key.startsWith("Arrow"));
+  if (control_uses_key || event.ctrlKey || event.altKey || event.metaKey) return;
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
   if (!(key in KEYS)) return;
   event.preventDefault();
@@ -234,25 +234,25 @@ addEventListener("keydown", (event) => {
 
 for (const name of Object.keys(command)) at(`${name}-slider`).oninput = ({ target }) => steer({ [name]: Number(target.value) });
 for (const [id, unit] of [["direction", "°"], ["impulse", " N·s"]]) {
-  const tell = () => (at(`${id}-value`).textContent = at(id).value + unit);
-  at(id).oninput = tell;
-  tell();
+  const show_value = () => (at(`${id}-value`).textContent = at(id).value + unit);
+  at(id).oninput = show_value;
+  show_value();
 }
 for (const number of [0, 1]) {
   at(`policy-${number}`).onchange = ({ target: { value } }) => (value ? send("policy", { robot: number, name: value }) : send("alone"));
 }
 at("follow").onchange = ({ target }) => {
-  set = performance.now();
+  last_input = performance.now();
   send("follow", { on: target.checked });
 };
-// Keys steer again once a control has been used with the mouse.
+// Return the keys to steering after a control was used with the mouse.
 addEventListener("change", ({ target }) => target.matches("select") && target.blur());
 addEventListener("pointerup", ({ target }) => target.matches("input[type=range]") && target.blur());
 at("scenario").onchange = () => {
-  severity();
+  set_severity_slider();
   choose_scenario();
 };
-at("severity").oninput = told_severity;
+at("severity").oninput = show_severity_value;
 at("severity").onchange = choose_scenario;
 at("go").onclick = () => send("scenario", { name: at("scenario-name").value.trim() });
 at("scenario-name").onkeydown = ({ key }) => key === "Enter" && at("go").click();
@@ -261,10 +261,10 @@ at("let-go").onclick = () => send("let_go");
 at("push").onclick = push;
 at("pause").onclick = pause;
 at("step").onclick = () => send("step");
-at("reset").onclick = again;
+at("reset").onclick = restart;
 at("next").onclick = () => send("next");
 at("speed").oninput = ({ target }) => {
-  set = performance.now();
+  last_input = performance.now();
   send("speed", { factor: 2 ** Number(target.value) });
 };
 
