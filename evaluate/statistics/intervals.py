@@ -124,10 +124,12 @@ def bootstrap_interval(values: Floats, bounds: Interval = UNBOUNDED, seed: int =
         seed: Seed of the resamples.
 
     Returns:
-        The interval; (NaN, NaN) for fewer than two values.
+        The interval; (NaN, NaN) for fewer than two values, and if a value is NaN.
     """
     from scipy.special import ndtr, ndtri
 
+    if np.isnan(values).any():
+        return (np.nan, np.nan)
     if len(values) < 2 or _are_equal(values):
         return identical_values_interval(values, bounds)
     sums = _resampled_sums(values, RESAMPLES, seed)
