@@ -26,7 +26,7 @@ OF_SIMPLE_QUAD = {
     "policies/shipped.py": "what was trained for it has no folder of its own",
     "train/search/trot.py": "its parameters stand beside the code",
 }
-"""Modules that name SIMPLE_QUAD otherwise than as the default of a parameter, and why."""
+"""Modules that name SIMPLE_QUAD otherwise than as the default of a parameter or of a field, and why."""
 OF_OTHER_PROJECTS = "policies/external/readers/"
 """Modules that name the legs as other projects do."""
 WITHOUT_NUMBERS = ("quad_env/", "evaluate/measures/", "evaluate/records/", "evaluate/rollouts/")
@@ -42,9 +42,10 @@ def modules(folder: str) -> Iterator[tuple[str, ast.Module]]:
 
 
 def chosen(tree: ast.Module) -> int:
-    """How often SIMPLE_QUAD is named otherwise than as the default of a parameter."""
+    """How often SIMPLE_QUAD is named otherwise than as the default of a parameter or of a field."""
     signatures = [node for node in ast.walk(tree) if isinstance(node, ast.arguments)]
     defaults = {id(default) for signature in signatures for default in (*signature.defaults, *signature.kw_defaults)}
+    defaults |= {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.AnnAssign)}
     named = [node for node in ast.walk(tree) if isinstance(node, ast.Name) and node.id == "SIMPLE_QUAD"]
     return sum(id(node) not in defaults for node in named)
 

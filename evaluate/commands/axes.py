@@ -29,10 +29,9 @@ class AxesOptions(comparison.EvaluateOptions):
 def main(options: AxesOptions) -> int:
     """Run the command and return the exit code; UsageError if an axis is unknown."""
     from evaluate.commands.plan import check
-    from quad_env.robots.simple_quad import SIMPLE_QUAD
-    from quad_env.scenarios.axes import AXES, known_axes
+    from quad_env.scenarios.axes import AXES, extension_axes
 
-    known = known_axes(SIMPLE_QUAD)
+    known = (*AXES, *extension_axes())
     if unknown := [name for name in options.axes if name not in known]:
         raise UsageError(f"there is no axis {', '.join(unknown)}; the axes are {', '.join(known)}")
     given = {field.name: getattr(options, field.name) for field in fields(comparison.EvaluateOptions)}
