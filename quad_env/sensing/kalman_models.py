@@ -38,8 +38,8 @@ from quad_env.sensing.estimator import unit
 TILT = slice(0, 3)
 VELOCITY = slice(3, 6)
 GYRO_BIAS = slice(6, 9)
-ACCELEROMETER_BIAS = slice(9, 12)
-FEET = slice(12, None)
+ACCELEROMETER_BIAS = slice(9, 9 + 3)
+FEET = slice(ACCELEROMETER_BIAS.stop, None)
 IDENTITY = np.eye(3)
 
 
