@@ -148,7 +148,7 @@ def longer(self: EpisodeSignals) -> int:
     return int(min(self.episodes.fall_step[self.number] + 15, self.episodes.steps - 1))
 
 
-def exchanged(pairs: list[int], true=EpisodeSignals.of):
+def exchanged(pairs: list[int], true=EpisodeSignals.signal):
     """Signals of the feet in another order."""
 
     def of(self: EpisodeSignals, name: str) -> np.ndarray:
@@ -160,8 +160,8 @@ def exchanged(pairs: list[int], true=EpisodeSignals.of):
 @pytest.mark.parametrize(
     ("name", "fault", "check"),
     [
-        ("of", exchanged([1, 0, 3, 2]), CHECKS[0]),
-        ("of", exchanged([2, 3, 0, 1]), CHECKS[0]),
+        ("signal", exchanged([1, 0, 3, 2]), CHECKS[0]),
+        ("signal", exchanged([2, 3, 0, 1]), CHECKS[0]),
         ("ground", late, CHECKS[1]),
         ("end", property(longer), CHECKS[2]),
     ],

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from evaluate.commands.looks import interim_analysis
 from scipy.special import ndtr, ndtri
 from scipy.stats import multivariate_normal
 
 from evaluate.analysis.comparison import SIGNIFICANT
 from evaluate.analysis.ranking import RANKING_WEIGHT
+from evaluate.commands.interim_analysis import interim_analysis
 from evaluate.statistics.sequential import (
     LEVEL,
     compare_adjacent_policies,
