@@ -1,7 +1,8 @@
-"""Actuators of the joints as values in physical units at the joint, behind the gear; see `actuator=` of `gym.make`.
+"""Parameters of the joint actuators, in physical units at the joint, after the gear; see `actuator=` of `gym.make`.
 
-The ideal servo is limited only by `Motors.torque_limit`, and follows its target at once. If an actuator and the
-`Motors` of a scenario limit the same quantity, the smaller limit holds; delays add up with `Latency`.
+The ideal servo receives its target without delay, and `Motors.torque_limit` is its only limit. If an actuator and the
+`Motors` of a scenario limit the same quantity, the smaller limit applies. The delay of an actuator adds to the
+`Latency` of the scenario.
 """
 
 import math
@@ -16,30 +17,31 @@ from quad_env.robots.robot import JOINTS, Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
 
 MAX_SETTLING_ERROR = 0.01
-"""Fraction of a target change that a first-order filter has not reached yet when it counts as settled."""
+"""Remaining error at which a first-order filter counts as settled, as a fraction of the target change."""
 JointValues = Positive | tuple[Positive, ...] | None
-"""One value for all joints, three for hip, thigh and calf, or twelve; None: the robot's own."""
+"""One value for all joints, three values for hip, thigh and calf, or twelve; None for the values of the robot."""
 
 
 @dataclass(frozen=True)
 class TorqueSpeed(Settings):
     """Torque-speed curve of a DC motor at constant voltage: τ ≤ stall_torque · (1 − ω / no_load_speed).
 
-    The same holds with both signs reversed. A parameter is one number for all joints, three for hip, thigh and calf, or
-    twelve.
+    The same limit applies with the signs of torque and speed reversed. A parameter is one number for all joints, three
+    numbers for hip, thigh and calf, or twelve.
 
-    The line belongs to a winding of resistance R and motor constant K at a voltage v of at most ±V: τ = K (v − K ω) / R
-    (MuJoCo DC Motor Model, equation 2). It continues through all four quadrants. A braking motor could exceed the stall
-    torque, but the drive's current limit keeps the torque within ±peak_torque. Above the no-load speed the motor can
-    only brake, at least along the line.
+    A winding of resistance R and motor constant K has the torque τ = K (v − K ω) / R at a voltage v of at most ±V
+    (MuJoCo DC Motor Model, equation 2). The limit at v = V is a line through all four quadrants. A braking motor could
+    exceed the stall torque, but the current limit of the drive keeps the torque within ±peak_torque. Above the no-load
+    speed the motor can only brake, with at least the torque of the line.
     """
 
     stall_torque: JointValues = None
-    """N·m at standstill on the line; None: the robot's rated torque"""
+    """Torque of the line at standstill, N·m; None for the rated torque of the robot"""
     no_load_speed: JointValues = None
-    """rad/s at which the torque is 0; None: the robot's rated speed"""
+    """Speed at which the torque of the line is 0, rad/s; None for the rated speed of the robot"""
     peak_torque: JointValues = None
-    """N·m, current limit, also while braking; None: the stall torque, at most the robot's rated torque"""
+    """Torque at the current limit, also while braking, N·m; None for the stall torque or the rated torque of the robot,
+    whichever is smaller"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -58,26 +60,29 @@ class ResolvedTorqueSpeed(NamedTuple):
     """Torque-speed curves of all joints of a robot; made by `TorqueSpeed.resolve`."""
 
     stall_torque: Array
-    """(12,), N·m."""
+    """Torque of the line at standstill, (12,), N·m."""
     no_load_speed: Array
-    """(12,), rad/s."""
+    """Speed at which the torque of the line is 0, (12,), rad/s."""
     peak_torque: Array
-    """(12,), N·m."""
+    """Torque at the current limit, (12,), N·m."""
 
     @property
     def slope(self) -> Array:
-        """Torque lost per speed, K²/R, (12,), N·m·s/rad; the winding turns τ² / slope into heat, W."""
+        """Decrease of the torque limit per speed, K²/R, (12,), N·m·s/rad.
+
+        The winding has the heat loss τ² / slope, W, at the torque τ.
+        """
         return self.stall_torque / self.no_load_speed
 
     def limits(self, speed: Array) -> tuple[Array, Array]:
         """Compute the torque limits at joint speeds.
 
         Args:
-            speed: (..., 12), rad/s.
+            speed: Joint speeds, (..., 12), rad/s.
 
         Returns:
-            lower: (..., 12), N·m.
-            upper: (..., 12), N·m.
+            lower: Lower torque limits, (..., 12), N·m.
+            upper: Upper torque limits, (..., 12), N·m.
         """
         lost = self.slope * speed
         peak = self.peak_torque
@@ -85,37 +90,37 @@ class ResolvedTorqueSpeed(NamedTuple):
 
 
 def _per_joint(value: JointValues, default: float) -> Array:
-    """Return the value of each joint, (12,); `default` for None."""
+    """Return the value of each joint, (12,), or `default` for every joint if `value` is None."""
     return np.resize(default if value is None else value, JOINTS).astype(np.float64)
 
 
 @dataclass(frozen=True)
 class Thermal(Settings):
-    """A motor winding that its losses heat and that cools to its surroundings: one node, first order.
+    """First-order thermal model of a motor winding with one temperature T; losses heat the winding.
 
-    C dT/dt = τ² / slope − (T − ambient) / resistance, with C = time_constant / resistance and the torque τ of each
-    physics step. The electrical resistance of the winding is constant.
+    C dT/dt = τ² / slope − (T − ambient) / resistance, with the heat capacity C = time_constant / resistance and the
+    torque τ of each physics step. The electrical resistance of the winding is constant.
 
-    From `derating` to `shutdown` the torque limit falls linearly to the fraction `derated` of itself. A motor that
-    reaches `shutdown` is switched off until the end of the episode, however much it cools, as drives of moteus and
-    ODrive do: its winding is open, so it neither drives nor brakes. An episode starts at `ambient`.
+    From `derating` to `shutdown` the torque limit falls linearly to the fraction `derated` of the full limit. A motor
+    that reaches `shutdown` stays off until the end of the episode, even after it has cooled, as with drives of moteus
+    and ODrive. The winding is then open, so the motor neither drives nor brakes. An episode starts at `ambient`.
 
-    The defaults are a small leg motor with its case at ambient temperature: 1.07 K/W, 16.3 J/K, at most 115 °C, with a
-    soft limit 15 °C below (opensourceleg, `hardware/thermal.py`).
+    The defaults describe a small leg motor with its case at ambient temperature: 1.07 K/W, 16.3 J/K, at most 115 °C,
+    with a soft limit 15 °C below the maximum (opensourceleg, `hardware/thermal.py`).
     """
 
     resistance: Positive = 1.07
-    """K/W from the winding to its surroundings"""
+    """Thermal resistance from the winding to its surroundings, K/W"""
     time_constant: Positive = 17.4
-    """s"""
+    """Time constant of the winding temperature, s"""
     ambient: float = 25.0
-    """°C"""
+    """Temperature of the surroundings, °C"""
     derating: float = 100.0
-    """°C above which the torque limit falls"""
+    """Winding temperature above which the torque limit falls, °C"""
     shutdown: float = 115.0
-    """°C at which the motor is switched off"""
+    """Winding temperature at which the motor is switched off, °C"""
     derated: Fraction = 0.5
-    """Fraction of the torque limit just below `shutdown`; with 0 a motor hardly ever gets that hot"""
+    """Fraction of the torque limit that remains just below `shutdown`; with 0 a motor hardly ever reaches `shutdown`"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -128,17 +133,17 @@ class Thermal(Settings):
 
 @dataclass(frozen=True)
 class Actuator(Settings):
-    """Servo motor of a joint; every part that is not given is ideal."""
+    """Servo motor of a joint; the defaults are an ideal servo."""
 
     curve: TorqueSpeed | None = None
-    """None: any torque within the limit at any speed"""
+    """Torque-speed curve; None for a torque limit that does not depend on the speed"""
     bandwidth: Positive | None = None
-    """Hz, as `Motors.bandwidth`: first-order filter of the target; None: no filter"""
+    """Bandwidth of a first-order filter on the target, as `Motors.bandwidth`, Hz; None for no filter"""
     delay: Annotated[float, Bounds("from 0 s to 1 s", 0.0, 1.0)] = 0.0
-    """s from the arrival of a target at the drive to its effect, rounded to whole physics steps; until the first target
-    takes effect in an episode, the drive holds the home pose"""
+    """Delay from the arrival of a target at the drive to its effect, rounded to whole physics steps, s. The drive holds
+    the home pose until the first target of an episode takes effect"""
     thermal: Thermal | None = None
-    """None: a winding that stays cold; otherwise needs a curve, for the heat of a torque"""
+    """Thermal model, which needs a `curve` to compute the heat; None for a winding that stays cold"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -146,16 +151,16 @@ class Actuator(Settings):
             raise ValueError("a thermal model needs a curve, from which the heat of a torque follows: give one")
 
     def target_weights(self, timestep: float, period: float) -> Array:
-        """Return the weights of the last targets in the mean target of the motors over a control period.
+        """Return the weight of each of the last targets in the mean target that a motor follows in a control period.
 
-        A motor follows the value of the filter at the start of each physics step.
+        A motor follows the output of the target filter at the start of each physics step.
 
         Args:
             timestep: Physics step, s.
             period: Control period, s.
 
         Returns:
-            Weights of the target of this control period, of the one before and so on, (k,), sum 1.
+            Weights with sum 1, (k,): first the target of this control period, then the targets before it in turn.
         """
         steps = round(period / timestep)
         delay_steps = round(self.delay / timestep)
@@ -169,18 +174,19 @@ class Actuator(Settings):
 
 
 IDEAL = Actuator()
-"""Servo without limits other than the torque limit."""
+"""Ideal servo; the torque limit is its only limit."""
 ACTUATORS = {
     "ideal": IDEAL,
     "torque_speed": Actuator(TorqueSpeed()),
     "motor": Actuator(TorqueSpeed(), bandwidth=66.0, delay=0.002, thermal=Thermal()),
 }
-"""Actuators by name. `motor`: 66 Hz is the torque bandwidth measured on a quasi-direct drive (Pérez-Díaz et al., 2024),
-2 ms is one cycle of a 500 Hz field bus."""
+"""Name -> actuator. The bandwidth of `motor`, 66 Hz, was measured on a quasi-direct drive (Pérez-Díaz et al., 2024).
+The
+delay of `motor`, 2 ms, is one cycle of a 500 Hz field bus."""
 
 
 def find_actuator(which: str | Actuator) -> Actuator:
-    """Return the actuator called `which`, or the actuator itself; raise ValueError for an unknown name."""
+    """Return the actuator called `which`; an `Actuator` is returned unchanged. Raise ValueError for an unknown name."""
     if isinstance(which, Actuator):
         return which
     if not isinstance(which, str) or which not in ACTUATORS:
@@ -189,5 +195,5 @@ def find_actuator(which: str | Actuator) -> Actuator:
 
 
 def min_limit(first: float | None, second: float | None) -> float | None:
-    """Return the smaller of the limits `first` and `second`; None is no limit."""
+    """Return the smaller of two limits; None means that there is no limit."""
     return min((limit for limit in (first, second) if limit is not None), default=None)

@@ -1,4 +1,4 @@
-"""Actuator models of n robots: action delay and dropouts, first-order target filter, motor temperatures."""
+"""Actuator models of n robots: action delay and target dropouts, first-order target filter, motor temperatures."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -15,11 +15,13 @@ from quad_env.scenarios.scenario import Scenario
 
 
 class ActionDelay:
-    """Delays joint targets of n robots by whole control steps and drops them during dropouts.
+    """Delays the joint targets of n robots by whole control steps, and drops them during dropouts.
+
+    A dropout is a time in which one joint receives no new targets.
 
     Args:
-        robot: Robot of the targets.
-        scenario: Scenario with the latency, randomised delay and dropouts.
+        robot: Robot that receives the targets.
+        scenario: Scenario with the latency, the randomised delay and the dropouts.
         num_envs: Number of robots.
         dt: Control period, s.
     """
@@ -30,12 +32,12 @@ class ActionDelay:
         self._home = robot.home_pose
         self._delay_steps = np.zeros(num_envs, np.int64)
         self._target_buffer = np.zeros((_max_delay_steps(scenario, dt) + 1, num_envs, robot.num_joints))
-        """Ring buffer of past targets: those of control step c are at c modulo its length."""
+        """Ring buffer of past targets; the targets of control step c are at index c modulo the buffer length."""
         self._delayed_targets = np.zeros((num_envs, robot.num_joints))
         self._dropout_start = np.zeros((num_envs, dropout_count), np.int64)
-        """First control step of each dropout."""
+        """First control step of each dropout, (n, dropouts)."""
         self._dropout_steps = 0 if dropouts is None else control_steps(dropouts.duration, dt)
-        """Control steps of a dropout."""
+        """Duration of a dropout, control steps."""
         self._dropout_joint = np.zeros((num_envs, dropout_count), np.int64)
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
@@ -43,7 +45,7 @@ class ActionDelay:
 
         Args:
             env_ids: Indices of the robots, (k,).
-            episodes: Their episodes.
+            episodes: Episode of each robot.
         """
         self._target_buffer[:, env_ids] = self._home
         self._delayed_targets[env_ids] = self._home
@@ -53,12 +55,12 @@ class ActionDelay:
                 self._dropout_start[row], self._dropout_joint[row] = episode.dropouts
 
     def update(self, targets: Array, clock: NDArray[np.int64], env_ids: EnvIndices) -> Array:
-        """Store the targets of this control step and return those that the servos receive in it.
+        """Store the targets of this control step, and return the delayed targets that the servos receive.
 
         Args:
             targets: Joint targets of the policies, (n, 12), rad.
-            clock: Control steps of the selected robots since their start, (k,).
-            env_ids: Indices of the selected robots, (k,); only these are updated.
+            clock: Control steps of the selected robots since the start of their episodes, (k,).
+            env_ids: Indices of the selected robots, (k,); the other robots keep their delayed targets.
 
         Returns:
             Delayed targets of all robots, (n, 12), rad.
@@ -73,7 +75,7 @@ class ActionDelay:
         return self._delayed_targets
 
     def _dropout_mask(self, clock: NDArray[np.int64], env_ids: EnvIndices) -> Mask:
-        """Return True for the joints of the selected robots that receive no target in this step, (k, 12)."""
+        """Return the mask of joints of the selected robots that receive no target in this step, (k, 12)."""
         elapsed = clock[:, None] - self._dropout_start[env_ids]
         mask = np.zeros((len(env_ids), self._delayed_targets.shape[1]), np.bool_)
         robot, event = np.nonzero((elapsed >= 0) & (elapsed < self._dropout_steps))
@@ -85,13 +87,13 @@ def make_action_delay(robot: Robot, scenario: Scenario, num_envs: int, dt: float
     """Create the action delay of n robots.
 
     Args:
-        robot: Robot of the targets.
-        scenario: Scenario with the latency, randomised delay and dropouts.
+        robot: Robot that receives the targets.
+        scenario: Scenario with the latency, the randomised delay and the dropouts.
         num_envs: Number of robots.
         dt: Control period, s.
 
     Returns:
-        The delay; None if the scenario has neither delays nor dropouts.
+        The action delay; None if the scenario has no delays and no dropouts.
     """
     has_dropouts = scenario.dropouts is not None and scenario.dropouts.count > 0
     if not has_dropouts and not _max_delay_steps(scenario, dt):
@@ -100,7 +102,7 @@ def make_action_delay(robot: Robot, scenario: Scenario, num_envs: int, dt: float
 
 
 def _max_delay_steps(scenario: Scenario, dt: float) -> int:
-    """Return the longest action delay of a scenario in control steps of `dt` seconds."""
+    """Return the longest action delay of a scenario, in control steps of `dt` seconds."""
     latency = 0.0 if scenario.latency is None else scenario.latency.action
     randomised = 0.0 if scenario.randomisation is None else scenario.randomisation.delay
     return round(latency / dt) + round(randomised / dt)
@@ -109,14 +111,14 @@ def _max_delay_steps(scenario: Scenario, dt: float) -> int:
 class FirstOrderFilter:
     """First-order low-pass filter of the joint targets of n robots.
 
-    It is exact for targets that are constant over a physics step, as MuJoCo's `filterexact`. A motor receives the value
-    at the start of the physics step.
+    The discretisation is exact if the targets are constant over a physics step, as in MuJoCo's `filterexact`. A motor
+    receives the output at the start of the physics step.
 
     Args:
-        bandwidth: Hz.
+        bandwidth: Bandwidth of the filter, Hz.
         timestep: Physics step, s.
         num_envs: Number of robots.
-        home: Initial value, (12,), rad.
+        home: Home pose, the initial output of the filter, (12,), rad.
     """
 
     def __init__(self, bandwidth: float, timestep: float, num_envs: int, home: Array) -> None:
@@ -133,7 +135,7 @@ class FirstOrderFilter:
 
         Args:
             targets: Joint targets of the selected robots, (k, 12), rad.
-            env_ids: The selected robots.
+            env_ids: Indices of the selected robots, or a slice.
 
         Returns:
             Filtered targets at the start of the physics step, (k, 12), rad.
@@ -144,16 +146,16 @@ class FirstOrderFilter:
 
 
 class MotorThermalModel:
-    """Winding temperatures of the motors of n robots, and the torque limits that follow from them; see `Thermal`.
+    """Computes winding temperatures of the motors of n robots, and torque limits that depend on them; see `Thermal`.
 
-    MuJoCo 4.0's `dcmotor` heats by the current before the force range limits it. A motor that is switched off does not
-    carry that current, so the temperature is computed here.
+    The thermal model of `dcmotor` in MuJoCo 4.0 is not used, because it heats by the current before the force range
+    limits the torque. A motor that is switched off does not carry this current.
 
     Args:
         thermal: Parameters of the windings.
         curve: Torque-speed curves of the motors.
         timestep: Physics step, s.
-        force_range: MuJoCo's torque limits of each motor, (n, 12, 2), N·m; this model writes them.
+        force_range: MuJoCo's lower and upper torque limits of each motor, (n, 12, 2), N·m; `update` writes to it.
     """
 
     def __init__(self, thermal: Thermal, curve: ResolvedTorqueSpeed, timestep: float, force_range: Array) -> None:
@@ -164,13 +166,13 @@ class MotorThermalModel:
         """Fraction of a temperature difference that remains after a physics step."""
         self._force_range = force_range
         self.full_range = force_range.copy()
-        """Torque limits of cold motors, (n, 12, 2), N·m. Written values take effect at the next reset."""
+        """Torque limits of cold motors, (n, 12, 2), N·m. Values that are written here take effect at the next reset."""
         self.temperature = np.full(force_range.shape[:2], thermal.ambient)
-        """(n, 12), °C."""
+        """Winding temperatures, (n, 12), °C."""
         self._is_off: Mask = np.zeros(force_range.shape[:2], np.bool_)
 
     def reset(self, env_ids: EnvSelection) -> None:
-        """Reset the motors of the robots `env_ids`: cold and working."""
+        """Reset the motors of the robots `env_ids` to ambient temperature and the full torque limits."""
         self.temperature[env_ids] = self._thermal.ambient
         self._is_off[env_ids] = False
         self._force_range[env_ids] = self.full_range[env_ids]
@@ -180,7 +182,7 @@ class MotorThermalModel:
 
         Args:
             torque: Torques of the selected robots in the physics step, (k, 12), N·m.
-            env_ids: The selected robots.
+            env_ids: Indices of the selected robots, or a slice.
         """
         thermal = self._thermal
         steady = thermal.ambient + self._temperature_per_torque2 * (torque * torque)
@@ -199,14 +201,15 @@ def make_target_filter(
     """Create the target filter of motors with a torque-speed curve.
 
     Args:
-        robot: Robot of the targets.
+        robot: Robot that receives the targets.
         motors: Motors of the scenario.
         actuator: Actuator of the joints.
         num_envs: Number of robots.
         timestep: Physics step, s.
 
     Returns:
-        The filter; None without a bandwidth, or without a curve: MuJoCo's own servos then filter the targets.
+        The filter; None if there is no bandwidth limit. It is also None if the actuator has no curve, because MuJoCo's
+        own servos then filter the targets.
     """
     bandwidth = min_limit(motors.bandwidth, actuator.bandwidth)
     if actuator.curve is None or bandwidth is None:
@@ -220,13 +223,13 @@ def make_thermal_model(
     """Create the thermal model of the motors.
 
     Args:
-        robot: Robot of the motors.
+        robot: Robot with the motors.
         actuator: Actuator of the joints.
         timestep: Physics step, s.
-        expand: Gives every robot its own values of a model field, and returns them.
+        expand: Function that gives every robot its own values of a model field, and returns the values, (n, ...).
 
     Returns:
-        The model; None for motors with windings that stay cold.
+        The thermal model; None if the actuator has no thermal model.
     """
     if actuator.curve is None or actuator.thermal is None:
         return None

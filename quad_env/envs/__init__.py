@@ -1,1 +1,1 @@
-"""The Gymnasium environments: one robot, or a native batch of n."""
+"""Gymnasium environments: a single environment of one robot, and a vector environment of n robots."""

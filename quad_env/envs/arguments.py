@@ -1,4 +1,4 @@
-"""Checks of the environment's arguments: each returns the value in its own type or raises a ValueError that helps."""
+"""Checks of the arguments of the environments: each returns the valid value, or raises ValueError with a remedy."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -20,17 +20,17 @@ RESET_OPTIONS = ("command", "reset_mask")
 
 
 def check_count(name: str, count: Any) -> int:
-    """Return a whole number of at least 1 as Python's own type.
+    """Check that an argument is a whole number of at least 1, and return it as an `int`.
 
     Args:
-        name: Name of the argument, for the message.
-        count: Its value.
+        name: Name of the argument, for the error message.
+        count: Value of the argument.
 
     Returns:
         The count.
 
     Raises:
-        ValueError: The value is no whole number of at least 1.
+        ValueError: The value is not a whole number of at least 1.
     """
     if isinstance(count, bool) or not isinstance(count, int | np.integer):
         raise ValueError(f"{name} is a whole number of at least 1, got {brief(count)}")
@@ -40,14 +40,14 @@ def check_count(name: str, count: Any) -> int:
 
 
 def check_frame(width: int, height: int) -> None:
-    """Check the size of a frame.
+    """Check the size of a rendered frame.
 
     Args:
-        width: Pixels.
-        height: Pixels.
+        width: Width of the frame, pixels.
+        height: Height of the frame, pixels.
 
     Raises:
-        ValueError: A size is no whole number of pixels from 1 to `MAX_PIXELS`.
+        ValueError: The width or the height is not a whole number from 1 to `MAX_PIXELS`.
     """
     for name, pixels in (("width", width), ("height", height)):
         if isinstance(pixels, bool) or not isinstance(pixels, int | np.integer) or not 1 <= pixels <= MAX_PIXELS:
@@ -55,7 +55,7 @@ def check_frame(width: int, height: int) -> None:
 
 
 def warn_no_render_mode(modes: Sequence[str]) -> None:
-    """Warn that rendering without one of the render `modes` returns None, as Gymnasium's environments do."""
+    """Warn that `render` returns None, because the environment was made without one of the render `modes`."""
     gym.logger.warn(f"render() without a render_mode gives None; make the environment with one of {', '.join(modes)}")
 
 
@@ -68,10 +68,10 @@ def parse_reset_options(options: Any, num_envs: int) -> tuple[Mask, Array | None
 
     Returns:
         reset_mask: True for robots to reset, (n,).
-        command: Fixed commands, (n, 3), see `check_commands`; None to draw them.
+        command: Fixed commands of all robots, (n, 3), see `check_commands`; None if commands are drawn at random.
 
     Raises:
-        ValueError: The options are no mapping, or a key or value is invalid.
+        ValueError: The options are not a mapping, or a key or value is invalid.
     """
     given = {} if options is None else options
     if not isinstance(given, Mapping):
@@ -84,18 +84,18 @@ def parse_reset_options(options: Any, num_envs: int) -> tuple[Mask, Array | None
 
 
 def check_commands(command: Any, num_envs: int, name: str) -> Array:
-    """Return a velocity command for every robot.
+    """Check a velocity command, and return a row for every robot.
 
     Args:
-        command: Forward velocity, m/s, lateral velocity, m/s, and yaw rate, rad/s: (3,) for all or (n, 3).
+        command: Forward velocity, m/s, lateral velocity, m/s, and yaw rate, rad/s; (3,) for all robots, or (n, 3).
         num_envs: Number of robots n.
-        name: Name of the argument, for the message.
+        name: Name of the argument, for the error message.
 
     Returns:
         Commands, (n, 3).
 
     Raises:
-        ValueError: The command has a wrong shape, is not finite or beyond `COMMAND_BOUND`.
+        ValueError: The command has a wrong shape, is not finite, or exceeds ±`COMMAND_BOUND`.
     """
     commands = check_rows(command, (num_envs, 3), name)
     if not (np.abs(commands) <= COMMAND_BOUND).all():
@@ -104,18 +104,18 @@ def check_commands(command: Any, num_envs: int, name: str) -> Array:
 
 
 def check_rows(values: Any, shape: tuple[int, int], name: str) -> Array:
-    """Return finite numbers as an array of one row per robot.
+    """Check that an argument holds finite numbers, and return an array with one row per robot.
 
     Args:
-        values: One row for all, or one per robot.
-        shape: Shape of the result.
-        name: Name of the argument, for the message.
+        values: One row for all robots, or one row per robot.
+        shape: Shape of the result, (n, k).
+        name: Name of the argument, for the error message.
 
     Returns:
-        A new array of that shape.
+        A new array, (n, k).
 
     Raises:
-        ValueError: The values are no finite numbers of one of the shapes.
+        ValueError: The values are not finite numbers, or their shape is neither (k,) nor (n, k).
     """
     try:
         array = np.asarray(values, dtype=np.float64)
@@ -129,7 +129,7 @@ def check_rows(values: Any, shape: tuple[int, int], name: str) -> Array:
 
 
 def _check_reset_mask(mask: Any, num_envs: int) -> Mask:
-    """Return the mask of robots to reset, (num_envs,); all True for None."""
+    """Check the mask of robots to reset, and return it, (num_envs,); None selects all robots."""
     if mask is None:
         return np.ones(num_envs, bool)
     array = np.asarray(mask)
@@ -139,7 +139,10 @@ def _check_reset_mask(mask: Any, num_envs: int) -> Mask:
 
 
 def parse_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
-    """Return the autoreset mode with that name or value, or the mode itself; raise ValueError for an unknown one."""
+    """Return the autoreset mode of a name or value; a mode is returned unchanged.
+
+    ValueError is raised for an unknown mode.
+    """
     names = AutoresetMode.__members__
     try:
         return names[mode] if isinstance(mode, str) and mode in names else AutoresetMode(mode)
@@ -148,11 +151,11 @@ def parse_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
 
 
 def check_joint_targets(actions: Any, shape: tuple[int, ...], lower: Array, upper: Array) -> Array:
-    """Return the joint targets of an action, clipped to the joint limits.
+    """Check the joint targets of an action, and return them clipped to the joint limits.
 
     Args:
         actions: Joint targets, rad.
-        shape: Their required shape, (12,) or (n, 12).
+        shape: Required shape of the joint targets, (12,) or (n, 12).
         lower: Lower joint limits, (12,), rad.
         upper: Upper joint limits, (12,), rad.
 
@@ -160,7 +163,7 @@ def check_joint_targets(actions: Any, shape: tuple[int, ...], lower: Array, uppe
         A new array of clipped targets, rad.
 
     Raises:
-        ValueError: The targets are no finite real numbers of that shape.
+        ValueError: The targets are not finite real numbers, or have another shape.
     """
     array = np.asarray(actions)
     if array.dtype.kind not in "fiu":

@@ -1,4 +1,4 @@
-"""Check of assignments to attributes of an environment: an assignment that would change nothing is an error."""
+"""Check of assignments to attributes of an environment: an assignment without effect raises AttributeError."""
 
 from collections.abc import Iterable
 from inspect import signature
@@ -7,26 +7,26 @@ from typing import Any
 from quad_env.config import TaskConfig
 
 GYMNASIUM_ATTRIBUTES = frozenset(("spec", "metadata", "np_random", "closed"))
-"""Attributes that Gymnasium sets."""
+"""Attributes that Gymnasium itself sets."""
 SPACE_ATTRIBUTES = frozenset(("observation_space", "action_space", "single_observation_space", "single_action_space"))
 """Attributes that a subclass may replace."""
 COMMAND_ATTRIBUTES = frozenset(("command", "commands", "command_ranges"))
-"""Names that users try for the command."""
+"""Attributes that users may try to set to change the command; the error message shows the correct way."""
 PACKAGE = __name__.rpartition(".")[0]
-"""Package of the environment classes; subclasses of users are outside of it."""
+"""Package of the environment classes; a class outside of this package is a user's subclass."""
 
 
 def check_settable(env: Any, name: str, value: Any, parts: Iterable[str]) -> None:
-    """Refuse to set a public attribute that the environment does not read after it is made.
+    """Raise AttributeError for a public attribute that the environment reads only during construction.
 
     Args:
         env: The environment.
-        name: Attribute.
-        value: Its new value, for the message.
-        parts: Arguments that the single environment and the batch share.
+        name: Name of the attribute.
+        value: New value of the attribute, for the error message.
+        parts: Names of the constructor arguments that the single and the vector environment share.
 
     Raises:
-        AttributeError: The assignment would change nothing.
+        AttributeError: The assignment would have no effect.
     """
     kind = next(base for base in type(env).__mro__ if base.__module__.startswith(PACKAGE))
     if name in env.SETTABLE or name in GYMNASIUM_ATTRIBUTES or callable(getattr(kind, name, None)):

@@ -1,4 +1,4 @@
-"""Base class of the single environment and the batch: parts, reset, the phases of a step, copies."""
+"""Base class of the single and the vector environment: construction, reset, the phases of a step, and copies."""
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -48,7 +48,7 @@ from quad_env.task.terminations import fall_reason_code
 
 
 class EnvKwargs(TypedDict, total=False):
-    """Keyword arguments of the single environment and the batch; `SimpleQuadEnv` describes them."""
+    """Keyword arguments that the single and the vector environment share; `SimpleQuadEnv` describes them."""
 
     config: TaskConfig | None
     actuator: str | Actuator
@@ -87,21 +87,21 @@ class Equipment(NamedTuple):
 
     @property
     def imu(self) -> Mounting | None:
-        """Place of the IMU; None without sensors."""
+        """Position and rotation of the IMU on the trunk; None if the robot has no simulated sensors."""
         return None if self.sensors is None else (self.sensors.imu.position, self.sensors.imu.rotation)
 
 
 class StepOutcome(NamedTuple, Generic[ScalarOrBatch]):
-    """Results of a control step: of one robot in floats, or of k robots in arrays."""
+    """Results of a control step: floats for one robot, or arrays for k robots."""
 
     state: QuadState[ScalarOrBatch]
-    """State after the step; its command is the one that was tracked."""
+    """State after the step; `state.command` is the command that the robot tracked during the step."""
     observation: NDArray[np.float32]
-    """(size,) or (k, size)."""
+    """Observation after the step, (size,) or (k, size)."""
     terms: dict[str, ScalarOrBatch]
-    """Mechanical power, overspeed and reward terms."""
+    """Key in the infos -> value, for mechanical power, overspeed and every reward term."""
     fall: Any
-    """Code of the fall, see `config.FALL_REASONS`; 0 for none."""
+    """Code of the fall, an index into `config.FALL_REASONS`; 0 if the robot has not fallen."""
     diverged: BoolOrMask
     """True if the simulation diverged."""
     terminated: BoolOrMask
@@ -111,32 +111,35 @@ class StepOutcome(NamedTuple, Generic[ScalarOrBatch]):
 class QuadEnvBase:
     """Base class of the environments: a simulation, an episode schedule, sensors and a task.
 
-    A copy or an unpickled environment is a new one with the same arguments, not yet reset.
-    A `reset` without a seed gives a copy the next episode of the original. The state of MuJoCo's simulation can be
-    neither copied nor pickled.
+    Copying or unpickling makes a new environment with the same arguments, because the state of MuJoCo's simulation
+    cannot be copied or pickled. Reset the copy before its first step. A `reset` without a seed starts the episode in
+    the copy that would have been the next one of the original.
 
     Setting a public attribute outside of `SETTABLE` after construction raises AttributeError. A subclass may set
     attributes of its own, and spaces.
     """
 
     SETTABLE: ClassVar[frozenset[str]] = frozenset()
-    """Attributes that take effect when they are set."""
+    """Names of the public attributes that may be set after construction."""
     terminate_on_fall: bool
     """True if a fall ends the episode."""
     _view: Any = None
-    """Window or renderer, once there is one; a class attribute, so that an environment that failed to build closes."""
+    """Window or renderer; None before the first frame.
+
+    This is a class attribute because `close_extras` also runs if the constructor failed.
+    """
     _made = False
-    """True once the environment is built."""
+    """True after the constructor has finished."""
     _arguments: tuple[tuple[Any, ...], dict[str, Any]]
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Set an attribute; raise AttributeError if that would change nothing."""
+        """Set an attribute; raise AttributeError if the assignment would have no effect."""
         if name[0] != "_" and self._made:
             check_settable(self, name, value, EnvKwargs.__annotations__)
         object.__setattr__(self, name, value)
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:
-        """Create an environment that keeps its arguments, for copies."""
+        """Create an environment and store the constructor arguments, which copies and pickles need."""
         env = super().__new__(cls)
         env._arguments = args, kwargs
         return env
@@ -149,7 +152,10 @@ class QuadEnvBase:
     def _build(
         self, num_envs: int, nthread: int, scenario: str | Scenario, readings: bool, **kwargs: Unpack[EnvKwargs]
     ) -> tuple["Box[np.float32]", "Box[np.float32]"]:
-        """Create the parts of n robots. Mappings stand for settings, as in an `EnvSpec` that went through JSON.
+        """Create simulation, task and episode schedule of n robots.
+
+        A mapping in place of a settings dataclass is converted, because an `EnvSpec` that was stored as JSON has
+        mappings.
 
         Args:
             num_envs: Number of robots.
@@ -159,17 +165,17 @@ class QuadEnvBase:
             **kwargs: Keyword arguments of the environment.
 
         Returns:
-            observation_space: Of one robot.
-            action_space: Of one robot.
+            observation_space: Observation space of one robot.
+            action_space: Action space of one robot.
         """
         options = EnvOptions(**kwargs)
         self.config = _check_task_config(_to_setting(options.config))
         self.dt = 1 / self.config.control_rate
         """Control period, s."""
         self.robot, servo_gains = _make_robot(options.robot, options.servo, num_envs)
-        """Robot of the environment; its servo gains are the mean if they differ between robots of a batch."""
+        """The robot; it has the mean servo gains if the gains differ between the robots of a batch."""
         self.scenario = find_scenario(_to_setting(scenario), self.robot)
-        """Scenario that is simulated."""
+        """The simulated scenario."""
         equipment = self._select_equipment(options)
         self._build_task(options)
         simulation_config = SimulationConfig(
@@ -200,13 +206,16 @@ class QuadEnvBase:
         self._reward_weights = step_weights(weights, self.dt)
         self._user_rewards = user_rewards(options.rewards)
         self._reward_keys = (*self._reward_weights, *self._user_rewards)
-        """Keys of the terms that add up to the reward."""
+        """Keys in the infos of the terms that add up to the reward."""
         self._user_terms = user_terms(options.observations)
         has_weighted_feet = weights.foot_air_time != 0.0 or weights.touchdown_speed != 0.0
         self._tracks_footsteps = has_weighted_feet or bool(self._user_rewards or self._user_terms)
 
     def _build_episodes(self, options: EnvOptions, equipment: Equipment, num_envs: int) -> None:
-        """Create the parts that are reset with every episode: schedule, action delay, observation model, scanner."""
+        """Create the objects that are reset with every episode.
+
+        These are the episode schedule, action delay, observation model and height scanner.
+        """
         rate = self.config.control_rate
         self._schedule = EpisodeSchedule(self.robot, self.scenario, num_envs, self.dt)
         self._action_delay = make_action_delay(self.robot, self.scenario, num_envs, self.dt)
@@ -219,10 +228,13 @@ class QuadEnvBase:
         """Terms and slices of the observation."""
         self._rows = np.arange(num_envs)
         self._tracked_command = np.zeros((num_envs, 3))
-        """Command that each robot tracked in its last step, (n, 3)."""
+        """Command that each robot tracked in its last step: forward m/s, lateral m/s, yaw rate rad/s; (n, 3)."""
 
     def _select_equipment(self, options: EnvOptions) -> Equipment:
-        """Return the requested equipment, or the robot's hardware profile if the scenario has it."""
+        """Return the actuator, sensors and estimator: the requested ones, or those in the scenario's hardware profile.
+
+        ValueError is raised if equipment is requested for a scenario with a hardware profile.
+        """
         equipment = Equipment(
             find_actuator(_to_setting(options.actuator)), sensor_suite(_to_setting(options.sensors)), options.estimator
         )
@@ -239,12 +251,12 @@ class QuadEnvBase:
 
     @property
     def estimator(self) -> Estimator | None:
-        """Estimator of gravity and velocity in the observation; None if these are the true state's."""
+        """Estimator of gravity and velocity in the observation; None if the observation has the true values."""
         return self._observation_model.estimator
 
     @property
     def observes_true_state(self) -> bool:
-        """True if the observation is the undelayed true state without noise."""
+        """True if the observation is the true state, without noise and delay."""
         return self._observation_model.is_exact
 
     def _reset_episodes(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
@@ -260,10 +272,11 @@ class QuadEnvBase:
 
         Args:
             targets: Joint targets of all robots, clipped, (n, 12), rad.
-            env_ids: Robots to advance; None: the only robot of a batch of one, with results in floats.
+            env_ids: Indices of k robots to advance, or a slice. None means the only robot of a batch of one; the
+                results are then floats.
 
         Returns:
-            Results of the k robots.
+            Results of the step.
         """
         moving = ALL if env_ids is None else env_ids
         delayed_targets = self._apply_action(targets, moving)
@@ -277,20 +290,20 @@ class QuadEnvBase:
         return StepOutcome(state, observation, terms, fall, diverged, terminated)
 
     def _apply_action(self, targets: Array, env_ids: EnvSelection) -> Array | None:
-        """Return the targets that the servos receive, (n, 12), rad; None: the action's."""
+        """Return the joint targets that the servos receive, (n, 12), rad; None if they are the undelayed targets."""
         if self._action_delay is None:
             return None
         return self._action_delay.update(targets, self._schedule.step_count[env_ids], self._rows[env_ids])
 
     def _simulate(self, targets: Array, delayed_targets: Array | None, env_ids: EnvSelection) -> None:
-        """Advance the simulation and the clocks of robots by a control period."""
+        """Advance the simulation and the step counts of the robots `env_ids` by a control period."""
         schedule = self._schedule
         self.simulation.step(targets, schedule.push_force(), env_ids, delayed_targets)
         self._tracked_command[env_ids] = schedule.command[env_ids]
         schedule.step_count[env_ids] += 1
 
     def _reset_diverged(self, env_ids: EnvSelection | None) -> BoolOrMask:
-        """Return True for robots that diverged, and reset these so that their readings are finite."""
+        """Return True for robots with a diverged simulation; reset these robots, so that their readings are finite."""
         diverged: BoolOrMask = self.simulation.diverged(env_ids)
         if any_true(diverged):
             rows = self._rows if env_ids is None else self._rows[env_ids]
@@ -298,18 +311,21 @@ class QuadEnvBase:
         return diverged
 
     def _compute_state(self, env_ids: EnvSelection | None) -> QuadState[Any]:
-        """Return the present state of robots, with the command that they tracked in their last step."""
+        """Return the present state of the robots `env_ids`, with the command that they tracked in their last step."""
         return self.simulation.state(component_reader(env_ids)(self._tracked_command), env_ids)
 
     def _terminate(self, state: QuadState[ScalarOrBatch], diverged: BoolOrMask) -> tuple[Any, BoolOrMask]:
-        """Return the code of the fall, see `config.FALL_REASONS`, and True for robots with an episode that ends."""
+        """Return the fall codes, see `config.FALL_REASONS`, and the mask of robots with an episode that ends."""
         fall = where(diverged, 0, fall_reason_code(state, self.config.fall_rule, self._min_trunk_height))
         return fall, diverged | ((fall > 0) & self.terminate_on_fall)
 
     def _step_terms(
         self, state: QuadState[ScalarOrBatch], terminated: BoolOrMask, diverged: BoolOrMask
     ) -> dict[str, ScalarOrBatch]:
-        """Return mechanical power, W, the fraction of joints above their rated speed, and the reward terms."""
+        """Return a dictionary, key in the infos -> value, of the terms of a step.
+
+        It has the mechanical power, W, the fraction of joints above their rated speed, and the weighted reward terms.
+        """
         terms = {
             "mechanical_power": state.mechanical_power,
             "overspeed": fraction_above(state.joint_velocity, self.robot.rated_speed),
@@ -320,7 +336,10 @@ class QuadEnvBase:
         return terms
 
     def _observe(self, state: QuadState[ScalarOrBatch], env_ids: EnvSelection | None) -> NDArray[np.float32]:
-        """Return the observation of robots, (k, size), or (size,) for None, with the command to track next."""
+        """Return the observation of the robots `env_ids`, (k, size), with the command to track next.
+
+        The shape is (size,) if `env_ids` is None.
+        """
         schedule = self._schedule
         rows = self._rows if env_ids is None else self._rows[env_ids]
         clock = schedule.step_count if env_ids is None else schedule.step_count[env_ids]
@@ -336,26 +355,29 @@ class QuadEnvBase:
         return np.concatenate((observation, *further_terms), axis=-1)
 
     def close_extras(self, **_: Any) -> None:
-        """Close the window or the renderer; the simulation itself needs no closing."""
+        """Close the window or the renderer, if there is one; the simulation needs no closing."""
         if self._view is not None:
             self._view.close()
             self._view = None
 
 
 def _to_setting(value: Any) -> Any:
-    """Return the setting that a mapping stands for, or the value itself."""
+    """Convert a mapping of JSON values to a settings dataclass; return any other value unchanged."""
     return from_json_values(value) if isinstance(value, Mapping) else value
 
 
 def _check_task_config(config: Any) -> TaskConfig:
-    """Return the task configuration, the default for None; raise ValueError for anything else."""
+    """Return the task configuration, or the default one for None; raise ValueError for another type."""
     if config is not None and not isinstance(config, TaskConfig):
         raise ValueError(f"config is a quad_env.TaskConfig or None, got {config!r}")
     return config or TaskConfig()
 
 
 def _make_robot(robot: str | Robot, servo: Any, num_envs: int) -> tuple[Robot, Array | None]:
-    """Return the robot with its servo gains, and the gains of each robot, (2, n, 12), or None if they are the same."""
+    """Return the robot with its servo gains, and the gains of each of the n robots.
+
+    The gains are stiffness, N·m/rad, and damping, N·m·s/rad, (2, n, 12); None if all robots have the same gains.
+    """
     robot = get_robot(robot)
     requested = (robot.servo_stiffness, robot.servo_damping) if servo is None else servo
     gains = parse_servo_gains(requested, num_envs)

@@ -1,4 +1,4 @@
-"""The single environment: one robot, its readings, rewards and falls computed in floats."""
+"""The single environment: one robot, with readings, rewards and falls computed in floats for speed."""
 
 from typing import Any, ClassVar, Unpack
 
@@ -36,37 +36,36 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
     command               3      forward m/s, lateral m/s, yaw rate rad/s
     ====================  =====  =========================================================
 
-    Infos, falls, rewards, seeds and all changes since the first registration are described in docs/environment.md.
-    Every info is a number or an array of numbers. The time limit (1000 steps, 10 s) is the `TimeLimit` wrapper that
-    `gym.make` adds.
+    docs/environment.md describes infos, falls, rewards, seeds and all changes since the first registration. Every info
+    is a number or an array of numbers. `gym.make` adds the time limit (1000 steps, 10 s) as a `TimeLimit` wrapper.
 
     Keyword Args:
         config: Control rate, fall rule and reward weights.
-        rewards: Reward terms of the user, name -> (function, weight), or name -> weight of an extension's term; see
+        rewards: Additional reward terms, name -> (function, weight), or name -> weight for a term of an extension; see
             docs/extending.md.
-        observations: Observation terms of the user, the last of the observation: `quad_env.ObservationTerm`, or names
-            of an extension's terms. They show the true state.
+        observations: Additional observation terms, at the end of the observation: `quad_env.ObservationTerm`, or names
+            of terms of an extension. They are computed from the true state.
         actuator: A name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
-        sensors: Source of the observation: None or "truth", a name from `quad_env.SENSORS`, or a
-            `quad_env.SensorSuite`. All but the truth add `sensor_<name>`, its value, and `sensor_<name>_time`, the time
-            of its measurement in s since the start of the episode, to the infos.
-        robot: The `quad_env.Robot` that is simulated, or its name in `quad_env.ROBOTS`.
+        sensors: Source of the observation: None or "truth" for the true state, a name from `quad_env.SENSORS`, or a
+            `quad_env.SensorSuite`. Simulated sensors add two entries each to the infos: `sensor_<name>` is the reading,
+            and `sensor_<name>_time` is the time of the measurement since the start of the episode, s.
+        robot: The simulated `quad_env.Robot`, or its name in `quad_env.ROBOTS`.
         estimator: Estimator of gravity and velocity from the sensors' readings: a name from `quad_env.ESTIMATORS`.
-        height_scan: The `quad_env.HeightScan` that is the term `height_scan` of the observation; None: no scan.
-        servo: Stiffness, N·m/rad, and damping, N·m·s/rad, of the joint servos, each a number or (12,) in the joints'
-            order, in a batch also (n, 12); None: the robot's.
+        height_scan: The `quad_env.HeightScan` to add to the observation as the term `height_scan`; None for no scan.
+        servo: Pair of stiffness, N·m/rad, and damping, N·m·s/rad, of the joint servos. Each is a number, or (12,) in
+            the order of the joints; a batch also accepts (n, 12). None for the gains of the robot.
         simulator: "mujoco"; "drake" for ideal motors and level or sloping ground and stairs, see
             docs/second-simulator.md; "warp", MuJoCo Warp, for training, see docs/training.md.
 
     Args:
         scenario: A name from `quad_env.SCENARIOS`, a level or severity, for example `push:3`,
             `push=42` or `payload=15+slope=10`, or a `quad_env.Scenario`.
-        terminate_on_fall: False keeps a fallen robot going.
+        terminate_on_fall: True if a fall ends the episode.
         render_mode: None, "rgb_array" or "human".
         width: Width of rendered frames, pixels.
         height: Height of rendered frames, pixels.
         camera: Name of a camera of the model.
-        **parts: Keyword arguments of the robot and the task, as above.
+        **parts: Keyword arguments of the robot and the task, listed above.
 
     Raises:
         ValueError: An argument is invalid.
@@ -106,7 +105,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
 
     @property
     def data(self) -> mujoco.MjData:
-        """A fresh snapshot of the simulation, derived fields current; writing to it does not change the simulation."""
+        """A new copy of the simulation data with up-to-date derived fields; writing to it has no effect."""
         return self.simulation.snapshot(0)
 
     def reset(
@@ -115,15 +114,16 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         """Start an episode.
 
         Args:
-            seed: Seed of the episodes from now on; None: the next episode of the present seed.
-            options: "command", (3,): forward m/s, lateral m/s, yaw rate rad/s, fixed for the whole episode.
+            seed: Seed of this and the following episodes; None for the next episode of the present seed.
+            options: Dictionary with the key "command": forward m/s, lateral m/s, yaw rate rad/s, (3,), fixed for the
+                whole episode. None to draw commands.
 
         Returns:
             observation: First observation.
             info: See docs/environment.md.
 
         Raises:
-            ValueError: A seed or command of the wrong shape or kind, or a `reset_mask`.
+            ValueError: The seed or command has the wrong shape or type, or the options have a `reset_mask`.
         """
         mask, fixed_command = parse_reset_options(options, 1)
         seed = None if seed is None else assign_seeds([seed], 1)[0]
@@ -143,9 +143,9 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return observation, info
 
     def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Advance by one control period; after the end of the episode the robot stands still.
+        """Advance by one control period; the robot stands still after the end of the episode.
 
-        A wrong shape or a non-finite target raises ValueError; the robot has not moved then.
+        ValueError is raised, before the robot moves, if the targets have a wrong shape or are not finite.
 
         Args:
             action: Joint targets, (12,), rad; targets beyond the joint limits are clipped.
@@ -154,7 +154,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             observation: Observation after the step.
             reward: Sum of the reward terms.
             terminated: True if the robot fell or diverged.
-            truncated: False; the time limit is a wrapper.
+            truncated: Always False, because the `TimeLimit` wrapper handles the time limit.
             info: See docs/environment.md.
 
         Raises:
@@ -176,18 +176,18 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return result.observation, reward, self._terminated, False, self._info(result.state, result.terms)
 
     def _current_observation(self) -> tuple[Observation, dict[str, Any]]:
-        """Return observation and info of a robot that has not moved."""
+        """Return the present observation and info, with zero reward terms, of a robot that has not moved."""
         state: QuadState[float] = self._compute_state(None)
         terms = dict.fromkeys(("mechanical_power", "overspeed", *self._reward_keys), 0.0)
         return self._observe(state, None), self._info(state, terms)
 
     def _info(self, state: QuadState[float], terms: dict[str, float]) -> dict[str, Any]:
-        """Return the info of a step."""
+        """Return the info of a step, with the values `terms`."""
         info: dict[str, Any] = {
             "command": np.array(state.command),
             "heading_velocity": np.array(state.heading_velocity),
             "fall": np.int8(self._fall),
-            "diverged": np.array(self._diverged),  # Gymnasium's batches would make an object of a `np.bool_`
+            "diverged": np.array(self._diverged),  # Gymnasium's vector envs would make an object array of `np.bool_`
             **{key: np.float64(value) for key, value in terms.items()},
         }
         for key, values in self._observation_model.readings().items():
@@ -195,7 +195,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return info
 
     def render(self) -> NDArray[Any] | None:
-        """Return the current frame, (height, width, 3) uint8, or None for "human" or no mode."""
+        """Return the current frame, (height, width, 3) uint8; None if the mode is "human" or None."""
         if self.render_mode is None:
             warn_no_render_mode(RENDER_MODES)
             return None

@@ -1,4 +1,4 @@
-"""Actions in [-1, 1] around the home pose, for learners that explore around zero at unit size, for example PPO."""
+"""Actions in [-1, 1] around the home pose, for learners that explore around zero with unit std, for example PPO."""
 
 from typing import Any
 
@@ -17,18 +17,18 @@ Observation = NDArray[np.float32]
 Action = NDArray[Any]
 
 AUTHORITY = 0.5
-"""rad. Default of the maximum offset of a joint target from the home pose."""
+"""Default of the maximum offset of a joint target from the home pose, rad."""
 
 
 class HomePoseSpace(Box):
     """Offsets from a robot's home pose as fractions of the maximum offset, [-1, 1], (12,).
 
-    A model file that stores its action space, as Stable-Baselines3's does, thus defines how its actions become joint
-    targets.
+    The space stores the home pose and the maximum offset. So a model file that includes its action space, as files of
+    Stable-Baselines3 do, defines the conversion of actions to joint targets.
 
     Args:
-        robot: Robot with the home pose, or its name.
-        authority: Maximum offset, rad, of every joint or (12,).
+        robot: Robot with the home pose, or the name of the robot.
+        authority: Maximum offset of a joint target from the home pose, rad; one number for all joints, or (12,).
     """
 
     def __init__(self, robot: str | Robot, authority: ArrayLike = AUTHORITY) -> None:
@@ -39,17 +39,17 @@ class HomePoseSpace(Box):
         self.authority = _check_authority(authority, robot.num_joints)
 
     def targets(self, actions: ArrayLike) -> Action:
-        """Return the joint targets, rad, (..., 12), of `actions`, (..., 12), which are clipped to ±1."""
+        """Return the joint targets of `actions`, (..., 12), rad; actions are clipped to ±1."""
         offsets: Action = self.authority * np.clip(np.asarray(actions, np.float32), -1.0, 1.0)
         return self.home_pose + offsets
 
 
 class HomePoseActions(gym.ActionWrapper[Observation, Action, Action], RecordConstructorArgs):
-    """A SimpleQuad environment with actions in a `HomePoseSpace`: at 0 the robot stands.
+    """Wrapper of a single environment with actions in a `HomePoseSpace`: the robot stands if the action is 0.
 
     Args:
-        env: Environment of one robot; `VectorHomePoseActions` is for a batch.
-        authority: Maximum offset of a joint target from the home pose, rad, of every joint or (12,).
+        env: Environment of one robot; see `VectorHomePoseActions` for a batch.
+        authority: Maximum offset of a joint target from the home pose, rad; one number for all joints, or (12,).
     """
 
     def __init__(self, env: gym.Env[Observation, Action], authority: ArrayLike = AUTHORITY) -> None:
@@ -58,16 +58,16 @@ class HomePoseActions(gym.ActionWrapper[Observation, Action, Action], RecordCons
         self.action_space = self._space = HomePoseSpace(_find_robot(env), authority)
 
     def action(self, action: Action) -> Action:
-        """Return the joint targets, rad, (12,), of an `action`."""
+        """Return the joint targets of an `action`, (12,), rad."""
         return self._space.targets(action)
 
 
-class VectorHomePoseActions(VectorWrapper):  # takes no parameters in Gymnasium 1.2
-    """A batch of SimpleQuad robots with actions in a `HomePoseSpace`; see `HomePoseActions`.
+class VectorHomePoseActions(VectorWrapper):  # without type parameters, because Gymnasium 1.2 takes none
+    """Wrapper of a batch of SimpleQuad robots with actions in a `HomePoseSpace`; see `HomePoseActions`.
 
     Args:
-        env: The batch.
-        authority: Maximum offset of a joint target from the home pose, rad, of every joint or (12,).
+        env: Vector environment of n robots.
+        authority: Maximum offset of a joint target from the home pose, rad; one number for all joints, or (12,).
     """
 
     def __init__(self, env: VectorEnv[Observation, Action, NDArray[Any]], authority: ArrayLike = AUTHORITY) -> None:
@@ -76,12 +76,12 @@ class VectorHomePoseActions(VectorWrapper):  # takes no parameters in Gymnasium 
         self.action_space = batch_space(self._space, env.num_envs)
 
     def step(self, actions: Action) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Advance all robots by one control period with `actions`, (n, 12); returns the results of the batch's step."""
+        """Advance all robots by one control period with `actions`, (n, 12); return the results of `env.step`."""
         return self.env.step(self._space.targets(actions))
 
 
 def _find_robot(env: Any) -> Robot:
-    """Return the robot of an environment; raise ValueError for an environment of another project."""
+    """Return the robot of an environment; raise ValueError if it is not a SimpleQuad environment."""
     robot = getattr(env.unwrapped, "robot", None)
     if not isinstance(robot, Robot):
         raise ValueError(f"{env} has no home pose: wrap a SimpleQuad environment, or its native batch")
@@ -89,7 +89,7 @@ def _find_robot(env: Any) -> Robot:
 
 
 def _check_authority(authority: ArrayLike, num_joints: int) -> Action:
-    """Return the maximum offset of every joint, rad, (12,); raise ValueError unless it is positive and finite."""
+    """Return the maximum offset of every joint, (12,), rad; raise ValueError if one is not positive and finite."""
     array = np.asarray(authority, np.float32)
     if array.shape not in ((), (num_joints,)) or not (np.isfinite(array) & (array > 0.0)).all():
         raise ValueError(f"authority is a positive number of rad, or ({num_joints},) of them, got {authority!r}")

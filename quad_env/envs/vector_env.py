@@ -1,4 +1,4 @@
-"""The native batch: n robots as one `gymnasium.vector.VectorEnv`."""
+"""The vector environment: a batch of n robots as one `gymnasium.vector.VectorEnv`."""
 
 from collections.abc import Sequence
 from typing import Any, ClassVar, Unpack
@@ -26,23 +26,23 @@ RENDER_MODES = ("rgb_array",)
 
 
 class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
-    """n SimpleQuad robots that are stepped together; `gym.make_vec` makes one.
+    """Batch of n SimpleQuad robots that are stepped together; made by `gym.make_vec`.
 
-    Env i with a seed gives the same numbers, bit for bit, as a single env with that seed, at any n and `nthread`.
-    Every info is an array of numbers, (n, ...), with a mask `_<key>`, (n,), of the robots that have it.
+    Env i gives the same numbers, bit for bit, as a single env with the same seed, for any n and `nthread`. Every info
+    is an array of numbers, (n, ...). The info `_<key>`, (n,), is the mask of the robots that have the info `<key>`.
 
     Args:
         num_envs: Number of robots.
         scenario: See `SimpleQuadEnv`.
         nthread: Threads of the simulation.
         autoreset_mode: An `AutoresetMode` or its name, `NEXT_STEP`, `SAME_STEP` or `DISABLED`. With `DISABLED` a
-            finished robot stands still in time, its last observation repeated with zero reward, until
+            finished robot is not simulated: its last observation is repeated, with zero reward, until
             `reset(options={"reset_mask": mask})`.
         max_episode_steps: Time limit in control steps; None or -1 for no limit.
-        terminate_on_fall: False keeps a fallen robot going.
-        render_mode: None or "rgb_array"; `render` returns one frame per robot. A window shows single robots only.
-        readings: True adds measurements of the step that policies do not observe to the infos; see
-            `quad_env.task.readings`.
+        terminate_on_fall: True if a fall ends the episode.
+        render_mode: None or "rgb_array"; `render` then returns one frame per robot. Only the single environment has a
+            window.
+        readings: True to add the measurements of `quad_env.task.readings`, which policies do not observe, to the infos.
         **parts: Keyword arguments of the robot and the task, see `SimpleQuadEnv`.
 
     Raises:
@@ -89,7 +89,10 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._made = True
 
     def _allocate(self, num_envs: int) -> None:
-        """Allocate the results of the last step; callers get copies, and a robot that does not move keeps its row."""
+        """Allocate the results of the last step.
+
+        The rows of robots that are not stepped keep their values. Callers get copies of the arrays.
+        """
         self._started = np.zeros(num_envs, bool)
         self._terminated = np.zeros(num_envs, bool)
         self._truncated = np.zeros(num_envs, bool)
@@ -100,18 +103,20 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._all_true_mask = np.ones(num_envs, bool)
         self._all_true_mask.flags.writeable = False
         self._state: QuadState[Array] | None = None
-        """Present state of all robots; None if it was not computed for all."""
+        """Present state of all robots; None if the last step or reset computed only some robots."""
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, Infos]:
         """Start a new episode in every env, or only where `options["reset_mask"]` is True.
 
-        A seed, command or mask of the wrong shape or kind raises ValueError.
+        ValueError is raised for a seed, command or mask of the wrong shape or type.
 
         Args:
-            seed: Env i gets seed + i, or the i-th of a sequence; None: the next episode of each env's present seed.
-            options: "command", (3,) or (n, 3), fixed for the episode; "reset_mask", (n,) bool.
+            seed: Env i gets the seed `seed` + i, or `seed[i]` of a sequence; None for the next episode of the present
+                seed of each env.
+            options: Dictionary with the keys "command", (3,) or (n, 3), fixed for the episode, and "reset_mask", (n,)
+                bool. Both keys are optional.
 
         Returns:
             observation: Observations of all robots, (n, size).
@@ -126,7 +131,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
     def step(self, actions: NDArray[np.floating[Any]]) -> tuple[Observation, Array, Mask, Mask, Infos]:
         """Advance by one control period of `dt` seconds.
 
-        A wrong shape or a non-finite target raises ValueError; no robot has moved then.
+        ValueError is raised, before any robot moves, if the targets have a wrong shape or are not finite.
 
         Args:
             actions: Joint targets, (n, 12), rad; targets beyond the joint limits are clipped.
@@ -161,9 +166,9 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         return self._observation.copy(), rewards, terminated, truncated, infos
 
     def steer(self, command: ArrayLike) -> None:
-        """Set the command from the next step to the next reset; policies observe it with the next observation.
+        """Set the command that robots track until the next reset; the next observation shows the command.
 
-        A wrong shape, or a command that is not finite or too large, raises ValueError; nothing has changed then.
+        ValueError is raised, and nothing changes, for a wrong shape or a command that is not finite or too large.
 
         Args:
             command: Forward and lateral velocity, heading frame, m/s, and yaw rate, rad/s, (3,) or (n, 3).
@@ -171,16 +176,16 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._schedule.fix_commands(arguments.check_commands(command, self.num_envs, "command"))
 
     def push(self, force: ArrayLike, duration: float) -> None:
-        """Push the trunks, in addition to the scenario's pushes; ends an earlier push of this kind.
+        """Push the trunks, in addition to the pushes of the scenario; end any earlier push by this method.
 
-        A force of a wrong shape, or one that is not finite, raises ValueError.
+        ValueError is raised for a force that has a wrong shape or is not finite.
 
         Args:
-            force: World frame, (2,) or (n, 2), N.
-            duration: s.
+            force: Force on the trunk, world frame, (2,) or (n, 2), N.
+            duration: Duration of the push, s.
 
         Raises:
-            ValueError: A duration below a control step.
+            ValueError: The duration is shorter than a control step.
         """
         steps = round(duration / self.dt) if np.isfinite(duration) else 0
         if steps < 1:
@@ -188,7 +193,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._schedule.apply_push(arguments.check_rows(force, (self.num_envs, 2), "force"), steps)
 
     def render(self) -> tuple[NDArray[Any], ...] | None:
-        """Return a frame of each robot, (480, 640, 3) uint8; None without a render_mode."""
+        """Return a frame of each robot, (480, 640, 3) uint8; None if `render_mode` is None."""
         if self.render_mode is None:
             arguments.warn_no_render_mode(RENDER_MODES)
             return None
@@ -200,11 +205,14 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
 
     @property
     def pushes(self) -> PushPlan:
-        """Pushes of every env's present episode."""
+        """Pushes in the present episode of every env."""
         return self._schedule.pushes
 
     def _start_episodes(self, env_ids: EnvIndices, fixed_commands: Array | None) -> None:
-        """Start the next episode of the robots `env_ids`; commands of all, (n, 3), or None to draw them."""
+        """Start the next episode of the robots `env_ids`.
+
+        `fixed_commands` are the commands of all robots, (n, 3), or None to draw them.
+        """
         if not len(env_ids):
             return
         for flags in (self._terminated, self._truncated, self._diverged):
@@ -217,7 +225,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._store_observation(state, self._observe(state, env_ids), env_ids)
 
     def _store(self, result: StepOutcome[Array], env_ids: EnvSelection) -> None:
-        """Store the result of a step of the robots `env_ids`, and whether it is their last within the time limit."""
+        """Store the result of a step of the robots `env_ids`, and truncate episodes at the time limit."""
         self._state = result.state if env_ids is ALL else None
         self._diverged[env_ids] = result.diverged
         self._fall[env_ids] = result.fall
@@ -232,7 +240,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._observation[env_ids] = observation
 
     def _scatter(self, values: Array, env_ids: EnvSelection) -> Array:
-        """Return the values of the robots `env_ids` among zeros for the others, (n,)."""
+        """Return an array, (n,), with the `values` at the robots `env_ids` and zeros elsewhere."""
         if env_ids is ALL:
             return values
         out = np.zeros(self.num_envs)
@@ -240,11 +248,11 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         return out
 
     def _zero_terms(self) -> Infos:
-        """Return zeros for mechanical power, overspeed and reward terms."""
+        """Return a dictionary, key -> zeros, (n,), for mechanical power, overspeed and all reward terms."""
         return {key: np.zeros(self.num_envs) for key in ("mechanical_power", "overspeed", *self._reward_keys)}
 
     def _infos(self, terms: Infos) -> Infos:
-        """Return the infos of a step with its `terms`, and the mask of each."""
+        """Return the infos of a step: `terms`, further infos, and the mask `_<key>` of each."""
         infos: Infos = {
             "command": self._tracked_command.copy(),
             "heading_velocity": self._heading_velocity.copy(),
@@ -254,14 +262,14 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         }
         if self._has_readings:
             infos |= compute_readings(self.simulation, self._state)
-            infos["joint_torque"][self._schedule.step_count == 0] = 0.0  # MuJoCo's is still that of another simulation
+            infos["joint_torque"][self._schedule.step_count == 0] = 0.0  # MuJoCo's value is from before the reset
         infos |= self._observation_model.readings()
         return infos | {f"_{key}": self._all_true_mask for key in infos}
 
     def _restart(self, finished: Mask, infos: Infos, terms: Infos) -> Infos:
-        """Start new episodes in the finished envs, and return their infos (same-step autoreset).
+        """Start new episodes in the finished envs, and return the infos of all envs (same-step autoreset).
 
-        Observation and infos of the finished step are in `final_obs` and `final_info`.
+        The keys `final_obs` and `final_info` hold the observation and the infos at the end of the finished episodes.
         """
         final = {
             "final_obs": np.where(finished[:, None], self._observation, np.float32(0)),
@@ -273,7 +281,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
 
 
 def _check_step_limit(max_episode_steps: int | None) -> int | None:
-    """Return the time limit in control steps; None for no limit, also for -1."""
+    """Return the time limit in control steps; None if there is no limit, given as None or -1."""
     if max_episode_steps is None or max_episode_steps == -1:
         return None
     return arguments.check_count("max_episode_steps, None and -1 for no limit,", max_episode_steps)

@@ -1,1 +1,1 @@
-"""The task: observations, rewards, falls, and readings for measurement."""
+"""The task: observations, rewards, fall detection, and readings for measurement."""

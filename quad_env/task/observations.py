@@ -1,4 +1,4 @@
-"""The observation as one table: name, width, unit, frame, bound and scale of each term, in order."""
+"""Table of the observation terms in order, with name, width, unit, frame, bound and scale of each term."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -18,19 +18,19 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class ObservationTerm:
-    """One term of the observation; the environment has its own, a user adds terms with a `function`."""
+    """One term of the observation: a term of the environment, or a term of the user with a `function`."""
 
     name: str
     width: int
     """Number of entries."""
     unit: str
     bound: float
-    """Readings are clipped to ± this, so that the space is finite."""
+    """Values are clipped to [-bound, bound], so that the observation space is finite."""
     scale: float
-    """Factor that brings the reading to about unit size for a learner."""
+    """Factor for learners that scales the values to a magnitude of about 1."""
     function: Callable[[Any], Any] | None = None
-    """Values of the true state, a `QuadState`: a scalar, or a sequence of `width` scalars, each a float of one robot or
-    an array (n,) of n robots. None for the environment's own terms."""
+    """Function of the true state, a `QuadState`, that returns the values: a scalar, or a sequence of `width` scalars.
+    A scalar is a float for one robot, or an array (n,) for n robots. None for terms of the environment."""
 
     def __post_init__(self) -> None:
         if not (isinstance(self.width, int) and self.width > 0):
@@ -41,16 +41,16 @@ class ObservationTerm:
             raise ValueError(f"observation term {self.name}: scale is finite, got {self.scale!r}")
 
     def evaluate(self, state: QuadState[ScalarOrBatch]) -> NDArray[np.float32]:
-        """Return the clipped values of a user's term in a state.
+        """Compute the values of a user's term in a state, clipped to ±`bound`.
 
         Args:
-            state: Present state of one robot or of n.
+            state: Present state of one robot or of n robots.
 
         Returns:
-            Values, (1, width) for a state of floats or (n, width).
+            Values, (n, width), or (1, width) for a state of floats.
 
         Raises:
-            ValueError: The function returned another shape, or a value that is not finite.
+            ValueError: `function` returned a wrong shape, or a value that is not finite.
         """
         assert self.function is not None
         batch_shape: tuple[int, ...] = np.shape(state.height)
@@ -64,11 +64,11 @@ class ObservationTerm:
 
 
 class ObservationTable:
-    """Terms of a robot's observation, in order, with their slices, bounds and scales; made by `observation_table`.
+    """Terms of the observation of a robot, with their slices, bounds and scales; made by `observation_table`.
 
     Args:
-        robot: Robot that is observed.
-        *further_terms: Terms after those that every observation has; `observe` and `assemble` leave them out.
+        robot: The observed robot.
+        *further_terms: Terms after the seven standard terms. `observe` and `assemble` return only the standard terms.
     """
 
     def __init__(self, robot: Robot, *further_terms: ObservationTerm) -> None:
@@ -90,30 +90,30 @@ class ObservationTable:
         self.slices = {t.name: slice(end - t.width, end) for t, end in zip(self.terms, ends, strict=True)}
         """Name of each term -> its slice of the observation."""
         self.sensed = slice(0, self.slices["previous_action"].start)
-        """Slice of the terms that sensors measure; previous action and command are known without sensors."""
+        """Slice of the terms that sensors measure: all standard terms except previous action and command."""
         self.bound = np.repeat([term.bound for term in self.terms], widths).astype(np.float32)
-        """Bound of every entry, (size,): the observation space is [-bound, bound]."""
+        """Bound of every entry of the observation, (size,); the observation space is [-bound, bound]."""
         self.scale = np.repeat([term.scale for term in self.terms], widths).astype(np.float32)
-        """Scale of every entry for a learner, (size,)."""
+        """Factor for learners on every entry of the observation, (size,); see `ObservationTerm.scale`."""
         bound = self.bound[: self.slices["command"].stop]
         self._limits = (-bound, bound)
-        """Lower and upper bounds of the terms that every observation has."""
+        """Lower and upper bounds of the standard terms."""
         known_bound = bound[self.sensed.stop :]
         self._known_limits = (-known_bound, known_bound)
-        """Lower and upper bounds of previous action and command."""
+        """Lower and upper bounds of the terms previous action and command."""
         self._home: list[float] = robot.home_pose.tolist()
         self.bound.flags.writeable = False
         self.scale.flags.writeable = False
 
     def observe(self, state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch]) -> NDArray[np.float32]:
-        """Return the observation of the true state, without further terms.
+        """Return the standard terms of the observation, computed from the true state.
 
         Args:
-            state: Present state of one robot or of n.
-            command: Command to track next, (3).
+            state: Present state of one robot or of n robots.
+            command: Command to track next: forward m/s, lateral m/s, yaw rate rad/s; (3).
 
         Returns:
-            Clipped terms that every observation has, (size,) or (n, size).
+            Clipped standard terms, (size,) or (n, size).
         """
         terms = (
             state.projected_gravity,
@@ -129,15 +129,15 @@ class ObservationTable:
     def assemble(
         self, sensed: NDArray[np.float32], state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch]
     ) -> NDArray[np.float32]:
-        """Return the observation with given values of the sensed terms, without further terms.
+        """Return the standard terms of the observation, with given values of the terms that sensors measure.
 
         Args:
-            sensed: Clipped values of the sensed terms, (k, width).
-            state: Present state of the k robots, for the action.
-            command: Command to track next, (3).
+            sensed: Clipped values of the terms in the slice `sensed`, (k, width).
+            state: Present state of the k robots; it gives the previous action.
+            command: Command to track next: forward m/s, lateral m/s, yaw rate rad/s; (3).
 
         Returns:
-            Clipped terms that every observation has, (k, size), or (size,) for a state of floats.
+            Clipped standard terms, (k, size), or (size,) for a state of floats.
         """
         known = _clipped_rows((differences(state.action, self._home), command), self._known_limits)
         return np.concatenate((sensed if known.ndim == 2 else sensed[0], known), axis=-1)
@@ -146,7 +146,7 @@ class ObservationTable:
 def _clipped_rows(
     terms: Sequence[Components[ScalarOrBatch]], limits: tuple[NDArray[np.float32], NDArray[np.float32]]
 ) -> NDArray[np.float32]:
-    """Return terms in single precision, clipped to their lower and upper `limits`, (width,) or (n, width)."""
+    """Return the terms as one array in single precision, (width,) or (n, width), clipped to the `limits`."""
     lower, upper = limits
     rows = in_single_precision(terms).T
     np.minimum(rows, upper, out=rows)
@@ -154,7 +154,7 @@ def _clipped_rows(
 
 
 observation_table = cache(ObservationTable)
-"""The observation of a robot, followed by further terms."""
+"""Return the `ObservationTable` of a robot and further terms; the same arguments give the same object."""
 OBSERVATION = observation_table(SIMPLE_QUAD).slices
 """Name of each term of SimpleQuad's observation -> its slice."""
 OBSERVATION_SIZE = observation_table(SIMPLE_QUAD).size
@@ -162,16 +162,16 @@ OBSERVATION_SIZE = observation_table(SIMPLE_QUAD).size
 
 
 def user_terms(observations: Iterable[str | ObservationTerm]) -> tuple[ObservationTerm, ...]:
-    """Return the terms that the option `observations` of an environment names, in order.
+    """Return the observation terms of the argument `observations` of an environment, in order.
 
     Args:
-        observations: Terms, or names of terms that an extension has.
+        observations: Observation terms, or names of observation terms of extensions.
 
     Returns:
         The terms.
 
     Raises:
-        ValueError: An unknown or repeated name, a built-in name, or a term without a function.
+        ValueError: A name is unknown, repeated or built in, or a term has no function.
     """
     if isinstance(observations, str | ObservationTerm):
         observations = (observations,)
@@ -188,7 +188,7 @@ def user_terms(observations: Iterable[str | ObservationTerm]) -> tuple[Observati
 
 
 def _extension_term(name: str, builtin: dict[str, Any]) -> Any:
-    """Return an extension's observation term; raise ValueError for an unknown or built-in name."""
+    """Return the observation term of an extension by name; raise ValueError for an unknown or built-in name."""
     known = check_new("observations", builtin)
     if name not in known:
         valid = ", ".join(known) or "none is installed"

@@ -1,4 +1,4 @@
-"""Readings for measurement: motion, contacts and motors of every robot in the last control step."""
+"""Readings for evaluation: motion, contacts and motors of every robot in the last control step."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from quad_env.robots.kinematics import feet_in_world, foot_depths
 
 Readings = dict[str, NDArray[np.generic]]
 _NO_COMMAND = (np.zeros(1), np.zeros(1), np.zeros(1))
-"""Command of a state that is computed here; no reading depends on it."""
+"""Placeholder for the command in a state that `compute_readings` computes; no reading depends on the command."""
 _VECTORS = ("position", "angular_velocity", "joint_position", "joint_velocity", "joint_torque", "action")
 """Readings that are fields of the state."""
 
@@ -18,45 +18,45 @@ _VECTORS = ("position", "angular_velocity", "joint_position", "joint_velocity", 
 def compute_readings(simulation: Simulation, state: QuadState[Array] | None = None) -> Readings:
     """Return the readings of all n robots in the last control step.
 
-    Contacts and `joint_torque` are values of the last physics step; `joint_torque` lacks implicitly integrated damping.
-    Readings over the control step include all of its physics steps, with torques as the joints received them, see
-    `quad_env.physics.energy`.
+    Contacts and `joint_torque` are values of the last physics step. `joint_torque` lacks the damping torque that
+    MuJoCo integrates implicitly. Readings over the control step include all physics steps of the control step, with
+    the torques that the joints received, see `quad_env.physics.energy`.
 
     =================  ==========  =====================================================================
-    position           (n, 3)      trunk centre, world, m
-    quaternion         (n, 4)      trunk orientation in the world, w x y z
-    angular_velocity   (n, 3)      of the trunk, base frame, rad/s
-    height             (n,)        trunk centre above the terrain below it, m
-    vertical_velocity  (n,)        of the trunk, world, m/s
-    tilt               (n,)        between the trunk's z axis and the vertical, rad
-    joint_position     (n, 12)     rad
-    joint_velocity     (n, 12)     rad/s
-    joint_torque       (n, 12)     N·m
-    action             (n, 12)     joint targets as clipped, rad
-    foot_position      (n, 4, 3)   centres of the foot spheres, world, m
-    foot_height        (n, 4)      of each foot's lowest point above the terrain below it, m
-    foot_contact       (n, 4)      bool, the foot on the ground
-    leg_contact        (n,)        bool, a thigh or calf on the ground
-    trunk_contact      (n,)        bool
-    push               (n, 2)      force on the trunk, world, N
-    positive_work      (n, 12)     of the motors over the control step, J
+    position           (n, 3)      trunk centre, world frame, m
+    quaternion         (n, 4)      trunk orientation, from base to world frame, w x y z
+    angular_velocity   (n, 3)      trunk angular velocity, base frame, rad/s
+    height             (n,)        height of the trunk centre above the terrain below it, m
+    vertical_velocity  (n,)        vertical velocity of the trunk, world frame, m/s
+    tilt               (n,)        angle between the trunk's z axis and the vertical, rad
+    joint_position     (n, 12)     joint angles, rad
+    joint_velocity     (n, 12)     joint speeds, rad/s
+    joint_torque       (n, 12)     servo torques, N·m
+    action             (n, 12)     joint targets after clipping, rad
+    foot_position      (n, 4, 3)   centres of the foot spheres, world frame, m
+    foot_height        (n, 4)      height of the lowest point of each foot above the terrain below it, m
+    foot_contact       (n, 4)      bool, True if the foot is on the ground
+    leg_contact        (n,)        bool, True if a thigh or calf is on the ground
+    trunk_contact      (n,)        bool, True if the trunk is on the ground
+    push               (n, 2)      pushing force on the trunk, world frame, N
+    positive_work      (n, 12)     work that the motors delivered over the control step, J
     regeneration       (n, 12)     work that the motors absorbed over the control step, J
-    joule_heat         (n, 12)     of the windings over the control step, J; NaN of motors without a curve
-    mean_torque        (n, 12)     mean magnitude over the control step, N·m
-    peak_torque        (n, 12)     maximum over the control step, N·m
-    peak_speed         (n, 12)     maximum over the control step, rad/s
+    joule_heat         (n, 12)     heat of the windings over the control step, J; NaN for motors without a curve
+    mean_torque        (n, 12)     mean torque magnitude over the control step, N·m
+    peak_torque        (n, 12)     maximum torque magnitude over the control step, N·m
+    peak_speed         (n, 12)     maximum joint speed magnitude over the control step, rad/s
     torque_change      (n, 12)     magnitude of the change of the mean torque since the last control step, N·m
-    foot_impulse       (n, 4)      of the ground force on each foot over the control step, N·s
+    foot_impulse       (n, 4)      impulse of the ground force on each foot over the control step, N·s
     =================  ==========  =====================================================================
 
     Motors with a thermal model add `winding_temperature`, (n, 12), °C.
 
     Args:
         simulation: Simulation with a motor meter.
-        state: Present state of all robots; None to compute it.
+        state: Present state of all robots; None to compute the state from the simulation.
 
     Returns:
-        Name -> values.
+        Name of each reading -> values.
     """
     state = simulation.state(_NO_COMMAND) if state is None else state
     readings: Readings = {name: np.transpose(getattr(state, name)).copy() for name in _VECTORS}
@@ -77,7 +77,7 @@ def compute_readings(simulation: Simulation, state: QuadState[Array] | None = No
 
 
 def _foot_readings(simulation: Simulation, state: QuadState[Array]) -> Readings:
-    """Return positions and heights of the feet, and ground contacts of feet and legs."""
+    """Return the readings, name -> values, of foot positions, foot heights, and ground contacts of feet and legs."""
     robot = simulation.robot
     position = np.transpose(state.position)
     joints = np.transpose(state.joint_position)

@@ -1,7 +1,7 @@
 """Reward terms: pure functions of the state; the weights are in `config.RewardWeights`.
 
-Every term works on one robot and on n, see `columns`. The tracking terms have the field's exponential form, with the
-error itself instead of its square in the exponent, so that small errors still have a gradient.
+Every term works for one robot and for n robots, see `columns`. The tracking terms have the usual exponential form, but
+the exponent has the error instead of the squared error, so that small errors still give a gradient.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,15 +26,15 @@ from quad_env.extensions import check_new
 from quad_env.physics.state import QuadState
 
 LINEAR_ERROR_SCALE = 0.25
-"""m/s. Velocity error at which the linear tracking reward is 1/e."""
+"""Velocity error at which the linear tracking reward is 1/e, m/s."""
 YAW_ERROR_SCALE = 0.25
-"""rad/s. Yaw-rate error at which the yaw tracking reward is 1/e."""
+"""Yaw-rate error at which the yaw tracking reward is 1/e, rad/s."""
 NEUTRAL_SWING_TIME = 0.15
-"""s. Swing time with a reward of 0, about the trot's; longer swings are rewarded, shorter ones penalised."""
+"""Swing time with zero reward, about a trot's, s. Longer swings are rewarded, shorter ones penalised."""
 MIN_HEIGHT_FRACTION = 0.85
-"""Trunk height, as a fraction of its height in the home pose, below which a robot crouches."""
+"""Trunk height below which the robot crouches, as a fraction of the trunk height in the home pose."""
 MAX_STAND_COMMAND = 0.1
-"""Norm of a command (m/s, m/s, rad/s) up to which it is a command to stand."""
+"""Largest norm of a command, (m/s, m/s, rad/s), that counts as a command to stand."""
 
 
 def linear_velocity_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
@@ -48,14 +48,17 @@ def yaw_rate_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def linear_velocity_error(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the planar velocity error in the heading frame, m/s: a gradient where the tracking reward is flat."""
+    """Return the magnitude of the planar velocity error in the heading frame, m/s.
+
+    Unlike the tracking reward, this term has a gradient at large errors too.
+    """
     forward = state.command[0] - state.heading_velocity[0]
     lateral = state.command[1] - state.heading_velocity[1]
     return sqrt(forward * forward + lateral * lateral)
 
 
 def yaw_rate_error(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the yaw-rate error about the world's vertical, rad/s."""
+    """Return the magnitude of the yaw-rate error about the world's vertical, rad/s."""
     return abs(state.command[2] - state.heading_velocity[2])
 
 
@@ -77,7 +80,10 @@ def tilt(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def crouch(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the drop of the trunk below MIN_HEIGHT_FRACTION, as a fraction of its home height; 0 above it."""
+    """Return the depth of the trunk below MIN_HEIGHT_FRACTION of its height in the home pose; 0 if it is higher.
+
+    The depth is a fraction of the trunk height in the home pose.
+    """
     shortfall = MIN_HEIGHT_FRACTION - state.height / state.standing_height
     return cast("ScalarOrBatch", where(shortfall > 0.0, shortfall, 0.0))
 
@@ -93,16 +99,16 @@ def torque(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def mechanical_power(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return Σ |torque · joint speed| over the joints, W."""
+    """Return the mechanical power Σ |torque · joint speed| over the joints, W."""
     return state.mechanical_power
 
 
 def foot_air_time(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Return Σ (swing time - NEUTRAL_SWING_TIME) over the feet that touch down in this step, s.
 
-    It is 0 for a command to stand, and if swings are not tracked because no term needs them. See legged_gym (Rudin et
-    al. 2022, `_reward_feet_air_time`) and Isaac Lab (`feet_air_time`); there, a command to turn on the spot is also a
-    command to stand.
+    The term is 0 for a command to stand. It is also 0 if the simulation does not track swings, because no weighted term
+    needs them. See legged_gym (Rudin et al. 2022, `_reward_feet_air_time`) and Isaac Lab (`feet_air_time`); in both, a
+    command to turn on the spot is also a command to stand.
     """
     if state.swing_time is None:
         return 0.0 * abs(state.height)
@@ -117,15 +123,15 @@ def foot_air_time(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 def touchdown_speed(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
     """Return Σ (touchdown speed)² over the feet that touch down in this step, (m/s)².
 
-    It is 0 if touchdowns are not tracked because no term needs them.
+    The term is 0 if the simulation does not track touchdowns, because no weighted term needs them.
     """
     return 0.0 * abs(state.height) if state.touchdown_speed is None else sum_of_squares(state.touchdown_speed)
 
 
 RewardFunction = Callable[[QuadState[Any]], Any]
-"""Unweighted reward term of a state: a float of one robot, an array (n,) of n robots."""
+"""Function of a `QuadState` that returns an unweighted reward term: a float for one robot, or an array (n,)."""
 REWARD = "reward_"
-"""Prefix of the key of every term in the infos."""
+"""Prefix of the key of every reward term in the infos."""
 FUNCTIONS: tuple[RewardFunction, ...] = (
     linear_velocity_tracking,
     yaw_rate_tracking,
@@ -141,28 +147,28 @@ FUNCTIONS: tuple[RewardFunction, ...] = (
     foot_air_time,
     touchdown_speed,
 )
-"""Functions of the terms that `RewardWeights` weighs, by their names."""
+"""Functions of the built-in reward terms; each has the name of a field of `RewardWeights`."""
 _FUNCTION_OF: dict[str, RewardFunction] = {function.__name__: function for function in FUNCTIONS}
 TERMS: dict[str, RewardFunction] = {
     f"{REWARD}{term.name}": _FUNCTION_OF[term.name] for term in fields(RewardWeights) if term.name != "fall"
 }
-"""Key of each term in the infos -> its function of the state."""
+"""Key of each term in the infos -> function of the state; the term `fall` is not a function of the state."""
 FALL = f"{REWARD}fall"
-"""Key of the fall's term in the infos."""
+"""Key of the term `fall` in the infos."""
 
 
 def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
-    """Return the weight of each term in one step.
+    """Return the factor on each reward term in one control step.
 
-    Terms that accrue with time are multiplied by the control period, so that their sum over a second is their rate;
-    `fall` counts once.
+    All weights but the weight of `fall` are rewards per second, so they are multiplied by the control period. The
+    weight of `fall` counts once.
 
     Args:
         weights: Weights of the terms.
         dt: Control period, s.
 
     Returns:
-        Key of each term in the infos -> weight, in the order of `reward_terms`.
+        Key of each term in the infos -> factor, in the order of `reward_terms`.
     """
     rates = {f"{REWARD}{name}": weight for name, weight in asdict(weights).items()}
     fall = rates.pop(FALL)
@@ -172,16 +178,16 @@ def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
 def reward_terms(
     state: QuadState[ScalarOrBatch], terminated: BoolOrMask, diverged: BoolOrMask, weights: dict[str, float]
 ) -> dict[str, ScalarOrBatch]:
-    """Return the weighted terms, which add up to the reward.
+    """Compute the weighted built-in reward terms of a control step.
 
     Args:
         state: State after the step.
         terminated: True for robots with an episode that ends in this step.
-        diverged: True for robots without a finite state; all their terms but the fall's are 0.
-        weights: Weights of one step, see `step_weights`.
+        diverged: True for robots with a diverged simulation; all their terms but `fall` are 0.
+        weights: Factors from `step_weights`.
 
     Returns:
-        Key of each term in the infos -> value.
+        Key of each term in the infos -> weighted value.
     """
     terms = {key: weights[key] * term(state) for key, term in TERMS.items()}
     if any_true(diverged):
@@ -192,26 +198,26 @@ def reward_terms(
 
 @dataclass(frozen=True)
 class UserReward:
-    """A reward term of a user, from the option `rewards` of an environment."""
+    """Reward term of a user, from the argument `rewards` of an environment."""
 
     name: str
     function: RewardFunction
     weight: float
-    """Reward a second and unit of the function."""
+    """Reward per second and per unit of the value of `function`."""
 
     def weighted(self, state: QuadState[ScalarOrBatch], diverged: BoolOrMask, dt: float) -> ScalarOrBatch:
-        """Return the weighted term of a step; 0 of a diverged robot.
+        """Compute the weighted term of a control step; it is 0 for robots with a diverged simulation.
 
         Args:
             state: State after the step.
-            diverged: True of robots without a finite state.
+            diverged: True for robots with a diverged simulation.
             dt: Control period, s.
 
         Returns:
-            The term, a float of one robot or an array (n,) of n robots.
+            The weighted term, a float for one robot or an array (n,) for n robots.
 
         Raises:
-            ValueError: The function returned another shape, or a value that is not finite.
+            ValueError: `function` returned a wrong shape, or a value that is not finite.
         """
         value = self.function(state)
         if np.shape(value) != np.shape(state.height):
@@ -223,16 +229,16 @@ class UserReward:
 
 
 def user_rewards(rewards: Mapping[str, Any] | None) -> dict[str, UserReward]:
-    """Return the terms of the option `rewards` of an environment.
+    """Return the user's reward terms from the argument `rewards` of an environment.
 
     Args:
-        rewards: Name -> (function, weight), or name -> weight of a term that an extension has.
+        rewards: Name -> (function, weight), or name -> weight for a reward term of an extension.
 
     Returns:
         Key of each term in the infos -> term.
 
     Raises:
-        ValueError: An unknown or built-in name, or a value of another kind.
+        ValueError: A name is unknown or built in, or a function or weight has a wrong type.
     """
     builtin = {term.name: None for term in fields(RewardWeights)}
     terms: dict[str, UserReward] = {}
@@ -251,7 +257,7 @@ def user_rewards(rewards: Mapping[str, Any] | None) -> dict[str, UserReward]:
 
 
 def _extension_reward(name: str, builtin: dict[str, Any]) -> RewardFunction:
-    """Return the function of an extension's reward term; raise ValueError for an unknown or built-in name."""
+    """Return the function of a reward term of an extension; raise ValueError for an unknown or built-in name."""
     known = check_new("rewards", builtin)
     if name not in known:
         valid = ", ".join(known) or "none is installed"

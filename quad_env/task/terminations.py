@@ -1,4 +1,4 @@
-"""Falls, by the rule in `config.FallRule`."""
+"""Fall detection by the rule in `config.FallRule`."""
 
 import math
 from typing import Any
@@ -9,15 +9,15 @@ from quad_env.physics.state import QuadState
 
 
 def fall_reason_code(state: QuadState[ScalarOrBatch], rule: FallRule, min_height: float) -> Any:
-    """Return the index into `config.FALL_REASONS`, 0 for no fall.
+    """Return the reason of the fall as an index into `config.FALL_REASONS`; 0 if the robot has not fallen.
 
     Args:
-        state: Present state of one robot or of n.
-        rule: Fall rule.
-        min_height: Minimum trunk height above the terrain, m: the rule's, scaled to the robot.
+        state: Present state of one robot or of n robots.
+        rule: Fall rule; it gives the maximum tilt.
+        min_height: Minimum height of the trunk above the terrain, from `FallRule.min_trunk_height`, m.
 
     Returns:
-        Code, an int or (n,).
+        Index into `config.FALL_REASONS`, an int or (n,).
     """
     is_tilted = -state.projected_gravity[2] < math.cos(rule.tilt)
     is_low = state.height < min_height
