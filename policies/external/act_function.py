@@ -1,9 +1,9 @@
-"""Function types of external policies that are no `Policy`."""
+"""Types of the functions that represent an external policy that is not a `Policy`."""
 
 from collections.abc import Callable
 from typing import Any
 
 ActFunction = Callable[[Any], object]
-"""Maps an observation to an action, of one robot or of several."""
+"""Function from observations to actions, of one robot or of several robots."""
 ActFactory = Callable[[], ActFunction]
-"""Makes an `ActFunction` without memory of any robot."""
+"""Function without arguments that makes an `ActFunction` in its initial state, for a robot that starts an episode."""

@@ -1,8 +1,8 @@
-"""Joints of an external policy on a robot: their names, order, signs and zeros.
+"""Mapping from the joints of an external policy to the joints of a robot: names, order, signs and zeros.
 
-A robot's angles are zero with the leg straight down and grow about +x or +y (see `quad_env.robots.scene`). A policy's
-angles follow its maker's model; the robot's own model file is taken as this model. A robot's angle is
-zero + sign * the policy's angle.
+A robot's joint angles are zero if the leg points straight down. They grow about +x or +y (see `quad_env.robots.scene`).
+A policy's joint angles follow the model on which the policy was trained. The mapping assumes that this model is the
+robot's own model file. The robot's angle is zero + sign * the policy's angle.
 """
 
 from collections.abc import Sequence
@@ -25,44 +25,44 @@ LINK_INDICES = LINK_WORDS | {
     **dict.fromkeys(("lower", "shank", "shin", "kn"), "2"),
     **dict.fromkeys(("y", "pitch"), "12"),
 }
-"""Possible indices in the leg of a word in a joint's name, counted from the trunk, as digits."""
+"""Word in a joint's name -> digits of the indices that the joint may have in its leg, counted from the trunk."""
 
 
 @dataclass(frozen=True)
 class JointMapping:
-    """Joints of a robot in the order of a policy, with the conversion of their angles; arrays (12,)."""
+    """Indices of a robot's joints in the order of a policy, with signs and zeros of the angles, each (12,)."""
 
     joint_ids: NDArray[np.intp]
-    """Indices of the policy's joints among the robot's."""
+    """Index of each joint of the policy among the robot's joints."""
     signs: Floats
-    """1, or -1 where the directions of the policy's and the robot's joint differ."""
+    """-1 if the policy's joint turns opposite to the robot's joint, else 1."""
     zeros: Floats
-    """Angles of the robot's joints at the policy's zero, rad."""
+    """Angle of each robot joint if the policy's angle is zero, rad."""
 
     def policy_angles(self, robot_angles: Floats) -> Floats:
-        """Return the policy's joint angles for the robot's, (n, 12), rad."""
+        """Convert the robot's joint angles to the policy's joint angles, both (n, 12), rad."""
         return self.signs * (robot_angles[:, self.joint_ids] - self.zeros)
 
     def policy_rates(self, robot_rates: Floats) -> Floats:
-        """Return the policy's joint speeds or torques for the robot's, (n, 12), rad/s or N·m."""
+        """Convert the robot's joint speeds or torques to the policy's, both (n, 12), rad/s or N·m."""
         return self.signs * robot_rates[:, self.joint_ids]
 
     def robot_angles(self, policy_angles: Floats) -> Floats:
-        """Return the robot's joint angles for the policy's, (n, 12), rad."""
+        """Convert the policy's joint angles to the robot's joint angles, both (n, 12), rad."""
         return self.to_robot_order(self.zeros + self.signs * policy_angles)
 
     def to_robot_order(self, values: Floats) -> Floats:
-        """Return values in the order of the policy, (…, 12), in the order of the robot's joints."""
+        """Reorder values from the policy's order of joints to the robot's order, both (…, 12)."""
         reordered = np.empty_like(values)
         reordered[..., self.joint_ids] = values
         return reordered
 
 
 def map_joints(names: Sequence[str], robot: Robot) -> JointMapping:
-    """Map joint names to a robot's joints; names that fit none raise PolicyError.
+    """Map joint names to a robot's joints. Raises PolicyError if a name fits no joint of the robot.
 
     Args:
-        names: The robot's own names, in any case, or other names that contain leg and link.
+        names: Joint names of the robot, in upper or lower case, or other names that contain a leg and a link.
         robot: The robot.
 
     Returns:
@@ -84,7 +84,10 @@ def map_observed_joints(spec: PolicySpec, robot: Robot) -> JointMapping:
 
 
 def _map_spec_joints(names: Sequence[str], spec: PolicySpec, robot: Robot) -> JointMapping:
-    """Return the mapping of names with the specification's signs and zeros on top of the robot file's."""
+    """Return the mapping of joint names to a robot.
+
+    It combines the signs and zeros of the specification with the signs and zeros of the robot's model file.
+    """
     mapping = map_joints(names, robot)
     order = [spec.joints.index(name) for name in names]
     signs = np.ones(len(order)) if spec.signs is None else np.array(spec.signs)[order]
@@ -93,14 +96,20 @@ def _map_spec_joints(names: Sequence[str], spec: PolicySpec, robot: Robot) -> Jo
 
 
 def _match_exactly(names: Sequence[str], robot: Robot) -> list[int]:
-    """Return the indices of the joints with these names if they are all of the robot's, each once; else no index."""
+    """Return the indices of the robot's joints with these names, in upper or lower case.
+
+    The list is empty unless the names are all joint names of the robot, each once.
+    """
     index_by_name = {name.lower(): index for index, name in enumerate(robot.joint_names)}
     indices = [index_by_name.get(name.lower(), -1) for name in names]
     return indices if sorted(indices) == list(range(len(index_by_name))) else []
 
 
 def _match_by_words(names: Sequence[str], robot: Robot) -> list[int]:
-    """Return the indices of the joints by the words in the names. Raises PolicyError with the first unknown name."""
+    """Return the indices of the robot's joints, found by the words for leg and link in the names.
+
+    Raises PolicyError, with the first name that fits no joint.
+    """
     words = [split_words(name) for name in names]
     legs = [leg_from_words(each) for each in words]
     joint_of = dict[int, int]()
@@ -120,13 +129,16 @@ def _match_by_words(names: Sequence[str], robot: Robot) -> list[int]:
 
 
 def _possible_link_orders(leg: Sequence[Sequence[str]]) -> list[tuple[int, ...]]:
-    """Return all orders of hip, thigh and calf that the words of a leg's three joint names allow."""
+    """Return all permutations of hip (0), thigh (1) and calf (2) that the words of three joint names allow.
+
+    The list `leg` has the words of each of the three names.
+    """
     possible_links = [[set(LINK_INDICES[word]) for word in words if word in LINK_INDICES] for words in leg]
     return [order for order in permutations(range(JOINTS_PER_LEG)) if _is_possible(order, possible_links)]
 
 
 def _is_possible(order: Sequence[int], possible_links: Sequence[Sequence[set[str]]]) -> bool:
-    """Return True if every joint has a link word or more, and all of them allow its link in this order."""
+    """Return True if every joint has at least one word for a link, and all its words allow its link in `order`."""
     for link, link_sets in zip(order, possible_links, strict=True):
         if not link_sets or not all(str(link) in links for links in link_sets):
             return False
@@ -135,7 +147,7 @@ def _is_possible(order: Sequence[int], possible_links: Sequence[Sequence[set[str
 
 @cache
 def _model_file_convention(robot: Robot) -> tuple[Floats, Floats]:
-    """Return signs and zeros of the robot's joints relative to its model file, (12,) each, zeros in rad."""
+    """Return signs, (12,), and zeros, (12,), rad, that convert model file angles to the robot's joint angles."""
     if not robot.imported:
         return np.ones(robot.num_joints), np.zeros(robot.num_joints)
     model = robot.user_model.model

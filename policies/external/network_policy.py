@@ -1,4 +1,4 @@
-"""Policy of a specification: observation adapter, network, then joint targets."""
+"""Policy that a specification describes: an observation adapter, a network, and the conversion to joint targets."""
 
 from typing import Unpack
 
@@ -14,14 +14,15 @@ from policies.memory import initialize_state, per_robot
 from quad_env.robots.robot import Robot
 
 TIME_TOLERANCE = 1e-6
-"""Largest difference between equal times, as a share of a control period."""
+"""Maximum difference between two times that count as equal, as a fraction of the policy's control period."""
 
 
 class NetworkPolicy(Policy):
-    """Network of a specification as a policy; each target is held until the next control step of the policy.
+    """Policy that runs the network of a specification.
 
-    The constructor raises PolicyError, one line, for a network that contradicts its specification, and for joints,
-    rates and height scans that the robot or the environment cannot have.
+    It holds the joint targets until the next control step of the network, which may be slower than the environment.
+    The constructor raises PolicyError, one line, if the network contradicts its specification. It also raises
+    PolicyError if the robot or the environment cannot have the joints, the control rate or the height scan.
 
     Args:
         spec: Specification of the policy.
@@ -67,17 +68,17 @@ class NetworkPolicy(Policy):
 
 
 def with_spec_gains(robot: Robot, spec: PolicySpec) -> Robot:
-    """Return a robot with the servo gains of a specification.
+    """Return a copy of a robot with the servo gains of a specification.
 
     Args:
-        robot: Robot with any servo gains.
-        spec: Specification of a policy for it.
+        robot: Robot; its servo gains are replaced.
+        spec: Specification of a policy for the robot.
 
     Returns:
-        Robot with other servos.
+        Robot with the servo gains of `spec`.
 
     Raises:
-        PolicyError: The robot does not have the joints, or cannot have the gains.
+        PolicyError: The robot lacks a joint of the specification, or its servos cannot have the gains.
     """
     joints = map_joints(spec.joints, robot)
     stiffness = joints.to_robot_order(np.array(spec.stiffness, float))
@@ -89,16 +90,16 @@ def with_spec_gains(robot: Robot, spec: PolicySpec) -> Robot:
 
 
 def control_period_ratio(spec: PolicySpec, control_period: float) -> float:
-    """Return the environment's control period as a share of the policy's, at most 1.
+    """Return the environment's control period divided by the policy's control period, at most 1.
 
-    The policy acts in the first control step of the environment that is not before its own.
+    If a control step of the policy is due between two control steps of the environment, the policy acts in the later.
 
     Args:
         spec: Specification of the policy.
         control_period: Control period of the environment, s.
 
     Returns:
-        The ratio; the inverse of a whole number if it differs from one by less than TIME_TOLERANCE.
+        The ratio. It is rounded to the inverse of a whole number if it differs from that by less than TIME_TOLERANCE.
 
     Raises:
         PolicyError: The policy acts more often than the environment.

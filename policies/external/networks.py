@@ -1,13 +1,14 @@
-"""Network of an external policy, ONNX or TorchScript: kind of its file, loading, and one memory per robot.
+"""Networks of external policies, ONNX or TorchScript: file kinds, loading, and the recurrent state of each robot.
 
-The network gets one observation at a time. A row of a larger product is rounded differently, by 1e-7, and the previous
-actions in the observation amplify the difference. So a robot's actions have the same bits in every batch, and the same
-as in the policy's own project.
+Here the memory of a network is its recurrent state. The network computes one robot's action per call, because a matrix
+product of several rows rounds each row differently, by 1e-7. The previous actions in the observation would amplify this
+difference. With one row per call, a robot's actions have the same bits in every batch and in the policy's own project.
 
-Sources for the kinds of files: TorchScript (`torch.jit.save`) and checkpoints (`torch.save`) are zip archives; only the
-first have `constants.pkl`. Older checkpoints are pickles. Models of Stable-Baselines3 are zip archives with
-`policy.pth`. rsl_rl's checkpoints `model_*.pt` hold `model_state_dict` or `actor_state_dict`
-(`runners/on_policy_runner.py`).
+Kinds of files:
+- TorchScript files (`torch.jit.save`) are zip archives with `constants.pkl`.
+- Checkpoints (`torch.save`) are zip archives without `constants.pkl`; older checkpoints are pickles.
+- Models of Stable-Baselines3 are zip archives with `policy.pth`.
+- Checkpoints of rsl_rl, `model_*.pt`, hold `model_state_dict` or `actor_state_dict` (`runners/on_policy_runner.py`).
 """
 
 import copy
@@ -33,9 +34,9 @@ from quad_env.files.text import format_exception
 Weights = NDArray[np.float32]
 NetworkKind = Literal["onnx", "torchscript", "checkpoint", "stable-baselines3", "zip"]
 MAX_REASON = 300
-"""Largest number of characters of a library's message in an error."""
+"""Maximum number of characters that an error quotes from a library's message."""
 TORCHSCRIPT_SUFFIXES = ".pt", ".jit"
-"""Suffixes of files that count as TorchScript if their content does not identify them."""
+"""Suffixes of files that are read as TorchScript if their content does not identify their kind."""
 IR_VERSION_TAG = b"\x08"
 """First byte of ONNX files: the tag of `ModelProto.ir_version`."""
 _LEARNERS = {
@@ -44,13 +45,13 @@ _LEARNERS = {
     b"running_mean_std": "rl_games",
     b"state_preprocessor": "skrl",
 }
-"""Learners by a key of their checkpoints."""
+"""Key in a checkpoint -> learning library that writes it."""
 _SCANNED_BYTES = 2**20
-"""Bytes. Size of the part of a checkpoint's pickle that is searched for a key."""
+"""Size of the part of a checkpoint's pickle that is searched for the keys of `_LEARNERS`, bytes."""
 
 
 def detect_kind(file: Path) -> NetworkKind:
-    """Return the kind of a network's file; `onnx` without a mark of another kind. Raises OSError."""
+    """Return the kind of a network's file; `onnx` if no mark of another kind is found. Raises OSError."""
     with file.open("rb") as stream:
         start = stream.read(4)
     if start[:1] == b"\x80" and start[1:2] in (b"\x02", b"\x03", b"\x04", b"\x05"):
@@ -70,7 +71,7 @@ def detect_kind(file: Path) -> NetworkKind:
 
 
 def is_onnx(file: Path) -> bool:
-    """Return True if a network's file is read as ONNX; also for an unreadable file."""
+    """Return True if a network's file is read as ONNX, or cannot be read."""
     try:
         return detect_kind(file) == "onnx"
     except OSError:
@@ -78,7 +79,7 @@ def is_onnx(file: Path) -> bool:
 
 
 def check_is_network(file: Path) -> None:
-    """Raise PolicyError with the kind of the file unless it is ONNX or TorchScript."""
+    """Raise PolicyError, which names the kind of the file, unless the file is ONNX or TorchScript."""
     try:
         kind = detect_kind(file)
     except OSError as error:
@@ -98,7 +99,10 @@ def check_is_network(file: Path) -> None:
 
 
 def _learner_of(file: Path) -> str:
-    """Return the learner that writes a checkpoint of this kind, as " of NAME" or empty; nothing is unpickled."""
+    """Return " of NAME" with the learning library that wrote a checkpoint; an empty text if it is unknown.
+
+    The file is searched for known keys and is not unpickled, so that none of its code runs.
+    """
     try:
         with zipfile.ZipFile(file) as archive:
             member = next(name for name in archive.namelist() if Path(name).name == "data.pkl")
@@ -111,11 +115,11 @@ def _learner_of(file: Path) -> str:
 
 
 class BatchedNetwork(PerRobotState):
-    """Network of a specification for n robots, with one memory per robot; `load_network` makes it.
+    """Network of a specification for n robots, with one recurrent state per robot; `load_network` makes it.
 
     Args:
-        make: Makes the network as a function from one observation to one action, with a fresh memory.
-        has_memory: True for a recurrent network; then each robot has a function of its own.
+        make: Makes a function from one observation to one action, with an initial recurrent state.
+        has_memory: True for a recurrent network; then each robot has its own function.
     """
 
     def __init__(self, make: Callable[[], ActFunction], has_memory: bool) -> None:
@@ -124,11 +128,11 @@ class BatchedNetwork(PerRobotState):
         self.reset(1)
 
     def reset(self, num_envs: int) -> None:
-        """Reset the memories for `num_envs` robots."""
+        """Allocate and reset the recurrent states of `num_envs` robots."""
         self._acts = [self._make() for _ in range(num_envs)] if self.has_memory else [self._make()] * num_envs
 
     def reset_where(self, mask: Mask) -> None:
-        """Reset the memories of the masked robots, (n,)."""
+        """Reset the recurrent states of the robots for which `mask`, (n,), is True."""
         for robot in np.flatnonzero(mask).tolist() if self.has_memory else ():
             self._acts[robot] = self._make()
 
@@ -136,7 +140,7 @@ class BatchedNetwork(PerRobotState):
         """Return the actions of some robots.
 
         Args:
-            observations: Observations of the policy, (m, width).
+            observations: Policy observations of the robots in `env_ids`, (m, width).
             env_ids: Indices of the robots, (m,).
 
         Returns:
@@ -147,9 +151,9 @@ class BatchedNetwork(PerRobotState):
 
 
 def load_network(spec: PolicySpec) -> BatchedNetwork:
-    """Load the network of a specification and call it three times.
+    """Load the network of a specification, and call it three times to check it and to detect a recurrent state.
 
-    TorchScript uses one thread in the whole process from now on.
+    Loading a TorchScript network restricts PyTorch to one thread in this process.
 
     Args:
         spec: Specification of the policy.
@@ -158,7 +162,7 @@ def load_network(spec: PolicySpec) -> BatchedNetwork:
         Network for one robot.
 
     Raises:
-        PolicyError: It is no network, or its inputs or outputs contradict the specification.
+        PolicyError: The file is not a network, or the network's inputs or outputs contradict the specification.
     """
     make, has_memory = (_load_onnx if is_onnx(spec.network) else _load_torchscript)(spec)
     row = np.random.default_rng(0).standard_normal(spec.width).astype(np.float32)
@@ -175,7 +179,7 @@ def load_network(spec: PolicySpec) -> BatchedNetwork:
 
 
 def _raise_call_error(spec: PolicySpec, error: Exception) -> NoReturn:
-    """Raise PolicyError for a failed call, with the expected width if the message of the library names one."""
+    """Raise PolicyError for a failed call; it gives the expected width if the library's message has it."""
     if match := re.search(r"and (\d+)x\d+\)|Expected (\d+), got|mat \(\d+x(\d+)\)", str(error)):
         raise _width_error(spec, int(next(filter(None, match.groups())))) from None
     reason = format_exception(error).rpartition("RuntimeError: ")[2]
@@ -183,7 +187,7 @@ def _raise_call_error(spec: PolicySpec, error: Exception) -> NoReturn:
 
 
 def _width_error(spec: PolicySpec, expected: int) -> PolicyError:
-    """Return the error for a network that expects an observation of another width."""
+    """Return the error for a network that expects `expected` numbers, unlike the observation of the specification."""
     parts = []
     for term in spec.terms:
         history = f" x {term.history}" if term.history > 1 else ""
@@ -193,7 +197,7 @@ def _width_error(spec: PolicySpec, expected: int) -> PolicyError:
 
 
 def _load_onnx(spec: PolicySpec) -> tuple[Callable[[], ActFunction], bool]:
-    """Return the factory of an ONNX network and True if it has a memory."""
+    """Return the factory of an ONNX network, and True if the network is recurrent."""
     session = open_session(spec.network)
     factory = make_network_factory(session, spec.network)
     width = find_roles(session.get_inputs(), session.get_outputs(), spec.network).observation.shape[-1]
@@ -203,7 +207,10 @@ def _load_onnx(spec: PolicySpec) -> tuple[Callable[[], ActFunction], bool]:
 
 
 def _load_torchscript(spec: PolicySpec) -> tuple[Callable[[], ActFunction], bool]:
-    """Return the factory of a TorchScript network and True if it has a method `reset`, and so a memory."""
+    """Return the factory of a TorchScript network, and True if the network is recurrent.
+
+    A network counts as recurrent if it has a method `reset`.
+    """
     file = spec.network
     check_is_network(file)
     torch = import_package("torch", "train")
@@ -221,7 +228,8 @@ def _load_torchscript(spec: PolicySpec) -> tuple[Callable[[], ActFunction], bool
         network = copy.deepcopy(module)
 
         def act(row: Weights) -> Any:
-            # A copy: bits depend on the memory address of a row. Without optimisation: later calls would differ.
+            # The row is copied because the bits of the result depend on the memory address of the row.
+            # Optimisation is off because the optimised calls would give other bits than the first calls.
             with torch.inference_mode(), torch.jit.optimized_execution(False):
                 output = network(torch.from_numpy(row[None]).to(dtype, copy=True))
             return (output[0] if isinstance(output, tuple | list) else output).numpy()

@@ -1,7 +1,8 @@
-"""Observation of an external policy, term by term, from the environment's observation.
+"""Conversion of the environment's observation to the observation of an external policy, term by term.
 
-Three quantities are derived: the yaw in the world frame by integration of the gyro from 0 at the reset, foot contact
-from the joint torques, and the torques from the servo gains.
+Three quantities are estimated because the environment does not observe them. The yaw in the world frame is the integral
+of the gyro's rates, from 0 at the reset. Foot contact follows from the joint torques, and the torques of the servos
+follow from the servo gains.
 """
 
 from dataclasses import dataclass
@@ -22,9 +23,9 @@ from quad_env.robots.structure import JOINTS_PER_LEG
 from quad_env.sensing.height_scan import HeightScan, table_with
 
 GRID_RESOLUTION = 1e-3
-"""m. Points of a height scan lie on multiples of it."""
+"""Resolution of height scans: the coordinates of their points are multiples of this length, m."""
 DEFAULT_SPACING = 100
-"""Spacing of a height scan with a single point at the trunk, in units of GRID_RESOLUTION."""
+"""Spacing of a height scan that has a single point, at the trunk, in units of GRID_RESOLUTION."""
 
 
 @dataclass(frozen=True)
@@ -32,13 +33,13 @@ class RobotSignals:
     """Signals of m robots in one control step, from which the terms are computed."""
 
     readings: dict[str, Floats]
-    """Observation of the environment by term, (m, ...)."""
+    """Name of a term of the environment's observation -> its values, (m, width)."""
     joint_angles: Floats
     """Angles of the robot's joints, (m, 12), rad."""
     yaw: Floats
-    """World frame, (m,), rad."""
+    """Yaw in the world frame, (m,), rad."""
     steps: NDArray[np.int64]
-    """Control steps of the policy since the reset, 0 at the first, (m,)."""
+    """Number of the policy's control steps since the reset, 0 in the first step, (m,)."""
     previous_action: Floats
     """Previous action as the policy observes it, (m, 12)."""
     foot_contact: NDArray[Any]
@@ -46,16 +47,18 @@ class RobotSignals:
 
 
 class ObservationAdapter(PerRobotState):
-    """Observations of n robots in the form that a policy was trained on; it belongs to a `NetworkPolicy`.
+    """Converter of the observations of n robots to the form that a policy was trained on.
+
+    A `NetworkPolicy` has one. It keeps the history of the observations, the yaw and the foot contact of each robot.
 
     Args:
         spec: Specification of the policy.
-        robot: Observed robot, with the servo gains in force.
+        robot: Observed robot, with the servo gains that the policy uses.
         control_period: Control period of the environment, s.
     """
 
     action: Floats = per_robot()
-    """Previous action of each robot as the policy observes it, (n, 12); set by the policy after each action."""
+    """Previous action of each robot as the policy observes it, (n, 12); `NetworkPolicy` sets it after each action."""
     _yaw: Floats = per_robot(0.0)
     _has_started: Mask = per_robot(False)
     _steps: NDArray[np.int64] = per_robot(0)
@@ -79,13 +82,13 @@ class ObservationAdapter(PerRobotState):
         super().__init__(action=np.zeros(len(spec.joints)), _history=np.zeros(_history_shape(spec)))
 
     def update_state(self, observation: Floats) -> None:
-        """Update yaw and foot contact with the environment's observations after a control step, (n, k)."""
+        """Update yaw and foot contact after a control step, from the environment's `observation`, (n, k)."""
         if not self._has_state:
             return
         gravity = observation[:, self._slices["projected_gravity"]].T
         _, pitch_rate, yaw_rate = observation[:, self._slices["angular_velocity"]].T
         frame = level_frame(gravity)
-        # Rate of the heading of the base frame's x axis.
+        # The heading is the direction of the base frame's x axis seen from above, so its rate is not the gyro's.
         heading_rate = (frame.up_y * pitch_rate + frame.up_z * yaw_rate) / frame.level_x**2
         self._yaw += np.where(self._has_started, self._period * heading_rate, 0.0)
         self._has_started[:] = True
@@ -93,14 +96,14 @@ class ObservationAdapter(PerRobotState):
             self._foot_contact = self._contact_estimator.estimate(observation)
 
     def observe(self, observation: Floats, env_ids: EnvIndices) -> NDArray[np.float32]:
-        """Return the policy's observations of some robots and advance their history by one control step.
+        """Return the policy's observations of some robots, and append them to the history of these robots.
 
         Args:
-            observation: Their observations of the environment, (m, k).
-            env_ids: Their indices, (m,).
+            observation: Observations of the robots by the environment, (m, k).
+            env_ids: Indices of the robots, (m,).
 
         Returns:
-            Observations of the policy, (m, width).
+            Observations in the form of the policy, (m, width).
         """
         signals = self._collect_signals(observation, env_ids)
         terms = [_clip_and_scale(self._compute_term(term, signals), term) for term in self._spec.terms]
@@ -128,7 +131,7 @@ class ObservationAdapter(PerRobotState):
         )
 
     def _compute_term(self, term: SpecTerm, signals: RobotSignals) -> Floats:
-        """Return a term in this control step, neither clipped nor scaled, (m, width)."""
+        """Return the values of a term in this control step, before they are clipped and scaled, (m, width)."""
         readings = signals.readings
         match term.name:
             case "joint_position":
@@ -155,14 +158,14 @@ class ObservationAdapter(PerRobotState):
         return _rotate_to_frame(readings[term.name], term.frame, signals)
 
     def _compute_clock(self, term: SpecTerm, signals: RobotSignals) -> Floats:
-        """Return sine and cosine of a clock, (m, 2); zeros for commands below the term's threshold."""
+        """Return sine and cosine of a clock, (m, 2); zeros if the command's norm is below the term's `zero_below`."""
         angle = 2.0 * np.pi * term.clock / self._spec.control_rate * signals.steps
         clock = np.stack((np.sin(angle), np.cos(angle)), axis=1)
         is_moving = np.linalg.norm(signals.readings["command"], axis=1, keepdims=True) >= term.zero_below
         return np.where(is_moving, clock, 0.0)
 
     def _compute_height_scan(self, term: SpecTerm, scan: Floats) -> Floats:
-        """Return the heights at the term's points from the environment's scan, (m, p), m."""
+        """Return the observed heights at the p points of a term, (m, p), m, from the environment's `scan`."""
         assert self.height_scan is not None and term.grid is not None  # noqa: PT018
         differences = self.height_scan.points[None] - _grid_points(term.grid)[:, None]
         nearest = np.abs(differences).max(axis=-1).argmin(axis=1)
@@ -170,7 +173,7 @@ class ObservationAdapter(PerRobotState):
 
 
 def _rotate_to_frame(vectors: Floats, frame: str, signals: RobotSignals) -> Floats:
-    """Return vectors of the base frame in a frame, (m, 3)."""
+    """Rotate vectors from the base frame to the frame `body`, `heading` or `world`, (m, 3)."""
     if frame == "body":
         return vectors
     x, y, z = level_frame(signals.readings["projected_gravity"].T).to_level(vectors.T)
@@ -182,27 +185,30 @@ def _rotate_to_frame(vectors: Floats, frame: str, signals: RobotSignals) -> Floa
 
 
 def _servo_torque(robot: Robot, readings: dict[str, Floats]) -> Floats:
-    """Return the servo torques for the targets and gains in force, within the rated torque, (m, 12), N·m."""
+    """Return the servo torques, clipped to the rated torque, (m, 12), N·m.
+
+    They are computed from the previous targets and the servo gains.
+    """
     position_error = readings["previous_action"] - readings["joint_position"]
     torque = robot.servo_stiffness * position_error - robot.servo_damping * readings["joint_velocity"]
     return np.clip(torque, -robot.rated_torque, robot.rated_torque)
 
 
 def _clip_and_scale(values: Floats, term: SpecTerm) -> Floats:
-    """Return the values of a term, clipped, then scaled."""
+    """Clip the values of a term, then scale them."""
     clipped: Floats = values if term.clip is None else np.clip(values, *term.clip)
     return np.multiply(clipped, term.scale)
 
 
 def _history_shape(spec: PolicySpec) -> tuple[int, int]:
-    """Return the control steps of the longest history, and the numbers of all terms in one of them."""
+    """Return the number of control steps of the longest history, and the total width of all terms in one step."""
     return max(term.history for term in spec.terms), sum(term.width for term in spec.terms)
 
 
 def _history_indices(spec: PolicySpec) -> NDArray[np.intp]:
-    """Return the indices of the policy's observation in the flattened history, (width,).
+    """Return the index in the flattened history of each number of the policy's observation, (width,).
 
-    The history has the oldest control step first, each with all terms.
+    The history consists of control steps from the oldest to the newest; each step has all terms.
     """
     shape = _history_shape(spec)
     is_newest_first = spec.history_newest == "first"
@@ -219,22 +225,22 @@ def _history_indices(spec: PolicySpec) -> NDArray[np.intp]:
 
 
 def _grid_points(grid: HeightGrid) -> Floats:
-    """Return x and y of a grid's points in the order of the observation, (p, 2), m."""
+    """Return the coordinates x, y of a grid's points, heading frame, in the order of the observation, (p, 2), m."""
     x, y = np.meshgrid(grid.x, grid.y, indexing="xy" if grid.x_first else "ij")
     return np.stack((x.ravel(), y.ravel()), axis=1)
 
 
 def required_height_scan(spec: PolicySpec) -> HeightScan | None:
-    """Return the smallest height scan of the environment with all points of a policy's scan.
+    """Return the smallest height scan of the environment that includes all points of a policy's scan.
 
     Args:
         spec: Specification of the policy.
 
     Returns:
-        The height scan; None for a policy without one.
+        Settings of the height scan; None if the policy observes no heights.
 
     Raises:
-        PolicyError: The environment cannot have this scan.
+        PolicyError: The environment cannot provide this height scan.
     """
     grids = [_grid_points(term.grid) for term in spec.terms if term.grid is not None]
     if not grids:

@@ -1,9 +1,12 @@
-"""Policies as ONNX files: a network from one observation to one action, or the correction of a residual.
+"""Policies in ONNX files: a network from one observation to one action, or the correction of a residual policy.
 
-A residual is no function of the observation alone, since its base has a clock. So its file holds the network, and as
-metadata the `policy.json` of its bundle: inputs of the network, base policy and limits of the correction. The runtime
-rounds sums differently than NumPy, by 1e-7; on rough ground this leads to another episode within a second. So the
-residual of a file runs in NumPy, with the same bits as its bundle, after its output has agreed with the runtime's.
+A residual policy adds a network's correction to the action of a base policy. Its action depends on more than the
+observation, because the base policy has a clock. Therefore its file holds the network and, as metadata, the
+`policy.json` of its bundle (policy folder): network inputs, base policy and limits of the correction.
+
+The ONNX runtime rounds sums differently from NumPy, by 1e-7. On rough ground this difference changes the episode within
+a second. Therefore a residual policy is computed in NumPy, with the same bits as its bundle. Before that, the output of
+NumPy is compared with the output of the runtime.
 """
 
 from pathlib import Path
@@ -24,25 +27,30 @@ from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 
 FEATURES = "features"
-"""Input of a residual's network."""
+"""Name of the network's input in the file of a residual policy."""
 CORRECTION = "correction"
-"""Output of a residual's network."""
+"""Name of the network's output in the file of a residual policy."""
 PROBE_COUNT = 16
-"""Number of random feature vectors on which a loaded residual is compared with the runtime."""
+"""Number of random feature vectors on which the runtime and NumPy are compared when a residual policy is loaded."""
 TOLERANCE = 1e-5
-"""Largest difference between the corrections of the runtime and of NumPy, as a share of the authority."""
+"""Maximum difference between the corrections by the runtime and by NumPy, as a fraction of the authority.
+
+The authority is the limit of the correction.
+"""
 _OPSET = 17
-"""Opset of exported files; every runtime reads it."""
+"""ONNX opset version of exported files; all supported runtimes read it."""
 _IR_VERSION = 8
-"""Format version of exported files; every runtime reads it."""
+"""ONNX format version of exported files; all supported runtimes read it."""
 
 
 def load_onnx(reference: PolicyReference, robot: Robot) -> Policy | ActFactory:
-    """Load an ONNX file. A file that is no policy and a residual of another robot raise PolicyError.
+    """Load a policy from an ONNX file.
+
+    Raises PolicyError if the file is not a policy, or is a residual policy for another robot.
 
     Args:
         reference: Reference to the file.
-        robot: Robot of a residual.
+        robot: Robot that a residual policy moves.
 
     Returns:
         Residual policy, or a factory of functions from one observation to one action.
@@ -54,7 +62,10 @@ def load_onnx(reference: PolicyReference, robot: Robot) -> Policy | ActFactory:
 
 
 def _load_residual(file: Path, description: str, act: ActFunction, robot: Robot) -> ResidualPolicy:
-    """Return the residual of a file with the description of its bundle, after a comparison with the runtime."""
+    """Return the residual policy in a file, after a comparison of NumPy with the runtime.
+
+    The `description` is the text of the bundle's `policy.json`; `act` is the network in the runtime.
+    """
     onnx = import_package("onnx")
     tensors = {each.name: onnx.numpy_helper.to_array(each) for each in onnx.load(file).graph.initializer}
     parsed_description = parse_description(file, description.encode())
@@ -71,9 +82,9 @@ def _load_residual(file: Path, description: str, act: ActFunction, robot: Robot)
 
 
 def _max_difference(act: ActFunction, network: Network, count: int) -> float:
-    """Return the largest difference of two networks' corrections over random features.
+    """Return the largest difference between the outputs of `act` and `network` for random features.
 
-    Infinite if the shapes differ, NaN if an output is NaN.
+    The result is infinite if the shapes of the outputs differ, and NaN if an output is NaN.
     """
     features = np.random.default_rng(0).standard_normal((count, network.sizes[0])).astype(np.float32)
     corrections = np.array([act(row) for row in features])
@@ -83,19 +94,19 @@ def _max_difference(act: ActFunction, network: Network, count: int) -> float:
 
 
 def export_residual(folder: Path, file: Path, probe_count: int, robot: Robot | None = None) -> float:
-    """Write the residual of a bundle as ONNX and compare its output with the bundle's.
+    """Write the residual policy of a bundle as an ONNX file, and compare the outputs of file and bundle.
 
     Args:
         folder: Folder of the bundle.
         file: ONNX file to write.
         probe_count: Number of random feature vectors of the comparison.
-        robot: Robot, as in `policies.load`.
+        robot: Robot that the policy moves, as in `policies.load`.
 
     Returns:
-        Largest difference of the corrections.
+        Largest difference between the corrections, as a fraction of the authority.
 
     Raises:
-        PolicyError: The folder is no residual, or the difference exceeds TOLERANCE.
+        PolicyError: The folder has no residual policy, or the difference exceeds TOLERANCE.
     """
     onnx = import_package("onnx")
     import_package("onnxruntime")
@@ -121,7 +132,7 @@ def export_residual(folder: Path, file: Path, probe_count: int, robot: Robot | N
 
 
 def _graph(onnx: Any, network: Network) -> Any:
-    """Return the network as a graph: one Gemm per layer and an activation between layers."""
+    """Return the network as an ONNX graph, with one Gemm per layer and an Elu activation between layers."""
     nodes = []
     values = FEATURES
     last = len(network.weights) - 1

@@ -1,7 +1,9 @@
-"""ONNX network: session, roles of its inputs and outputs, and the metadata of its file.
+"""ONNX networks: session of the runtime, roles of inputs and outputs, and metadata of the file.
 
-Sources for the roles: rsl_rl `utils/exporter.py` and Isaac Lab `isaaclab_rl/rsl_rl/exporter.py` (`obs`, `h_in`, `c_in`
--> `actions`, `h_out`, `c_out`); rl_games' exporters (`obs` -> `mu`, `log_std`, `value`, and `states`, `out_state_*`).
+An input is the observation or a memory (recurrent state). An output is the action or the update of a memory.
+Sources for the names of inputs and outputs: rsl_rl `utils/exporter.py` and Isaac Lab `isaaclab_rl/rsl_rl/exporter.py`
+(`obs`, `h_in`, `c_in` -> `actions`, `h_out`, `c_out`); rl_games' exporters (`obs`, `states` -> `mu`, `log_std`,
+`value`, `out_state_*`).
 """
 
 import re
@@ -20,15 +22,15 @@ from quad_env.files.reading import max_network_size, read_bytes
 from quad_env.files.text import brief, format_exception
 
 INPUT_TYPES: dict[str, type[np.floating]] = {"tensor(float)": np.float32, "tensor(double)": np.float64}
-"""Number types that a network may read."""
+"""Number type of a supported network input, as onnxruntime names it -> NumPy type."""
 ACTIONS = ("actions", "action"), ("mu", "mean", "action_mean", "actions_mean", "deterministic_actions"), ("output",)
-"""Names of the action output; the first group with a match decides."""
+"""Groups of names of the action output; the first group that contains the name of exactly one output decides."""
 OBSERVATIONS = "obs", "observation", "observations", "policy", "input", "features"
-"""Names of the observation input, used if several inputs are no memory."""
+"""Names of the observation input, used if a network has several inputs."""
 RESIDUAL_METADATA = "simple_quad_policy"
-"""Metadata key of the `policy.json` of an exported residual."""
+"""Metadata key under which the file of a residual policy holds the `policy.json` of its bundle."""
 MAX_METADATA = 20_000
-"""Largest number of characters of an entry of the metadata, except a residual's."""
+"""Maximum number of characters of a metadata entry; the entry RESIDUAL_METADATA has no limit."""
 _DIRECTION_WORDS = frozenset(
     (
         "in",
@@ -46,27 +48,29 @@ _DIRECTION_WORDS = frozenset(
         "updated",
     )
 )
-"""Words that distinguish a memory from its update."""
+"""Words in names that distinguish a memory (recurrent state) from its update."""
 _STEP = re.compile(r"([a-z]+?)_?(?:0|1|n|t)")
-"""Pattern of memories such as `h0`, updated by `hn`."""
+"""Pattern of names such as `h0` of a memory and `hn` of its update; the group is the part that both have."""
 _RANDOM_OPERATORS = frozenset(
     ("RandomNormal", "RandomNormalLike", "RandomUniform", "RandomUniformLike", "Multinomial", "Bernoulli")
 )
-"""Operators with random outputs."""
+"""ONNX operators with random outputs."""
 
 
 @dataclass(frozen=True)
 class NetworkRoles:
-    """Inputs and outputs of a network, as onnxruntime describes them."""
+    """Inputs and outputs of a network by role, as objects of onnxruntime with `name`, `shape` and `type`."""
 
     observation: Any
+    """Input of the observation."""
     action: Any
+    """Output of the action."""
     memory: tuple[tuple[Any, Any], ...]
-    """Each memory input with the output that updates it."""
+    """Pairs: input of a recurrent state, and the output that updates it."""
 
 
 def open_session(file: Path) -> Any:
-    """Return the onnxruntime session of a file, with one thread. Raises PolicyError, one line."""
+    """Return a single-threaded onnxruntime session of a file. Raises PolicyError, one line, for an invalid file."""
     runtime = import_package("onnxruntime")
     options = runtime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
@@ -78,18 +82,18 @@ def open_session(file: Path) -> Any:
 
 
 def make_network_factory(session: Any, file: Path) -> tuple[Callable[[], ActFunction], bool]:
-    """Return a factory of the network as a function from one observation to one action.
+    """Return a factory of functions that call the network with one observation and return one action.
 
     Args:
         session: Session of the file.
         file: File of the network, for errors.
 
     Returns:
-        factory: Makes the function with a fresh memory.
+        factory: Makes a function with an initial recurrent state.
         has_memory: True for a recurrent network.
 
     Raises:
-        PolicyError: There is no observation or no action among the inputs and outputs, or it has another type or shape.
+        PolicyError: The network has no observation or action, or an input has an unsupported type or shape.
     """
     if not session.get_inputs() or not session.get_outputs() or not session.get_inputs()[0].shape:
         raise PolicyError(f"{file} has no input of an observation, a vector, or no output")
@@ -119,7 +123,7 @@ def make_network_factory(session: Any, file: Path) -> tuple[Callable[[], ActFunc
 
 
 def _check_inputs(roles: NetworkRoles, file: Path) -> None:
-    """Raise PolicyError for inputs of another number type, and for an observation of another shape."""
+    """Raise PolicyError if an input has an unsupported number type or the observation an unsupported shape."""
     shape = roles.observation.shape
     inputs = (roles.observation, *(state for state, _ in roles.memory))
     other = next((each.type for each in inputs if each.type not in INPUT_TYPES), None)
@@ -131,18 +135,18 @@ def _check_inputs(roles: NetworkRoles, file: Path) -> None:
 
 
 def find_roles(inputs: Sequence[Any], outputs: Sequence[Any], file: Path) -> NetworkRoles:
-    """Return the roles of a network's inputs and outputs, by their names, then by their shapes.
+    """Assign roles to a network's inputs and outputs, first by their names, then by their shapes.
 
     Args:
-        inputs: Of the network, with `name` and `shape`.
-        outputs: Of the network, with `name` and `shape`.
+        inputs: Inputs of the network, with `name` and `shape`.
+        outputs: Outputs of the network, with `name` and `shape`.
         file: File of the network, for errors.
 
     Returns:
         Roles of the inputs and outputs.
 
     Raises:
-        PolicyError: Neither names nor shapes decide.
+        PolicyError: The role of an input or output follows from neither its name nor its shape.
     """
     if not inputs or not outputs:
         counts = f"{len(inputs)} inputs and {len(outputs)} outputs"
@@ -161,7 +165,10 @@ def find_roles(inputs: Sequence[Any], outputs: Sequence[Any], file: Path) -> Net
 
 
 def _find_observation(inputs: Sequence[Any], outputs: Sequence[Any]) -> Any:
-    """Return the observation input: by name, or the only one that no output updates, or the first."""
+    """Return the input of the observation.
+
+    It is the input with a name in OBSERVATIONS, else the only input without an update by name, else the first input.
+    """
     named = [each for each in inputs if each.name.lower() in OBSERVATIONS]
     if len(named) == 1:
         return named[0]
@@ -170,7 +177,10 @@ def _find_observation(inputs: Sequence[Any], outputs: Sequence[Any]) -> Any:
 
 
 def _find_action(outputs: Sequence[Any], file: Path) -> Any:
-    """Return the action output."""
+    """Return the output of the action, found by a name in ACTIONS, or else by its width of 12.
+
+    Raises PolicyError if no output or several outputs match.
+    """
     for group in ACTIONS:
         named = [each for each in outputs if each.name.lower() in group]
         if len(named) == 1:
@@ -184,7 +194,10 @@ def _find_action(outputs: Sequence[Any], file: Path) -> Any:
 
 
 def _find_update_by_name(state: Any, inputs: Sequence[Any], outputs: Sequence[Any]) -> Any | None:
-    """Return the one output with the memory's name, except for words like `in` and `out`."""
+    """Return the only output with the name of a recurrent state; words such as `in` and `out` are ignored.
+
+    Returns None if no output or several outputs match, or if several inputs have this name.
+    """
     if sum(_stem(each.name) == _stem(state.name) for each in inputs) > 1:
         return None
     candidates = [each for each in outputs if _stem(each.name) == _stem(state.name) and _has_same_shape(state, each)]
@@ -192,7 +205,10 @@ def _find_update_by_name(state: Any, inputs: Sequence[Any], outputs: Sequence[An
 
 
 def _find_update_by_shape(state: Any, states: Sequence[Any], free: Sequence[Any], file: Path) -> Any:
-    """Return the one free output of a memory's shape if no other memory has this shape."""
+    """Return the only output in `free` with the shape of a recurrent state.
+
+    Raises PolicyError if no output or several outputs match, or if another recurrent state has this shape.
+    """
     candidates = [each for each in free if _has_same_shape(state, each)]
     rivals = [each for each in states if each is not state and _has_same_shape(each, state)]
     if len(candidates) == 1 and not rivals:
@@ -206,14 +222,14 @@ def _find_update_by_shape(state: Any, states: Sequence[Any], free: Sequence[Any]
 
 
 def _stem(name: str) -> str:
-    """Return a name in lower case without the words that distinguish a memory from its update."""
+    """Return a name in lower case, without the words that distinguish a recurrent state from its update."""
     words = [word for word in re.split(r"[^a-z0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()) if word]
     stem = "_".join(word for word in words if word not in _DIRECTION_WORDS) or name.lower()
     return match[1] if (match := _STEP.fullmatch(stem)) and len(match[1]) <= 2 else stem
 
 
 def _has_same_shape(state: Any, output: Any) -> bool:
-    """Return True if the shapes are equal in all known sizes."""
+    """Return True if two shapes have the same length, and equal sizes wherever both sizes are known."""
     if len(state.shape) != len(output.shape):
         return False
     pairs = zip(state.shape, output.shape, strict=True)
@@ -221,16 +237,17 @@ def _has_same_shape(state: Any, output: Any) -> bool:
 
 
 def read_metadata(file: Path) -> dict[str, str]:
-    """Return the metadata of an ONNX file that holds all of its network.
+    """Return the metadata of an ONNX file, after a check that the file is complete and its network deterministic.
 
     Args:
         file: ONNX file.
 
     Returns:
-        Text by key.
+        Key of the metadata -> text.
 
     Raises:
-        PolicyError: The file cannot be read, or its weights lie in another file, or its network draws random numbers.
+        PolicyError: The file cannot be read, its weights are in another file, its metadata is invalid, or its network
+            draws random numbers.
     """
     onnx = import_package("onnx")
     try:
@@ -258,7 +275,7 @@ def read_metadata(file: Path) -> dict[str, str]:
 
 
 def _nodes(model: Any) -> Iterator[Any]:
-    """Yield all nodes of a model, also in loops, branches and functions."""
+    """Yield all nodes of a model, including nodes in loops, branches and functions."""
     waiting = [model.graph, *model.functions]
     while waiting:
         for node in waiting.pop().node:
@@ -269,7 +286,7 @@ def _nodes(model: Any) -> Iterator[Any]:
 
 
 def _has_external_data(message: Any) -> bool:
-    """Return True if a part of a model lies in another file (`TensorProto.external_data`)."""
+    """Return True if a part of a model is stored in another file (`TensorProto.external_data`)."""
     for field, value in message.ListFields():
         if field.name == "external_data" or (field.name == "data_location" and value == 1):
             return True

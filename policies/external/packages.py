@@ -1,4 +1,4 @@
-"""Optional packages, imported when a file needs them; so an evaluation imports no learner otherwise."""
+"""Import of optional packages only when a file needs them, so that other evaluations start without them."""
 
 from importlib import import_module
 from importlib.util import find_spec
@@ -12,13 +12,13 @@ def import_package(name: str, extra: str = "onnx") -> Any:
 
     Args:
         name: Name of the module.
-        extra: Extra of this project that installs it, for the error.
+        extra: Optional dependency group of this project that installs the package, for the error.
 
     Returns:
         The module.
 
     Raises:
-        PolicyError: It is not installed.
+        PolicyError: The package is not installed.
     """
     try:
         return import_module(name)
@@ -31,10 +31,10 @@ def check_package(name: str, extra: str = "onnx") -> None:
 
     Args:
         name: Name of the module.
-        extra: Extra of this project that installs it, for the error.
+        extra: Optional dependency group of this project that installs the package, for the error.
 
     Raises:
-        PolicyError: It is not installed.
+        PolicyError: The package is not installed.
     """
     if find_spec(name) is None:
         raise PolicyError(_missing_package(name, extra))

@@ -1,6 +1,6 @@
-"""Parent side of an external policy: a subprocess with a timeout on every call.
+"""Parent side of an external policy: runs the policy in a subprocess, with a timeout on every call.
 
-A failure of the policy ends the episodes of its own robots and no others.
+A failure of the policy ends only the episodes of the robots that the policy controls.
 """
 
 import multiprocessing
@@ -33,35 +33,39 @@ from policies.external.spec import PolicySpec
 from quad_env.cli.child_process import Watchdog, without_ctrl_c, without_main
 
 START_TIMEOUT = 60.0
-"""s. Longest run time in which the process makes its policy; waits for a processor do not count."""
+"""Maximum time in which the subprocess makes its policy, s; time spent waiting for a processor does not count."""
 IMPORT_TIMEOUT = 300.0
-"""s. Longest run time in which the process starts and imports the project."""
+"""Maximum time in which the subprocess starts and imports the project, s."""
 ACT_DEADLINE = 5.0
-"""s. Longest time of one call; FIRST_CALL_TIMEOUT_FACTOR times as long for the first."""
+"""Maximum time of one call, s; the first call may take FIRST_CALL_TIMEOUT_FACTOR times as long."""
 KILL_GRACE_PERIOD = 2.0
-"""s. Added to the deadline before a process without an answer is killed; the episodes of all its robots then fail."""
+"""Time after the deadline until a subprocess that has not answered is killed, s.
+
+The episodes of all its robots then fail.
+"""
 LOAD_TIMEOUT = "QUAD_ENV_LOAD_TIMEOUT"
-"""Environment variable: limit in place of START_TIMEOUT, s."""
+"""Environment variable that replaces START_TIMEOUT, s."""
 ACT_TIMEOUT = "QUAD_ENV_ACT_TIMEOUT"
-"""Environment variable: limit in place of ACT_DEADLINE, s."""
+"""Environment variable that replaces ACT_DEADLINE, s."""
 
 
 class DeadlineMissedError(RuntimeError):
-    """Raised when the policy gave no answer in time; its process has been killed."""
+    """Raised when the policy did not answer in time; its subprocess has been killed."""
 
 
 class PolicyProcessError(RuntimeError):
-    """Raised when the policy raised an exception in its process or the process died; the message says which."""
+    """Raised when the policy raised an exception in its subprocess, or the subprocess died; the message says which."""
 
 
 class PolicyProcess:
-    """Object in a subprocess, with a timeout on every call.
+    """Proxy of an object in a subprocess, with a timeout on every call.
 
-    A late or broken process is killed; the next call starts another.
+    A subprocess that misses a timeout or breaks is killed; the next call starts another subprocess.
 
     Args:
-        make: Makes the object in the subprocess; picklable, for example `functools.partial(policies.make, "trot")`.
-        load_time: Longest time of `make`, s.
+        make: Function that makes the object in the subprocess; it must be picklable, for example
+            `functools.partial(policies.make, "trot")`.
+        load_time: Maximum time of `make`, s.
     """
 
     def __init__(self, make: Callable[[], object], load_time: float = START_TIMEOUT) -> None:
@@ -71,11 +75,11 @@ class PolicyProcess:
         self._connection: Connection | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state of a copy, for example for another process, which has no process yet."""
+        """Return the state for a copy, for example in another process; the copy starts its own subprocess."""
         return vars(self) | {"_process": None, "_connection": None}
 
     def close(self) -> None:
-        """End the process."""
+        """End the subprocess."""
         if self._process is not None:
             self._process.kill()
             self._process.join()
@@ -92,31 +96,32 @@ class PolicyProcess:
         with without_ctrl_c(), without_main(bytes(ForkingPickler.dumps(self._make))):
             self._process.start()
         child_connection.close()
-        self.call(("__repr__",), IMPORT_TIMEOUT, self._load_time)  # waits until the object is made
+        self.call(("__repr__",), IMPORT_TIMEOUT, self._load_time)  # because the answer comes after the object is made
 
     def call(self, request: tuple[object, ...], timeout: float, heartbeat_timeout: float | None = None) -> Any:
-        """Call a method of the object; start the process if needed.
+        """Call a method of the object in the subprocess, which is started if needed.
 
-        The process is killed if the answer is late. Waits for a processor do not count.
+        The subprocess is killed if the answer is late. Time spent waiting for a processor does not count. A heartbeat
+        is a message by which a busy subprocess restarts the timeout.
 
         Args:
             request: Name of the method, then its arguments.
-            timeout: Timeout, s.
-            heartbeat_timeout: Timeout after each heartbeat, s; None for `timeout`.
+            timeout: Maximum time until the answer or the first heartbeat, s.
+            heartbeat_timeout: Maximum time after each heartbeat, s; None: `timeout`.
 
         Returns:
             Result of the method.
 
         Raises:
-            DeadlineMissedError: No answer in time; the process was killed.
-            PolicyProcessError: The method raised an exception, or the process died.
+            DeadlineMissedError: No answer came in time; the subprocess was killed.
+            PolicyProcessError: The method raised an exception, or the subprocess died.
         """
         if self._process is None:
             self._launch()
         connection = self._connection
         process = self._process
         assert connection is not None
-        # In its own thread: sending a large request also blocks while the process does not listen.
+        # The watchdog has its own thread because sending a large request blocks until the subprocess receives it.
         watchdog = Watchdog(process, timeout)
         try:
             connection.send(request)
@@ -138,10 +143,11 @@ class PolicyProcess:
 
 
 class ExternalPolicy(Policy):
-    """Policy of `my_file.py:NAME` or of another file; failed robots hold the home pose.
+    """Policy from a Python object (`my_file.py:NAME`) or from another file, run in a subprocess.
 
-    The attributes named in SIGNAL_NAMES have the values of its policy, None if it has none. The constructor raises
-    PolicyError, one line, if the reference names no policy.
+    A robot for which the policy has failed holds the home pose. The policy's signals, such as its clock phase, are
+    attributes named in SIGNAL_NAMES; a signal that the policy lacks is None. The constructor raises PolicyError, one
+    line, if the reference names no policy.
 
     Args:
         reference: Reference to the policy.
@@ -150,11 +156,11 @@ class ExternalPolicy(Policy):
     """
 
     failure: NDArray[np.object_]
-    """Reason why the policy failed each robot, (n,); None where it has not."""
+    """Reason for the policy's failure, for each robot, (n,); None for robots without a failure."""
     spec: PolicySpec | None = None
-    """Specification of its network; None for a policy that acts on the environment's own observation."""
+    """Specification of the policy's network; None if the policy acts on the environment's own observation."""
     remarks: tuple[str, ...]
-    """Assumptions where its files are incomplete, a line each."""
+    """Assumptions made because the policy's files are incomplete, one line each."""
 
     def __init__(self, reference: str | Path, *, trust: bool = False, **made_for: Unpack[PolicyKwargs]) -> None:
         super().__init__(**made_for)
@@ -174,7 +180,7 @@ class ExternalPolicy(Policy):
         self._allocate(1)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state of a copy, for example for another process, which has no process yet."""
+        """Return the state for a copy, for example in another process; the copy starts its own subprocess."""
         return vars(self) | {"_stepped": False}
 
     def _smoke_test(self) -> None:
@@ -188,7 +194,7 @@ class ExternalPolicy(Policy):
             self._process.close()
 
     def close(self) -> None:
-        """End its process; `reset` starts another."""
+        """End the policy's subprocess; `reset` starts another one."""
         self._process.close()
         self._stepped = False
 
@@ -224,7 +230,10 @@ class ExternalPolicy(Policy):
         return within_limits(self.robot, np.where(is_working[:, None], result.actions, home))
 
     def _request(self, method: str, *arguments: object) -> Any:
-        """Return the answer of its process; None, and a failure of every robot, if the process is gone."""
+        """Return the result of a method in the subprocess.
+
+        Returns None and records a failure of every robot if no answer comes.
+        """
         timeout = _time_limit(ACT_TIMEOUT, ACT_DEADLINE) * (1 if self._stepped else FIRST_CALL_TIMEOUT_FACTOR)
         try:
             answer = self._process.call((method, *arguments), timeout + KILL_GRACE_PERIOD)
@@ -245,12 +254,12 @@ class ExternalPolicy(Policy):
 
 
 def _time_limit(variable: str, default: float) -> float:
-    """Return the time in an environment variable, s, or the default if it holds no positive number."""
+    """Return the time that an environment variable gives, s; the default if the variable holds no positive number."""
     text = os.environ.get(variable, "")
     return float(text) if re.fullmatch(r"[0-9]{1,6}(\.[0-9]+)?", text) and float(text) > 0 else default
 
 
 def _make_with_stderr(make: Callable[[], PolicyServer]) -> PolicyServer:
-    """Return the server that `make` makes; the process prints on stderr from now on."""
+    """Return the server that `make` makes, after redirecting this process's standard output to standard error."""
     sys.stdout = sys.stderr
     return make()

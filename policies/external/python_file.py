@@ -1,4 +1,4 @@
-"""Policy in a Python file: a `Policy`, or any callable from an observation to an action."""
+"""Policies in Python files: a `Policy`, or any callable that maps an observation to an action."""
 
 import copy
 import importlib.util
@@ -16,12 +16,12 @@ from quad_env.robots.robot import Robot
 
 
 def load_python(reference: PolicyReference, robot: Robot, control_period: float) -> Policy | ActFactory:
-    """Load the object of a Python file.
+    """Load the policy that a name in a Python file refers to.
 
-    A class is made without arguments, or with `robot` and `control_period` if it takes them.
+    A class is called to make an instance. It gets the arguments `robot` and `control_period` that it accepts.
 
     Args:
-        reference: Reference to the file and the object's name.
+        reference: Reference to the file and the name.
         robot: Robot that the policy moves.
         control_period: Control period of the environment, s.
 
@@ -29,7 +29,7 @@ def load_python(reference: PolicyReference, robot: Robot, control_period: float)
         Policy, or a factory of functions from one observation to one action.
 
     Raises:
-        PolicyError: The file fails, has no object of this name, or the object is no policy.
+        PolicyError: The file fails, the name does not exist, or its object is not a policy.
     """
     named_object = find_object(reference)
     if isinstance(named_object, Policy):
@@ -48,7 +48,7 @@ def load_python(reference: PolicyReference, robot: Robot, control_period: float)
 
 
 def find_object(reference: PolicyReference) -> Any:
-    """Return the object of a reference. Raises PolicyError if the file fails or has no object of this name."""
+    """Return the object that a reference names. Raises PolicyError if the file fails or lacks this name."""
     contents = vars(_run(reference))
     if reference.name not in contents:
         own = [name for name, value in contents.items() if callable(value) and not name.startswith("_")]
@@ -57,7 +57,7 @@ def find_object(reference: PolicyReference) -> Any:
 
 
 def _run(reference: PolicyReference) -> ModuleType:
-    """Return the file as a module, which can import modules of its folder."""
+    """Execute a Python file and return it as a module; it can import other modules of its folder."""
     file = reference.file.resolve()
     sys.path.insert(0, str(file.parent))
     name = f"policy_of_{file.stem}"
@@ -72,7 +72,7 @@ def _run(reference: PolicyReference) -> ModuleType:
 
 
 def _check_callable(candidate: Any, reference: PolicyReference) -> ActFunction:
-    """Return the object if it can be called. Raises PolicyError."""
+    """Return the object if it can be called. Raises PolicyError otherwise."""
     if not callable(candidate):
         raise PolicyError(
             f"{reference} must be a policies.Policy or callable with an observation, not {candidate!r:.80}"
@@ -82,17 +82,17 @@ def _check_callable(candidate: Any, reference: PolicyReference) -> ActFunction:
 
 
 def _accepted_arguments(kind: type, **known: Any) -> dict[str, Any]:
-    """Return the known arguments that the constructor of a class accepts."""
+    """Return the arguments in `known` that the constructor of a class accepts, as a dictionary."""
     try:
         parameters = inspect.signature(kind).parameters
-    except ValueError:  # of a class that is not written in Python
+    except ValueError:  # because a class that is not written in Python may have no signature
         return {}
     accepts_all = any(each.kind is inspect.Parameter.VAR_KEYWORD for each in parameters.values())
     return {name: value for name, value in known.items() if accepts_all or name in parameters}
 
 
 def _copy_of(act: ActFunction) -> ActFunction:
-    """Return a copy of an object from before its first call; the object itself if it cannot be copied."""
+    """Return a copy of a callable that has not been called yet; the callable itself if it cannot be copied."""
     try:
         return copy.deepcopy(act)
     except Exception:

@@ -1,4 +1,4 @@
-"""Reference to an external policy: `my_file.py:MyPolicy`, a network's file, or a file that specifies its network."""
+"""References to external policies: `my_file.py:MyPolicy`, a network's file, or a file that specifies a network."""
 
 import hashlib
 from dataclasses import dataclass, replace
@@ -17,38 +17,40 @@ from quad_env.files.reading import MAX_TEXT_SIZE, check_file, max_network_size
 from quad_env.files.text import brief
 
 SPEC_SUFFIXES = ".onnx", ".pt", ".jit", ".toml", ".yaml", ".yml", ".json"
-"""Suffixes of files that may specify a policy, or have a specification file next to them."""
+"""Suffixes of files that may contain the specification of a policy, or have a specification file next to them."""
 SUFFIXES = ".py", ".zip", *SPEC_SUFFIXES
-"""Suffixes of supported files."""
+"""Suffixes of supported policy files."""
 SIDECAR_SUFFIXES = ".toml", ".yaml", ".json"
-"""Suffixes of the specification file that lies next to a .pt or .jit and has its name."""
+"""Suffixes of the specification file of a .pt or .jit file; it lies in the same folder and has the same name."""
 UNSUPPORTED_SUFFIXES = ".pth", ".ckpt", ".h5", ".pkl"
 """Suffixes of unsupported network files."""
 _REQUIRED_PACKAGES = {".onnx": "onnx", ".yaml": "yaml", ".yml": "yaml"}
-"""Packages that read files of these suffixes."""
+"""Suffix -> optional package that reads files with this suffix."""
 
 
 @dataclass(frozen=True)
 class PolicyReference:
-    """File of a policy, and in a Python file the name of its object; `resolve_reference` makes it."""
+    """Files and specification of an external policy; `resolve_reference` makes it."""
 
     file: Path
+    """File of the policy."""
     name: str = ""
+    """Name of the policy's object in a Python file; empty for other files."""
     normaliser: Path | None = None
-    """Observation statistics of a model of Stable-Baselines3, its VecNormalize; None without any."""
+    """File with the observation statistics (VecNormalize) of a Stable-Baselines3 model; None if there is none."""
     spec: PolicySpec | None = None
-    """Specification of its network; None for a policy that acts on the environment's own observation."""
+    """Specification of the policy's network; None if the policy acts on the environment's own observation."""
     remarks: tuple[str, ...] = ()
-    """Assumptions, a line each."""
+    """Assumptions about the policy, one line each."""
 
     @property
     def suffix(self) -> str:
-        """One of SUFFIXES."""
+        """Suffix of the file in lower case, one of SUFFIXES."""
         return self.file.suffix.lower()
 
     @property
     def sha256(self) -> str:
-        """SHA-256 of all its files."""
+        """SHA-256 digest of the contents of all files of the policy, and of its specification."""
         network = None if self.spec is None else self.spec.network
         files = [file for file in dict.fromkeys((self.file, self.normaliser, network)) if file is not None]
         spec_text = "" if self.spec is None else self.spec.digest_text
@@ -65,12 +67,12 @@ class PolicyReference:
 
 
 def is_reference(text: str | Path) -> bool:
-    """Return True if a text has the form of a reference to an external policy; False for every folder."""
+    """Return True if a text has the form of a reference to an external policy, and is not a folder."""
     return _parse_reference(text).suffix in SUFFIXES and not Path(text).is_dir()
 
 
 def unsupported_file_remedy(text: str | Path) -> str | None:
-    """Return the error text for a file of an unsupported kind, with the remedy; None for other texts."""
+    """Return an error text with a remedy if `text` names a file of an unsupported kind; None otherwise."""
     suffix = Path(text).suffix
     if suffix.lower() not in UNSUPPORTED_SUFFIXES:
         return None
@@ -89,14 +91,14 @@ def _parse_reference(text: str | Path) -> PolicyReference:
 
 
 def resolve_reference(text: str | Path, trust: bool) -> PolicyReference:
-    """Return the reference with an absolute path and its specification, after a check of all files.
+    """Parse a reference, check all files of the policy, and read its specification.
 
     Args:
         text: Path, or `FILE.py:NAME`.
         trust: True to accept files in which code can be hidden.
 
     Returns:
-        Reference for the process that loads the policy.
+        Reference with absolute paths, for the process that loads the policy.
 
     Raises:
         PolicyError: A file is missing, unreadable, incomplete or not trusted; the message is one line.
@@ -125,7 +127,10 @@ def resolve_reference(text: str | Path, trust: bool) -> PolicyReference:
 
 
 def _with_statistics(model: PolicyReference, trust: bool) -> PolicyReference:
-    """Return a model of Stable-Baselines3 with the statistics of its observations. Raises PolicyError."""
+    """Return the reference to a Stable-Baselines3 model, with the file of its observation statistics if there is one.
+
+    Raises PolicyError if `trust` is False, or if the statistics may belong to another model.
+    """
     try:
         statistics, is_certain = find_statistics(model.file)
     except PolicyError:
@@ -140,7 +145,7 @@ def _with_statistics(model: PolicyReference, trust: bool) -> PolicyReference:
 
 
 def _raise_untrusted(*files: Path) -> NoReturn:
-    """Raise PolicyError for files that are loaded with --trust alone."""
+    """Raise the PolicyError for files that are loaded only with --trust."""
     names = " and ".join(map(str, files))
     them = "it" if len(files) == 1 else "them"
     origin = "it comes" if len(files) == 1 else "they come"
@@ -160,7 +165,10 @@ def _check_readable(file: Path) -> None:
 
 
 def _find_spec(file: Path) -> PolicySpec | None:
-    """Return the specification in a file, or next to a .pt; None for an ONNX file without one. Raises PolicyError."""
+    """Return the specification in a file, or in the file next to a TorchScript network.
+
+    Returns None for an ONNX file that has no specification. Raises PolicyError for a fault of the file.
+    """
     if file.suffix.lower() not in TORCHSCRIPT_SUFFIXES:
         spec = _read_spec(file)
         return None if spec is None else replace(spec, network=spec.network.absolute())
@@ -175,7 +183,10 @@ def _find_spec(file: Path) -> PolicySpec | None:
 
 
 def _read_spec(file: Path) -> PolicySpec | None:
-    """Read a specification in a limited process, since a file may take all time or memory. Raises PolicyError."""
+    """Read a specification in a subprocess with time and memory limits, because any file may be given.
+
+    Raises PolicyError for a fault of the file, and if the subprocess exceeds a limit.
+    """
     package = _REQUIRED_PACKAGES.get(file.suffix.lower())
     if package is not None:
         check_package(package)
@@ -186,7 +197,10 @@ def _read_spec(file: Path) -> PolicySpec | None:
 
 
 def _check_network(spec: PolicySpec) -> PolicySpec:
-    """Check a user's specification against its network in a limited process. Raises PolicyError."""
+    """Check a user's specification against its network, in a subprocess with time and memory limits.
+
+    Raises PolicyError if they contradict each other, or if the subprocess exceeds a limit.
+    """
     try:
         return call(readers.check_network_matches, spec, True)  # type: ignore[no-any-return]
     except (LimitExceededError, CrashError) as error:
@@ -194,7 +208,10 @@ def _check_network(spec: PolicySpec) -> PolicySpec:
 
 
 def draft_without_spec(file: Path) -> readers.IncompleteSpecError | None:
-    """Return the known fields of a network's file without a specification; None for other files."""
+    """Return an error that holds the known fields of a network without a specification.
+
+    Returns None if the file is not a network.
+    """
     if not file.is_file() or file.suffix.lower() not in (".onnx", *TORCHSCRIPT_SUFFIXES):
         return None
     return readers.IncompleteSpecError("a network without a description", {"network": file.absolute()})

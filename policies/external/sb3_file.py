@@ -1,4 +1,4 @@
-"""Model of Stable-Baselines3, of any algorithm with an actor. Loading one can run code that is hidden in it."""
+"""Models of Stable-Baselines3, of any algorithm with an actor. Loading a model can run code that is hidden in it."""
 
 import pickle
 from collections.abc import Callable
@@ -18,14 +18,14 @@ def load_sb3(reference: PolicyReference, robot: Robot) -> ActFactory:
     """Load a model of Stable-Baselines3.
 
     Args:
-        reference: Reference to the model, with the statistics of its observations.
+        reference: Reference to the model, with the file of its observation statistics.
         robot: Robot that the policy moves.
 
     Returns:
-        Factory of the deterministic action for one observation: joint targets of the robot, rad.
+        Factory of functions from one observation to the deterministic action: joint targets of the robot, rad.
 
     Raises:
-        PolicyError: The file is no model, or does not define the meaning of its actions.
+        PolicyError: The file is not a model, or the meaning of its actions is unknown.
     """
     torch = import_package("torch", "train")
     files = import_package("stable_baselines3.common.save_util", "train")
@@ -51,7 +51,10 @@ def load_sb3(reference: PolicyReference, robot: Robot) -> ActFactory:
 
 
 def _load_normaliser(reference: PolicyReference, space: Any) -> Callable[[Any], Any]:
-    """Return the function from observations to the model's normalised observations. Raises PolicyError."""
+    """Return the function that normalises observations for the model.
+
+    Raises PolicyError if the statistics file is invalid or has another shape than the model's observations.
+    """
     if reference.normaliser is None:
         return _identity
     try:
@@ -69,8 +72,11 @@ def _load_normaliser(reference: PolicyReference, space: Any) -> Callable[[Any], 
 
 
 def _action_conversion(space: Any, reference: PolicyReference, robot: Robot) -> Callable[[Any], Any]:
-    """Return the function from a model's actions to joint targets, rad. Raises PolicyError."""
-    # Imported here, so that commands that print their help do not wait for Gymnasium.
+    """Return the function that converts a model's actions to joint targets, rad.
+
+    Raises PolicyError if the actions are for another robot, or if their unit is unknown.
+    """
+    # Imported here because commands that only print their help would otherwise wait for Gymnasium.
     from gymnasium.spaces import Box
 
     from quad_env.envs.home_pose import HomePoseSpace

@@ -1,4 +1,4 @@
-"""Files with the observation statistics (VecNormalize) of a Stable-Baselines3 model, by their names and folders."""
+"""Search for the file with the observation statistics (VecNormalize) of a Stable-Baselines3 model."""
 
 import itertools
 import os
@@ -10,29 +10,29 @@ from policies.base import PolicyError
 STATISTICS_NAMES = "vecnormalize.pkl", "vec_normalize.pkl"
 """Usual names of statistics files."""
 BEST_MODEL_FOLDERS = "best_model", "best", "best_models", "eval"
-"""Folders of a run's best model; its statistics lie in the run's folder under any name."""
+"""Names of folders that hold the best model of a run; the statistics lie in the run's folder above, under any name."""
 MAX_FOLDERS = 1000
-"""Largest number of entries of a model's folder that are searched for folders with statistics."""
+"""Maximum number of entries of a folder that are searched for subfolders with statistics."""
 _STATISTICS_NAME = re.compile(r"normali[sz]e|vec_?norm")
-"""Part of other names of statistics files."""
+"""Pattern that less common names of statistics files contain."""
 
 
 def find_statistics(model: Path) -> tuple[Path | None, bool]:
-    """Find the VecNormalize file of a model.
+    """Find the file with the observation statistics (VecNormalize) of a model.
 
-    Stable-Baselines3's `CheckpointCallback` puts `PREFIX_vecnormalize_N_steps.pkl` next to `PREFIX_N_steps.zip`.
-    `EvalCallback` has its own folder for `best_model.zip`; the statistics lie in the run's folder above it. RL Zoo puts
-    them into the folder `ENV` next to `ENV.zip` and `best_model.zip`.
+    Stable-Baselines3's `CheckpointCallback` writes `PREFIX_vecnormalize_N_steps.pkl` next to `PREFIX_N_steps.zip`.
+    `EvalCallback` has its own folder for `best_model.zip`; the statistics lie in the run's folder above it. RL Zoo
+    writes the statistics into the folder `ENV` next to `ENV.zip` and `best_model.zip`.
 
     Args:
         model: File of the model.
 
     Returns:
-        file: The statistics; None without any.
-        is_certain: True if the file's name and place belong to this model alone.
+        file: File of the statistics; None if there is none.
+        is_certain: False if the file was chosen only because no other statistics file is near.
 
     Raises:
-        PolicyError: Files near the model may be the statistics of another model.
+        PolicyError: There are statistics near the model, but they may belong to another model.
     """
     start, _, end = model.stem.rpartition("_steps")[0].rpartition("_")
     own_names = [f"{model.stem}_vecnormalize.pkl", f"{start}_vecnormalize_{end}_steps.pkl"]
@@ -45,7 +45,7 @@ def find_statistics(model: Path) -> tuple[Path | None, bool]:
     candidates = _statistics_in_subfolders(model.parent) or _statistics_above(model)
     if not neighbours and len(candidates) == 1:
         return candidates[0], False
-    if not candidates and model.parent.name in BEST_MODEL_FOLDERS:  # those of the run's checkpoints
+    if not candidates and model.parent.name in BEST_MODEL_FOLDERS:  # the run's checkpoints may have their own folder
         candidates = _statistics_in_subfolders(model.parent.parent)
     if neighbours or candidates:
         names = ", ".join(os.path.relpath(file, model.parent) for file in neighbours or candidates)
@@ -57,7 +57,10 @@ def find_statistics(model: Path) -> tuple[Path | None, bool]:
 
 
 def _statistics_above(model: Path) -> list[Path]:
-    """Return the statistics in the folder above the model's."""
+    """Return the paths of the statistics files in the parent of the model's folder.
+
+    Files with unusual names are included if the model's folder is one of BEST_MODEL_FOLDERS.
+    """
     folder = model.parent.parent
     files = _statistics_in(folder) if model.parent.name in BEST_MODEL_FOLDERS else []
     return files + [
@@ -66,14 +69,17 @@ def _statistics_above(model: Path) -> list[Path]:
 
 
 def _statistics_in_subfolders(folder: Path) -> list[Path]:
-    """Return the statistics in the first folders in a folder, by name."""
+    """Return the paths of the statistics files in the subfolders of a folder, in the order of the subfolders' names."""
     entries = itertools.islice(folder.iterdir(), MAX_FOLDERS)
     subfolders = sorted(entry for entry in entries if entry.is_dir())
     return [file for subfolder in subfolders for file in _statistics_in(subfolder)]
 
 
 def _statistics_in(folder: Path) -> list[Path]:
-    """Return the files in a folder that may be a VecNormalize; its `save` adds no suffix to a name."""
+    """Return the paths of the files in a folder that may be statistics (VecNormalize).
+
+    They may have no suffix, because `VecNormalize.save` does not add one.
+    """
     return sorted(
         file
         for file in folder.glob("*")

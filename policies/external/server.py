@@ -1,4 +1,4 @@
-"""Child side of an external policy: loads it, calls it for every robot and records its failures."""
+"""Child side of an external policy: loads the policy, calls it for every robot and records its failures."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -20,20 +20,25 @@ from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import table_with
 
 SIGNAL_NAMES = ("phase", "correction", "base_action", "stopped")
-"""Signals that some policies report.
+"""Names of the signals that some policies report, in addition to their actions.
 
-`phase`: of the clock, rad, (n,). `correction`: of a residual, as shares of its authority, (n, 12). `base_action`: joint
-targets of a residual's base, rad, (n, 12). `stopped`: True for robots that the policy has stopped itself, (n,).
+- `phase`: Phase of the gait clock, (n,), rad.
+- `correction`: Correction of a residual policy, as a fraction of its limit (authority), (n, 12).
+- `base_action`: Joint targets of the base policy of a residual policy, (n, 12), rad.
+- `stopped`: True for robots that the policy's own safety layer has stopped, (n,).
 """
 FIRST_CALL_TIMEOUT_FACTOR = 6
-"""Factor on the deadline of the first call, during which some policies compile themselves."""
+"""Factor on the deadline of the first call, because some policies compile themselves in the first call."""
 MAX_REASON = 200
-"""Largest number of characters of a failure's reason."""
+"""Maximum number of characters of the reason of a failure."""
 HEARTBEAT_PERIOD = 1.0
-"""s. Largest period of the heartbeats while many robots are served; a fifth of the deadline if that is shorter."""
+"""Maximum period of the heartbeats, by which a busy subprocess restarts its parent's timeout, s.
+
+The period is a fifth of the deadline if that is shorter.
+"""
 
 _parent_connection: Connection | None = None
-"""In a policy's process: the connection to its parent; None in other processes."""
+"""Connection to the parent process; None in a process that does not run an external policy."""
 
 
 @dataclass(frozen=True)
@@ -41,27 +46,27 @@ class PolicyStepResult:
     """Result of a control step of n robots, which the child sends to its parent."""
 
     actions: Actions
-    """Joint targets, rad, (n, 12); meaningless for robots that the policy has failed."""
+    """Joint targets, (n, 12), rad; meaningless for robots for which the policy has failed."""
     failures: dict[int, str]
-    """Robot -> reason why the policy failed it in this step."""
+    """Index of each robot for which the policy failed in this step -> reason."""
     signals: dict[str, NDArray[Any]] = field(default_factory=dict)
-    """Values of the available SIGNAL_NAMES."""
+    """Name of each available signal, one of SIGNAL_NAMES -> values."""
 
 
 def serve_requests(connection: Connection, make: Callable[[], object]) -> None:
-    """Answer the parent's requests until the connection closes; target function of the policy's process.
+    """Answer the parent's requests until the connection closes; the policy's subprocess runs this function.
 
-    A request is a method name with its arguments. An answer is an error text or None, and the method's result. The
-    process ends with its parent, even while its policy hangs.
+    A request is a tuple: the name of a method and its arguments. An answer is a pair: an error text or None, and the
+    result of the method. The subprocess ends together with its parent, even while the policy hangs.
 
     Args:
         connection: Connection to the parent.
-        make: Makes the object that the requests call.
+        make: Function that makes the object with the requested methods.
     """
     global _parent_connection
     exit_with_parent()
     try:
-        connection.send(None)  # all modules are imported
+        connection.send(None)  # a heartbeat, because all modules are imported now
         try:
             served = make()
             _parent_connection = connection
@@ -80,19 +85,19 @@ def serve_requests(connection: Connection, make: Callable[[], object]) -> None:
 
 
 def send_heartbeat() -> None:
-    """Restart the timeout of the waiting parent; no effect outside a policy's process."""
+    """Restart the timeout of the waiting parent. Does nothing outside the subprocess of a policy."""
     if _parent_connection is not None:
         _parent_connection.send(None)
 
 
 def make_server(reference: PolicyReference, robot: Robot, control_period: float, deadline: float) -> "PolicyServer":
-    """Load a policy and call it once for an upright robot.
+    """Load a policy, and call it once with the observation of an upright robot.
 
     Args:
-        reference: Reference to the policy, resolved.
+        reference: Reference to the policy, from `resolve_reference`.
         robot: Robot that the policy moves.
         control_period: Control period of the environment, s.
-        deadline: Longest time of one call, s.
+        deadline: Maximum time of one call, s.
 
     Returns:
         Server of the policy.
@@ -117,14 +122,14 @@ def make_server(reference: PolicyReference, robot: Robot, control_period: float,
 
 
 class PolicyServer:
-    """Loaded policy of n robots with a record of its failures; `make_server` makes it in the policy's process.
+    """Loaded policy of n robots, with a record of its failures; `make_server` makes it in the policy's subprocess.
 
-    A `Policy` is called once for all robots, any other callable once per robot.
+    A `Policy` is called once for all robots. Any other callable is called once per robot.
 
     Args:
         loaded: Policy, or factory of functions from one observation to one action.
         robot: Robot that the policy moves.
-        deadline: Longest time of one call, s.
+        deadline: Maximum time of one call, s.
     """
 
     def __init__(self, loaded: Policy | ActFactory, robot: Robot, deadline: float) -> None:
@@ -133,17 +138,20 @@ class PolicyServer:
         self._deadline = deadline
         self._last_heartbeat = time.monotonic()
         self._acts: list[Any] = []
-        """Of a `Policy` its `act` alone, else one function per robot; None where none could be made."""
+        """Functions that compute actions: the method `act` of a `Policy`, or else one function per robot.
+
+        The function of a robot is None if it could not be made.
+        """
         self._failed = np.zeros(0, np.bool_)
 
     def smoke_test(self, reference: PolicyReference) -> None:
-        """Call the policy once for an upright robot at rest.
+        """Call the policy once with the observation of an upright robot that stands still.
 
         Args:
             reference: Reference to the policy, for the error.
 
         Raises:
-            PolicyError: It gives no action.
+            PolicyError: The policy does not return an action of the right shape.
         """
         policy = self._loaded if isinstance(self._loaded, Policy) else None
         table = table_with(self._robot, None if policy is None else policy.height_scan)
@@ -157,14 +165,14 @@ class PolicyServer:
             raise PolicyError(f"{reference} must give {expected}; it {reason}")
 
     def reset(self, num_envs: int, seed: int | None) -> dict[int, str]:
-        """Restart the policy.
+        """Reset the policy for n robots.
 
         Args:
-            num_envs: Number of robots.
-            seed: Seed of a `Policy`.
+            num_envs: Number of robots, n.
+            seed: Seed of a `Policy`; other callables have no seed.
 
         Returns:
-            Robot -> reason why the policy failed it.
+            Index of each robot for which the policy failed -> reason.
         """
         self._failed = np.zeros(num_envs, np.bool_)
         if isinstance(self._loaded, Policy):
@@ -175,7 +183,10 @@ class PolicyServer:
         return self.reset_where(np.ones(num_envs, np.bool_))
 
     def reset_where(self, mask: Mask) -> dict[int, str]:
-        """Restart the masked robots, (n,). Returns robot -> reason why the policy failed it."""
+        """Reset the policy for the robots for which `mask`, (n,), is True.
+
+        Returns the index of each robot for which the policy failed -> reason.
+        """
         self._failed[mask] = False
         if isinstance(self._loaded, Policy):
             _, reason = self._call(self._loaded.reset_where, mask)
@@ -187,7 +198,7 @@ class PolicyServer:
         return failures
 
     def step(self, observation: NDArray[np.float32]) -> PolicyStepResult:
-        """Return the actions for the observations of all robots, (n, k)."""
+        """Return the actions for the observations of all robots, (n, k), with new failures and the signals."""
         count = len(observation)
         joints = self._robot.num_joints
         actions = np.zeros((count, joints), np.float32)
@@ -207,7 +218,7 @@ class PolicyServer:
         return PolicyStepResult(actions, failures, self.signals())
 
     def signals(self) -> dict[str, NDArray[Any]]:
-        """Return the SIGNAL_NAMES that the policy has, each with n rows."""
+        """Return the signals that the policy has: name, one of SIGNAL_NAMES -> values with n rows."""
         signals = {}
         for name in SIGNAL_NAMES if isinstance(self._loaded, Policy) else ():
             value, _ = self._call(lambda name=name: np.array(getattr(self._loaded, name)))
@@ -217,7 +228,10 @@ class PolicyServer:
         return signals
 
     def _record_failures(self, robots: Iterable[int], reason: str | None) -> dict[int, str]:
-        """Mark robots as failed if there is a reason; return those that had not failed before."""
+        """Mark `robots` as failed if `reason` is not None.
+
+        Returns the index of each newly failed robot -> reason.
+        """
         new = [] if reason is None else [robot for robot in robots if not self._failed[robot]]
         self._failed[new] = True
         return dict.fromkeys(new, reason or "")
@@ -225,7 +239,10 @@ class PolicyServer:
     def _compute_action(
         self, act: ActFunction, observation: NDArray[np.float32], shape: tuple[int, ...]
     ) -> tuple[Actions | None, str | None]:
-        """Return an action of a shape and None, or None and the reason of the failure."""
+        """Call `act` and check the shape of its action.
+
+        Returns the action and None, or None and the reason of a failure.
+        """
         action, reason = self._call(lambda: np.asarray(act(observation)))
         if reason is not None:
             return None, reason
@@ -235,13 +252,13 @@ class PolicyServer:
             return action.astype(np.float32), None
 
     def _call(self, call: Callable[..., Any], *arguments: Any) -> tuple[Any, str | None]:
-        """Return the result of a call and None, or None and the reason of its failure.
+        """Call a function and return its result and None, or None and the reason of a failure.
 
-        An endless call is not ended here: the parent ends this process (`PolicyProcess`).
+        An endless call is ended by the parent, which kills this process (`PolicyProcess`).
         """
         try:
             return call(*arguments), None
-        except BaseException as error:  # SystemExit as well: it must not end the process with the other robots
+        except BaseException as error:  # includes SystemExit, because the other robots still need this process
             return None, f"raised {format_exception(error)}"[:MAX_REASON]
         finally:
             now = time.monotonic()

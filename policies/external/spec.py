@@ -1,7 +1,7 @@
 """Specification of an external policy: joints, servo gains, scales and observation terms.
 
-Joint angles, order and names are as in the policy's own files, in its maker's convention. `observation_adapter` and
-`joint_mapping` convert them to the robot's. A joint target is `offset + scale * clip(action)`, rad.
+Names, order and angles of the joints follow the convention of the policy's own files. The modules `joint_mapping` and
+`observation_adapter` convert them to the robot's convention. A joint target is `offset + scale * clip(action)`, rad.
 """
 
 from dataclasses import dataclass, field
@@ -18,21 +18,21 @@ Numbers = tuple[Finite, ...]
 Range = tuple[Finite, Finite]
 
 TERM_WIDTHS: dict[str, int | None] = {
-    "projected_gravity": 3,  # unit vector of gravity, (0, 0, -1) upright
+    "projected_gravity": 3,  # unit vector of gravity, (0, 0, -1) if the robot is upright
     "angular_velocity": 3,  # rad/s
     "linear_velocity": 3,  # m/s
     "joint_position": 12,  # rad, minus the default position
     "absolute_joint_position": 12,  # rad
     "joint_velocity": 12,  # rad/s
-    "joint_torque": 12,  # N·m, of the servos
+    "joint_torque": 12,  # torque of the servos, N·m
     "previous_action": 12,
     "command": 3,  # forward m/s, lateral m/s, yaw rate rad/s
     "foot_contact": 4,  # 1 on the ground, 0 in the air, legs in the order of `joints`
     "height_scan": None,  # m
-    "gait_clock": 2,  # sine and cosine of a clock that is at 0 when the episode starts
-    "constant": None,  # numbers that are always the same
+    "gait_clock": 2,  # sine and cosine of a phase that is 0 at the start of the episode
+    "constant": None,  # constant numbers
 }
-"""Names of observation terms with their widths; None if the term's own settings define the width."""
+"""Name of an observation term -> number of its values; None if the settings of the term define the number."""
 
 JOINT_FIELDS = (
     "default_position",
@@ -44,14 +44,14 @@ JOINT_FIELDS = (
     "signs",
     "zeros",
 )
-"""Fields of a specification with a value for each of its `joints`, in their order."""
+"""Names of the fields of `PolicySpec` that have one value per joint, in the order of the field `joints`."""
 
 MAX_SCAN_POINTS = 10_000
-"""Largest number of points of a height scan."""
+"""Maximum number of points of a height scan."""
 MAX_NAME = 100
-"""Largest number of characters of a joint's name."""
+"""Maximum number of characters of a joint's name."""
 MAX_OBSERVATION = 100_000
-"""Largest number of observed values of a robot: one control step times the longest history."""
+"""Maximum number of values that an observation holds: values per control step times steps of the longest history."""
 PLAUSIBLE_RANGES = {
     "control_rate": (1.0, 1e4, "Hz"),
     "default_position": (-100.0, 100.0, "rad"),
@@ -70,13 +70,16 @@ PLAUSIBLE_RANGES = {
     "action_clip": (-1e12, 1e12, ""),
     "target_clip": (-1e12, 1e12, "rad"),
 }
-"""Field -> minimum, maximum, unit. Values outside are far beyond any robot and count as a fault of the file."""
+"""Field -> minimum, maximum, unit. Values outside the range are errors in the file, because no robot has them."""
 _TERM_OF_SETTING = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
-"""Settings that belong to one term."""
+"""Setting of a `SpecTerm` -> the only observation term that has this setting."""
 
 
 class _CheckedSpec:
-    """Base class of dataclasses that check their fields by their annotations; a wrong value raises PolicyError."""
+    """Base class of dataclasses that check the values of their fields against the fields' annotations.
+
+    The constructor raises PolicyError for a wrong value.
+    """
 
     def __post_init__(self) -> None:
         try:
@@ -87,16 +90,16 @@ class _CheckedSpec:
 
 @dataclass(frozen=True)
 class HeightGrid(_CheckedSpec):
-    """Points of a height scan about the trunk, heading frame; the observed height is relative to the trunk."""
+    """Grid of points at which a height scan observes the ground, relative to the trunk's centre, heading frame."""
 
     x: Numbers
-    """Forward coordinates, m, in the order of the observation."""
+    """Forward coordinates of the grid lines, in the order of the observation, m."""
     y: Numbers
-    """Lateral coordinates, positive to the left, m, in the order of the observation."""
+    """Lateral coordinates of the grid lines, positive to the left, in the order of the observation, m."""
     x_first: bool = True
-    """True if x changes fastest from point to point, False if y does."""
+    """True if x changes fastest in the sequence of observed points, False if y changes fastest."""
     offset: Finite = 0.0
-    """m. The observed height of a point is the trunk's height minus the ground's height minus this offset."""
+    """Offset of the observed height, which is the trunk's height minus the ground's height minus this offset, m."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -107,26 +110,26 @@ class HeightGrid(_CheckedSpec):
 
 @dataclass(frozen=True)
 class SpecTerm(_CheckedSpec):
-    """Observation term of a policy: clipped, then scaled."""
+    """Observation term of a policy; its values are clipped first and then scaled."""
 
     name: str
-    """One of TERM_WIDTHS."""
+    """Name of the term, one of TERM_WIDTHS."""
     scale: Numbers = (1.0,)
-    """Factor for all of its numbers, or one for each."""
+    """One factor for all values of the term, or one factor per value."""
     clip: Range | None = None
-    """Minimum and maximum before scaling."""
+    """Minimum and maximum of the values before they are scaled; None: no limits."""
     history: Annotated[int, Bounds("from 1 to 1000", 1, 1000)] = 1
-    """Number of observed control steps, with the present one."""
+    """Number of observed control steps, including the present step."""
     frame: Literal["body", "heading", "world"] = "body"
     """Frame of velocities and gravity; the world frame's x axis is the heading at the start of the episode."""
     values: Numbers = ()
-    """Values of a `constant`."""
+    """Values of the term `constant`; empty for other terms."""
     clock: NonNegative = 0.0
-    """Frequency of a `gait_clock`, Hz."""
+    """Frequency of the term `gait_clock`, Hz; 0 for other terms."""
     grid: HeightGrid | None = None
-    """Points of a `height_scan`."""
+    """Points of the term `height_scan`; None for other terms."""
     zero_below: NonNegative = field(default=0.0, repr=False)
-    """Norm of the command below which a `gait_clock` is observed as (0, 0); 0: it always runs."""
+    """Norm of the command below which the term `gait_clock` is (0, 0); 0: the clock always runs."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -157,55 +160,55 @@ class SpecTerm(_CheckedSpec):
 class PolicySpec(_CheckedSpec):
     """Specification of an external policy: its network, observation, actions and servo gains.
 
-    The readers of deployment files make it; `NetworkPolicy` runs it.
+    The modules in `readers` read specifications from deployment files. A `NetworkPolicy` runs the specified policy.
     """
 
     network: Path
-    """File of the network, .onnx or TorchScript .pt."""
+    """Path of the network's file, .onnx or TorchScript .pt."""
     control_rate: Positive
     """Control rate of the policy, Hz."""
     joints: tuple[str, ...]
     """Names of the twelve joints, in the order of the actions."""
     default_position: Numbers
-    """Zero of the term `joint_position`, rad, in the order of `joints`."""
+    """Joint angles at which the term `joint_position` is zero, in the order of `joints`, rad."""
     action_scale: Numbers
-    """Joint angle for an action of one, rad, in the order of `joints`."""
+    """Change of the joint target per unit of the action, in the order of `joints`, rad."""
     stiffness: tuple[Positive, ...]
-    """Servo stiffness, N·m/rad, in the order of `joints`."""
+    """Servo stiffness, in the order of `joints`, N·m/rad."""
     damping: tuple[NonNegative, ...]
-    """Servo damping, N·m·s/rad, in the order of `joints`."""
+    """Servo damping, in the order of `joints`, N·m·s/rad."""
     terms: tuple[SpecTerm, ...]
-    """Terms in the order of the observation."""
+    """Observation terms, in the order of the observation."""
     action_offset: Numbers | None = None
-    """Targets of zero actions, rad, in the order of `joints`; None: the default position."""
+    """Joint targets if all actions are zero, in the order of `joints`, rad; None: the default position."""
     action_clip: Range | None = None
-    """Minimum and maximum of a raw action."""
+    """Minimum and maximum of an action before it is scaled; None: no limits."""
     target_clip: tuple[Range, ...] | None = None
-    """Minimum and maximum of the joint targets, rad, in the order of `joints`, within the robot's own limits."""
+    """Minimum and maximum of each joint target, in the order of `joints`, rad; None: only the robot's own limits."""
     observed_joints: tuple[str, ...] | None = None
     """Names of the joints in the order of the observed angles, velocities and torques; None: the order of `joints`.
 
-    Previous actions keep the order of `joints`.
+    The term `previous_action` always has the order of `joints`.
     """
     observation_clip: Positive | None = None
-    """Largest magnitude of an observed number, after scaling."""
+    """Maximum absolute value of an observed number after scaling; None: no limit."""
     history_layout: Literal["term", "time"] = "term"
-    """Order of histories: `term` keeps all control steps of a term together, `time` all terms of a control step."""
+    """Order of histories: `term` puts all control steps of a term together, `time` all terms of a control step."""
     history_newest: Literal["first", "last"] = "last"
-    """Place of the newest control step."""
+    """Position of the newest control step in the history."""
     history_start: Literal["first", "zero"] = "first"
-    """Content of the history at the start of an episode: the first observation, or zeros."""
+    """Content of the history at the start of an episode: `first` repeats the first observation, `zero` has zeros."""
     previous_action: Literal["raw", "scaled"] = "raw"
-    """Observed previous action: `raw` is the network's output, clipped, `scaled` the target minus its offset, rad."""
+    """Observed previous action: `raw` is the network's clipped output, `scaled` is the target minus its offset, rad."""
     signs: Numbers | None = None
-    """1 or -1 in the order of `joints`; -1 where the directions of the policy's and the robot file's joint differ.
+    """-1 if the policy's joint turns opposite to the joint in the robot file, else 1; in the order of `joints`.
 
-    None: 1. The robot file's angle is `zeros + signs * the policy's`.
+    None means 1 for all joints. The angle in the robot file is `zeros + signs * the policy's angle`.
     """
     zeros: Numbers | None = None
-    """Angles of the robot file's joints at the policy's zero, rad, in the order of `joints`; None: 0."""
+    """Joint angles in the robot file if the policy's angles are zero, in the order of `joints`, rad; None: zero."""
     remarks: tuple[str, ...] = field(default=(), compare=False)
-    """Assumptions where the file is incomplete, a line each."""
+    """Assumptions that a reader made because the file is incomplete, one line each."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -218,7 +221,7 @@ class PolicySpec(_CheckedSpec):
         self._check_terms()
 
     def _check_joints(self) -> None:
-        """Raise PolicyError for wrong names of joints, and for fields of another number of joints."""
+        """Raise PolicyError for wrong joint names, and for a field of JOINT_FIELDS without exactly twelve values."""
         names = (*self.joints, *(self.observed_joints or ()))
         if any(not name.isprintable() or len(name) > MAX_NAME for name in names):
             raise PolicyError(f"`joints` must be names of at most {MAX_NAME} printable characters")
@@ -234,7 +237,10 @@ class PolicySpec(_CheckedSpec):
             raise PolicyError(f"`signs` must be 1 or -1, not {brief(self.signs)}")
 
     def _check_terms(self) -> None:
-        """Raise PolicyError for no terms, different histories by time, and too many numbers."""
+        """Raise PolicyError for a wrong combination of terms.
+
+        A specification has at least one term, at most MAX_OBSERVATION values, and equal histories in the layout `time`.
+        """
         if not self.terms:
             raise PolicyError("`terms` must be one term or more", f"the terms are {', '.join(TERM_WIDTHS)}")
         if self.history_layout == "time" and len({term.history for term in self.terms}) > 1:
@@ -247,14 +253,14 @@ class PolicySpec(_CheckedSpec):
 
     @property
     def width(self) -> int:
-        """Number of values of the whole observation."""
+        """Number of values of the whole observation, including histories."""
         return sum(term.width * term.history for term in self.terms)
 
     @property
     def digest_text(self) -> str:
-        """All settings that affect the policy except its network, for a digest.
+        """Text of all settings that affect the policy except its network; it is the input of a digest.
 
-        Newer fields enter only if they are set, so that older specifications keep their digests.
+        Fields that were added later are included only if they are set, because older specifications keep their digests.
         """
         newer = {name: value for name in ("signs", "zeros") if (value := getattr(self, name)) is not None}
         thresholds = [term.zero_below for term in self.terms]
@@ -262,11 +268,14 @@ class PolicySpec(_CheckedSpec):
             newer["zero_below"] = thresholds
         older = {name: value for name, value in vars(self).items() if name not in ("signs", "zeros", "remarks")}
         text = repr(older | {"network": ""}) + (repr(newer) if newer else "")
-        return text.replace("SpecTerm(", "Term(")  # the name of the class in earlier digests
+        return text.replace("SpecTerm(", "Term(")  # because earlier digests contain the former name of the class
 
 
 def _check_plausible(settings: object) -> None:
-    """Raise PolicyError, one line, for the first number outside PLAUSIBLE_RANGES; 0 means no clock."""
+    """Raise PolicyError, one line, for the first number outside PLAUSIBLE_RANGES.
+
+    A `clock` of 0 is allowed, because it means that the term has no clock.
+    """
     for name, (minimum, maximum, unit) in PLAUSIBLE_RANGES.items():
         field_value = getattr(settings, name, None)
         for value in () if field_value is None else np.ravel(field_value).tolist():
