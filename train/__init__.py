@@ -1,1 +1,1 @@
-"""Training of SimpleQuad policies with Stable-Baselines3's PPO; `python -m train --help`."""
+"""Training of SimpleQuad policies with PPO of Stable-Baselines3; `python -m train --help` lists the commands."""

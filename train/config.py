@@ -1,4 +1,4 @@
-"""Settings of a training run: frozen dataclasses that define command line, help text and config.json."""
+"""Settings of a training run: frozen dataclasses that define the command line, its help text and config.json."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -26,48 +26,53 @@ BaseName = Literal[
     "bound", "crouch", "document", "document_repaired", "gaits", "mpc", "mpc_wbc", "mpc_wbc_sighted", "pace", "pronk",
     "stand", "trot", "trot_feedback", "trot_integral", "trot_reference", "walk",
 ]  # fmt: skip
-"""Name in `policies.residual_bases.BASES`; written out, so that --help lists all names without a slow import."""
+"""Name of a base policy in `policies.residual_bases.BASES`.
+
+The names are repeated here, so that --help can list them without a slow import."""
 
 POSES: tuple[BaseName, ...] = ("crouch", "stand")
-"""Names of the bases of an end-to-end policy."""
+"""Names of the base policies on which an end-to-end policy can be trained: fixed poses."""
 MAX_REWARD_WEIGHT = 1e4
 """Largest absolute weight of a reward term."""
 MAX_SHARE = 1e6
-"""Largest share of a scenario in the mixture; shares are relative to their sum."""
+"""Largest share of a scenario in the mixture. Only the ratios of the shares matter, because they are normalised."""
 MAX_HIDDEN_LAYERS = 8
-"""Largest number of hidden layers of a network that a bundle holds."""
+"""Largest number of hidden layers of a network in a policy bundle."""
 MAX_ROLLOUT_SAMPLES = 2**24
-"""Largest number of samples of a rollout, envs x rollout-steps."""
+"""Largest number of samples of a rollout, `envs` * `rollout_steps`."""
 MAX_SEED = 2**32 - 1
-"""Largest seed: SB3 seeds NumPy's global generator, which takes no larger one."""
+"""Largest seed. SB3 seeds the global random generator of NumPy, which accepts no larger seed."""
 _LOG_STD_LIMITS = (-20.0, 2.0)
 _WIDTH_LIMITS = {"limits": (1, 4096)}
 TIMESTEP = 0.005
-"""s. Physics step in training. Validation and evaluation use the robot's own, 2 ms, and are slower for it."""
+"""Physics time step in training, s. Validation and evaluation use the time step of the robot, 0.002 s."""
 SOLVER_ITERATIONS = 4
-"""Largest number of iterations of the contact solver in training. Validation and evaluation use the robot's own, 30.
+"""Largest number of iterations of the contact solver in training.
 
-With both of the robot's own values a step takes three to four times as long."""
+Validation and evaluation use the robot's number, 30. A control step takes three to four times as long with the time
+step and the number of iterations of the robot as with `TIMESTEP` and `SOLVER_ITERATIONS`."""
 MIXTURE = (
     ("flat:2", 0.05), ("flat:4", 0.06), ("push:3", 0.20), ("rough:3", 0.12), ("stairs:3", 0.08), ("gravel:3", 0.07),
     ("soft:4", 0.03), ("slope:4", 0.05), ("slippery:4", 0.03), ("latency:2", 0.02), ("latency:4", 0.03),
     ("noise:4", 0.02), ("dropout:4", 0.02), ("payload:4", 0.07), ("force:3", 0.07), ("slow_motors:4", 0.05),
     ("weak_motors:4", 0.04), ("surprise:3", 0.06),
 )  # fmt: skip
-"""Scenarios of the training, each with its share of the robots: every axis one or two levels above its nominal one.
+"""Default scenarios of the training, each with the fraction of the robots that train on it.
 
-It also has a small delay: robots trained on a delay of 0.08 s alone do worse at 0.03 s than their base."""
+Every axis of disturbance has one or two levels above its nominal level. The small delay of `latency:2` is included
+because robots that are trained on a delay of 0.08 s only perform worse at 0.03 s than their base policy."""
 REWARDS = RewardWeights(
     linear_velocity_error=-0.6, yaw_rate_error=-0.3, crouch=-3.0, action_rate=-0.05, mechanical_power=-0.0025, fall=-5.0
 )
-"""Reward weights of the training: the environment's, linear error terms, and effort.
+"""Default reward weights of the training: the environment's defaults, linear error terms, and effort terms.
 
-The tracking rewards of the environment are flat for a robot that is far off its command; the error terms are not. A
-second far off the command costs about 1. A fall costs more, or else falling would pay."""
+The tracking rewards of the environment have almost no gradient if the velocity error is large; the linear error terms
+do. A large velocity error costs about 1 per second. A fall costs more, because a robot would otherwise learn to fall.
+"""
 EFFORT_TERMS = ("action_rate", "torque", "mechanical_power", "touchdown_speed")
-"""Reward terms with weights that grow from zero at the start of a run, see `TrainConfig.effort_ramp`."""
+"""Reward terms of effort. Their weights grow from zero at the start of a run, see `TrainConfig.effort_ramp`."""
 HISTORY_INPUTS = Inputs(lags=(0.04, 0.08, 0.16), averages=(0.5, 2.0))
-"""Past observations in which delays, loads, forces and slow motors can be recognised."""
+"""Past observations, from which the network can recognise delays, payloads, external forces and slow motors."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,7 +83,7 @@ class PpoConfig:
     """Robots simulated together."""
     rollout_steps: int = parameter(12, limits=(1, 65_536))
     """Steps of the learner between two updates, each of `hold` control steps of 10 ms."""
-    minibatch: int = parameter(8192, limits=(2, 2**24))  # advantages are normalised within one
+    minibatch: int = parameter(8192, limits=(2, 2**24))  # two, because advantages are normalised within one
     """Samples in one gradient step; must divide envs x rollout-steps."""
     epochs: int = parameter(3, limits=(1, 1000))
     """Passes over each rollout."""
@@ -126,10 +131,10 @@ class TrainConfig:
     """residual: a correction of --base. end-to-end: the same learner on a pose, crouch or stand."""
     base: BaseName = "trot_reference"
     """Base policy that the correction is added to."""
-    steps: int = parameter(10_000_000, limits=(1, 10**12 - 1))  # a checkpoint's name has twelve digits
+    steps: int = parameter(10_000_000, limits=(1, 10**12 - 1))  # because the name of a checkpoint has twelve digits
     """Steps of the learner, all robots together, for example 3e6. With --resume a larger number extends the run; its
     schedules continue as in a run of the new length, but the weights are not the same to the bit."""
-    seed: int = parameter(0, limits=(0, MAX_SEED))  # NumPy's global generator, which SB3 seeds, takes no other
+    seed: int = parameter(0, limits=(0, MAX_SEED))
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
     out: Path | None = None
     """Run folder, new or empty unless --resume; by default runs/POLICY-SEED, or runs/ROBOT-POLICY-SEED for another
@@ -184,23 +189,23 @@ class TrainConfig:
 
     @property
     def folder(self) -> Path:
-        """Run folder."""
+        """Folder of the run: `out`, or the default folder if `out` is None."""
         prefix = "" if self.robot == HardwareConfig.robot else f"{Path(self.robot).stem}-"
         return self.out if self.out is not None else Path("runs") / f"{prefix}{self.policy}-{self.seed}"
 
     @property
     def hardware(self) -> HardwareConfig:
-        """Hardware of the robots."""
+        """Hardware settings of the robots, made from the options of this class."""
         return HardwareConfig(self.actuator, self.sensors, self.estimator, self.robot, self.servo)
 
     @property
     def height_scan(self) -> HeightScan | None:
-        """Height scan of the network; None for no scan, or for the scan of its base."""
+        """Height scan that --sighted gives to the network. None without --sighted: the base policy decides."""
         return self.scan if self.sighted else None
 
     @property
     def complete_validation(self) -> ValidationConfig:
-        """Validation with its scenarios: the given ones, or else the scenarios of the training."""
+        """Validation settings with a list of scenarios; by default the scenarios of the training."""
         trained = tuple(name for name, share in self.mixture if share)
         return dataclasses.replace(self.validation, scenarios=self.validation.scenarios or trained)
 
@@ -219,13 +224,13 @@ DEFAULTS: dict[PolicyKind, TrainConfig] = {"residual": TrainConfig(), "end-to-en
 
 
 def check(config: TrainConfig) -> None:
-    """Check that a run can be trained with these settings.
+    """Check that a run can be trained with the given settings.
 
     Args:
-        config: Settings.
+        config: Settings of the run.
 
     Raises:
-        UsageError: It cannot; the text is one line.
+        UsageError: A setting is not valid; the message is one line.
     """
     for group, part in (("", config), ("ppo.", config.ppo), ("validation.", config.validation)):
         check_numbers(part, limits_of(part), group)
@@ -252,7 +257,7 @@ def check(config: TrainConfig) -> None:
 
 
 def _check_hardware_profile(config: TrainConfig) -> None:
-    """Raise UsageError if scenarios on the hardware profile meet hardware options."""
+    """Raise UsageError if hardware options are given although a scenario uses the robot's hardware profile."""
     names = dict.fromkeys((*dict(config.mixture), *config.complete_validation.scenarios))
     on_profile = ", ".join(name for name in names if scenario(name, config.hardware.robot_model).hardware)
     if on_profile and config.hardware.is_customized:
@@ -262,7 +267,7 @@ def _check_hardware_profile(config: TrainConfig) -> None:
 
 
 def _check_extension_rewards(config: TrainConfig) -> None:
-    """Raise UsageError if a reward term of an extension is unknown or its weight cannot be used."""
+    """Raise UsageError if a reward term of an extension is unknown, given twice, or has an invalid weight."""
     names = [name for name, _ in config.extension_rewards]
     if len(set(names)) < len(names):
         raise UsageError("--extension-rewards: a term is given twice")
@@ -275,12 +280,12 @@ def _check_extension_rewards(config: TrainConfig) -> None:
 
 
 def _check_mixture(config: TrainConfig) -> None:
-    """Raise UsageError if scenarios or shares of the mixture cannot be used."""
+    """Raise UsageError if a scenario or a share of the mixture is not valid."""
     shares = [share for _, share in config.mixture]
     check_scenarios("--mixture", [name for name, _ in config.mixture], config.hardware.robot_model)
     if not all(0 <= share <= MAX_SHARE for share in shares):
         raise UsageError(f"--mixture needs shares that are not negative and at most {MAX_SHARE:g}, as in: flat 0.5")
-    # Any meaningful share is larger, and the quotients of shares stay finite.
+    # The sum is a divisor. The bound keeps the quotients finite and is below every meaningful share.
     if sum(shares) < 1e-6:
         raise UsageError("--mixture: at least one share must be above zero")
 
@@ -299,15 +304,15 @@ def _check_warp(config: TrainConfig) -> None:
 
 
 def check_scenarios(option: str, names: Sequence[str], robot: Robot = SIMPLE_QUAD) -> None:
-    """Check the scenarios of an option.
+    """Check the scenario names that a command-line option has.
 
     Args:
         option: Name of the option, with dashes.
         names: Names of the scenarios.
-        robot: Robot that they are scaled to.
+        robot: Robot to which the scenarios are scaled.
 
     Raises:
-        UsageError: There is none, or one is unknown or named twice.
+        UsageError: The list is empty, or a scenario is unknown or named twice.
     """
     if not names:
         raise UsageError(f"{option} needs at least one scenario")

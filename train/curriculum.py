@@ -1,4 +1,4 @@
-"""Curriculum: raises the difficulty of a scenario when commands are tracked and lowers it when they are not."""
+"""Curriculum: raises the difficulty of a scenario if its commands are tracked and lowers it if they are not."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -18,20 +18,20 @@ from train.residual_env import BoolArray
 
 Purpose = Literal["validation", "search", "training"]
 TERRAIN_SEEDS: dict[Purpose, int] = {"validation": 1, "search": 2, "training": 1000}
-"""Seed of the random ground of each purpose. Every episode uses another part of the ground."""
+"""Purpose of the episodes -> seed of their random ground. Every episode uses another part of the ground."""
 
 
 def with_terrain_seed(name: str | Scenario, purpose: Purpose, seed: int = 0, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """Return a scenario with the random ground of a purpose.
+    """Return a scenario with the random ground for training, validation or search.
 
     Args:
-        name: A scenario, or the name of one of the robot's.
-        purpose: Purpose of the episodes.
-        seed: Selects another random ground of the purpose.
-        robot: Robot that the scenario is scaled to.
+        name: A scenario, or the name of a scenario.
+        purpose: Purpose of the episodes: training, validation or search.
+        seed: Added to the seed of the purpose, to select another random ground.
+        robot: Robot to which a named scenario is scaled.
 
     Returns:
-        The scenario; unchanged if its ground is not random.
+        The scenario with the terrain seed of the purpose; unchanged if its ground is not random.
     """
     original = scenario(name, robot)
     if not isinstance(original.terrain, SmoothRandom):
@@ -41,24 +41,25 @@ def with_terrain_seed(name: str | Scenario, purpose: Purpose, seed: int = 0, rob
 
 
 FAST_PROMOTION_RATE = 0.9
-"""Share of tracked command intervals above which the difficulty rises by two steps."""
+"""The difficulty rises by two steps if a larger fraction of the command intervals is tracked."""
 PROMOTION_RATE = 0.7
-"""Share of tracked command intervals above which the difficulty rises by one step."""
+"""The difficulty rises by one step if a larger fraction of the command intervals is tracked."""
 DEMOTION_RATE = 0.5
-"""Share of tracked command intervals below which the difficulty falls by one step."""
+"""The difficulty falls by one step if a smaller fraction of the command intervals is tracked."""
 DIFFICULTY_STEP = 0.1
-"""Change of the difficulty, which goes from 0 (mildest level of the axis) to 1 (level of the mixture)."""
+"""One step of the difficulty, which goes from 0 (mildest level of the axis) to 1 (severity in the mixture)."""
 MIN_INTERVALS = 10
-"""Number of command intervals needed for a change."""
+"""Smallest number of command intervals after which the difficulty may change."""
 
 
 class CommandIntervalTracker:
-    """Judges whether n robots track their command intervals, by the success rule of the evaluation.
+    """Judges whether n robots track their velocity commands, by the success rule of the evaluation.
 
-    The rule compares the command with the mean velocity after the first second of the interval.
+    A command interval is the time during which the command of a robot is constant. The rule compares the command with
+    the mean velocity after the first second of the interval.
 
     Args:
-        robots: Number of robots.
+        robots: Number of robots, n.
         dt: Control period, s.
     """
 
@@ -69,23 +70,23 @@ class CommandIntervalTracker:
         self._steps = np.zeros(robots, np.int64)
 
     def reset(self, robots: BoolArray) -> None:
-        """Start a new interval of the masked `robots`, (n,), without a judgement of the old one."""
+        """Start a new interval of the robots in a mask `robots`, (n,); their unfinished intervals do not count."""
         self._steps[robots] = 0
         self._velocity_sum[robots] = 0.0
 
     def step(
         self, command: NDArray[np.float64], velocity: NDArray[np.float64], fell: BoolArray
     ) -> tuple[BoolArray, BoolArray]:
-        """Count a control step.
+        """Add a control step to the current interval of each robot.
 
         Args:
-            command: Velocity command of the step, heading frame, (n, 3), m/s and rad/s.
-            velocity: Velocity of the trunk, heading frame, (n, 3), m/s and rad/s.
-            fell: Robots that fell in this step, (n,).
+            command: Velocity command of the step (forward, lateral, yaw rate), heading frame, (n, 3), m/s and rad/s.
+            velocity: Velocity of the trunk (forward, lateral, yaw rate), heading frame, (n, 3), m/s and rad/s.
+            fell: True for robots that fell in this step, (n,).
 
         Returns:
-            ended: Robots for which an interval ended, by a new command or a fall, (n,).
-            tracked: Robots that tracked it, (n,).
+            ended: True for robots with an interval that ended, by a new command or by a fall, (n,).
+            tracked: True for robots that tracked the command of the ended interval, (n,); meaningless elsewhere.
         """
         new = (command != self._command).any(axis=1)
         counted = self._steps - self._settling_steps
@@ -102,15 +103,15 @@ class CommandIntervalTracker:
 
 
 def at_difficulty(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """Return a scenario at reduced severity, interpolated in log severity.
+    """Return a scenario at reduced severity, interpolated in the logarithm of the severity.
 
     Args:
         scenario: Scenario at full severity.
-        share: Difficulty, 0 (mildest level of its axis) … 1 (full severity).
-        robot: Robot that the axes are scaled to.
+        share: Difficulty, from 0 (mildest level of the scenario's axis) to 1 (full severity).
+        robot: Robot to which the axes are scaled.
 
     Returns:
-        The scenario; unchanged if it has no axis or is milder than the mildest level.
+        The scenario; unchanged if it has no axis or is milder than the mildest level of its axis.
     """
     if not scenario.axis or share >= 1.0:
         return scenario
@@ -126,15 +127,15 @@ def at_difficulty(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) 
 def update_difficulties(
     difficulties: Sequence[float], counted: NDArray[np.int64], tracked: NDArray[np.int64]
 ) -> list[float]:
-    """Raise the difficulty of scenarios with tracked commands and lower the difficulty of the others.
+    """Raise the difficulty of scenarios with well tracked commands, and lower it if too few commands are tracked.
 
     Args:
-        difficulties: Difficulty of each of s scenarios, 0 … 1.
-        counted: Number of command intervals, (s,).
-        tracked: Number of tracked command intervals, (s,).
+        difficulties: Difficulty of each of the s scenarios, from 0 to 1.
+        counted: Number of command intervals of each scenario, (s,).
+        tracked: Number of tracked command intervals of each scenario, (s,).
 
     Returns:
-        The new difficulties.
+        The new difficulties, from 0 to 1.
     """
     rates = tracked / np.maximum(counted, 1)
     change = DIFFICULTY_STEP * np.select(

@@ -1,4 +1,4 @@
-"""Learning curve of a training run: success and cost of transport of its validations, as a picture."""
+"""Learning curve of a training run: a plot of success and cost of transport of its validations."""
 
 import io
 from collections.abc import Callable, Mapping, Sequence
@@ -17,28 +17,28 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PANELS = (("success in validation, %", 100.0), ("cost of transport", 1.0))
-"""Label and factor of each curve."""
+"""Label of the vertical axis of each panel, and the factor that converts the data to the unit of the label."""
 FIGURE_WIDTH = 5.6
-"""Width of the picture, in."""
+"""Width of the figure, inches."""
 PANEL_HEIGHT = 2.3
-"""Height of a pair of axes, in."""
+"""Height of a panel of the figure, inches."""
 LEGEND_LINE_HEIGHT = 0.2
-"""Height of a line of the legend, in."""
+"""Height of a line of the legend, inches."""
 DATE_METADATA = {".svg": "Date", ".png": "Creation Time", ".pdf": "CreationDate"}
-"""Name of the date in each file format. It is left out, so that the same runs give the same file."""
+"""File suffix -> metadata field with the date. No date is written, so that equal runs give identical files."""
 
 
 def write_curve(validations: Sequence[Mapping[str, Any]], out: Path) -> None:
-    """Write the curve of a run's `validations` to the file `out`, titled as its folder. Raises OSError."""
+    """Write the learning curve of `validations` to the file `out`, with the folder's name as title. Raises OSError."""
     write_figure(partial(draw_curve, validations, out.parent.name), out)
 
 
 def write_figure(draw: "Callable[[], Figure]", out: Path) -> None:
-    """Write a figure as a whole file, or raise OSError and write nothing.
+    """Draw a figure and write it to a file. Raises OSError, and then leaves an existing file unchanged.
 
     Args:
-        draw: Makes the figure.
-        out: File; its suffix is one of DATE_METADATA.
+        draw: Function that draws the figure.
+        out: File to write; its suffix is a key of `DATE_METADATA`.
     """
     content = io.BytesIO()
     metadata = {DATE_METADATA[out.suffix]: None}
@@ -48,7 +48,10 @@ def write_figure(draw: "Callable[[], Figure]", out: Path) -> None:
 
 
 def draw_curve(validations: Sequence[Mapping[str, Any]], title: str) -> "Figure":
-    """Draw the curve of the `validations` with a `title`; older versions have none of the cost of transport."""
+    """Draw the learning curve of `validations` with a `title`.
+
+    The validations of older versions have no cost of transport; the panel of the cost is then left out.
+    """
     names = ("steps", "success", "cost_of_transport")
     rows = np.array([[validation.get(name) for name in names] for validation in validations], np.float64)
     steps, *curves = rows.T
@@ -59,15 +62,15 @@ def draw_curve(validations: Sequence[Mapping[str, Any]], title: str) -> "Figure"
 
 
 def make_axes(figures: Floats, title: str, legend: int = 0) -> "tuple[Figure, Sequence[Axes]]":
-    """Make a figure with axes of success over steps, and below them of cost of transport if there is any.
+    """Make a figure with a panel for success over steps, and a second one for cost of transport if any is known.
 
     Args:
         figures: Success and cost of transport of k validations, (2, k); NaN where unknown.
-        title: Title.
-        legend: Number of lines of the legend, which room is left for.
+        title: Title of the figure.
+        legend: Number of lines of the legend, for which space is left.
 
     Returns:
-        The figure and its axes.
+        The figure and the axes of its panels, from top to bottom; the panels are empty.
     """
     from matplotlib.figure import Figure
     from matplotlib.ticker import EngFormatter

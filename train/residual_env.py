@@ -1,6 +1,6 @@
-"""A base policy and a learner's correction as a Gymnasium vector environment: features in, corrections out.
+"""Gymnasium vector environment for residual learning: the learner observes features and corrects a base policy.
 
-Any learner that takes a `VectorEnv` with same-step autoreset can train on it:
+Any learner that accepts a `VectorEnv` with same-step autoreset can train on the environment:
 
     robots = gym.make_vec("quad_env:SimpleQuad-v0", num_envs=256, autoreset_mode="DISABLED")
     env = ResidualVectorEnv(robots, policies.make("trot"))
@@ -25,24 +25,24 @@ FloatArray = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 Infos = dict[str, Any]
 Step = tuple[FloatArray, NDArray[np.float64], BoolArray, BoolArray, Infos]
-"""Observation, reward, terminated, truncated and infos of a vector environment's step."""
+"""Result of a step of a vector environment: observation, reward, terminated, truncated and infos."""
 
 
 class BaseGroup:
-    """A base policy that moves some of the robots, with its latest action and the learner's features.
+    """Group of k robots with one base policy: its latest action, and the features that the learner observes.
 
-    `ResidualVectorEnv` makes one for each base.
+    `ResidualVectorEnv` makes one group for each base policy.
 
     Args:
-        base: Policy of these robots, made for them and their control period.
-        rows: Their rows in the environment.
-        inputs: As in `ResidualVectorEnv`.
+        base: Base policy of the group, made for its robots and their control period.
+        rows: Rows of the robots of the group in the environment.
+        inputs: Additional observations of the learner, as in `ResidualVectorEnv`.
     """
 
     action: Actions
-    """Latest action of the base, rad, (k, 12)."""
+    """Latest action of the base policy, joint targets, (k, 12), rad."""
     features: FloatArray
-    """Features of the latest observation, (k, `width`)."""
+    """Learner's features of the latest observation, (k, `width`)."""
 
     def __init__(self, base: Policy, rows: slice, inputs: Inputs) -> None:
         self.base = base
@@ -51,29 +51,30 @@ class BaseGroup:
         self.width = self._feature_extractor.width
         """Number of features of a robot."""
         self._reset_base = copy.deepcopy(base)
-        """Copy of the base that acts on the first observation of an episode; the base then takes over its state.
+        """Copy of the base policy that acts on the first observation of an episode.
 
-        The base itself has already acted for all robots in this step, on the last observation of the old episodes. A
+        The base policy then copies the state of these robots from it. The base policy cannot act on the first
+        observation itself, because it has already acted for all robots in the step that ended the last episode. A
         second call would advance the clocks of the other robots twice."""
         self._reset_feature_extractor = Features(self._reset_base, inputs)
 
     def reset(self) -> None:
-        """Reset base and features of all robots of the group."""
+        """Reset the base policy and the features of all robots of the group."""
         count = self.rows.stop - self.rows.start
         self.base.reset(count)
         self._feature_extractor.reset(count)
 
     def act(self, observation: FloatArray) -> None:
-        """Update action and features from an `observation` of all robots of the environment, (n, m)."""
+        """Update `action` and `features` from an `observation` of all robots of the environment, (n, m)."""
         group_observation = observation[self.rows]
         self.action = self.base.act(group_observation)
         self.features = self._feature_extractor.update(group_observation, self.action)
 
     def reset_rows(self, mask: BoolArray, observation: FloatArray) -> None:
-        """Reset the robots that begin an episode and act on their first observation.
+        """Reset the robots that begin an episode, and compute their first action and features.
 
         Args:
-            mask: True for robots that begin an episode, all robots of the environment, (n,).
+            mask: True for robots that begin an episode; one entry for each robot of the environment, (n,).
             observation: Observation of all robots of the environment, (n, m).
         """
         group_mask = mask[self.rows]
@@ -93,26 +94,28 @@ class BaseGroup:
         self.features[group_mask] = features
 
 
-class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
-    """Robots that follow a base policy plus the learner's correction.
+class ResidualVectorEnv(VectorWrapper):  # without type parameters, because Gymnasium 1.2 does not accept any
+    """Vector environment of robots that execute the action of a base policy plus a correction by the learner.
 
-    Observation: `policies.residual.Features`, (n, m). Action: the correction as a fraction of the authority, -1 … 1,
-    (n, 12). It is held for `hold` control steps while the base acts at every one: noise that lasts moves a robot, noise
-    that changes every 10 ms only shakes it.
+    Observation: features, see `policies.residual.Features`, (n, m). Action: correction of the joint targets as a
+    fraction of the authority, from -1 to 1, (n, 12). Each correction is applied for `hold` control steps, while the
+    base policy acts at every control step. Exploration noise that changes every 10 ms would only shake a robot; noise
+    that lasts longer moves the robot.
 
-    A finished robot restarts in the same step. Its row shows the new episode, and `infos["final_obs"]` and
-    `infos["final_info"]` show the end of the old one, with the base's clock still running.
+    A finished robot restarts in the same step. The robot's row then shows the new episode. The entries
+    `infos["final_obs"]` and `infos["final_info"]` show the end of the finished episode.
 
     Args:
-        env: Robots with `autoreset_mode` DISABLED. They are restarted here, after their last features are computed.
-        base: Policy that is corrected, made for the robots and their control period. Or several policies of one kind,
-            for example with and without the delays of a real robot, each with its number of robots.
-        authority: Largest correction of each joint, rad, (12,). None for the usual one.
-        hold: Control steps per step of the learner.
-        inputs: Observations of the learner in addition to the present one and the base.
+        env: Robots with `autoreset_mode` DISABLED. `ResidualVectorEnv` restarts them, after it has computed their last
+            features.
+        base: Base policy, made for the robots and their control period. Or several policies of one kind, each with its
+            number of robots, for example with and without the delays of a real robot.
+        authority: Largest correction of each joint, (12,), rad. None for the default authority.
+        hold: Number of control steps per step of the learner.
+        inputs: Observations of the learner in addition to the current observation and the action of the base policy.
 
     Raises:
-        ValueError: The robots restart by themselves.
+        ValueError: `env` restarts its robots by itself.
     """
 
     def __init__(
@@ -137,11 +140,11 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         self.metadata = env.metadata | {"autoreset_mode": AutoresetMode.SAME_STEP}
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[FloatArray, Infos]:
-        """Start new episodes of all robots.
+        """Start a new episode of every robot.
 
         Args:
-            seed: As the robots take it.
-            options: As the robots take them, without "reset_mask".
+            seed: Seed, passed to `env.reset`.
+            options: Options, passed to `env.reset`; without "reset_mask".
 
         Returns:
             Features, (n, m), and infos.
@@ -158,9 +161,9 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         return self._features, infos
 
     def step(self, actions: FloatArray) -> Step:
-        """Move the robots by `hold` control steps and sum the rewards.
+        """Simulate `hold` control steps with one correction, and sum the rewards.
 
-        A robot that finishes within them stays where it is until their end.
+        A robot with an episode that ends before the last of these control steps stands still for the others.
 
         Args:
             actions: Corrections as fractions of the authority, (n, 12).
@@ -169,7 +172,7 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
             Features, reward, terminated, truncated and infos.
 
         Raises:
-            ValueError: The corrections have another shape.
+            ValueError: The corrections have a wrong shape.
         """
         correction = np.asarray(actions, np.float32)
         if correction.shape != self.action_space.shape:
@@ -185,12 +188,12 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         return self._features, rewards, terminated, truncated, infos
 
     def _step_robots(self, correction: FloatArray) -> Step:
-        """Move the robots by one control step with the corrected actions of the bases."""
+        """Simulate one control step with the corrected actions of the base policies."""
         base_action = np.concatenate([group.action for group in self.bases])
         return self.env.step(apply_correction(self.bases[0].base.robot, base_action, correction, self.authority))
 
     def _restart_finished(self, finished: BoolArray, infos: Infos) -> Infos:
-        """Restart the finished robots and return the infos, with the end of their episodes."""
+        """Restart the finished robots; return the infos of the step, with "final_obs" and "final_info" added."""
         ends = {
             "final_obs": np.where(finished[:, None], self._features, np.float32(0.0)),
             "final_info": {key: finished.copy() if key.startswith("_") else value for key, value in infos.items()},
@@ -202,7 +205,7 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
         return _merge_infos(finished, reset_infos, infos) | ends | masks
 
     def _update_bases(self, observation: FloatArray) -> None:
-        """Update actions and features of all groups from an observation, (n, m)."""
+        """Update the actions and features of all groups from an observation of all robots, (n, m)."""
         for group in self.bases:
             group.act(observation)
 
@@ -215,7 +218,7 @@ class ResidualVectorEnv(VectorWrapper):  # takes no parameters in Gymnasium 1.2
 def _make_groups(
     env: VectorEnv[FloatArray, FloatArray, NDArray[Any]], base: Policy | Sequence[tuple[Policy, int]], inputs: Inputs
 ) -> list[BaseGroup]:
-    """Make the group of each base. Raises ValueError if they do not fit the robots or their number."""
+    """Make the group of each base policy. Raises ValueError if the policies do not fit the robots or their number."""
     robots: Any = env.unwrapped
     bases = [(base, env.num_envs)] if isinstance(base, Policy) else list(base)
     ends = list(itertools.accumulate(count for _, count in bases))
@@ -229,7 +232,7 @@ def _make_groups(
 
 
 def _merge_infos(mask: BoolArray, reset_infos: Infos, infos: Infos) -> Infos:
-    """Return `infos` with the masked rows from `reset_infos`, for the keys that these have."""
+    """Return a copy of `infos` with the rows in `mask` taken from `reset_infos`, for the keys that both have."""
     return {
         key: np.where(mask.reshape(-1, *(1,) * (value.ndim - 1)), reset_infos[key], value)
         if key in reset_infos

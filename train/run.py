@@ -1,4 +1,4 @@
-"""Training run: makes robots, learner and callbacks, and runs or resumes them in a folder."""
+"""Training run: makes robots, learner and callbacks, and starts or resumes the training in a run folder."""
 
 import contextlib
 from pathlib import Path
@@ -34,8 +34,8 @@ from train.training_robots import make_bases, make_robots, training_seeds
 def train(config: TrainConfig) -> None:
     """Train to the last step, or until Ctrl-C, and write bundles, checkpoints, settings, validations and logs.
 
-    UsageError, one line, says why a run cannot be trained or written. KeyboardInterrupt follows Ctrl-C, after all is
-    saved.
+    Raises UsageError with a message of one line if a run cannot be trained or written. Raises KeyboardInterrupt after
+    Ctrl-C, when everything is saved.
     """
     with Interrupt() as interrupt:
         if config.resume:
@@ -48,7 +48,7 @@ def train(config: TrainConfig) -> None:
 
 
 def _run(config: TrainConfig, interrupt: Interrupt, resumed: checkpoint.Checkpoint | None = None) -> None:
-    """Train a new run, or the rest of one from a checkpoint."""
+    """Train a new run, or continue a run from the checkpoint `resumed`."""
     state = CallbackState.read(resumed.progress["remembered"]) if resumed else CallbackState()
     with contextlib.closing(make_env(config)) as env:
         model = make_ppo(config, env)
@@ -59,7 +59,7 @@ def _run(config: TrainConfig, interrupt: Interrupt, resumed: checkpoint.Checkpoi
         done = model.num_timesteps
         if done >= config.steps:
             raise UsageError(f"the run in {config.folder} is finished: extend it with --steps larger than {done}")
-        # A new folder only now that the settings are known to work.
+        # The folder is made here and not earlier, so that settings that fail above leave no empty folder.
         with report_write_errors(config.folder) if resumed else new_run_folder(config.folder):
             notices = _write_settings(config, done, resumed)
             display = ProgressDisplay(config.steps, ProgressEstimator(config, done, state.validated))
@@ -69,12 +69,13 @@ def _run(config: TrainConfig, interrupt: Interrupt, resumed: checkpoint.Checkpoi
                 model.set_logger(logger)
                 actions = resumed.actions if resumed else ()
                 callback = TrainingCallback(config, env, display, interrupt, state, actions)
-                # Without SB3's own log, whose means reach back beyond the last checkpoint.
+                # The log interval, the third argument, is longer than the run. This turns off SB3's own log, because
+                # its moving averages include steps before the last checkpoint, which a resumed run does not know.
                 model.learn(config.steps - done, callback, config.steps + 1, reset_num_timesteps=False)
 
 
 def _write_settings(config: TrainConfig, done: int, resumed: checkpoint.Checkpoint | None) -> list[str]:
-    """Write the settings of a session that starts at `done` steps, and return notices for the user."""
+    """Write the settings of a run that starts or resumes at `done` steps, and return notices for the user."""
     notices = [f"skipped a checkpoint: {damage}" for damage in (resumed.damaged if resumed else ())]
     changed = write_settings(config, done)
     notices += [f"the result may differ from an uninterrupted run; {change}" for change in changed]
@@ -83,7 +84,7 @@ def _write_settings(config: TrainConfig, done: int, resumed: checkpoint.Checkpoi
 
 
 def _load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
-    """Load the network of a bundle or run into the learner of a new run. Raises UsageError."""
+    """Load the network of a policy bundle or run into a new learner. Raises UsageError if it does not fit."""
     try:
         policy = policies.load(start, config.hardware.robot_model)
         if policy.base.name != config.base:
@@ -101,9 +102,10 @@ def _load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
 
 
 def make_env(config: TrainConfig) -> TrainingVecEnv:
-    """Make the environment of a run's learner, with the seeds of the first segment.
+    """Make the environment of the learner, with the seeds of the first segment of the run.
 
-    The value network also observes quantities that the robot cannot know: its scenario, its true velocity, and pushes.
+    A segment is a part of a run; all robots start new episodes at its start, see `segment_steps`. The value network
+    also observes quantities that the robot cannot measure: the scenario, the true velocity, and pushes.
     """
     robots = make_robots(config)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)

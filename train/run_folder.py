@@ -1,4 +1,4 @@
-"""Folder of a training run: names of its files, and the lock that keeps it to one run at a time."""
+"""Folder of a training run: the names of its files, and a lock so that only one process trains in it at a time."""
 
 import contextlib
 from collections.abc import Iterator
@@ -8,45 +8,48 @@ from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import FolderInUseError, exclusive_lock, make_writable_folder
 
 CONFIG_FILE = "config.json"
-"""Settings of the run."""
+"""Name of the JSON file of the run's settings."""
 RECORD_FILE = "run.json"
-"""Command that repeats the run, with revision and packages of each session."""
+"""Name of the JSON file with the command that repeats the run.
+
+The file also lists the revision and the package versions of each session. A session is the part of a run that one
+process trains."""
 METRICS_FILE = "metrics.jsonl"
-"""Figures of each rollout, one line each."""
+"""Name of the file of training metrics, with one line of JSON per rollout."""
 TENSORBOARD = "tensorboard"
-"""Folder of the same figures as TensorBoard's events."""
+"""Name of the folder of the same metrics, as TensorBoard events."""
 VALIDATIONS_FILE = "validations.json"
-"""All validations, and the steps of the best."""
+"""Name of the JSON file of all validations, and of the number of steps at the best one."""
 CURVE_FILE = "learning_curve.svg"
-"""Picture of success and cost of transport over the validations."""
+"""Name of the plot of success and cost of transport of all validations."""
 CHECKPOINTS = "checkpoints"
-"""Folder of the states that a run can resume from."""
+"""Name of the folder of checkpoints, from which a run can be resumed."""
 BEST = "best"
-"""Folder of the bundle of the best validation."""
+"""Name of the folder of the policy bundle with the best validation."""
 LAST = "last"
-"""Folder of the latest bundle."""
+"""Name of the folder of the latest policy bundle."""
 
 
 def has_checkpoint(folder: Path) -> bool:
-    """Return True if there is a checkpoint, complete or not."""
+    """Return True if the run folder has a checkpoint, even an incomplete one."""
     return any((folder / CHECKPOINTS).glob("*.json"))
 
 
 def steps_done(folder: Path) -> int:
-    """Return the steps at the last checkpoint; 0 without one."""
+    """Return the number of steps at the last checkpoint of a run folder; 0 if there is no checkpoint."""
     return max((int(path.stem) for path in (folder / CHECKPOINTS).glob("*.json")), default=0)
 
 
 def refuse_folder_in_use(folder: Path) -> None:
     """Check that a new run can start in a folder.
 
-    It can if the folder is new, empty, or left by a run that was stopped before its first step.
+    The folder must be missing, empty, or left by a run that was stopped before its first step.
 
     Args:
         folder: Folder of the run.
 
     Raises:
-        UsageError: It cannot.
+        UsageError: The path is a file, or the folder contains a run or other files.
     """
     if not folder.exists():
         return
@@ -57,24 +60,24 @@ def refuse_folder_in_use(folder: Path) -> None:
     allowed = [CONFIG_FILE, RECORD_FILE, METRICS_FILE, TENSORBOARD, CHECKPOINTS]
     if has_checkpoint(folder):
         allowed.append(LAST)
-    temporary = tuple(f".{name}." for name in allowed)  # files that were being written
+    temporary = tuple(f".{name}." for name in allowed)  # prefixes of temporary files of an interrupted write
     if any(entry.name not in allowed and not entry.name.startswith(temporary) for entry in folder.iterdir()):
         raise UsageError(f"{folder} is not empty: choose another --out")
 
 
 @contextlib.contextmanager
 def new_run_folder(folder: Path) -> Iterator[None]:
-    """Make the folder of a new run and lock it. Raises UsageError if it cannot be used."""
+    """Make the folder of a new run and lock it within the context. Raises UsageError if the folder cannot be used."""
     with report_write_errors(folder):
         make_writable_folder(folder)
         with exclusive_lock(folder):
-            refuse_folder_in_use(folder)  # another run may have come and gone since the first check
+            refuse_folder_in_use(folder)  # again, because another run may have used the folder since the first check
             yield
 
 
 @contextlib.contextmanager
 def report_write_errors(folder: Path) -> Iterator[None]:
-    """Turn a failure to write into `folder` into a UsageError with a remedy."""
+    """Convert an OSError on writing into `folder` to a UsageError with a remedy."""
     try:
         yield
     except FolderInUseError:

@@ -1,4 +1,4 @@
-"""Records of a run: settings as JSON, differences between settings, commands, package versions and validations."""
+"""Files that record a run: settings, command, package versions, validations; and comparison of settings."""
 
 import dataclasses
 import json
@@ -21,13 +21,16 @@ from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 
 def to_dict(config: TrainConfig) -> dict[str, Any]:
-    """Convert the settings to JSON types, without folder, resuming and threads, which do not affect the result."""
+    """Convert the settings to a dictionary of JSON types.
+
+    The options `out`, `resume` and `threads` are left out, because they do not affect the result.
+    """
     settings: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(config), default=str))
     return {key: value for key, value in settings.items() if key not in ("out", "resume", "threads")}
 
 
 def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
-    """Convert the `settings` of `to_dict` back. Raises UsageError if they do not fit this version."""
+    """Convert `settings`, the dictionary of `to_dict`, to a TrainConfig. Raises UsageError if they are not valid."""
     try:
         return typing.cast(TrainConfig, decode(TrainConfig, settings))
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
@@ -35,12 +38,15 @@ def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
 
 
 def load_config(folder: Path) -> TrainConfig:
-    """Load the settings of the run in `folder`. Raises UsageError if there is none."""
+    """Load the settings of the run in `folder`. Raises UsageError if there is no run or its settings are not valid."""
     return from_dict(load_settings(folder))
 
 
 def load_settings(folder: Path) -> dict[str, Any]:
-    """Load the settings of the run in `folder` as its version wrote them. Raises UsageError if there is none."""
+    """Load the settings of the run in `folder` as a dictionary. Raises UsageError if there is no run.
+
+    The dictionary is not checked, because older versions may have written other settings.
+    """
     try:
         settings = json.loads(read_bytes(folder / CONFIG_FILE))
     except OSError as error:
@@ -54,17 +60,18 @@ def load_settings(folder: Path) -> dict[str, Any]:
 
 
 def decode(kind: Any, value: Any) -> Any:
-    """Convert JSON types to a value of a type.
+    """Convert a value of JSON types to a value of a given type.
 
     Args:
-        kind: Type: a dataclass, tuple, Literal, optional or plain type.
-        value: Value of JSON types. TypeError, ValueError, AttributeError or OverflowError if it does not fit.
+        kind: Target type: a dataclass, tuple, Literal, optional or plain type.
+        value: Value of JSON types. If it has the wrong type, the conversion may also raise TypeError, AttributeError or
+            OverflowError.
 
     Returns:
-        The value.
+        The converted value.
 
     Raises:
-        ValueError: A setting is unknown or has no valid value.
+        ValueError: A setting is unknown or its value is not valid.
     """
     if dataclasses.is_dataclass(kind):
         hints = typing.get_type_hints(kind)
@@ -79,20 +86,20 @@ def decode(kind: Any, value: Any) -> Any:
         if value not in parts:
             raise ValueError(f"{value!r} is none of {', '.join(parts)}")
         return value
-    if typing.get_origin(kind) in (types.UnionType, typing.Union):  # with None
+    if typing.get_origin(kind) in (types.UnionType, typing.Union):  # always a union with None
         return None if value is None else decode(parts[0], value)
     return kind(value)
 
 
 class SettingChange(NamedTuple):
-    """Setting in which two runs differ."""
+    """Setting that has different values in two runs."""
 
     option: str
-    """Option of the command line, `--ppo.envs`."""
+    """Command-line option of the setting, for example `--ppo.envs`."""
     old: Any
-    """Value of the first run, JSON types."""
+    """Value in the first run, of JSON types."""
     new: Any
-    """Value of the second run, JSON types."""
+    """Value in the second run, of JSON types."""
 
     @property
     def extends(self) -> bool:
@@ -104,7 +111,7 @@ class SettingChange(NamedTuple):
 
 
 def differences(old: TrainConfig, new: TrainConfig) -> list[SettingChange]:
-    """Return the differences between the settings `old` and `new` that affect the result."""
+    """Return the settings that affect the result and have different values in `old` and `new`."""
     after = dict(flatten(to_dict(new)))
     return [
         SettingChange(f"--{name}", value, after[name]) for name, value in flatten(to_dict(old)) if value != after[name]
@@ -112,14 +119,14 @@ def differences(old: TrainConfig, new: TrainConfig) -> list[SettingChange]:
 
 
 def flatten(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Flatten the groups of settings.
+    """Flatten nested settings to pairs of option name and value.
 
     Args:
-        settings: Settings of `to_dict`.
-        prefix: Prefix of the names, `ppo.` within a group.
+        settings: Settings as a dictionary, made by `to_dict`.
+        prefix: Prefix of the names, for example `ppo.` for the settings in the group `ppo`.
 
     Yields:
-        Name of the option without dashes, and value.
+        Name of the command-line option, without the leading dashes, and its value.
     """
     for key, value in settings.items():
         name = prefix + key.replace("_", "-")
@@ -130,7 +137,7 @@ def flatten(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str
 
 
 LEARNER_PACKAGES = ("stable-baselines3", "torch", "safetensors")
-"""Packages that a run depends on, in addition to the packages of the evaluation."""
+"""Packages that affect a training run and are not in the version list of an evaluation."""
 
 
 def training_command(config: TrainConfig) -> str:
@@ -142,7 +149,10 @@ def training_command(config: TrainConfig) -> str:
 
 
 def evaluation_command(config: TrainConfig) -> str:
-    """Return the command line that evaluates a run's best policy, next to its base, on the hardware of its training."""
+    """Return the command line that evaluates the best policy of a run, on the hardware settings of its training.
+
+    The base policy of a residual is evaluated too.
+    """
     chosen = vars(config.hardware).items() - vars(HardwareConfig()).items()
     base = [config.base] if config.policy == "residual" else []
     words = ["python", "-m", "evaluate", "--policies", *base, str(config.folder)]
@@ -151,19 +161,19 @@ def evaluation_command(config: TrainConfig) -> str:
 
 
 def to_words(value: Any) -> str:
-    """Convert the JSON value of a setting to words of a command line."""
+    """Convert the JSON value of a setting to the text after its option on a command line."""
     return " ".join(to_words(entry) for entry in value) if isinstance(value, list) else shlex.quote(str(value))
 
 
 def write_settings(config: TrainConfig, steps: int) -> list[str]:
-    """Write the settings of a run and the versions of this session.
+    """Write the settings of a run, its command, and the package versions of the current session.
 
     Args:
-        config: Settings.
-        steps: Steps at the start of the session; 0 for a new run.
+        config: Settings of the run.
+        steps: Number of steps at the start of the session; 0 for a new run.
 
     Returns:
-        Versions that differ from the first session, a line each.
+        Lines for the user, one for each version that differs from the version in the first session.
     """
     write_atomically(config.folder / CONFIG_FILE, _lines(to_dict(config)))
     packages = {name: metadata.version(name) for name in LEARNER_PACKAGES}
@@ -179,7 +189,7 @@ def write_settings(config: TrainConfig, steps: int) -> list[str]:
 
 
 def _sessions(path: Path) -> list[dict[str, Any]]:
-    """Return the sessions of an earlier record; none if it is missing or damaged."""
+    """Return the sessions in a record file; an empty list if the file is missing or damaged."""
     try:
         return list(json.loads(read_bytes(path))["sessions"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -187,12 +197,12 @@ def _sessions(path: Path) -> list[dict[str, Any]]:
 
 
 def write_validations(folder: Path, best: int, validations: Sequence[Mapping[str, Any]]) -> None:
-    """Write the validations of a run.
+    """Write the validations of a run to its folder.
 
     Args:
         folder: Folder of the run.
-        best: Steps of the best validation.
-        validations: All validations. The last of a finished run is the final one.
+        best: Number of steps at the best validation.
+        validations: All validations, in order of steps.
     """
     write_atomically(folder / VALIDATIONS_FILE, _lines({"best": best, "validations": validations}))
 

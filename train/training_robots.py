@@ -1,4 +1,4 @@
-"""Robots of a training run: one native batch for each scenario, stepped as one, with statistics."""
+"""Robots of a training run: one batch of robots for each scenario, stepped together, with statistics."""
 
 import dataclasses
 from collections import defaultdict
@@ -26,23 +26,23 @@ from train.curriculum import CommandIntervalTracker, at_difficulty, with_terrain
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 
 PUSH_SCALE = 500.0
-"""N. Force that the value network observes as 1."""
+"""Pushing force that the value network observes as 1, N."""
 NO_TRUNCATION = np.iinfo(np.int64).max
-"""Control steps, of a first episode that is not cut short."""
+"""Length at which a first episode is truncated if it must not be truncated: never reached, control steps."""
 
 
 class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
     """Concatenates one vector environment per scenario, and collects statistics.
 
-    First episodes are cut short at random lengths, so that the robots are at different points of their gaits and
-    episodes. Like its batches it restarts no robot by itself. Return and length, control steps, of a robot's episode
-    are in `infos["episode"]`, as Gymnasium's RecordEpisodeStatistics has them.
+    The first episodes can be truncated at random lengths, so that the robots are out of phase with each other. Finished
+    robots are not restarted automatically. The return and the length (control steps) of each episode are in
+    `infos["episode"]`, as in Gymnasium's RecordEpisodeStatistics.
 
     Args:
-        batches: Vector environments, made with `AutoresetMode.DISABLED`.
-        first_episode_steps: Returns the control steps after which the first episodes are cut, (n,), from the seeds of
-            the robots. None for no cut.
-        threads: Number of batches that are stepped in parallel, each by a thread. Results do not depend on it.
+        batches: Vector environments, one for each scenario, made with `AutoresetMode.DISABLED`.
+        first_episode_steps: Function that takes the seeds of the robots and returns the control steps after which their
+            first episodes are truncated, (n,). None for no truncation.
+        threads: Number of batches that are stepped in parallel, one per thread. Results do not depend on it.
     """
 
     def __init__(
@@ -73,18 +73,18 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             np.eye(len(batches), dtype=np.float32), [batch.num_envs for batch in batches], axis=0
         )
         self.privileged_width = len(batches) + 3 + 2
-        """Width of `infos["privileged"]`: one-hot scenario, true velocity and push of a robot."""
+        """Width of `infos["privileged"]`: one-hot scenario, true velocity (3) and pushing force (2) of a robot."""
         self._sums = defaultdict[str, float](float)
         self._interval_counts = np.zeros((2, len(batches)), np.int64)
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[FloatArray, Infos]:
-        """Start the first episodes of all robots, or the next episodes of those in a "reset_mask".
+        """Start the first episodes of all robots, or the next episodes of the robots in a "reset_mask".
 
         Args:
-            seed: Robot i has seed + i, or the i-th of a sequence.
-            options: May have a "reset_mask", (n,).
+            seed: An integer, and robot i has the seed `seed + i`; or a sequence with the seed of each robot.
+            options: May have a "reset_mask": True for robots that start their next episode, (n,).
 
         Returns:
             Observation, (n, m), and infos.
@@ -107,7 +107,7 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         return np.concatenate([observation for observation, _ in results]), infos
 
     def step(self, actions: FloatArray) -> Step:
-        """Move all robots by one control step with their joint targets, (n, 12), rad."""
+        """Simulate one control step of all robots with joint targets `actions`, (n, 12), rad."""
         batch_actions = [actions[part] for part in self._parts]
         map_batches = map if self._pool is None else self._pool.map
         results = list(map_batches(lambda batch, targets: batch.step(targets), self.batches, batch_actions))
@@ -124,12 +124,13 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         return observation, rewards, terminated, truncated, infos
 
     def pop_statistics(self) -> dict[str, float]:
-        """Return the means since the last call, and clear them.
+        """Return the statistics since the last call, and clear them.
 
         Returns:
-            Per step: velocity error, m/s, yaw-rate error, rad/s, and each reward term. Per second: `reward_rate`, the
-            reward. Per finished episode: `return` and `falls`. Per ended command interval: `tracked`, the share that
-            was tracked. NaN without one. And the numbers of both, `episodes` and `intervals`.
+            Name -> value. `velocity_error` (m/s), `yaw_rate_error` (rad/s) and `reward/TERM` are means over the steps.
+            `reward_rate` is the mean reward per second. `return` and `falls` are means over the `episodes` finished
+            episodes; NaN if no episode finished. `tracked` is the fraction of the `intervals` ended command intervals
+            that was tracked; NaN if no interval ended.
         """
         sums, self._sums = self._sums, defaultdict(float)
         steps = max(sums.pop("steps", 0.0), 1.0)
@@ -146,12 +147,12 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         }
 
     def pop_interval_counts(self) -> NDArray[np.int64]:
-        """Return the ended and the tracked command intervals of the b batches, (2, b), and clear them."""
+        """Return the numbers of ended and of tracked command intervals of each of b batches, (2, b); clear them."""
         counts, self._interval_counts = self._interval_counts, np.zeros((2, len(self.batches)), np.int64)
         return counts
 
     def replace_batch(self, number: int, batch: SimpleQuadVectorEnv) -> None:
-        """Replace a batch by another, before all robots start new episodes.
+        """Replace a batch. All robots must start new episodes afterwards.
 
         Args:
             number: Index of the batch.
@@ -161,19 +162,19 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         self.batches = (*self.batches[:number], batch, *self.batches[number + 1 :])
 
     def close_extras(self, **_: Any) -> None:
-        """Close the batches."""
+        """Close the batches and stop the threads."""
         if self._pool is not None:
             self._pool.shutdown()
         for batch in self.batches:
             batch.close()
 
     def _privileged(self, infos: Infos) -> FloatArray:
-        """Return the observations of the value network alone, (n, `privileged_width`)."""
+        """Return the observations that only the value network receives, (n, `privileged_width`)."""
         pushes = np.concatenate([_push(batch) for batch in self.batches], axis=1) / PUSH_SCALE
         return np.concatenate((self._scenario_one_hot, infos["heading_velocity"], pushes.T), axis=1, dtype=np.float32)
 
     def _count_step(self, infos: Infos, rewards: NDArray[np.float64], fell: BoolArray) -> None:
-        """Count a step, and the command intervals that it ends."""
+        """Add a step, and the command intervals that end in it, to the statistics."""
         ended, tracked = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
         self._sums["intervals"] += int(ended.sum())
         self._sums["tracked"] += int((ended & tracked).sum())
@@ -190,14 +191,14 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
                 self._sums[f"reward/{key.removeprefix(REWARD)}"] += float(infos[key].sum())
 
     def _count_episodes(self, finished: BoolArray) -> None:
-        """Count the finished episodes of the masked robots."""
+        """Add the episodes of the robots in the mask `finished`, (n,), to the statistics."""
         self._sums["episodes"] += int(finished.sum())
         self._sums["return"] += float(self._returns[finished].sum())
         self._sums["falls"] += int((finished & self._fell).sum())
 
 
 def _push(batch: SimpleQuadVectorEnv) -> Array:
-    """Return the pushing force on every trunk during the last step, heading frame, forward and lateral, (2, n), N."""
+    """Return the pushing force on each trunk in the last step (forward, lateral), heading frame, (2, n), N."""
     if batch.scenario.pushes is None:
         return np.zeros((2, batch.num_envs))
     rotation = rotation_matrix(to_components(batch.simulation.quaternion))
@@ -205,29 +206,29 @@ def _push(batch: SimpleQuadVectorEnv) -> Array:
 
 
 def _concatenate_infos(infos: Sequence[Infos]) -> Infos:
-    """Concatenate the infos of several batches."""
+    """Concatenate the infos of several batches, key by key."""
     return {key: np.concatenate([batch_infos[key] for batch_infos in infos]) for key in infos[0]}
 
 
 def training_seeds(config: TrainConfig, segment: int = 0) -> list[int]:
-    """Return the seed of each of a run's n robots.
+    """Return the seeds of the n robots of a run.
 
     Args:
         config: Settings of the run.
-        segment: Number of the segment; each has other seeds.
+        segment: Index of the segment, see `segment_steps`. Every segment has different seeds.
 
     Returns:
-        n seeds.
+        One seed for each robot.
     """
     count = config.ppo.envs
     return list(map(int, episode_seeds("training", config.seed, count * (segment + 1))[-count:]))
 
 
 def segment_steps(config: TrainConfig) -> int:
-    """Return the length of a segment, steps of the learner, all robots together.
+    """Return the length of a segment in steps of the learner, summed over all robots.
 
-    All robots are reset between two segments, and none of their state lasts longer. A segment consists of whole
-    rollouts and is about as long as the longest episode.
+    All robots start new episodes at the start of a segment, so that a run can be resumed there without their states. A
+    segment consists of whole rollouts and is about as long as the longest episode.
     """
     ppo = config.ppo
     rollouts = max(round(config.max_episode_steps / (ppo.hold * ppo.rollout_steps)), 1)
@@ -235,7 +236,10 @@ def segment_steps(config: TrainConfig) -> int:
 
 
 def make_robots(config: TrainConfig) -> MultiScenarioVectorEnv:
-    """Make the robots of a run on their scenarios; the seeds of a reset decide where first episodes are cut."""
+    """Make the robots of a run on their scenarios.
+
+    First episodes are truncated at random lengths, which are drawn from the seeds of the reset.
+    """
 
     def sample_first_lengths(seeds: Sequence[int] | None) -> NDArray[np.int64]:
         return np.random.default_rng(seeds).integers(1, config.max_episode_steps, config.ppo.envs, endpoint=True)
@@ -247,10 +251,10 @@ def make_robots(config: TrainConfig) -> MultiScenarioVectorEnv:
 
 
 def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
-    """Return the number of robots on each scenario.
+    """Return a dictionary: name of the scenario -> number of robots on it.
 
-    Shares are rounded by largest remainder. Scenarios without robots are left out, and scenarios on the hardware
-    profile come last.
+    The shares of the mixture are rounded to robots by the largest-remainder method. Scenarios with zero robots are left
+    out. Scenarios on the robot's hardware profile come last.
     """
     total = sum(share for _, share in config.mixture)
     exact = [(name, share / total * config.ppo.envs) for name, share in config.mixture]
@@ -263,14 +267,15 @@ def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
 
 
 def make_base(config: TrainConfig, hardware_profile: bool = False) -> Policy:
-    """Make a fresh base policy of a run.
+    """Make a new instance of the base policy of a run.
 
     Args:
         config: Settings of the run.
-        hardware_profile: Make it for scenarios on the hardware profile, with the same servo gains.
+        hardware_profile: True: make the policy for scenarios on the robot's hardware profile, with the servo gains that
+            it has without the profile.
 
     Returns:
-        The policy.
+        The base policy.
     """
     make = partial(config.hardware.policy, config.base, height_scan=config.height_scan)
     base = make()
@@ -278,7 +283,7 @@ def make_base(config: TrainConfig, hardware_profile: bool = False) -> Policy:
 
 
 def make_bases(config: TrainConfig) -> list[tuple[Policy, int]]:
-    """Make the base policies of a run, each with its number of robots."""
+    """Make the base policies of a run: without and with the hardware profile, each with its number of robots."""
     counts = [0, 0]
     for name, count in robots_per_scenario(config).items():
         counts[_uses_hardware_profile(config, name)] += count
@@ -288,35 +293,36 @@ def make_bases(config: TrainConfig) -> list[tuple[Policy, int]]:
 
 
 def _uses_hardware_profile(config: TrainConfig, name: str) -> bool:
-    """Return True if the scenario of that name is on the hardware profile."""
+    """Return True if the scenario called `name` uses the robot's hardware profile."""
     return find_scenario(name, config.hardware.robot_model).hardware
 
 
 def uses_batch_threads(config: TrainConfig) -> bool:
-    """Return True if each thread steps a batch of its own.
+    """Return True if the threads step different batches at the same time.
 
-    This needs as many batches as threads. Otherwise the threads step the robots of one batch after the other.
+    This requires at least as many batches as threads. Otherwise the batches are stepped in turn, and all threads share
+    the robots of one batch.
     """
     return len(robots_per_scenario(config)) >= config.threads
 
 
 def effort_weight_scale(config: TrainConfig, steps: int) -> float:
-    """Return the factor on the reward weights of effort, 0 … 1, at `steps` of the run with this `config`."""
+    """Return the factor on the reward weights of effort after `steps` steps of the run `config`, from 0 to 1."""
     ramp = config.effort_ramp * config.steps
     return min(steps / ramp, 1.0) if ramp else 1.0
 
 
 def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1.0) -> SimpleQuadVectorEnv:
-    """Make the batch of one of a run's scenarios.
+    """Make the batch of robots on one scenario of a run.
 
     Args:
         config: Settings of the run.
         number: Index of the scenario in `robots_per_scenario`.
-        share: Difficulty, 0 … 1, see `at_difficulty`.
-        effort: Factor on the reward weights of effort, 0 … 1.
+        share: Difficulty of the scenario, from 0 to 1, see `at_difficulty`.
+        effort: Factor on the reward weights of effort, from 0 to 1.
 
     Returns:
-        The batch.
+        The batch, a vector environment.
     """
     name, count = list(robots_per_scenario(config).items())[number]
     robot = config.hardware.robot_model

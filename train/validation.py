@@ -1,4 +1,4 @@
-"""Evaluation of a policy during training, by the code of `evaluate`, on its own seeds."""
+"""Validation of a policy during training: evaluation by the code of `evaluate`, on separate seeds."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -12,11 +12,11 @@ from train.config import ValidationConfig
 from train.curriculum import with_terrain_seed
 
 Results = Mapping[str, Mapping[str, float]]
-"""Mean metrics by name, for each scenario by name."""
+"""Name of the scenario -> name of the metric -> mean over the episodes."""
 VALIDATION_SEED = 0
-"""Seed of the validation episodes. It is the same in every run, so that runs can be compared."""
+"""Seed of the validation episodes. The seed is the same in every run, so that runs can be compared."""
 YAW_WEIGHT = 0.5
-"""m/s of velocity error per rad/s of yaw-rate error, in the score."""
+"""Weight of the yaw-rate error in the score relative to the velocity error, m/s per rad/s."""
 
 
 def validate(
@@ -29,14 +29,14 @@ def validate(
     """Evaluate a policy on the validation episodes.
 
     Args:
-        policy: Policy.
+        policy: Policy to evaluate.
         config: Scenarios and number of episodes.
-        nthread: Threads of the simulation.
-        hardware: Hardware of the robots.
-        hardware_profile: The same policy, made for scenarios on the hardware profile; `policy` by default.
+        nthread: Number of simulation threads.
+        hardware: Hardware settings of the robots.
+        hardware_profile: The same policy, made for scenarios on the robot's hardware profile; by default `policy`.
 
     Returns:
-        Mean metrics by name, for each scenario by name.
+        Name of the scenario -> name of the metric -> mean over the episodes.
     """
     seeds = episode_seeds("validation", VALIDATION_SEED, config.episodes)
     run_scenario = partial(run, seeds=seeds, nthread=nthread, hardware=hardware)
@@ -49,17 +49,20 @@ def validate(
 
 
 def ranking_key(results: Results) -> tuple[float, float]:
-    """Return the sort key of a policy, smaller is better: share of failed episodes, then the score."""
+    """Return the sort key of a policy: the fraction of failed episodes, then the mean score. Smaller is better."""
     return 1.0 - mean_success_rate(results), mean_score(results)
 
 
 def mean_success_rate(results: Results) -> float:
-    """Return the share of successful episodes, averaged over scenarios."""
+    """Return the fraction of successful episodes, averaged over the scenarios."""
     return sum(means["success_rate"] for means in results.values()) / len(results)
 
 
 def total_cost_of_transport(results: Results) -> float:
-    """Return the cost of transport over all scenarios, a quotient of sums; NaN if no robot moved."""
+    """Return the cost of transport over all scenarios: total energy divided by total weight times distance.
+
+    Returns NaN if no robot moved.
+    """
     energy = sum(means["energy"] for means in results.values())
     moved_weight = sum(
         means["energy"] / cost for means in results.values() if (cost := means["cost_of_transport"]) > 0.0
@@ -68,9 +71,9 @@ def total_cost_of_transport(results: Results) -> float:
 
 
 def mean_score(results: Results) -> float:
-    """Return velocity error plus half the yaw-rate error, m/s, averaged over scenarios.
+    """Return the score, averaged over the scenarios: velocity error + YAW_WEIGHT * yaw-rate error, m/s.
 
-    Every step after a fall counts the largest error.
+    Every step after a fall has the largest possible error.
     """
     errors = [means["velocity_error"] + YAW_WEIGHT * means["yaw_rate_error"] for means in results.values()]
     return sum(errors) / len(errors)

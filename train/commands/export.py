@@ -11,7 +11,7 @@ from policies.external import onnx_file
 from quad_env.cli.command_line import UsageError, make_folder_of
 
 NUM_CHECKED = 10_000
-"""Number of random observations on which the outputs of file and bundle are compared."""
+"""Number of random observations on which the outputs of the ONNX file and of the policy bundle are compared."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class ExportOptions:
 def main(options: ExportOptions) -> int:
     """Write the ONNX file and return the exit code.
 
-    UsageError, PolicyError or OSError says why a policy cannot be exported.
+    Raises UsageError, PolicyError or OSError if the policy cannot be exported.
     """
     if options.out.suffix != ".onnx":
         raise UsageError(f"--out must be an .onnx, not {options.out}")

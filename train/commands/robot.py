@@ -32,15 +32,15 @@ from train.run_folder import BEST, has_checkpoint, steps_done
 from train.search import trot
 
 RESIDUAL = "residual"
-"""Name of the trained policy."""
+"""Name of the trained policy, also of its folder among the robot's models."""
 OPTIONS_FILE = "begun.json"
-"""File of the options that the folder was started with."""
+"""Name of the JSON file with the options of the first call in a folder; later calls must have the same options."""
 DESCRIPTION_FILE = "described.txt"
-"""File of the printed description of the robot."""
+"""Name of the file with the printed description of the robot."""
 MUTABLE_OPTIONS = ("out", "threads")
-"""Options that may change from one call to the next."""
+"""Names of the options that may differ between two calls for the same folder."""
 SEARCH = trot.TrotSearchOptions(generations=12, steps=400, check_episodes=48)
-"""A short search: SimpleQuad's parameters walk on most robots already."""
+"""Options of the trot search. A short search is enough, because the start already walks on most robots."""
 
 
 @dataclass(frozen=True)
@@ -86,29 +86,29 @@ class RobotPipelineOptions:
 
 
 class Stage(NamedTuple):
-    """Stage of the pipeline."""
+    """One stage of the pipeline."""
 
     name: str
-    """Name, an imperative."""
+    """Name of the stage, an imperative that is printed."""
     minutes: float
-    """Usual time on two cores, min."""
+    """Typical duration on two cores, min."""
     is_done: Callable[[], bool]
-    """Returns True if the stage needs no more work."""
+    """Function that returns True if the stage is already done."""
     action: Callable[[], object]
-    """Does the work."""
+    """Function that performs the stage."""
 
 
 def main(options: RobotPipelineOptions) -> int:
-    """Run the stages that are not done, and return the exit code.
+    """Run the stages that are not done yet, and return the exit code.
 
     Args:
-        options: Options; UsageError if they cannot be used.
+        options: Options of the command. UsageError is raised if they are not valid.
 
     Returns:
-        0.
+        The exit code, 0.
 
     Raises:
-        KeyboardInterrupt: After Ctrl-C, with the command that continues.
+        KeyboardInterrupt: After Ctrl-C; the message has the command that continues.
     """
     check_numbers(options, limits_of(options))
     if not Path(options.robot).suffix:
@@ -135,7 +135,7 @@ def main(options: RobotPipelineOptions) -> int:
 
 
 def _stages(options: RobotPipelineOptions) -> list[Stage]:
-    """Return the stages of the pipeline."""
+    """Return the stages of the pipeline, in order."""
     is_described = (options.folder / DESCRIPTION_FILE).is_file
     is_searched = partial(_has_model, options, trot.ACCOUNT)
     is_trained = partial(_has_model, options, f"{RESIDUAL}/{bundle.DESCRIPTION}")
@@ -148,12 +148,12 @@ def _stages(options: RobotPipelineOptions) -> list[Stage]:
 
 
 def _model_path(options: RobotPipelineOptions, name: str) -> Path:
-    """Return the path of a file of the robot's models."""
+    """Return the path of a file or folder `name` in the folder of the robot's models."""
     return models_folder(parse_robot_option(str(options.toml)).robot_model) / name
 
 
 def _has_model(options: RobotPipelineOptions, name: str) -> bool:
-    """Return True if the robot has a model file of that name."""
+    """Return True if the folder of the robot's models has a file `name`."""
     return options.toml.is_file() and _model_path(options, name).is_file()
 
 
@@ -164,7 +164,7 @@ def _search(options: RobotPipelineOptions) -> None:
 
 def _train(options: RobotPipelineOptions) -> None:
     """Train a residual, or continue its training, and copy it to the robot's models."""
-    from train.commands.run import run  # here, since it knows this command
+    from train.commands.run import run  # imported here to avoid a circular import
 
     folder = options.folder / "training"
     words = f"--base {options.base} --steps {options.steps} --validation.interval {options.steps}"
@@ -178,7 +178,7 @@ def _train(options: RobotPipelineOptions) -> None:
 
 
 def _compare(options: RobotPipelineOptions) -> None:
-    """Evaluate the policies, or continue their evaluation."""
+    """Evaluate the policies, or continue an interrupted evaluation."""
     from evaluate.commands.execution import execute
     from evaluate.commands.options import EvaluateOptions
     from evaluate.commands.plan import check, load_run_options
@@ -201,7 +201,7 @@ def _is_compared(options: RobotPipelineOptions) -> bool:
 
 
 def _check_same_options(options: RobotPipelineOptions) -> None:
-    """Keep the options in the folder. Raises UsageError if it was started with other options."""
+    """Write the options to the folder on the first call. Raises UsageError if a later call has other options."""
     robot = str(Path(options.robot).resolve()) if Path(options.robot).suffix else options.robot
     absolute = asdict(replace(options, robot=robot))
     fixed = {name: value for name, value in absolute.items() if name not in MUTABLE_OPTIONS}
@@ -221,7 +221,10 @@ def _check_same_options(options: RobotPipelineOptions) -> None:
 
 
 def _describe(options: RobotPipelineOptions) -> None:
-    """Print the description of the robot, and keep it with a TOML and a picture. Raises UsageError on errors in it."""
+    """Print the description of the robot, and write the description, a TOML and a picture to the folder.
+
+    Raises UsageError if the robot cannot be used.
+    """
     command = [sys.executable, "-m", "quad_env", "describe", options.robot]
     inferred = options.folder / "inferred.toml"
     has_toml = options.toml.is_file()

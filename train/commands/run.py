@@ -35,7 +35,7 @@ BASIC_OPTIONS = (
     "robot",
     "servo",
 )
-"""Options that --help explains; --help-all explains the others, too."""
+"""Names of the options that --help explains. --help-all explains all options."""
 HELP_ALL = "--help-all"
 MOVED_COMMANDS = {
     name: f"now `python -m research {name.split()[0]}`"
@@ -44,23 +44,23 @@ MOVED_COMMANDS = {
 MOVED_COMMANDS |= {
     name: f"gone: revision 59ce5e8 has it as `python -m research {name}`" for name in ("sweep", "trials")
 }
-"""Answers to the names of commands of older versions."""
+"""Command of an older version -> answer to a user who calls it."""
 
 
 def run(words: list[str]) -> int:
-    """Train with the options of a command line, which may begin with `run`, and return the exit code.
+    """Train with the options of a command line, and return the exit code.
 
     Args:
-        words: The command line, without `python -m train`.
+        words: Words of the command line after `python -m train`. The first word may be `run`.
 
     Returns:
-        0.
+        The exit code, 0.
 
     Raises:
-        KeyboardInterrupt: After Ctrl-C, with the command that continues the run if there is a checkpoint.
+        KeyboardInterrupt: After Ctrl-C. The message has the options that continue the run, if there is a checkpoint.
     """
     config = parse(words[1:] if words[:1] == ["run"] else words)
-    # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
+    # Imported here, because torch takes seconds to import and --help and usage errors must answer at once.
     from train.run import train
 
     launcher.raise_on_interrupt()
@@ -75,19 +75,19 @@ def run(words: list[str]) -> int:
 
 
 def parse(words: Sequence[str]) -> TrainConfig:
-    """Return the settings of a command line.
+    """Parse a command line to the settings of a run.
 
-    SystemExit(0) follows --help.
+    With --help, the function prints the help and raises SystemExit(0).
 
     Args:
-        words: The command line, without `python -m train`.
+        words: Words of the command line after `python -m train`.
 
     Returns:
         The settings. Options that are not given have the defaults of --policy, or with --resume the values of the run.
 
     Raises:
-        UsageError: An option is unknown or has no valid value, or --resume comes with settings that the run does not
-            have.
+        UsageError: An option is unknown or its value is not valid, or an option next to --resume differs from the
+            settings of the run.
     """
     spelled = normalise_option_names(TrainConfig, list(words))
     words = ["--help" if word == HELP_ALL else word for word in spelled]
@@ -107,11 +107,11 @@ def parse(words: Sequence[str]) -> TrainConfig:
 
 
 def _defaults(words: list[str]) -> TrainConfig:
-    """Return the values of the options that are not given.
+    """Return the default settings for a command line.
 
-    They depend on options that are given: on --policy, and with --resume on the settings of the run in the folder. So
-    the command line is parsed twice, and this first time with the defaults of a residual. Help is left to the second
-    parse, which then explains the right defaults.
+    The defaults depend on --policy, and with --resume on the settings of the run in the folder. So the command line is
+    parsed twice. The first time, here, the defaults are the settings of a residual. The second time is in `parse`,
+    which also prints the help, because only then the right defaults are known.
     """
     wants_help = not HELP.isdisjoint(words)
     without_help = [word for word in words if word not in HELP]
@@ -127,7 +127,7 @@ def _defaults(words: list[str]) -> TrainConfig:
 
 
 def _basic_config() -> type[TrainConfig]:
-    """Return the settings as a dataclass that explains only the basic options in its help text."""
+    """Return a variant of TrainConfig with a help text that explains only the basic options."""
     import tyro
 
     hints = get_type_hints(TrainConfig, include_extras=True)

@@ -1,1 +1,1 @@
-"""Training with Stable-Baselines3: environment adapter, PPO, callbacks, checkpoints."""
+"""Training with Stable-Baselines3 (SB3): environment adapter, PPO, callbacks and checkpoints."""

@@ -1,9 +1,9 @@
 """Callback between two rollouts: progress, TensorBoard, validation, checkpoints, and a clean end on Ctrl-C.
 
-SB3 calls `_on_rollout_start` after the update of the last rollout: the one place where learner and random generators
-can be saved together. The state of the robots is not saved: all robots start each segment of a run with new episodes,
-and a checkpoint within a segment holds their actions since its start. A run that was stopped anywhere and resumed is
-the uninterrupted one, bit for bit, on the same machine and packages.
+SB3 calls `_on_rollout_start` after the update from the last rollout. Only there can the learner and all random
+generators be saved together. The state of the robots is not saved, because all robots start each segment of a run with
+new episodes. A checkpoint within a segment contains the actions since the start of the segment instead. A run that was
+stopped and resumed gives the same result, bit for bit, as an uninterrupted run on the same machine and packages.
 """
 
 import copy
@@ -43,62 +43,65 @@ from train.training_robots import (
 from train.validation import Results, mean_score, mean_success_rate, ranking_key, total_cost_of_transport, validate
 
 FIRST_CHECKPOINT_DEADLINE = 30.0
-"""s. Time within which a session writes its first checkpoint; later if its first rollout is longer."""
+"""Time within which a session writes its first checkpoint, s. A longer first rollout delays the checkpoint."""
 
 
 _FIELDS = {"shares": "difficulties"}
-"""Field of `CallbackState` for each key of a checkpoint with another name."""
+"""Key in a checkpoint -> field of `CallbackState`, for the fields with another name than their key."""
 
 
 @dataclasses.dataclass
 class CallbackState:
-    """State of the callback that a checkpoint keeps from one session of a run to the next, as JSON types."""
+    """State of the callback, of JSON types, that checkpoints save so that a later session can continue.
+
+    A session is the part of a run that one process trains.
+    """
 
     segments: int = 0
-    """Number of segments that were started."""
+    """Number of segments that were started, see `segment_steps`."""
     seconds: float = 0.0
     """Training time of earlier sessions, validation included, s."""
     rate: float | None = None
-    """Learning rate of the adaptive schedule."""
+    """Current learning rate of the adaptive schedule; None if the schedule is another one."""
     difficulties: list[float] = dataclasses.field(default_factory=list)
-    """Difficulty of each scenario, 0 … 1, see `train.curriculum`."""
+    """Difficulty of each scenario, from 0 to 1, see `train.curriculum`."""
     validations: list[dict[str, Any]] = dataclasses.field(default_factory=list)
-    """{"steps", "success", "score", "cost_of_transport", "scenarios"} of each validation."""
+    """Result of each validation: keys "steps", "success", "score", "cost_of_transport" and "scenarios"."""
 
     @classmethod
     def read(cls, remembered: Mapping[str, Any]) -> "CallbackState":
-        """Convert the JSON types `remembered` by a checkpoint. Raises UsageError if they do not fit."""
+        """Create the state from its JSON types in a checkpoint, `remembered`. Raises UsageError if they do not fit."""
         try:
             return cast(CallbackState, decode(cls, {_FIELDS.get(key, key): value for key, value in remembered.items()}))
         except (TypeError, ValueError, OverflowError) as error:
             raise UsageError(f"the checkpoint does not fit this run: {error}") from None
 
     def to_json(self) -> dict[str, Any]:
-        """Return the JSON types that a checkpoint keeps."""
+        """Return the state as a dictionary of JSON types, with the keys of a checkpoint."""
         keys = {field: key for key, field in _FIELDS.items()}
         return {keys.get(field, field): value for field, value in vars(self).items()}
 
     @property
     def validated(self) -> int:
-        """Steps at the last validation."""
+        """Number of steps at the last validation; 0 before the first."""
         return int(self.validations[-1]["steps"]) if self.validations else 0
 
     @property
     def best(self) -> int:
-        """Steps at the best validation, the first of equals."""
+        """Number of steps at the best validation, the earliest if several are equal."""
         return int(min(self.validations, key=lambda validation: ranking_key(validation["scenarios"]))["steps"])
 
 
 class TrainingCallback(BaseCallback):
-    """Schedules, curriculum, validation, bundles, checkpoints and segments of a run, in this order.
+    """Callback of a run: performs schedules, curriculum, validation, bundles, checkpoints and segments, in this order.
 
     Args:
         config: Settings of the run.
         env: Environment of the learner.
         display: Progress display.
-        interrupt: Ctrl-C of the user.
-        state: State, which is updated.
-        actions: Actions of an unfinished segment, which the robots first repeat.
+        interrupt: Shows whether the user has pressed Ctrl-C.
+        state: State of the callback, which is updated in place.
+        actions: Actions of the unfinished segment of a resumed run. The robots first repeat them.
     """
 
     def __init__(
@@ -118,18 +121,20 @@ class TrainingCallback(BaseCallback):
         self._state = state
         self._actions = actions
         self._bases = [make_base(config, hardware_profile) for hardware_profile in (False, True)]
-        """Base policies of bundles, without and with the hardware profile, with the parameters at the start."""
+        """Base policies for bundles, without and with the hardware profile.
+
+        They are made here, so that a parameter file that changes during the run has no effect on the bundles."""
         self._robots = cast(MultiScenarioVectorEnv, env.env.unwrapped)
         self._batch_settings = [(config.curriculum, effort_weight_scale(config, 0))] * len(self._robots.batches)
-        """Difficulty and factor on the weights of effort of each batch."""
+        """Difficulty and factor on the reward weights of effort, for each batch."""
         self._recent = RecentIntervals(segment_steps(config) // (config.ppo.envs * config.ppo.rollout_steps))
         state.difficulties = state.difficulties or [config.curriculum] * len(self._batch_settings)
         self._earlier_seconds = state.seconds
         self._session_start = time.monotonic()
         self._start = 0
-        """Steps at the start of the session."""
+        """Number of steps at the start of the session."""
         self._end = 0
-        """Steps at the end of the segment."""
+        """Number of steps at the end of the current segment."""
         self._last_checkpoint_step = 0
 
     @property
@@ -138,11 +143,14 @@ class TrainingCallback(BaseCallback):
 
     @property
     def _segment_finished(self) -> bool:
-        """True if the last segment is complete."""
+        """True if the current segment is complete, also before the first segment."""
         return self.num_timesteps >= self._end
 
     def _policy(self, hardware_profile: bool = False) -> ResidualPolicy:
-        """Make the policy of a bundle: the actor without exploration noise on a fresh base, see `make_base`."""
+        """Make the policy for a bundle: the actor without exploration noise, and a new base policy.
+
+        `hardware_profile` selects the base policy, see `make_base`.
+        """
         config = self._config
         authority = cast(ResidualVectorEnv, self._env.env).authority
         actor = actor_network(self._learner)
@@ -166,7 +174,7 @@ class TrainingCallback(BaseCallback):
             self._end = self._start - len(self._actions) * self._env.num_envs + segment_steps(self._config)
             seeds = training_seeds(self._config, self._state.segments - 1)
             self._learner._last_obs, self._learner._last_episode_starts = self._env.replay(seeds, self._actions)
-            self._robots.pop_statistics()  # of rollouts that were logged already
+            self._robots.pop_statistics()  # clears the statistics of rollouts that were logged already
             self._display.estimator.restart()
 
     def _on_rollout_end(self) -> None:
@@ -199,7 +207,7 @@ class TrainingCallback(BaseCallback):
         if self._state.validated < self.num_timesteps:
             self._validate()
         self._log()
-        self._end = 0  # a run that is extended begins a new segment
+        self._end = 0  # so that a run that is extended later begins a new segment
         self._save_checkpoint()
 
     def _restore_rate(self) -> None:
@@ -212,13 +220,13 @@ class TrainingCallback(BaseCallback):
             fall = (ppo.log_std_final - ppo.log_std_init) * min(self.num_timesteps / self._config.steps, 1.0)
             self._learner.policy.log_std.data.fill_(ppo.log_std_init + fall)
         if isinstance(rate := self._learner.learning_rate, AdaptiveRate):
-            # What the last update logged; absent before the first.
+            # The logger has the KL divergence of the last update; before the first update the entry is missing.
             if (kl := self.logger.name_to_value.get("train/approx_kl")) is not None:
                 rate.update(float(kl))
             self._state.rate = rate.rate
 
     def _adjust_severities(self) -> None:
-        """Update the difficulties from the command intervals of the segment."""
+        """Update the difficulty of each scenario from the command intervals of the finished segment."""
         counted, tracked = self._robots.pop_interval_counts()
         if not counted.any():
             return
@@ -228,7 +236,10 @@ class TrainingCallback(BaseCallback):
             self.logger.record(f"kept/{batch.scenario.name}", tracked[number] / max(counted[number], 1))
 
     def _make_batches(self, begun: int) -> None:
-        """Replace the batches that need another difficulty or reward in the segment that began at step `begun`."""
+        """Replace batches with outdated settings.
+
+        The settings are the difficulty and the reward weights of effort for the segment that starts at step `begun`.
+        """
         effort = effort_weight_scale(self._config, begun)
         settings = [(difficulty, effort) for difficulty in self._state.difficulties]
         for number, (old, new) in enumerate(zip(self._batch_settings, settings, strict=True)):
@@ -237,14 +248,14 @@ class TrainingCallback(BaseCallback):
         self._batch_settings = settings
 
     def _begin_segment(self) -> None:
-        """Start new episodes of all robots."""
+        """Begin a segment: start new episodes of all robots."""
         self._end = self.num_timesteps + segment_steps(self._config)
         self._learner._last_obs = self._env.reset_to_seeds(training_seeds(self._config, self._state.segments))
         self._learner._last_episode_starts = np.ones(self._env.num_envs, np.bool_)
         self._state.segments += 1
 
     def _validate(self) -> None:
-        """Validate the policy, and save it if it is the best so far."""
+        """Validate the current policy, and save its bundle if it is the best so far."""
         config = self._config
         policy = self._policy()
         with self._display.estimator.validation(self.num_timesteps):
@@ -261,7 +272,7 @@ class TrainingCallback(BaseCallback):
         self._report_validation(means, results, is_best)
 
     def _report_validation(self, means: Mapping[str, float], results: Results, is_best: bool) -> None:
-        """Log, write and print the last validation."""
+        """Log, write and print the results of the last validation."""
         state = self._state
         for scenario, figures in {"": means, **results}.items():
             for name, value in figures.items():
@@ -276,9 +287,9 @@ class TrainingCallback(BaseCallback):
         self._display.note(f"{state.validated:>10,} validation: {line}")
 
     def _log(self) -> None:
-        """Write the figures of the rollout, its update and its validation.
+        """Write the metrics of the last rollout, of its update and of its validation, if any.
 
-        SB3 would write the figures of the update and validation one rollout later.
+        SB3 by itself would write the metrics of update and validation one rollout later.
         """
         if self.logger.name_to_value:
             self.logger.record("time/seconds", self._seconds)
@@ -290,7 +301,7 @@ class TrainingCallback(BaseCallback):
 
     @property
     def _first_checkpoint_due(self) -> bool:
-        """True if the first checkpoint would miss FIRST_CHECKPOINT_DEADLINE if it waited for another rollout."""
+        """True if the session has no checkpoint and another rollout would exceed FIRST_CHECKPOINT_DEADLINE."""
         rollouts = (self.num_timesteps - self._start) / (self._config.ppo.envs * self._config.ppo.rollout_steps)
         worked = time.monotonic() - self._session_start
         return (
@@ -300,10 +311,11 @@ class TrainingCallback(BaseCallback):
         )
 
     def _save_checkpoint(self) -> None:
-        """Write the last bundle, and a checkpoint with the robots' actions in a segment that is not over.
+        """Write the latest bundle and a checkpoint, with the actions of the robots if a segment is unfinished.
 
-        The checkpoint comes last: a resumed run repeats only the steps after its checkpoint. But the first checkpoint
-        comes first: a folder without one holds nothing to lose.
+        The bundle is written before the checkpoint. If the process is killed in between, the resumed run repeats the
+        steps and writes the bundle again. At step 0 the checkpoint is written first, because a folder with a bundle and
+        no checkpoint could neither be resumed nor used for a new run.
         """
         self._state.seconds = self._seconds
         self._last_checkpoint_step = self.num_timesteps
@@ -321,7 +333,7 @@ class TrainingCallback(BaseCallback):
         save_bundle(self._config.folder / name, policy, to_dict(self._config), git_revision(REPOSITORY) or "unknown")
 
     def _save_and_interrupt(self) -> None:
-        """End the run after Ctrl-C, with everything saved."""
+        """Save a checkpoint, and raise KeyboardInterrupt to end the run after Ctrl-C."""
         if self._last_checkpoint_step < self.num_timesteps:
             self._save_checkpoint()
         untrained = "" if self._last_checkpoint_step else ", its base without a correction"

@@ -1,9 +1,11 @@
-"""Checkpoints of a run at a rollout boundary: safetensors for arrays, JSON for the rest, no pickle anywhere.
+"""Checkpoints of a run between two rollouts: arrays as safetensors, everything else as JSON, and no pickle.
 
-Learner, schedules and random generators are restored exactly. The robots start new episodes at a checkpoint, or the
-checkpoint holds their actions since the start, which are repeated. A checkpoint is two files, STEPS.safetensors and
-then STEPS.json with the hash of the first. It exists once the second does, so that a run killed at any moment leaves
-the one before complete. The last two are kept.
+The learner, the schedules and the random generators are restored exactly. The states of the robots are not saved: a
+checkpoint has the actions of the robots since their last common start, and a resumed run repeats them.
+
+A checkpoint has two files. STEPS.safetensors is written first, then STEPS.json with the hash of the first file. A
+checkpoint without STEPS.json is ignored, so that the previous checkpoint remains valid if a run is killed. The last two
+checkpoints are kept.
 """
 
 import hashlib
@@ -27,9 +29,9 @@ from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
 
 SCHEMA = 2
-"""Version of the format."""
+"""Version of the file format."""
 KEPT_CHECKPOINTS = 2
-"""Number of checkpoints that a folder keeps."""
+"""Number of the latest checkpoints that are kept in a folder."""
 _POLICY = "policy."
 _OPTIMISER = "optimiser."
 _ACTIONS = "robots.actions"
@@ -37,34 +39,31 @@ _ACTIONS = "robots.actions"
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """State of a run between two rollouts.
-
-    `capture` makes one from a learner, and `load` reads one from a folder.
-    """
+    """State of a run between two rollouts, made by `capture` or read from a folder by `load`."""
 
     tensors: dict[str, torch.Tensor]
-    """Weights, optimiser moments and random states, each under its prefix."""
+    """Name -> array: weights, optimiser moments, random states and actions, each with a prefix in the name."""
     progress: dict[str, Any]
-    """JSON types: counters, random states, and under "remembered" the state of the callback."""
+    """Values of JSON types: counters, random states, and the state of the callback under the key "remembered"."""
     damaged: tuple[str, ...] = ()
-    """Newer checkpoints that could not be read, one line each."""
+    """Errors of newer checkpoints that could not be read, one line each."""
 
     @property
     def actions(self) -> list[NDArray[np.float32]]:
-        """Actions of the robots since their start, each (n, k); empty at a start."""
+        """Actions of all robots in each step since their last common start, each (n, k); empty at a start."""
         return list(self.tensors[_ACTIONS].numpy()) if _ACTIONS in self.tensors else []
 
 
 def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np.float32]] = ()) -> Checkpoint:
-    """Capture the state of a run; call it between an update and a rollout.
+    """Capture the state of a run, between the update from one rollout and the start of the next rollout.
 
     Args:
         model: Learner.
-        remembered: State of the callback, JSON types.
-        actions: Actions of the robots since their start, each (n, k).
+        remembered: State of the callback, of JSON types.
+        actions: Actions of all robots in each step since their last common start, each (n, k).
 
     Returns:
-        The state.
+        The checkpoint, with copies of all arrays.
     """
     tensors = {_POLICY + name: value for name, value in model.policy.state_dict().items()}
     for index, moments in model.policy.optimizer.state_dict()["state"].items():
@@ -80,14 +79,14 @@ def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np
 
 
 def restore(model: PPO, checkpoint: Checkpoint) -> None:
-    """Set the learner and all random generators to a checkpoint.
+    """Restore the learner and all random generators from a checkpoint.
 
     Args:
-        model: Learner.
-        checkpoint: State.
+        model: Learner, which is changed.
+        checkpoint: Checkpoint of a learner with the same settings.
 
     Raises:
-        UsageError: It is of another learner.
+        UsageError: The checkpoint does not fit the learner.
     """
     tensors, progress = checkpoint.tensors, checkpoint.progress
     try:
@@ -105,10 +104,10 @@ def restore(model: PPO, checkpoint: Checkpoint) -> None:
 
 
 def load_networks(model: PPO, folder: Path) -> None:
-    """Load the networks and the noise of the newest checkpoint in a folder into the learner of a new run.
+    """Load actor, critic and exploration noise from the newest checkpoint in a folder into a new learner.
 
     Args:
-        model: Learner.
+        model: Learner, which is changed.
         folder: Folder of checkpoints.
 
     Raises:
@@ -123,7 +122,7 @@ def load_networks(model: PPO, folder: Path) -> None:
 
 
 def _with_prefix(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
-    """Return the tensors with a prefix in their names, without it."""
+    """Return the tensors with names that start with `prefix`; the prefix is removed from the names."""
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
@@ -136,7 +135,7 @@ def _restore_optimiser(optimiser: torch.optim.Optimizer, moments: dict[str, torc
 
 
 def save(folder: Path, checkpoint: Checkpoint) -> None:
-    """Write a `checkpoint` to `folder`, and remove all but the last two."""
+    """Write a `checkpoint` to `folder`, and remove all but the latest `KEPT_CHECKPOINTS`."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = f"{checkpoint.progress['steps']:012d}"
     tensors = save_tensors(checkpoint.tensors)
@@ -149,16 +148,16 @@ def save(folder: Path, checkpoint: Checkpoint) -> None:
 
 
 def load(folder: Path) -> Checkpoint:
-    """Load the newest complete checkpoint of a folder.
+    """Load the newest complete checkpoint in a folder.
 
     Args:
         folder: Folder of checkpoints.
 
     Returns:
-        The checkpoint.
+        The checkpoint. Its field `damaged` lists the newer ones that could not be read.
 
     Raises:
-        UsageError: There is none.
+        UsageError: The folder has no complete checkpoint.
     """
     problems = list[str]()
     for record_path in sorted(folder.glob("*.json"), reverse=True):

@@ -1,4 +1,4 @@
-"""Outputs of SB3's logger for the figures of each rollout: TensorBoard's events, and a file of JSON lines."""
+"""Outputs of SB3's logger for the metrics of each rollout: TensorBoard events, and a file with JSON lines."""
 
 import contextlib
 import itertools
@@ -18,7 +18,7 @@ from train.run_folder import METRICS_FILE, TENSORBOARD
 
 
 class _TensorBoardEvents(TensorBoardOutputFormat):
-    """TensorBoard's events; events of an earlier session after `steps` are hidden."""
+    """TensorBoard output; TensorBoard hides events that an earlier session wrote after step `steps`."""
 
     def __init__(self, folder: Path, steps: int) -> None:
         self.writer = SummaryWriter(str(folder), purge_step=steps + 1)
@@ -26,19 +26,22 @@ class _TensorBoardEvents(TensorBoardOutputFormat):
 
 
 class _MetricsFile(KVWriter):
-    """File with a line of JSON for each rollout after `steps`; null for a mean of nothing."""
+    """Metrics file, with one line of JSON per rollout; lines after step `steps` are removed first.
+
+    A metric that is NaN, for example a mean of no values, is written as null.
+    """
 
     def __init__(self, folder: Path, steps: int) -> None:
         cut_metrics(folder, steps)
         self._file = (folder / METRICS_FILE).open("a", encoding="utf-8")
 
     def write(self, key_values: dict[str, Any], key_excluded: Mapping[str, tuple[str, ...]], step: int = 0) -> None:
-        """Add a line if there are figures.
+        """Append a line, unless there are no metrics.
 
         Args:
-            key_values: Figures by name.
-            key_excluded: Not used; SB3's formats that leave out a figure.
-            step: Steps of the run.
+            key_values: Name -> value of the metrics.
+            key_excluded: Not used. SB3 passes the output formats that leave out a metric.
+            step: Number of steps of the run.
         """
         if values := {name: float(value) for name, value in sorted(key_values.items())}:
             self._file.write(json.dumps(nan_to_null({"steps": step} | values)) + "\n")
@@ -50,7 +53,7 @@ class _MetricsFile(KVWriter):
 
 
 def cut_metrics(folder: Path, steps: int) -> None:
-    """Remove the metrics of the run in `folder` after `steps`, which will be written again."""
+    """Remove the lines after step `steps` from the metrics file in `folder`, because they will be written again."""
     path = folder / METRICS_FILE
     lines = read_bytes(path, MAX_DATA_SIZE).splitlines(keepends=True) if path.exists() else ()
     kept = itertools.takewhile(lambda line: line.endswith(b"\n") and json.loads(line)["steps"] <= steps, lines)
@@ -59,14 +62,14 @@ def cut_metrics(folder: Path, steps: int) -> None:
 
 @contextlib.contextmanager
 def run_logger(folder: Path, steps: int) -> Iterator[Logger]:
-    """Open the logger of a run.
+    """Open the logger of a run, within a context.
 
-    A failure of TensorBoard's thread, for example a full disk, is raised by the next write and not printed by the
-    thread.
+    TensorBoard writes in a thread. An OSError there, for example on a full disk, is not printed by the thread, because
+    the next write raises it again.
 
     Args:
         folder: Folder of the run.
-        steps: Steps at the start of the session.
+        steps: Number of steps at the start of the session.
 
     Yields:
         The logger.

@@ -1,4 +1,4 @@
-"""Learner: Stable-Baselines3's PPO, started so that the first policy is the base, and its actor as a `Network`."""
+"""Learner: PPO of Stable-Baselines3 with an initial correction of zero, and its actor as a `Network`."""
 
 import dataclasses
 from functools import partial
@@ -22,24 +22,27 @@ MIN_LEARNING_RATE = 1e-5
 MAX_LEARNING_RATE = 1e-2
 """Upper bound of the adaptive learning rate."""
 REWARD_SCALE = 10.0
-"""Factor on the rewards of the learner; it brings returns to about unit size for the value network."""
+"""Factor on the rewards of the learner, with which the returns have a magnitude of about one."""
 
 
 @dataclasses.dataclass
 class AdaptiveRate:
-    """Learning rate that keeps the KL divergence of an update near a target, as in rsl_rl; an SB3 schedule."""
+    """SB3 learning-rate schedule that keeps the KL divergence of an update near a target, as in rsl_rl."""
 
     rate: float
-    """Learning rate."""
+    """Current learning rate."""
     target_kl: float
-    """KL divergence of an update, nat."""
+    """Target of the KL divergence of an update, nat."""
 
     def __call__(self, progress_remaining: float) -> float:
-        """Return the current rate; `progress_remaining` does not matter."""
+        """Return the current rate; `progress_remaining`, which SB3 passes, is not used."""
         return self.rate
 
     def update(self, kl: float) -> None:
-        """Lower the rate if `kl` of the last update is over twice the target, raise it if it is below half."""
+        """Adapt the rate to the KL divergence `kl` of the last update, nat.
+
+        The rate is lowered if `kl` is above twice the target, and raised if `kl` is below half the target.
+        """
         if kl > 2.0 * self.target_kl:
             self.rate = max(self.rate / 1.5, MIN_LEARNING_RATE)
         elif kl < 0.5 * self.target_kl:
@@ -47,7 +50,10 @@ class AdaptiveRate:
 
 
 class AsymmetricPolicy(ActorCriticPolicy):
-    """SB3's actor and critic; only the critic receives the last `privileged` numbers of an observation."""
+    """SB3 policy with an asymmetric actor and critic.
+
+    Only the critic receives the last `privileged` entries of an observation.
+    """
 
     def __init__(self, *args: Any, privileged: int = 0, **kwargs: Any) -> None:
         self._privileged = privileged
@@ -62,19 +68,19 @@ class AsymmetricPolicy(ActorCriticPolicy):
 
 
 class TakeFirst(nn.Module):
-    """Network module that keeps the first `count` numbers of a row."""
+    """Network module that returns the first `count` entries of each row."""
 
     def __init__(self, count: int) -> None:
         super().__init__()
         self._count = count
 
     def forward(self, rows: torch.Tensor) -> torch.Tensor:
-        """Return the first columns of `rows`, (n, k)."""
+        """Return the first `count` columns of `rows`, (n, k)."""
         return rows[:, : self._count]
 
 
 def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
-    """Return the learning-rate schedule of the settings."""
+    """Return the learning rate for SB3: a schedule object or function, or a constant."""
     rate = config.learning_rate
     if config.learning_rate_schedule == "adaptive":
         return AdaptiveRate(rate, config.target_kl)
@@ -82,13 +88,13 @@ def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
 
 
 def _linear_rate(rate: float, remaining: float) -> float:
-    """Return the learning rate of a linear schedule at the remaining share of the run, 1 … 0."""
-    # The remaining share is negative in the last rollout, which goes beyond the last step.
+    """Return the learning rate of a linear schedule at the remaining fraction of the run, from 1 down to 0."""
+    # The fraction is negative at the end of the last rollout, because the rollout may exceed the last step.
     return rate * max(remaining, 0.0)
 
 
 def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
-    """Make a learner with a mean correction of zero.
+    """Make a PPO learner with an initial mean correction of zero, so that its first policy is the base policy.
 
     Args:
         config: Settings of the run.
@@ -98,9 +104,9 @@ def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
         The learner.
 
     Raises:
-        UsageError: There is no GPU for --device cuda.
+        UsageError: --device is cuda, and no GPU is found.
     """
-    # More threads make networks of this size slower, especially while the simulation's threads keep the cores busy.
+    # One thread, because more threads slow down networks of this size while the simulation uses the cores.
     torch.set_num_threads(1)
     if config.device == "cuda" and not torch.cuda.is_available():
         raise UsageError("--device cuda: PyTorch finds no NVIDIA GPU here")
@@ -119,20 +125,20 @@ def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
 
 
 def actor_network(model: PPO) -> Network:
-    """Return the mean of the policy as the NumPy network of a bundle, without the privileged inputs."""
+    """Return the network of the mean correction as a NumPy network for a bundle, without the privileged inputs."""
     layers = _actor_layers(model)
     return Network(tuple(_array(each.weight.T) for each in layers), tuple(_array(each.bias) for each in layers))
 
 
 def set_actor(model: PPO, network: Network) -> None:
-    """Set the mean of the policy to a network.
+    """Copy a network into the learner as the network of its mean correction.
 
     Args:
-        model: Learner.
-        network: Network of a bundle.
+        model: Learner, which is changed.
+        network: Network of a policy bundle.
 
     Raises:
-        ValueError: The network has other widths.
+        ValueError: The layers of the network and of the learner have different widths.
     """
     layers = _actor_layers(model)
     sizes = [layers[0].in_features, *(layer.out_features for layer in layers)]
@@ -150,5 +156,5 @@ def _actor_layers(model: PPO) -> list[nn.Linear]:
 
 
 def _array(tensor: torch.Tensor) -> NDArray[np.float32]:
-    # A copy, since the learner changes its own.
+    # A copy, because the learner changes its own array in place.
     return np.ascontiguousarray(tensor.detach().cpu().numpy().astype(np.float32, copy=True))

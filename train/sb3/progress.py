@@ -1,4 +1,4 @@
-"""Progress of a run and its remaining time: a bar on a terminal, else a line every few seconds."""
+"""Progress display of a run with its remaining time: a bar on a terminal, otherwise a line every few seconds."""
 
 import contextlib
 import math
@@ -17,16 +17,16 @@ from train.training_robots import robots_per_scenario
 
 
 class ProgressEstimator:
-    """Estimates speed and remaining time of one session of a run.
+    """Estimates the speed and the remaining time of a session, which is the part of a run that one process trains.
 
-    Until the first validation has been measured, a control step of a validation scenario is assumed to take as long as
-    one of a training scenario.
+    Before the first validation, a control step of a validation scenario is assumed to take as long as a control step of
+    a training scenario.
 
     Args:
         config: Settings of the run.
-        done: Steps at the start of the session.
-        validated: Steps at the last validation.
-        clock: Returns the time, s.
+        done: Number of steps at the start of the session.
+        validated: Number of steps at the last validation.
+        clock: Function that returns the current time, s.
     """
 
     def __init__(
@@ -40,24 +40,27 @@ class ProgressEstimator:
         self._durations: list[float] = []
 
     def restart(self) -> None:
-        """Start the clock again; the time before was no training."""
+        """Restart the clock, because the time since the start of the session was not spent on training."""
         self._began = self._clock()
 
     @contextlib.contextmanager
     def validation(self, steps: int) -> Iterator[None]:
-        """Measure a validation at `steps` of the run, in a context."""
+        """Measure the duration of the validation at `steps` steps of the run, which runs within the context."""
         began = self._clock()
         yield
         self._durations.append(self._clock() - began)
         self._validated = steps
 
     def rate(self, steps: int) -> float:
-        """Return the speed of this session at `steps`, without its validations, steps per s, at least 1e-9."""
+        """Return the mean speed of the session up to `steps` steps of the run, at least 1e-9, steps per second.
+
+        The time of the validations does not count.
+        """
         seconds = self._clock() - self._began - sum(self._durations)
         return max((steps - self._done) / max(seconds, 1e-9), 1e-9)
 
     def remaining_time(self, steps: int) -> float:
-        """Return the time from `steps` to the end of the run, after its last validation, s."""
+        """Return the estimated time from `steps` steps to the end of the run, validations included, s."""
         ppo = self._config.ppo
         rate = self.rate(steps)
         rollout = ppo.envs * ppo.rollout_steps
@@ -67,7 +70,11 @@ class ProgressEstimator:
         return remaining / rate + validations * self._validation_time(rate)
 
     def _validation_time(self, rate: float) -> float:
-        """Return the duration of a validation, s: the mean of those measured, or the assumption."""
+        """Return the estimated duration of a validation, s: the mean of the measured ones, if any.
+
+        Args:
+            rate: Speed of the training, steps per second, for the estimate before the first validation.
+        """
         if self._durations:
             return sum(self._durations) / len(self._durations)
         ppo = self._config.ppo
@@ -77,30 +84,31 @@ class ProgressEstimator:
 
 
 LINE_PERIOD = 5.0
-"""s. Time between two lines if there is no terminal."""
+"""Time between two lines of progress if the output is not a terminal, s."""
 
 
 class RecentIntervals:
-    """Share of tracked command intervals over the last rollouts.
+    """Fraction of tracked command intervals over the last rollouts.
 
-    Robots that start together end their intervals together, so a single rollout may have none.
+    In a single rollout there may be no end of a command interval, because robots that start together also end their
+    intervals together.
 
     Args:
-        rollouts: Number of rollouts.
+        rollouts: Number of rollouts in the average.
     """
 
     def __init__(self, rollouts: int) -> None:
         self._counts = deque[tuple[float, float]](maxlen=rollouts)
 
     def update(self, intervals: float, tracked: float) -> float:
-        """Add a rollout and return the share over all stored rollouts.
+        """Add a rollout, and return the fraction of tracked command intervals over the last rollouts.
 
         Args:
-            intervals: Number of command intervals that ended.
-            tracked: Share of them that was tracked.
+            intervals: Number of command intervals that ended in the rollout.
+            tracked: Fraction of these intervals that was tracked.
 
         Returns:
-            The share, 0 … 1; NaN without an interval.
+            The fraction, from 0 to 1; NaN if no interval ended.
         """
         self._counts.append((intervals, intervals * tracked if intervals else 0.0))
         ended, tracked_count = map(sum, zip(*self._counts, strict=True))
@@ -108,13 +116,14 @@ class RecentIntervals:
 
 
 def summary(figures: Mapping[str, float]) -> str:
-    """Return the main figures of a rollout, in words.
+    """Describe the main metrics of a rollout in one line of text.
 
-    Reward and errors are means over all steps of the rollout, which do not depend on how many episodes end in it.
+    Reward and errors are means over the steps of the rollout, so that they do not depend on the number of finished
+    episodes.
 
     Args:
-        figures: Statistics of `MultiScenarioVectorEnv.pop_statistics`, `recently_tracked` of `RecentIntervals`, and
-            `success` of the last validation, if there is one.
+        figures: Name -> value: the metrics of `MultiScenarioVectorEnv.pop_statistics`, `recently_tracked` from
+            `RecentIntervals`, and `success` of the last validation, if there is one.
 
     Returns:
         Text, in one line.
@@ -132,11 +141,11 @@ def summary(figures: Mapping[str, float]) -> str:
 
 
 class ProgressDisplay:
-    """Shows the progress of a run on standard output.
+    """Displays the progress of a run on standard output.
 
     Args:
-        total: Steps of the run.
-        estimator: Estimates the remaining time.
+        total: Number of steps of the run.
+        estimator: Estimator of the remaining time.
     """
 
     def __init__(self, total: int, estimator: ProgressEstimator) -> None:
@@ -150,7 +159,7 @@ class ProgressDisplay:
         self._bar.start()
 
     def update(self, steps: int, figures: Mapping[str, float]) -> None:
-        """Show the current `steps` and the latest `figures` by name."""
+        """Display the current number of `steps` and the metrics `figures` (name -> value), see `summary`."""
         minutes, seconds = divmod(round(self.estimator.remaining_time(steps)), 60)
         pace = f"{self.estimator.rate(steps):6,.0f}/s  {minutes:3}:{seconds:02} left"
         line = f"{steps:>10,}/{self._total:,} steps  {pace}  {summary(figures)}"
@@ -161,9 +170,9 @@ class ProgressDisplay:
             self.note(line)
 
     def note(self, text: str) -> None:
-        """Print a line."""
+        """Print `text` as a line, above the bar if there is one."""
         self._console.print(Text(text), soft_wrap=True)
 
     def close(self) -> None:
-        """Remove the bar."""
+        """Stop the progress bar."""
         self._bar.stop()

@@ -1,4 +1,4 @@
-"""A Gymnasium vector environment in the protocol of Stable-Baselines3."""
+"""Adapter from a Gymnasium vector environment to the `VecEnv` interface of Stable-Baselines3."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,18 +18,18 @@ NO_SINGLE_ROBOTS = (
 
 
 class TrainingVecEnv(VecEnv):
-    """A vector environment with same-step autoreset in SB3's protocol.
+    """Vector environment with same-step autoreset, as SB3 expects it.
 
-    SB3's log gets return and length of a finished episode if `env` counts them, as Gymnasium's RecordEpisodeStatistics
-    does.
+    SB3 logs the return and the length of finished episodes if `env` provides them in `infos["episode"]`, as Gymnasium's
+    RecordEpisodeStatistics does.
 
     Args:
-        env: Environment that is trained on.
-        seeds: One for each robot. Every `reset` uses them, until `reset_to_seeds` sets others.
-        reward_scale: Factor on the rewards of the learner.
+        env: Environment to train in.
+        seeds: Seed of each robot. Every `reset` uses the same seeds, until `reset_to_seeds` sets others.
+        reward_scale: Factor on the rewards that the learner receives.
         privileged: Append `infos["privileged"]`, which only the value network may use, to the observations.
-        keep_actions: Keep all actions since the start of the robots in `action_log`, so that a run can be resumed. The
-            memory grows with every step until `reset_to_seeds`.
+        keep_actions: Store all actions since the last reset in `action_log`, so that a run can be resumed. The log
+            grows with every step until the next reset.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class TrainingVecEnv(VecEnv):
     ) -> None:
         (seen,) = env.single_observation_space.shape or (0,)
         self.privileged: int = env.unwrapped.privileged_width if privileged else 0  # type: ignore[attr-defined]
-        """Number of observations for the value network alone, the last of a row."""
+        """Number of entries at the end of an observation that only the value network receives."""
         space = Box(-np.inf, np.inf, (seen + self.privileged,), np.float32)
         super().__init__(env.num_envs, space, env.single_action_space)
         self.env = env
@@ -50,28 +50,28 @@ class TrainingVecEnv(VecEnv):
         self._reward_scale = reward_scale
         self._keep_actions = keep_actions
         self.action_log: list[FloatArray] = []
-        """Actions since the start of the robots, each (n, k); empty without `keep_actions`."""
+        """Actions of all robots in each step since the last reset, each (n, k); empty if `keep_actions` is False."""
         self._no_infos: list[dict[str, Any]] = [{}] * env.num_envs
 
     def reset(self) -> FloatArray:
-        """Start the first episode of every robot and return the observation, (n, m)."""
+        """Reset every robot with its current seed, and return the observation, (n, m)."""
         return self.reset_to_seeds(self._episode_seeds)
 
     def reset_to_seeds(self, seeds: Sequence[int]) -> FloatArray:
-        """Start the first episode of every robot with its entry of `seeds`, and return the observation, (n, m)."""
+        """Reset every robot with its entry of `seeds`, clear `action_log`, and return the observation, (n, m)."""
         self._episode_seeds = seeds
         self.action_log = []
         return self._with_privileged(*self.env.reset(seed=seeds))  # type: ignore[arg-type]  # our batches take one each
 
     def replay(self, seeds: Sequence[int], actions: Sequence[FloatArray]) -> tuple[FloatArray, BoolArray]:
-        """Start with given seeds and repeat given actions.
+        """Reset the robots with given seeds, and execute given actions.
 
         Args:
-            seeds: One for each robot.
-            actions: Actions of the steps, each (n, k).
+            seeds: Seed of each robot.
+            actions: Actions of all robots in each step, each (n, k).
 
         Returns:
-            Last observation, (n, m), and True for robots that start an episode, (n,).
+            The last observation, (n, m), and a mask that is True for robots at the start of an episode, (n,).
         """
         observation = self.reset_to_seeds(seeds)
         finished = np.ones(self.num_envs, np.bool_)
@@ -87,10 +87,11 @@ class TrainingVecEnv(VecEnv):
             self.action_log.append(actions)
 
     def step_wait(self) -> tuple[FloatArray, FloatArray, BoolArray, list[dict[str, Any]]]:
-        """Move the robots.
+        """Execute one step with the stored actions.
 
         Returns:
-            Features, scaled rewards, finished episodes, and infos, which are empty for robots that go on.
+            Observations, (n, m); scaled rewards, (n,); True for robots that finished an episode, (n,); and one
+            dictionary of infos per robot, which is empty if the robot finished no episode.
         """
         observation, rewards, terminated, truncated, infos = self.env.step(self._actions)
         finished = terminated | truncated
@@ -106,7 +107,7 @@ class TrainingVecEnv(VecEnv):
         return self._with_privileged(observation, infos), scaled_rewards, finished, robot_infos
 
     def _with_privileged(self, observation: FloatArray, infos: dict[str, Any]) -> FloatArray:
-        """Append the observations for the value network alone, if there are any."""
+        """Append the observations that only the value network receives, if any, to `observation`."""
         return np.concatenate((observation, infos["privileged"]), axis=1) if self.privileged else observation
 
     def close(self) -> None:
@@ -114,12 +115,12 @@ class TrainingVecEnv(VecEnv):
         self.env.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return the value of `attr_name` for each of the robots in `indices`; they share all attributes."""
+        """Return the value of the attribute `attr_name` once per robot in `indices`; all robots have the same value."""
         value = None if attr_name == "render_mode" else getattr(self, attr_name)
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Raise NotImplementedError: the robots are not objects of their own.
+        """Raise NotImplementedError, because there is no separate object for a single robot.
 
         Args:
             attr_name: Not used.
@@ -132,7 +133,7 @@ class TrainingVecEnv(VecEnv):
         raise NotImplementedError(NO_SINGLE_ROBOTS)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """Raise NotImplementedError: the robots are not objects of their own.
+        """Raise NotImplementedError, because there is no separate object for a single robot.
 
         Args:
             method_name: Not used.
@@ -149,5 +150,5 @@ class TrainingVecEnv(VecEnv):
         raise NotImplementedError(NO_SINGLE_ROBOTS)
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
-        """Return False for each of `indices`; there are no single environments with a `wrapper_class`."""
+        """Return False for each robot in `indices`, because single robots have no wrapper of `wrapper_class`."""
         return [False for _ in self._get_indices(indices)]
