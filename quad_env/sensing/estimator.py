@@ -1,8 +1,8 @@
 """Complementary filter: direction of gravity and velocity of the trunk from the robot's own sensors.
 
-Vectors are in the base frame. g is the unit vector of gravity, ω the angular velocity, f the specific force, v the
-velocity of the trunk's centre, and G 9.81 m/s². A vector that is constant in the world frame turns in the base frame by
-dg/dt = g × ω.
+Vectors are in the base frame. g is the unit vector of gravity, ω the angular velocity, and f the specific force. v is
+the velocity of the trunk's centre, and G is 9.81 m/s². Gravity is constant in the world frame, so in the base frame it
+turns by dg/dt = g × ω.
 
 Gravity uses the linear form of the complementary filter of Mahony, Hamel and Pflimlin (Nonlinear complementary filters
 on the special orthogonal group, IEEE TAC 2008). The centripetal part of the force is subtracted as by Euston et al. (A
@@ -10,11 +10,11 @@ complementary filter for attitude estimation of a fixed-wing UAV, IROS 2008):
 
     g ← g + dt g × ω,    g ← g + dt/TILT_TIME ((ω × v - f)/G - g),    g ← g/|g|
 
-The force is neither normalised nor rejected by its size, because its mean over strides gives gravity and either would
-bias it (0.06 rad in a trot). A steady linear acceleration appears as a tilt.
+The force is not normalised, and large or small forces are not rejected. The mean force over strides gives gravity, and
+either step would bias the mean (0.06 rad in a trot). A steady linear acceleration appears as a tilt.
 
-Velocity: dv/dt = f + G g - ω × v, corrected by the stance feet, because their contact point rests (Bloesch et al.,
-State estimation for legged robots, RSS 2012, as a filter with a constant gain):
+Velocity: dv/dt = f + G g - ω × v. Leg odometry corrects the velocity, because the contact points of stance feet are at
+rest (Bloesch et al., State estimation for legged robots, RSS 2012). Here the correction has a constant gain:
 
     v ← v + dt (f + G g - ω × v),    v ← v + dt/VELOCITY_TIME (v_legs - v(at the time of v_legs))
 """
@@ -29,29 +29,34 @@ from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.robot import Robot
 
 TILT_TIME = 2.0
-"""s. Time constant with which the accelerometer corrects the gyroscope; of 1, 2 and 4 s, 4 s is best without biases."""
+"""Time constant with which the accelerometer corrects the gyroscope, s.
+
+Of 1, 2 and 4 s, 4 s is best if the sensors have no biases.
+"""
 VELOCITY_TIME = 0.1
-"""s. Time constant with which stance feet correct the accelerometer; best of 0.02, 0.05, 0.1, 0.2 and 0.4 s in a
-trot."""
+"""Time constant with which leg odometry corrects the integrated acceleration, s.
+
+The best of 0.02, 0.05, 0.1, 0.2 and 0.4 s in a trot.
+"""
 
 
 class AlignedReadings(NamedTuple):
-    """Sensor readings of k robots that were taken at the same time; `SensorObservation` makes them."""
+    """Sensor readings of k robots, all taken at the same time; made by `SensorObservation`."""
 
     gyro: Array
-    """Angular velocity, (k, 3), rad/s."""
+    """Gyroscope reading: angular velocity, base frame, (k, 3), rad/s."""
     accelerometer: Array
-    """Specific force, (k, 3), m/s²."""
+    """Accelerometer reading: specific force, base frame, (k, 3), m/s²."""
     joints: Array
     """Joint angles, (k, 12), rad."""
     previous_joints: Array
     """Joint angles one encoder sample earlier, (k, 12), rad."""
     sustained_contact: Mask
-    """Feet in contact at this and at the previous sample of their sensors, (k, 4)."""
+    """True for feet in contact at both the present and the previous force sample, (k, 4)."""
     contact: Mask
-    """Feet in contact at this sample, (k, 4)."""
+    """True for feet in contact at the present force sample, (k, 4)."""
     has_new_angles: Mask
-    """True where the encoder sample is a new one, (k,)."""
+    """True for robots with an encoder sample that is newer than in the last control step, (k,)."""
 
     def select(self, mask: Mask) -> "AlignedReadings":
         """Return the readings of the robots where the mask, (k,), is True."""
@@ -59,7 +64,9 @@ class AlignedReadings(NamedTuple):
 
 
 class ComplementaryFilter:
-    """Estimates of n robots by a complementary filter, base frame, at the time that all sensors have reported.
+    """Complementary filter that estimates gravity and velocity of n robots in the base frame.
+
+    The estimates are for the time of the readings, which are as old as the slowest sensor requires.
 
     Args:
         robot: Geometry of the robots.
@@ -70,7 +77,7 @@ class ComplementaryFilter:
     Attributes:
         gravity: Unit vector of gravity, (n, 3).
         velocity: Velocity of the trunk's centre, (n, 3), m/s.
-        gyro_bias: Always 0: this filter estimates no bias, (n, 3), rad/s.
+        gyro_bias: Estimated gyroscope bias, (n, 3), rad/s; always 0, because this filter does not estimate it.
     """
 
     def __init__(self, robot: Robot, num_envs: int, dt: float, encoder_period: float) -> None:
@@ -83,12 +90,12 @@ class ComplementaryFilter:
         self._gyro = np.zeros((num_envs, 3))
 
     def reset(self, env_ids: EnvIndices, specific_force: Array, readings: AlignedReadings) -> None:
-        """Reset the filter of some robots, which are at rest.
+        """Reset the filter of robots that stand still.
 
         Args:
             env_ids: Indices of the robots, (k,).
-            specific_force: Accelerometer mean at rest, base frame, (k, 3), m/s².
-            readings: First readings of these robots.
+            specific_force: Mean accelerometer reading while the robots stand still, base frame, (k, 3), m/s².
+            readings: First readings of the k robots.
         """
         self.gravity[env_ids] = -unit(specific_force)
         self.velocity[env_ids] = 0.0
@@ -99,7 +106,7 @@ class ComplementaryFilter:
 
         Args:
             readings: Time-aligned readings of k robots at the end of the period.
-            env_ids: Their indices, (k,).
+            env_ids: Indices of the k robots, (k,).
         """
         dt = self._dt
         velocity = self.velocity[env_ids]
@@ -118,7 +125,7 @@ class ComplementaryFilter:
     def _correct_velocity(
         self, velocity: Array, acceleration: Array, readings: AlignedReadings, angular_velocity: Array, gravity: Array
     ) -> Array:
-        """Return the velocity corrected by leg odometry, (k, 3), m/s; unchanged without a foot in contact."""
+        """Return the velocity corrected by leg odometry, (k, 3), m/s; unchanged if no foot is in contact."""
         period = self._encoder_period
         leg_velocity, is_known = leg_odometry_velocity(self._robot, readings, angular_velocity, gravity, period)
         error = leg_velocity - (velocity - 0.5 * period * acceleration)
@@ -130,8 +137,9 @@ def leg_odometry_velocity(
 ) -> tuple[Array, Mask]:
     """Compute the velocity of the trunk's centre from the feet in contact (leg odometry).
 
-    The velocity is the one midway between the two encoder samples. The foot is a ball that rolls: its centre p moves
-    with ω_calf × (-r g), so v = ω_calf × (-r g) - ω × p - dp/dt, averaged over the feet in contact.
+    The result is the velocity midway between the two encoder samples. A foot is a ball of radius r that rolls on the
+    ground: its centre moves with velocity ω_calf × (-r g). If p is the position of that centre relative to the trunk's
+    centre, then v = ω_calf × (-r g) - ω × p - dp/dt. The result is the mean of v over the feet in contact.
 
     Args:
         robot: Geometry of the robots.
@@ -141,8 +149,8 @@ def leg_odometry_velocity(
         encoder_period: Time between the two encoder samples, s.
 
     Returns:
-        velocity: Base frame, (k, 3), m/s.
-        is_known: False where no foot is in contact, (k, 1).
+        velocity: Velocity of the trunk's centre, base frame, (k, 3), m/s.
+        is_known: False for robots with no foot in contact, (k, 1).
     """
     joints = readings.joints.reshape(-1, len(robot.leg_names), 3)
     previous_joints = readings.previous_joints.reshape(joints.shape)
@@ -160,7 +168,7 @@ def leg_odometry_velocity(
 
 
 def _calf_angular_velocity(joints: Array, previous_joints: Array, angular_velocity: Array, period: float) -> Array:
-    """Return the angular velocity of the calves midway between samples, base frame, (k, 4, 3), rad/s."""
+    """Return the angular velocity of the calves midway between two encoder samples, base frame, (k, 4, 3), rad/s."""
     speed = (joints - previous_joints) / period
     hip = 0.5 * (joints + previous_joints)[..., 0]
     bend = speed[..., 1] + speed[..., 2]

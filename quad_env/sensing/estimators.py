@@ -1,4 +1,4 @@
-"""Choice of the state estimator by name."""
+"""Names of the state estimators, and their construction by name."""
 
 from quad_env.robots.robot import Robot
 from quad_env.sensing.estimator import ComplementaryFilter
@@ -9,20 +9,20 @@ from quad_env.sensing.suite import SENSORS, SensorSuite
 COMPLEMENTARY = "complementary"
 KALMAN = "kalman"
 ESTIMATORS = (COMPLEMENTARY, KALMAN)
-"""Valid values of `estimator=`; the first is the default."""
+"""Valid values of the argument `estimator`; the first is the default."""
 Estimator = ComplementaryFilter | KalmanFilter
-"""Estimates of n robots that `update` advances by one control period."""
+"""State estimator of n robots; its `update` advances the estimates by one control period."""
 
 
 def check_estimator(name: str, suite: SensorSuite | None) -> None:
-    """Refuse an estimator that does not exist or has no sensors.
+    """Raise ValueError for an unknown estimator, or for one that has no sensors to read.
 
     Args:
         name: Name of the estimator.
-        suite: Sensors of the robots; None for the true state.
+        suite: Sensors of the robots; None if the observation is the true state.
 
     Raises:
-        ValueError: The name is unknown, or an estimator was chosen for the true state.
+        ValueError: The name is unknown, or it is not the default although `suite` is None.
     """
     if name not in ESTIMATORS:
         raise ValueError(f"unknown estimator {name!r}; valid: {', '.join(ESTIMATORS)}")
@@ -35,18 +35,18 @@ def check_estimator(name: str, suite: SensorSuite | None) -> None:
 def make_estimator(
     name: str, robot: Robot, suite: SensorSuite, sensor_models: SensorModels, num_envs: int, dt: float
 ) -> Estimator:
-    """Create the estimator of a name.
+    """Create the estimator named `name`.
 
     Args:
         name: One of `ESTIMATORS`.
         robot: Geometry of the robots.
-        suite: Their sensors.
-        sensor_models: The models of these sensors, which define delay and encoder period.
+        suite: Sensors of the robots.
+        sensor_models: Sensor models of the suite; they give the age of the readings and the encoder period.
         num_envs: Number of robots.
         dt: Control period, s.
 
     Returns:
-        The estimator of n robots.
+        Estimator of `num_envs` robots.
     """
     if name == KALMAN:
         return KalmanFilter(robot, suite, num_envs, dt, sensor_models.alignment_delay)

@@ -1,4 +1,4 @@
-"""Height scan of the ground around the robot: its settings, and the scanner of n robots."""
+"""Height scan of the ground around the robot: settings of the scan, and the scanner of n robots."""
 
 import math
 from collections.abc import Sequence
@@ -22,36 +22,36 @@ from quad_env.sensing.suite import Sampled
 from quad_env.task.observations import ObservationTable, ObservationTerm, observation_table
 
 UNSEEN = -2.0
-"""m. Lowest value of a point: the ground is at least so deep there, or not known yet."""
+"""Value of a point where the ground is at least 2 m below the trunk's centre, or where the scan is lost, m."""
 Count = Annotated[int, Bounds("at least 0", 0)]
 MAX_POINTS = 10_000
-"""Maximum number of points of a scan, which bounds the size of the observation."""
+"""Maximum number of points of a scan; bounds the size of the observation."""
 _SCALE = 2.5
-"""1/m. Factor for learners: a trunk 0.4 m above the ground gives -1."""
+"""Factor by which learners scale the heights, 1/m: a trunk 0.4 m above the ground gives -1."""
 
 
 @dataclass(frozen=True)
 class HeightScan(Sampled):
     """Ground heights on a grid around the trunk's centre, in the heading frame: x forward, y to the left, both level.
 
-    A value is the height of the ground at the point minus the height of the trunk's centre, m, about −0.36 under a
-    robot that stands; clipped to ±2 m. There is no occlusion, and the robot's own legs are not seen. A delayed sample
-    is of the position, heading and height of the trunk when it was taken. A scenario's observation latency and noise
-    come on top.
+    Each value is the ground height at a point minus the height of the trunk's centre, m. The values are clipped to
+    ±2 m; under a standing robot they are about −0.36 m. Nothing occludes the ground, and the scan does not see the
+    robot's own legs. The grid of a delayed sample lies where the trunk was when the sample was taken. The scenario's
+    observation latency and noise are added to the delay and noise of the scan.
     """
 
     delay: Delay = 0.0
-    """s from a sample to its visibility, at the first control step from then on"""
+    """Time after which a sample becomes visible, at the next control step, s"""
     ahead: Count = 8
-    """Points ahead of the trunk's centre"""
+    """Number of grid points in front of the trunk's centre"""
     behind: Count = 8
-    """Points behind it"""
+    """Number of grid points behind the trunk's centre"""
     aside: Count = 5
-    """Points to each side of it"""
+    """Number of grid points to each side of the trunk's centre"""
     spacing: Positive = 0.1
-    """m between two points. The default grid is the one of legged_gym's `measured_points_x` and `_y`"""
+    """Distance between two grid points, m; the default grid is legged_gym's `measured_points_x` and `_y`"""
     noise: NonNegative = 0.0
-    """m, standard deviation of the white noise on each point of each sample"""
+    """Standard deviation of the white noise on each point of each sample, m"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,24 +60,27 @@ class HeightScan(Sampled):
 
     @property
     def _grid(self) -> tuple[int, int]:
-        """Number of points along x and along y."""
+        """Number of grid points along x and along y."""
         return self.behind + self.ahead + 1, 2 * self.aside + 1
 
     @property
     def grid(self) -> Array:
-        """Position x, y of every point, heading frame, (rows, columns, 2), m; from the rear and the right."""
+        """Position x, y of every grid point, heading frame, (rows, columns, 2), m.
+
+        Rows run from the rear to the front, columns from right to left.
+        """
         x = self.spacing * np.arange(-self.behind, self.ahead + 1)
         y = self.spacing * np.arange(-self.aside, self.aside + 1)
         return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
 
     @property
     def points(self) -> Array:
-        """Position x, y of the points in the order of the term's entries, heading frame, (p, 2), m."""
+        """Position x, y of the grid points in the order of the observation's entries, heading frame, (p, 2), m."""
         return self.grid.reshape(-1, 2)
 
     @property
     def term(self) -> ObservationTerm:
-        """Term of the observation that holds this scan."""
+        """Observation term that holds this scan: name, width, unit, bound and scale."""
         unit = "m, ground minus trunk's centre"
         return ObservationTerm("height_scan", math.prod(self._grid), unit, -UNSEEN, _SCALE)
 
@@ -88,11 +91,11 @@ def table_with(robot: Robot, scan: HeightScan | None, user_terms: tuple[Observat
 
     Args:
         robot: The robot.
-        scan: Its height scan, the next term; None for none.
-        user_terms: Terms of a user, the last.
+        scan: Height scan of the robot, added after the robot's own terms; None if there is no height scan.
+        user_terms: Observation terms of a user, added last.
 
     Returns:
-        The table, the same object for the same arguments.
+        The table. Equal arguments return the same object.
     """
     return observation_table(robot, *(() if scan is None else (scan.term,)), *user_terms)
 
@@ -101,13 +104,13 @@ class Scanner:
     """Height scanner of n robots, with noise, rate and delay.
 
     Args:
-        scan: Grid, rate, delay and noise.
-        terrain: The ground.
+        scan: Grid, rate, delay and noise of the scan.
+        terrain: Ground that is scanned.
         num_envs: Number of robots.
-        control_rate: Hz.
+        control_rate: Control rate, Hz.
         latency: Delay that the scenario adds, s.
         noise: Standard deviation of the noise that the scenario adds, m.
-        is_lost: True if every point reads `UNSEEN`.
+        is_lost: True if the scan is lost, so that every point reads `UNSEEN`.
     """
 
     def __init__(
@@ -133,14 +136,14 @@ class Scanner:
 
         Args:
             env_ids: Indices of the robots, (k,).
-            episodes: Their new episodes, k.
+            episodes: New episodes of the k robots.
         """
         if self._noise is not None:
             for env_index, episode in zip(env_ids, episodes, strict=True):
                 self._noise.reset(env_index, episode.streams.scan_noise)
 
     def scan(self, state: QuadState[ScalarOrBatch], clock: Clock, env_ids: EnvIndices) -> NDArray[np.float32]:
-        """Sample the ground where a sample is due, and return the visible samples.
+        """Take the samples that are due in this control step, and return the newest visible sample of each robot.
 
         Args:
             state: States of k robots.
@@ -159,7 +162,7 @@ class Scanner:
         return self._channel.value(clock, env_ids).astype(np.float32)
 
     def _sample(self, state: QuadState[ScalarOrBatch], clock: Clock, env_ids: EnvIndices, rows: EnvIndices) -> Array:
-        """Return new samples of the robots at these rows of the state, (k, p), m."""
+        """Return new samples of the robots `env_ids`, which are at `rows` of the state, (k, p), m."""
         cos, minus_sin = to_heading(state.rotation, cast("Any", (1.0, 0.0)))
         columns = (*state.position, cos, -minus_sin)
         x, y, z, cos, sin = (np.reshape(column, (-1, 1))[rows] for column in columns)
@@ -173,16 +176,16 @@ class Scanner:
 
 
 def make_scanner(scan: HeightScan | None, scenario: Scenario, num_envs: int, control_rate: float) -> Scanner | None:
-    """Create the height scanner of a batch.
+    """Create the height scanner of n robots.
 
     Args:
-        scan: The scan, or None.
-        scenario: Its terrain, observation latency, noise and loss of the scan apply.
+        scan: Settings of the scan; None if the robots have no height scan.
+        scenario: Scenario that sets the terrain, the observation latency, the noise and whether the scan is lost.
         num_envs: Number of robots.
-        control_rate: Hz.
+        control_rate: Control rate, Hz.
 
     Returns:
-        The scanner; None without a scan.
+        The scanner; None if `scan` is None.
 
     Raises:
         ValueError: `scan` is neither None nor a `HeightScan`.

@@ -1,15 +1,18 @@
-"""Error-state Kalman filter of attitude, velocity, IMU biases and foot positions of n robots; feet in contact rest.
+"""Error-state Kalman filter of attitude, velocity, IMU biases and foot positions of n robots.
 
-The process model with its derivatives and the contact model stand in `kalman_models`. The encoders measure the
-positions of the feet. The noise follows from the data of the sensors (`SensorSuite`) and from `KalmanParameters`. Of
-the errors that are constant in an episode only the biases of the IMU are states. The position and mounting of the IMU
-and the zeros of the encoders are part of the noise.
+The filter assumes that feet in contact do not move. `kalman_models` contains the process model, the derivatives of the
+process model, and the contact model. The encoders measure the positions of the feet. The noise is computed from the
+sensor errors (`SensorSuite`) and from `KalmanParameters`. Several sensor errors are constant during an episode. The
+biases of the IMU are states of the filter; the position and mounting of the IMU and the encoder zeros count as noise.
 
-A foot that is probably not in contact gets a large process noise, mostly along the ground. A foot that has just touched
-down, or one under a changing load, gets a smaller one. A foot that is farther from its predicted position than its
-covariance explains, for example a sliding foot, gets as much as explains it.
+The process noise of a foot position depends on the contact:
 
-A sample passes four phases: `predict`, `contact_update`, `measurement_update`, `extrapolate`.
+- A foot that is probably not in contact gets a large noise, mostly along the ground.
+- A foot that has just touched down, or that is under a changing load, gets a smaller noise.
+- A foot may be farther from its predicted position than its covariance explains, for example because it slides. The
+  noise of this foot is increased in proportion to the unexplained squared distance.
+
+The filter processes each sample in four phases: `predict`, `contact_update`, `measurement_update`, `extrapolate`.
 """
 
 from dataclasses import dataclass
@@ -43,63 +46,88 @@ from quad_env.sensing.suite import SensorSuite
 
 @dataclass(frozen=True)
 class KalmanParameters:
-    """Noise of the process model beyond the sensors' data sheets.
+    """Noise of the process model that does not follow from the data sheets of the sensors.
 
-    All values were found on search episodes of `trot` and `trot_feedback`: flat, rough and straight ahead.
+    All values were tuned on search episodes of the policies `trot` and `trot_feedback`. The scenarios were flat ground,
+    rough ground, and walking straight ahead. Std means standard deviation.
     """
 
     gyro_interpolation_noise: float = 0.35
-    """Std of the mean angular velocity over a period, as a fraction of the change between its two samples; a larger
-    value trusts the attitude less while the trunk's rotation changes."""
+    """Std of the mean angular velocity over a control period, as a fraction of the change between the two samples.
+
+    A larger value makes the filter trust the attitude less while the angular velocity of the trunk changes.
+    """
     accelerometer_scale_noise: float = 0.01
-    """Std of the specific force as a fraction of the acceleration: scale, misalignment and averaging on a turning
-    trunk. A larger value trusts the accelerometer less in hard impacts."""
+    """Std of the specific force, as a fraction of the trunk's acceleration.
+
+    Covers scale errors, misalignment, and the averaging of readings while the trunk turns. A larger value makes the
+    filter trust the accelerometer less during hard impacts.
+    """
     lever_arm_noise_gain: float = 0.5
-    """Fraction of the IMU's distance from the trunk's centre that counts as noise in each sample. Its velocity
-    relative to the centre averages out over a stride; a larger value trusts the accelerometer less on a turning
-    trunk."""
+    """Fraction of the IMU's distance from the trunk's centre that counts as noise in each sample.
+
+    The velocity of the IMU relative to the trunk's centre averages out over a stride. A larger value makes the filter
+    trust the accelerometer less while the trunk turns.
+    """
     contact_velocity_std: float = 0.015
-    """m/s. Std of the velocity of a foot in contact along each axis; a larger value lets the velocity follow the legs
-    less."""
+    """Std of the velocity of a foot in contact along each axis, m/s.
+
+    A larger value makes the velocity estimate follow the legs less.
+    """
     encoder_offset_noise_gain: float = 8.0
-    """Factor on the noise from the encoders' zeros, which is nearly constant over the samples of a stance."""
+    """Factor on the noise due to encoder zero offsets; above 1 because this error is correlated during a stance."""
     touchdown_velocity_std: float = 1.2
-    """m/s. Std of the vertical velocity of a foot at touchdown, since soft ground gives way and comes back; a larger
-    value ignores the height of a new contact longer."""
+    """Std of the vertical velocity of a foot at touchdown, m/s.
+
+    Soft ground sinks under a new contact and rises again. A larger value makes the filter ignore the height of a new
+    contact for longer.
+    """
     touchdown_noise_decay: float = 0.013
-    """s. Time in which the touchdown noise falls to 1/e."""
+    """Time in which the std of the touchdown noise falls to 1/e, s."""
     ground_compliance: float = 2e-4
-    """s². Vertical motion of the ground per change of the specific force on the trunk. A foot under several times its
-    static load sinks and comes up again, in every stance; a larger value trusts the feet's heights less then."""
+    """Std of the vertical motion of a stance foot per change of the specific force on the trunk, s².
+
+    In every stance, a foot under several times its static load sinks and rises again. A larger value makes the filter
+    trust the foot heights less while the load changes.
+    """
     swing_horizontal_velocity_std: float = 30.0
-    """m/s. Std of the velocity of a swing foot along the ground. It is so large that swing feet, which move forward on
-    average and fast after a push, do not bias the velocity. The vertical std is the smaller
-    `ContactParameters.swing_speed`: a foot that rises comes down again, and this holds the vertical velocity where the
-    ground lifts the stance feet."""
+    """Std of the velocity of a swing foot along the ground, m/s.
+
+    Swing feet move forward on average, and fast after a push. The std is large so that swing feet do not bias the
+    velocity estimate. The vertical std is `ContactParameters.swing_speed`, which is smaller because a foot that rises
+    comes down again. The smaller value keeps the vertical velocity accurate if the ground lifts the stance feet.
+    """
     slip_innovation_gain: float = 4.0
-    """Factor on the squared innovation of a stance foot beyond its covariance, as a variance; a larger value trusts
-    slipping feet less."""
+    """Factor that converts the squared innovation beyond its covariance to a position variance of a stance foot.
+
+    A larger value makes the filter trust slipping feet less.
+    """
     accelerometer_bias_random_walk: float = 0.014
-    """m/s² per √s. Random walk of the accelerometer's bias; covers unmodelled errors, which look like a changing
-    bias."""
+    """Random walk of the accelerometer bias, m/s² per √s; covers unmodelled errors that look like a changing bias."""
     slip_velocity_inflation: float = 0.05
-    """Fraction of a foot's speed that adds to the std of the velocity in each sample, for feet that read contact for
-    longer than `min_contact_duration` but move: the velocity estimate may be wrong instead."""
+    """Fraction of a foot's speed that is added to the std of the velocity in each sample.
+
+    Applies to feet that read contact for longer than `min_contact_duration` but seem to move. The velocity estimate may
+    be wrong in this case, instead of the foot moving.
+    """
     min_contact_duration: float = 0.025
-    """s. Duration of an uninterrupted contact reading from which `slip_velocity_inflation` applies."""
+    """Duration of an uninterrupted contact reading above which `slip_velocity_inflation` applies, s."""
     initial_velocity_std: float = 0.2
-    """m/s. Std of the velocity along each axis at the start of an episode."""
+    """Std of the velocity along each axis at the start of an episode, m/s."""
     acceleration_extrapolation_gain: float = 0.8
     """Fraction of the last change of the acceleration that is assumed to continue over the delay of the readings."""
     missing_sample_std: float = 1e3
-    """rad. Std of joint angles without a new encoder sample: so large that they correct nothing."""
+    """Std of joint angles if there is no new encoder sample, rad; large enough that old angles correct nothing."""
 
 
 PARAMETERS = KalmanParameters()
 
 
 class SensorErrors(NamedTuple):
-    """Standard deviations of the sensor errors, made by `sensor_errors`; none is 0, so that covariances are regular."""
+    """Standard deviations of the sensor errors, computed by `sensor_errors`.
+
+    The noise and bias entries are above 0, so that the covariances are regular.
+    """
 
     gyro: float
     """White noise of the gyroscope, rad/s."""
@@ -114,9 +142,9 @@ class SensorErrors(NamedTuple):
     zero: float
     """Zero offset of an encoder, rad."""
     lever: float
-    """Position of the IMU along each axis, m."""
+    """Position error of the IMU along each axis, m."""
     mounting: float
-    """Rotation of the IMU about each axis, rad."""
+    """Mounting error of the IMU about each axis, rad."""
 
 
 class FootContactState(NamedTuple):
@@ -125,58 +153,61 @@ class FootContactState(NamedTuple):
     probability: Array
     """Contact probability, (n, 4)."""
     stance_time: Array
-    """Time in contact, weighted by the probability, (n, 4), s."""
+    """Time since touchdown, weighted by the contact probability, (n, 4), s."""
     reading_time: Array
-    """Time of the uninterrupted contact reading, (n, 4), s."""
+    """Time for which the sensor has read contact without interruption, (n, 4), s."""
     jacobians: Array
-    """Foot position with respect to the joint angles, base frame, (n, 4, 3, 3), m/rad."""
+    """Derivative of the foot position with respect to the leg's joint angles, base frame, (n, 4, 3, 3), m/rad."""
 
 
 class PreviousSample(NamedTuple):
-    """Readings and derived values of the last sample."""
+    """Sensor readings of the last sample, and values that were computed from the readings."""
 
     gyro: Array
-    """Reading of the gyroscope, (n, 3), rad/s."""
+    """Gyroscope reading, base frame, (n, 3), rad/s."""
     joints: Array
     """Joint angles, (n, 4, 3), rad."""
     specific_force: Array
-    """Accelerometer reading minus its bias, (n, 3), m/s²."""
+    """Accelerometer reading minus the estimated bias, base frame, (n, 3), m/s²."""
     acceleration: Array
     """Acceleration of the trunk, base frame, (n, 3), m/s²."""
 
 
 Rows = TypeVar("Rows", NominalState, FootContactState, PreviousSample)
-"""State of the filter, with one row per robot in each field."""
+"""Part of the filter state in which every field has one row per robot."""
 
 
 class Prediction(NamedTuple):
-    """Predicted state of k robots at a new sample, before its encoder readings are used."""
+    """Predicted state of k robots at a new sample, before the foot positions of the sample correct the state."""
 
     state: NominalState
     """Predicted motion."""
     covariance: Array
-    """Covariance of its error without the motion of the feet, (k, 24, 24)."""
+    """Covariance of the predicted error, under the assumption that no foot has moved, (k, 24, 24)."""
     acceleration: Array
     """Acceleration of the trunk, base frame, (k, 3), m/s²."""
     previous_acceleration: Array
-    """Acceleration of the sample before, in the new base frame, (k, 3), m/s²."""
+    """Acceleration of the trunk at the sample before, in the new base frame, (k, 3), m/s²."""
     force_change: Array
-    """Magnitude of the change of the specific force, (k, 1, 1, 1), m/s²."""
+    """Magnitude of the change of the specific force since the sample before, (k, 1, 1, 1), m/s²."""
 
 
 class FootMeasurement(NamedTuple):
-    """Foot positions as the encoders of k robots measure them, relative to a prediction."""
+    """Foot positions of k robots, measured by the encoders, relative to the predicted positions."""
 
     innovation: Array
-    """Measured minus predicted position, base frame, (k, 4, 3), m."""
+    """Measured minus predicted foot position, base frame, (k, 4, 3), m."""
     noise: Array
-    """Covariance of the measurement, (k, 4, 3, 3), m²."""
+    """Covariance of the measured foot position, base frame, (k, 4, 3, 3), m²."""
     covariance: Array
-    """Covariance of the predicted error with the motion of the feet, (k, 24, 24)."""
+    """Covariance of the predicted error, including the possible motion of the feet, (k, 24, 24)."""
 
 
 def sensor_errors(suite: SensorSuite) -> SensorErrors:
-    """Return the sensor errors of a `suite`; of the IMU's position and rotation only the magnitude."""
+    """Return the sensor errors of a `suite`.
+
+    The filter does not know the direction of the IMU's position and mounting errors, only their root mean square.
+    """
     imu = suite.imu
     encoders = suite.encoders
     return SensorErrors(
@@ -192,21 +223,21 @@ def sensor_errors(suite: SensorSuite) -> SensorErrors:
 
 
 class KalmanFilter:
-    """Estimates of n robots by an error-state Kalman filter, base frame.
+    """Error-state Kalman filter that estimates gravity, velocity and gyroscope bias of n robots in the base frame.
 
     Args:
         robot: Geometry of the robots.
-        suite: Their sensors.
+        suite: Sensors of the robots.
         num_envs: Number of robots.
         dt: Control period, s.
         delay_steps: Age of the readings, control steps.
 
     Attributes:
-        gravity: Unit vector of gravity now, (n, 3).
-        velocity: Velocity of the trunk's centre now, (n, 3), m/s.
+        gravity: Unit vector of gravity at the present time, (n, 3).
+        velocity: Velocity of the trunk's centre at the present time, (n, 3), m/s.
         gyro_bias: Bias of the gyroscope, (n, 3), rad/s.
         nominal: Estimated motion at the time of the readings, which are `delay_steps` control steps old.
-        contact: Contact of each foot at that time.
+        contact: Contact of each foot at the time of the readings.
         previous: Readings of the last sample.
     """
 
@@ -243,18 +274,21 @@ class KalmanFilter:
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the error of `nominal`, with the IMU's mounting, (n, 24, 24); see `kalman_models`."""
+        """Covariance of the error of `nominal`, including the mounting error of the IMU, (n, 24, 24).
+
+        `kalman_models` defines the order of the entries.
+        """
         out = self._covariance.copy()
         out[:, TILT, TILT] += self._errors.mounting**2 * IDENTITY
         return out
 
     def reset(self, env_ids: EnvIndices, specific_force: Array, readings: AlignedReadings) -> None:
-        """Reset the filter of some robots, which are at rest.
+        """Reset the filter of robots that stand still.
 
         Args:
             env_ids: Indices of the robots, (k,).
-            specific_force: Accelerometer mean at rest, base frame, (k, 3), m/s².
-            readings: First readings of these robots.
+            specific_force: Mean accelerometer reading while the robots stand still, base frame, (k, 3), m/s².
+            readings: First readings of the k robots.
         """
         joints = self._leg_joints(readings)
         gravity = -unit(specific_force)
@@ -277,7 +311,7 @@ class KalmanFilter:
 
         Args:
             readings: Time-aligned readings of k robots at the end of the period.
-            env_ids: Their indices, (k,).
+            env_ids: Indices of the k robots, (k,).
         """
         prediction = self.predict(readings, env_ids)
         measurement = self.contact_update(prediction, readings, env_ids)
@@ -285,14 +319,14 @@ class KalmanFilter:
         self.extrapolate(prediction, readings.gyro, env_ids)
 
     def predict(self, readings: AlignedReadings, env_ids: EnvIndices) -> Prediction:
-        """Propagate the motion and the covariance by one control period with the IMU and the joint angles.
+        """Propagate the motion and the covariance by one control period, from the IMU readings and the joint angles.
 
         Args:
             readings: Readings of k robots at the end of the period.
-            env_ids: Their indices, (k,).
+            env_ids: Indices of the k robots, (k,).
 
         Returns:
-            The prediction; the feet have not moved on the ground yet.
+            The prediction, under the assumption that no foot has moved on the ground.
         """
         state = _select(self.nominal, env_ids)
         previous = _select(self.previous, env_ids)
@@ -310,15 +344,15 @@ class KalmanFilter:
         return Prediction(predicted, covariance, acceleration, previous_acceleration, force_change)
 
     def contact_update(self, prediction: Prediction, readings: AlignedReadings, env_ids: EnvIndices) -> FootMeasurement:
-        """Update the contact probabilities and add the motion of the feet to the predicted covariance.
+        """Update the contact probabilities and add the possible motion of the feet to the predicted covariance.
 
         Args:
             prediction: Result of `predict`.
-            readings: The same readings of k robots.
-            env_ids: Their indices, (k,).
+            readings: Readings that were passed to `predict`.
+            env_ids: Indices of the k robots, (k,).
 
         Returns:
-            The innovation of the feet, its noise, and the covariance with their motion.
+            Innovation of the foot positions, noise of the measurement, and covariance with the motion of the feet.
         """
         robot = self._robot
         gravity = prediction.state.gravity
@@ -341,7 +375,7 @@ class KalmanFilter:
         Args:
             predicted: Predicted motion of k robots.
             measurement: Result of `contact_update`.
-            env_ids: Their indices, (k,).
+            env_ids: Indices of the k robots, (k,).
         """
         covariance = measurement.covariance
         innovation_covariance = covariance[:, FEET, FEET].copy()
@@ -353,11 +387,14 @@ class KalmanFilter:
         _assign(self.nominal, env_ids, kalman_models.inject_error(predicted, error))
 
     def extrapolate(self, prediction: Prediction, gyro: Array, env_ids: EnvIndices) -> None:
-        """Extrapolate from the time of the readings to now with the recent rotation and acceleration.
+        """Extrapolate the estimates from the time of the readings to the present time.
+
+        The angular velocity is assumed constant. The acceleration continues to change by a fraction of its last change,
+        `acceleration_extrapolation_gain`.
 
         Args:
             prediction: Result of `predict`.
-            gyro: Readings of the gyroscope, (k, 3), rad/s.
+            gyro: Gyroscope readings, base frame, (k, 3), rad/s.
             env_ids: Indices of the robots, (k,).
         """
         state = _select(self.nominal, env_ids)
@@ -374,12 +411,15 @@ class KalmanFilter:
         return readings.joints.reshape(-1, *self.previous.joints.shape[1:])
 
     def _step_measurements(self, previous: PreviousSample, readings: AlignedReadings) -> StepMeasurements:
-        """Return the readings of the control period between two samples."""
+        """Return the inputs of the process model for the control period between two samples."""
         mean_gyro = 0.5 * (previous.gyro + readings.gyro)
         return StepMeasurements(mean_gyro, readings.accelerometer, previous.joints, self._leg_joints(readings))
 
     def _initial_covariance(self, gravity: Array) -> Array:
-        """Return the covariance of robots at rest, (k, 24, 24); a bias of the accelerometer is a tilt there."""
+        """Return the covariance of robots that stand still, (k, 24, 24).
+
+        Tilt and accelerometer bias are correlated, because the initial gravity contains the bias.
+        """
         errors = self._errors
         bias_to_tilt = skew(gravity) / GRAVITY
         bias = errors.accelerometer_bias**2 * IDENTITY
@@ -396,7 +436,7 @@ class KalmanFilter:
     def _predict_covariance(
         self, covariance: Array, transition: Array, gyro_change: Array, acceleration: Array
     ) -> Array:
-        """Propagate the covariance by one period, (k, 24, 24), with the noise of the IMU."""
+        """Return the covariance after one control period, with the noise of the IMU, (k, 24, 24)."""
         errors = self._errors
         dt = self._dt
         gyro_gain = transition[:, :, GYRO_BIAS].copy()
@@ -416,7 +456,7 @@ class KalmanFilter:
         return out
 
     def _stance_noise(self, force_change: Array, jacobians: Array, vertical: Array, env_ids: EnvIndices) -> Array:
-        """Return the position covariance that a foot in contact gains in a period, (k, 4, 3, 3), m²."""
+        """Return the position covariance that a foot in contact gains in a control period, (k, 4, 3, 3), m²."""
         dt = self._dt
         jacobian_change = jacobians - self.contact.jacobians[env_ids]
         decay = np.exp(-self.contact.stance_time[env_ids] / PARAMETERS.touchdown_noise_decay)
@@ -437,7 +477,10 @@ class KalmanFilter:
     def _update_contact(
         self, readings: AlignedReadings, innovation: Array, expected: Array, jacobians: Array, env_ids: EnvIndices
     ) -> FootContactState:
-        """Store and return the contact of each foot; `expected` is the innovation covariance in contact."""
+        """Update, store and return the contact of each foot.
+
+        `expected` is the covariance of the innovation of a foot in contact, (k, 4, 3, 3), m².
+        """
         previous = _select(self.contact, env_ids)
         probability = contact_probability(previous.probability, readings.contact, innovation, expected, self._dt)
         stance_time = probability * (previous.stance_time + self._dt)
@@ -447,7 +490,7 @@ class KalmanFilter:
         return contact
 
     def _inflate_velocity(self, covariance: Array, contact: FootContactState, innovation: Array) -> Array:
-        """Return the covariance with a larger one of the velocity where feet read contact but move."""
+        """Return the covariance, with a larger velocity covariance for robots with feet that read contact but move."""
         has_long_reading = contact.reading_time > PARAMETERS.min_contact_duration
         slip_weight = np.where(has_long_reading, 1.0 - contact.probability, 0.0)
         squared_slip = (slip_weight * (innovation * innovation).sum(axis=-1)).sum(axis=-1)
@@ -469,36 +512,39 @@ def _swing_covariance(probability: Array, innovation: Array, expected: Array, ve
 
 
 def _swing_variance(speed_std: float, probability: Array, dt: float) -> Array:
-    """Return the extra variance along an axis, (k, 4), m², up to about (speed_std · dt)² in swing."""
+    """Return the extra position variance of each foot along an axis, (k, 4), m².
+
+    The variance rises from 0 at contact probability 1 to about (speed_std · dt)² at probability 0.
+    """
     rest_std = PARAMETERS.contact_velocity_std
     out: Array = (rest_std * dt) ** 2 * ((speed_std / rest_std) ** (2 - 2 * probability) - 1)
     return out
 
 
 def _foot_blocks(covariance: Array, legs: int) -> Array:
-    """Return the covariance of each foot's position, (k, 4, 3, 3)."""
+    """Return the blocks of the covariance matrix for the position of each foot, (k, 4, 3, 3), m²."""
     return np.stack([covariance[:, kalman_models.foot(leg), kalman_models.foot(leg)] for leg in range(legs)], axis=1)
 
 
 def _add_foot_blocks(matrices: Array, blocks: Array, start: int = FEET.start) -> None:
-    """Add blocks, (k, 4, 3, 3), along the diagonal of the matrices from entry `start` on."""
+    """Add `blocks`, (k, 4, 3, 3), to the diagonal of `matrices` in place, from entry `start` on."""
     for leg in range(blocks.shape[1]):
         entries = slice(start + 3 * leg, start + 3 * leg + 3)
         matrices[:, entries, entries] += blocks[:, leg]
 
 
 def _squared_length(vectors: Array) -> Array:
-    """Return the squared lengths of vectors (k, 3), (k, 1, 1)."""
+    """Return the squared lengths, (k, 1, 1), of the vectors, (k, 3)."""
     out: Array = (vectors * vectors).sum(axis=-1)[:, None, None]
     return out
 
 
 def _select(state: Rows, env_ids: EnvIndices) -> Rows:
-    """Return the rows of some robots."""
+    """Return the filter state of the robots `env_ids`."""
     return type(state)(*(values[env_ids] for values in state))
 
 
 def _assign(state: Rows, env_ids: EnvIndices, rows: Rows) -> None:
-    """Write the rows of some robots in place."""
+    """Write `rows` to the filter state of the robots `env_ids` in place."""
     for target, values in zip(state, rows, strict=True):
         target[env_ids] = values

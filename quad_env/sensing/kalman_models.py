@@ -1,25 +1,26 @@
-"""Models of the Kalman filter: motion of a robot in stance with its error dynamics, and contact of the feet.
+"""Models of the Kalman filter: motion of the robot with its error dynamics, and contact of the feet.
 
-**Motion**, from the robot's own sensors.
+**Motion**, computed from the robot's own sensors.
 Vectors are in the base frame. g is the unit vector of gravity, v the velocity of the trunk's centre, and p the centre
-of each foot relative to the trunk's centre. ω is the gyroscope reading minus its bias, f the mean accelerometer reading
-minus its bias, and G 9.81 m/s². Over a control period dt the base frame turns by ω dt; D = Exp(-ω dt) brings a vector
-into the new frame:
+of each foot relative to the trunk's centre. ω is the gyroscope reading minus the gyroscope bias. f is the mean
+accelerometer reading minus the accelerometer bias, and G is 9.81 m/s². The base frame turns by ω dt over a control
+period dt, and D = Exp(-ω dt) transforms a vector from the base frame at the start of the period to the one at its end:
 
     g ← D g,    v ← D v + dt (½ (D + 1) f + G g),    p ← D p - ½ dt (D v_before + v) + c × (-r g)
 
-The last term is the rolling of a ball-shaped foot of radius r; c is the rotation of its calf in the period. Heading and
-position are no states, because neither can be observed. The model is the one of Bloesch et al., State estimation for
-legged robots (RSS 2012), and of Hartley et al., Contact-aided invariant extended Kalman filtering (IJRR 2020), in the
-base frame, with gravity as the only part of the attitude.
+The last term is the rolling of a ball-shaped foot of radius r, where c is the rotation of the foot's calf during the
+period. Heading and position are not states, because the sensors cannot observe them. The model follows Bloesch et al.,
+State estimation for legged robots (RSS 2012), and Hartley et al., Contact-aided invariant extended Kalman filtering
+(IJRR 2020). Here the states are in the base frame, and gravity is the only part of the attitude.
 
-An error is a vector of `error_dim` entries: the truth minus the estimate. Its parts are `TILT` (a small rotation: the
-true g is Exp(error) g), `VELOCITY`, `GYRO_BIAS`, `ACCELEROMETER_BIAS` and `foot(leg)`.
+An error is a vector of `error_dim` entries: the truth minus the estimate. The parts of the error are `TILT` (a small
+rotation: the true g is Exp(error) g), `VELOCITY`, `GYRO_BIAS`, `ACCELEROMETER_BIAS` and `foot(leg)`.
 
-**Contact** of each foot, from its force sensor and from its motion relative to the predicted position.
+**Contact** of each foot, computed from the force sensor and from the foot's motion relative to the predicted position.
 A hidden Markov model with two states per foot, in contact or not, is updated once per sample. The evidence is the
-sensor reading and the innovation ν, the measured minus the predicted position of a foot in contact, with covariance S.
-A foot without contact has moved by s more along each axis, where s is `swing_speed` times the sample period:
+sensor reading and the innovation ν: the measured foot position minus the position predicted for a foot in contact. The
+innovation of a foot in contact has the covariance S. The innovation of a foot without contact has an extra standard
+deviation s along each axis, where s is `swing_speed` times the sample period:
 
     odds ← prior odds · P(reading | contact)/P(reading | no contact) · N(ν; 0, S)/N(ν; 0, S + s² 1)
 """
@@ -44,7 +45,7 @@ IDENTITY = np.eye(3)
 
 
 class NominalState(NamedTuple):
-    """Estimated motion of k robots, base frame; the Kalman filter holds one for its whole batch."""
+    """Estimated motion of k robots, base frame."""
 
     gravity: Array
     """Unit vector of gravity, (k, 3)."""
@@ -62,28 +63,31 @@ class StepMeasurements(NamedTuple):
     """Sensor readings of k robots over one control period."""
 
     angular_velocity: Array
-    """Mean of the gyroscope at both ends of the period, (k, 3), rad/s."""
+    """Mean of the gyroscope readings at the start and the end of the period, base frame, (k, 3), rad/s."""
     specific_force: Array
-    """Mean reading of the accelerometer, (k, 3), m/s²."""
+    """Mean accelerometer reading over the period, base frame, (k, 3), m/s²."""
     previous_joints: Array
     """Joint angles at the start of the period, (k, 4, 3), rad."""
     joints: Array
-    """Joint angles at its end, (k, 4, 3), rad."""
+    """Joint angles at the end of the period, (k, 4, 3), rad."""
 
 
 class RotatedState(NamedTuple):
-    """A motion of k robots in the base frame of one control period later, and the inputs of its prediction."""
+    """Motion of k robots at the start of a control period, expressed in the base frame at the end of the period.
+
+    The letters in parentheses are the symbols of the module's formulas.
+    """
 
     rotation: Array
-    """D of the module's formulas, from the old base frame to the new one, (k, 3, 3)."""
+    """Rotation from the base frame at the start to the base frame at the end of the period (D), (k, 3, 3)."""
     specific_force: Array
-    """f, old base frame, (k, 3), m/s²."""
+    """Specific force without the bias (f), base frame at the start of the period, (k, 3), m/s²."""
     gravity: Array
-    """D g, (k, 3)."""
+    """Unit vector of gravity (D g), base frame at the end of the period, (k, 3)."""
     velocity: Array
-    """D v, (k, 3), m/s."""
+    """Velocity of the trunk's centre (D v), base frame at the end of the period, (k, 3), m/s."""
     calf_rotation: Array
-    """c, (k, 4, 3), rad."""
+    """Rotation of each calf during the period (c), (k, 4, 3), rad."""
 
 
 def error_dim(robot: Robot) -> int:
@@ -97,7 +101,7 @@ def foot(leg: int) -> slice:
 
 
 def rotate_state(state: NominalState, measurements: StepMeasurements, dt: float) -> RotatedState:
-    """Express a motion in the base frame of one control period later.
+    """Express the motion at the start of a control period in the base frame at the end of the period.
 
     Args:
         state: Motion of k robots at the start of the period.
@@ -105,7 +109,7 @@ def rotate_state(state: NominalState, measurements: StepMeasurements, dt: float)
         dt: Control period, s.
 
     Returns:
-        The rotated motion, the bias-free specific force and the rotation of the calves.
+        The rotated motion, the specific force without bias, and the rotation of the calves.
     """
     angular_velocity = measurements.angular_velocity - state.gyro_bias
     rotation = exp_so3(-dt * angular_velocity)
@@ -123,12 +127,12 @@ def rotate_state(state: NominalState, measurements: StepMeasurements, dt: float)
 
 
 def predict(robot: Robot, state: NominalState, rotated: RotatedState, dt: float) -> NominalState:
-    """Predict the motion one control period later, with all feet at rest on the ground.
+    """Predict the motion one control period later, under the assumption that all feet are in contact.
 
     Args:
         robot: Geometry of the robots.
         state: Motion of k robots at the start of the period.
-        rotated: The same motion, as `rotate_state` returns it.
+        rotated: Result of `rotate_state` for `state`.
         dt: Control period, s.
 
     Returns:
@@ -146,13 +150,13 @@ def predict(robot: Robot, state: NominalState, rotated: RotatedState, dt: float)
 def error_transition_matrix(
     robot: Robot, state: NominalState, measurements: StepMeasurements, rotated: RotatedState, dt: float
 ) -> Array:
-    """Compute the derivatives of the error after `predict` with respect to the error before.
+    """Compute the derivative of the error after `predict` with respect to the error before `predict`.
 
     Args:
         robot: Geometry of the robots.
         state: Motion of k robots at the start of the period.
         measurements: Sensor readings of the period.
-        rotated: The same motion, as `rotate_state` returns it.
+        rotated: Result of `rotate_state` for `state`.
         dt: Control period, s.
 
     Returns:
@@ -180,7 +184,7 @@ def error_transition_matrix(
 def _fill_foot_rows(
     out: Array, robot: Robot, state: NominalState, rotated: RotatedState, bias_to_tilt: Array, dt: float
 ) -> None:
-    """Fill the foot rows of transition matrices; the velocity rows must be complete."""
+    """Fill the foot rows of the transition matrices `out`, which must already contain the velocity rows."""
     gravity_cross = skew(rotated.gravity)
     calf_cross = skew(rotated.calf_rotation)
     feet = matvec(rotated.rotation[:, None], state.feet)
@@ -196,7 +200,7 @@ def _fill_foot_rows(
 
 
 def inject_error(state: NominalState, error: Array) -> NominalState:
-    """Return the motion that differs from `state` by `error`, (k, error_dim)."""
+    """Correct the motion `state` by an estimated `error`, (k, error_dim), and return the result."""
     return NominalState(
         unit(matvec(exp_so3(error[:, TILT]), state.gravity)),
         state.velocity + error[:, VELOCITY],
@@ -207,7 +211,7 @@ def inject_error(state: NominalState, error: Array) -> NominalState:
 
 
 def exp_so3(rotation_vectors: Array) -> Array:
-    """Return the matrices Exp(φ), (…, 3, 3), of `rotation_vectors` φ, (…, 3), rad (Rodrigues)."""
+    """Return the rotation matrices Exp(φ), (…, 3, 3), for `rotation_vectors` φ, (…, 3), rad (Rodrigues' formula)."""
     angle = np.sqrt(np.maximum((rotation_vectors * rotation_vectors).sum(axis=-1), 1e-16))[..., None, None]
     axis = skew(rotation_vectors)
     sine_term = np.sin(angle) / angle
@@ -217,27 +221,39 @@ def exp_so3(rotation_vectors: Array) -> Array:
 
 
 def matvec(matrices: Array, vectors: Array) -> Array:
-    """Multiply each of the `matrices`, (…, 3, 3), with its entry of `vectors`, (…, 3)."""
+    """Multiply each of the `matrices`, (…, 3, 3), by the vector at the same index of `vectors`, (…, 3)."""
     out: Array = (matrices @ vectors[..., None])[..., 0]
     return out
 
 
 @dataclass(frozen=True)
 class ContactParameters:
-    """Parameters of the hidden Markov model of contact, found on search episodes of `trot` and `trot_feedback`."""
+    """Parameters of the hidden Markov model of contact, tuned on search episodes of `trot` and `trot_feedback`."""
 
     liftoff_probability: float = 0.3
-    """Probability that a foot in contact has lost it one sample later; a larger value drops contacts sooner."""
+    """Probability that a foot in contact is no longer in contact one sample later.
+
+    A larger value makes the model drop contacts sooner.
+    """
     touchdown_probability: float = 0.0015
-    """Probability that a foot without contact has it one sample later; small, so that only a foot at rest counts."""
+    """Probability that a foot without contact is in contact one sample later.
+
+    The value is small so that the model accepts a contact only if the foot does not move.
+    """
     true_positive_rate: float = 0.95
-    """Fraction of the samples of feet in contact in which the force sensor reads contact."""
+    """Probability that the force sensor reads contact if the foot is in contact."""
     false_positive_rate: float = 0.17
-    """Fraction of the samples of other feet in which it reads contact; these include feet moving at touchdown."""
+    """Probability that the force sensor reads contact if the model counts the foot as not in contact.
+
+    Feet that touch the ground but still move count as not in contact.
+    """
     swing_speed: float = 1.2
-    """m/s. Std of a foot's speed along each axis without contact; a larger value needs more motion to end a contact."""
+    """Standard deviation of the velocity of a foot without contact, along each axis, m/s.
+
+    A larger value makes the model require more motion to end a contact.
+    """
     max_log_odds: float = 12.0
-    """Limit of the logarithm of the odds in both directions, so that no state becomes certain."""
+    """Limit of the magnitude of the log odds, so that the model never becomes certain."""
 
 
 CONTACT_PARAMETERS = ContactParameters()
@@ -250,7 +266,7 @@ def contact_probability(previous: Array, contact: Mask, innovation: Array, covar
         previous: Contact probability one sample ago, (k, 4).
         contact: Readings of the force sensors, (k, 4) bool.
         innovation: ν, measured minus predicted foot position, base frame, (k, 4, 3), m.
-        covariance: S, of the innovation of a foot in contact, (k, 4, 3, 3), m².
+        covariance: S, covariance of the innovation of a foot in contact, base frame, (k, 4, 3, 3), m².
         dt: Sample period, s.
 
     Returns:
@@ -271,7 +287,7 @@ def contact_probability(previous: Array, contact: Mask, innovation: Array, covar
 
 
 def _log_density(vectors: Array, covariances: Array) -> Array:
-    """Return the logarithm of the normal density up to a constant, (…)."""
+    """Return the logarithm of the zero-mean normal density at `vectors`, up to a constant, (…)."""
     distance = (vectors[..., None, :] @ np.linalg.solve(covariances, vectors[..., None]))[..., 0, 0]
     out: Array = -0.5 * (distance + np.log(np.linalg.det(covariances)))
     return out

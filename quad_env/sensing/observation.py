@@ -21,14 +21,14 @@ from quad_env.task.observations import ObservationTable, observation_table
 
 
 class ObservationDisturbance:
-    """A scenario's disturbances of n robots' observations: joint angle offsets, then noise, then latency.
+    """Disturbs the observations of n robots as a scenario demands: adds joint angle offsets, then noise, then latency.
 
     Args:
-        robot: The robots, for the layout of their observation.
-        scenario: Its noise and observation latency apply.
+        robot: Robot that defines the layout of the observation.
+        scenario: Scenario that sets the noise and the observation latency.
         num_envs: Number of robots.
         dt: Control period, s.
-        has_encoder_offset: True to add the offsets of the joint angles that domain randomisation draws.
+        has_encoder_offset: True to add the joint angle offsets that domain randomisation draws.
     """
 
     def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float, has_encoder_offset: bool) -> None:
@@ -46,7 +46,7 @@ class ObservationDisturbance:
 
         Args:
             env_ids: Indices of the robots, (k,).
-            episodes: Their new episodes, k.
+            episodes: New episodes of the k robots.
         """
         if self._noise is not None:
             for env_index, episode in zip(env_ids, episodes, strict=True):
@@ -55,10 +55,10 @@ class ObservationDisturbance:
             self._offset[env_ids] = [episode.randomised.encoder_offset for episode in episodes if episode.randomised]
 
     def disturb(self, observation: NDArray[np.float32], clock: Clock, env_ids: EnvIndices) -> None:
-        """Disturb the sensed terms of observations in place.
+        """Disturb the sensed terms of the observations in place.
 
         Args:
-            observation: Observations without disturbance, (k, width).
+            observation: Undisturbed observations, (k, width).
             clock: Control steps since the start of the episode, (k,).
             env_ids: Indices of the robots, (k,).
         """
@@ -74,7 +74,7 @@ class ObservationDisturbance:
 
 
 def _observation_noise(table: ObservationTable, scenario: Scenario, num_envs: int) -> Noise | None:
-    """Return the noise of the sensed terms in a scenario; None if it has none."""
+    """Return the noise of the sensed terms; None if the scenario has no noise."""
     if scenario.noise is None:
         return None
     std = np.zeros(table.sensed.stop, np.float32)
@@ -84,14 +84,14 @@ def _observation_noise(table: ObservationTable, scenario: Scenario, num_envs: in
 
 
 class TrueStateObservation:
-    """Builds the observation from the true state, with a scenario's disturbances if it has any.
+    """Builds the observation from the true state, with the disturbances of the scenario.
 
     Args:
-        robot: The robots.
-        disturbance: Noise and latency of the scenario, if it has any.
+        robot: Robot that defines the layout of the observation.
+        disturbance: Joint angle offsets, noise and latency; None for an undisturbed observation.
 
     Attributes:
-        estimator: None; gravity and velocity are the true state's.
+        estimator: Always None, because gravity and velocity come from the true state.
         is_exact: True if the observation is the undisturbed true state.
     """
 
@@ -107,7 +107,7 @@ class TrueStateObservation:
 
         Args:
             env_ids: Indices of the robots, (k,).
-            episodes: Their new episodes, k.
+            episodes: New episodes of the k robots.
         """
         if self._disturbance is not None:
             self._disturbance.reset(env_ids, episodes)
@@ -118,13 +118,13 @@ class TrueStateObservation:
         """Return the observation of some robots.
 
         Args:
-            state: Their present state.
-            command: Command to track next, (3).
+            state: Present state of the k robots.
+            command: Components of the command to track next: forward and lateral m/s, yaw rate rad/s, (3).
             clock: Control steps since the start of the episode, (k,).
             env_ids: Indices of the robots, (k,).
 
         Returns:
-            Observation, (k, width), or (width,) for a state of floats.
+            Observation, (k, width), or (width,) if the state of one robot is given as floats.
         """
         observation = self._table.observe(state, command)
         if self._disturbance is not None:
@@ -132,30 +132,30 @@ class TrueStateObservation:
         return observation
 
     def readings(self) -> dict[str, NDArray[Any]]:
-        """Return no readings: there are no sensors."""
+        """Return an empty dictionary, because there are no sensors."""
         return {}
 
 
 class SensorObservation:
     """Builds the sensed terms of the observation from sensor readings and an estimator instead of the true state.
 
-    `angular_velocity` is the gyroscope reading minus the estimated bias. `joint_position` is the encoder reading, and
-    `joint_velocity` the difference of its last two samples divided by their distance in time. `projected_gravity` and
-    `linear_velocity` are estimated from readings of the same time, which is as old as the slowest of the sensors
-    requires. A scenario's noise and latency come on top.
+    `angular_velocity` is the gyroscope reading minus the estimated bias. `joint_position` is the encoder reading minus
+    the home angles. `joint_velocity` is the difference of the last two encoder samples divided by the sample period.
+    `projected_gravity` and `linear_velocity` are estimated from readings that were all taken at the same time; the
+    slowest sensor determines their age. The noise and latency of the scenario are added afterwards.
 
     Args:
-        robot: The robots.
-        suite: Their sensors.
-        ideal_sensors: Noise-free values of these sensors in the simulation.
+        robot: Geometry and home pose of the robots.
+        suite: Sensors of the robots.
+        ideal_sensors: Noise-free values of the sensors in the simulation.
         num_envs: Number of robots.
-        control_rate: Hz.
-        estimator: One of `ESTIMATORS`.
-        disturbance: Noise and latency of the scenario, if it has any.
+        control_rate: Control rate, Hz.
+        estimator: Name of the estimator, one of `ESTIMATORS`.
+        disturbance: Noise and latency of the scenario; None if the scenario has neither.
 
     Attributes:
-        estimator: Estimates of gravity, velocity and gyroscope bias.
-        is_exact: False; the observation is not the true state.
+        estimator: Estimator of gravity, velocity and gyroscope bias.
+        is_exact: Always False, because the observation is not the true state.
     """
 
     is_exact = False
@@ -178,16 +178,16 @@ class SensorObservation:
         self._sensors = SensorModels(robot, suite, num_envs, control_rate)
         self.estimator = make_estimator(estimator, robot, suite, self._sensors, num_envs, 1 / control_rate)
         self._last_update_step = np.full(num_envs, -1)
-        """Control step of each robot's last update since its start; -1 before the first."""
+        """Control step of each robot's last update, since the start of the episode; -1 before the first, (n,)."""
         self._sensed_terms = np.zeros((num_envs, len(self._bound)), np.float32)
-        """Sensed terms of the observation as of that step."""
+        """Sensed terms of the observation at the last update, (n, width)."""
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
         """Restart the sensors of some robots.
 
         Args:
             env_ids: Indices of the robots, (k,).
-            episodes: Their new episodes, k.
+            episodes: New episodes of the k robots.
         """
         self._last_update_step[env_ids] = -1
         self._sensors.reset(env_ids, episodes)
@@ -200,13 +200,13 @@ class SensorObservation:
         """Return the observation of some robots.
 
         Args:
-            state: Their present state, for the action.
-            command: Command to track next, (3).
-            clock: Control steps since the start of the episode, (k,). A second call in a step reads no sensor again.
+            state: Present state of the k robots, from which the previous action is taken.
+            command: Components of the command to track next: forward and lateral m/s, yaw rate rad/s, (3).
+            clock: Control steps since the start of the episode, (k,). The sensors are read once per control step.
             env_ids: Indices of the robots, (k,).
 
         Returns:
-            Observation, (k, width), or (width,) for a state of floats.
+            Observation, (k, width), or (width,) if the state of one robot is given as floats.
         """
         is_new = self._last_update_step[env_ids] != clock
         if is_new.any():
@@ -217,11 +217,11 @@ class SensorObservation:
         return observation
 
     def readings(self) -> dict[str, NDArray[Any]]:
-        """Return the visible sample of each sensor and its time.
+        """Return the newest visible sample of each sensor, and the time at which it was taken.
 
         Returns:
-            `sensor_<name>`: reading, (n, width), in the sensor's unit.
-            `sensor_<name>_time`: time at which it was taken, (n,), s since the start of the episode.
+            Dictionary with two entries per sensor. `sensor_<name>` -> sample, (n, width), in the unit of the sensor.
+            `sensor_<name>_time` -> time of the sample since the start of the episode, (n,), s.
         """
         clock = np.maximum(self._last_update_step, 0)
         env_ids = np.arange(len(clock))
@@ -253,7 +253,7 @@ class SensorObservation:
             self.estimator.update(readings.select(has_advanced), env_ids[has_advanced])
 
     def _aligned_readings(self, clock: Clock, env_ids: EnvIndices) -> AlignedReadings:
-        """Return readings of all sensors of motion and contact that were taken at the same time."""
+        """Return readings of the IMU, encoders and foot sensors that were all taken at the same time."""
         delay_steps = self._sensors.alignment_delay
         channels = self._sensors.channels
         encoders = channels["joint_position"]
@@ -270,7 +270,7 @@ class SensorObservation:
         )
 
     def _compute_sensed_terms(self, clock: Clock, env_ids: EnvIndices) -> Array:
-        """Return the sensed terms of the observation, clipped to its bounds, (k, width)."""
+        """Return the sensed terms of the observation, clipped to the observation bounds, (k, width)."""
         encoders = self._sensors.channels["joint_position"]
         joints = encoders.value(clock, env_ids)
         joint_change = joints - encoders.previous(clock, env_ids)
@@ -289,7 +289,7 @@ class SensorObservation:
 
 
 ObservationModel = TrueStateObservation | SensorObservation
-"""Source of the observation: the true state, or sensors."""
+"""Observation model: builds the observation from the true state or from sensor readings."""
 
 
 def make_observation_model(
@@ -300,18 +300,18 @@ def make_observation_model(
     num_envs: int,
     control_rate: float,
 ) -> ObservationModel:
-    """Create the observation model of a batch.
+    """Create the observation model of n robots.
 
     Args:
-        suite: Sensors of the robots; None for the true state.
-        estimator: One of `ESTIMATORS`.
-        simulation: The simulated robots.
-        scenario: Its noise, latency and domain randomisation apply.
+        suite: Sensors of the robots; None to observe the true state.
+        estimator: Name of the estimator, one of `ESTIMATORS`.
+        simulation: Simulation of the robots.
+        scenario: Scenario that sets noise, observation latency and domain randomisation.
         num_envs: Number of robots.
-        control_rate: Hz.
+        control_rate: Control rate, Hz.
 
     Returns:
-        The model.
+        The observation model.
     """
     robot = simulation.robot
     dt = 1 / control_rate

@@ -1,4 +1,4 @@
-"""Sensor models of n robots: true values in, biased, noisy, sampled and delayed readings out."""
+"""Sensor models of n robots: convert true values to biased, noisy, sampled and delayed readings."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,15 +13,19 @@ from quad_env.scenarios.episode import EpisodeSample
 from quad_env.sensing.suite import SensorSuite
 
 Clock = NDArray[np.int64]
-"""Control steps of some robots since the start of their episodes, (k,)."""
+"""Control steps since the start of the episode of each robot, (k,)."""
 BLOCK = 50
-"""Control steps. A robot's noise is drawn for so long at once; a larger block saves calls and takes more memory."""
+"""Number of control steps for which noise is drawn at once.
+
+A larger block needs fewer calls of the random generator and more memory.
+"""
 
 
 class Noise:
     """White noise of n robots, from one random stream per robot.
 
-    It is drawn in blocks of control steps: the noise of a step depends on the robot's stream and the step alone.
+    Noise is drawn in blocks of `BLOCK` control steps. The noise of a robot depends only on its stream and on the
+    control step.
 
     Args:
         num_envs: Number of robots.
@@ -32,7 +36,7 @@ class Noise:
         self._std = std
         self._noise = np.zeros((num_envs, BLOCK, len(std)), np.float32)
         self._block = np.full(num_envs, -1)
-        """Number of the block that `_noise` holds, per robot."""
+        """Index of the block that `_noise` holds for each robot, (n,); -1 before the first."""
         self._streams: list[np.random.Generator | None] = [None] * num_envs
 
     def reset(self, env_index: int, stream: np.random.Generator) -> None:
@@ -44,7 +48,7 @@ class Noise:
         """Return the noise of some robots at their control steps.
 
         Args:
-            clock: Control steps since the start of the episode, (k,); they must not decrease from call to call.
+            clock: Control steps since the start of the episode, (k,); must not decrease from call to call.
             env_ids: Indices of the robots, (k,).
 
         Returns:
@@ -66,18 +70,19 @@ class Channel:
 
     Args:
         num_envs: Number of robots.
-        width: Entries of a sample.
+        width: Number of entries of a sample.
         rate: Sample rate, Hz; None for the control rate.
-        delay: Time from taking a sample to seeing it, s.
-        control_rate: Hz; an integer multiple of the sample rate.
-        max_delay_steps: Oldest samples that are read, control steps; at least the delay is kept.
+        delay: Time after which a sample becomes visible, s.
+        control_rate: Control rate, an integer multiple of the sample rate, Hz.
+        max_delay_steps: Largest `delay_steps` that `value` will be called with, control steps. The buffer is always
+            long enough for `delay`.
 
     Raises:
         ValueError: The control rate is no integer multiple of the sample rate.
 
     Attributes:
-        period: Control steps between samples; sample s is taken at control step s * period.
-        delay_steps: Control steps from taking a sample to seeing it.
+        period: Number of control steps between two samples; sample s is taken at control step s * period.
+        delay_steps: Number of control steps after which a sample becomes visible.
     """
 
     def __init__(
@@ -91,15 +96,16 @@ class Channel:
             )
         self.delay_steps = delay_to_steps(delay, control_rate)
         self._control_rate = control_rate
-        # Sample s lies at index s modulo the length, which has room for two samples more: for differences.
+        # Sample s is stored at index s modulo the length. The length has room for older samples, because `previous`
+        # reads the sample before the visible one.
         length = max(max_delay_steps, self.delay_steps) // self.period + 3
         self._samples = np.zeros((length, num_envs, width))
 
     def record(self, values: Array | NDArray[np.float32], clock: Clock, env_ids: EnvIndices) -> None:
-        """Store the values where a sample is due; the first sample of an episode fills the buffer.
+        """Store the readings of robots with a sample due; the first sample of an episode fills the whole buffer.
 
         Args:
-            values: Present readings, (k, width).
+            values: Present readings of k robots, (k, width).
             clock: Control steps since the start of the episode, (k,).
             env_ids: Indices of the robots, (k,).
         """
@@ -110,12 +116,12 @@ class Channel:
             self._samples[:, env_ids[is_first]] = values[is_first]
 
     def value(self, clock: Clock, env_ids: EnvIndices, delay_steps: int | None = None) -> Array:
-        """Return the newest sample that is old enough to be seen; before that, the first sample.
+        """Return the newest visible sample; the first sample of the episode while no sample is visible yet.
 
         Args:
             clock: Control steps since the start of the episode, (k,).
             env_ids: Indices of the robots, (k,).
-            delay_steps: Minimum age of the sample, control steps; by default the sensor's delay.
+            delay_steps: Age from which a sample is visible, control steps; None for the sensor's delay.
 
         Returns:
             Sample, (k, width).
@@ -123,12 +129,12 @@ class Channel:
         return self._samples[self._sample_index(clock, delay_steps) % len(self._samples), env_ids]
 
     def previous(self, clock: Clock, env_ids: EnvIndices, delay_steps: int | None = None) -> Array:
-        """Return the sample before the one of `value`; the first sample precedes itself.
+        """Return the sample before the one that `value` returns; the first sample if `value` returns the first.
 
         Args:
             clock: Control steps since the start of the episode, (k,).
             env_ids: Indices of the robots, (k,).
-            delay_steps: Minimum age of the sample of `value`, control steps; by default the sensor's delay.
+            delay_steps: Age from which a sample is visible, control steps; None for the sensor's delay.
 
         Returns:
             Sample, (k, width).
@@ -136,12 +142,12 @@ class Channel:
         return self.value(clock - self.period, env_ids, delay_steps)
 
     def is_new(self, clock: Clock, delay_steps: int) -> Mask:
-        """Return True, (k,), where the sample at age `delay_steps` became visible in step `clock`."""
+        """Return a mask of the robots with a sample that reaches the age `delay_steps` in step `clock`, (k,)."""
         is_new: Mask = np.logical_and(clock >= delay_steps, (clock - delay_steps) % self.period == 0)
         return is_new
 
     def time(self, clock: Clock) -> Array:
-        """Return the time at which the sample of `value` was taken, (k,), s since the start of the episode."""
+        """Return the time since the start of the episode at which the visible sample was taken, (k,), s."""
         return self._sample_index(clock, None) * self.period / self._control_rate
 
     @property
@@ -150,32 +156,33 @@ class Channel:
         return self.period / self._control_rate
 
     def _sample_index(self, clock: Clock, delay_steps: int | None) -> NDArray[np.int64]:
-        """Return the index of the newest visible sample of the episode, (k,)."""
+        """Return the number of the newest visible sample, counted from 0 at the start of the episode, (k,)."""
         age = self.delay_steps if delay_steps is None else delay_steps
         return np.maximum((clock - age) // self.period, 0)
 
 
 def delay_to_steps(delay: float, control_rate: float) -> int:
-    """Return the control steps of a `delay`, s, at the `control_rate`, Hz, rounded up to the next step."""
+    """Convert a `delay`, s, to control steps at the `control_rate`, Hz, rounded up."""
     return math.ceil(delay * control_rate - 1e-9)
 
 
 class SensorModels:
     """Sensor models of n robots: bias, noise, range, resolution, rate and delay.
 
-    A reading is the true value + bias + noise, then clipped to the range or rounded to a step of an encoder. A foot is
-    in contact where its reading is at least its threshold.
+    A reading is the true value + bias + noise. Readings are clipped to the range, and joint angles are rounded to a
+    step of the encoder. A foot sensor reads contact if its force is at least the threshold.
 
     Args:
-        robot: The robots' joints, legs and rated torque.
-        suite: Their sensors.
+        robot: Robot with its joints, legs and rated torque.
+        suite: Sensors of the robots.
         num_envs: Number of robots.
-        control_rate: Hz.
+        control_rate: Control rate, Hz.
 
     Attributes:
-        bias: Biases of each robot's present episode, (n, 34), in the order of the channels.
-        channels: Sensor name -> its samples.
-        alignment_delay: Age, in control steps, at which all sensors of motion and contact have reported.
+        bias: Bias of every sensor entry in the present episode of each robot, in the order of `channels`, (n, 34).
+        channels: Sensor name -> buffer of the sensor's samples.
+        alignment_delay: Age from which samples of the IMU, the encoders and the foot sensors are all visible, control
+            steps.
     """
 
     def __init__(self, robot: Robot, suite: SensorSuite, num_envs: int, control_rate: float) -> None:
@@ -212,7 +219,7 @@ class SensorModels:
 
         Args:
             env_ids: Indices of the robots, (k,).
-            episodes: Their new episodes, k.
+            episodes: New episodes of the k robots.
         """
         start = self._widths["gyro"] + self._widths["accelerometer"]
         encoders = slice(start, start + self._widths["joint_position"])
@@ -224,7 +231,7 @@ class SensorModels:
             self._noise.reset(env_index, stream)
 
     def read(self, true_values: Mapping[str, Array], clock: Clock, env_ids: EnvIndices) -> None:
-        """Record the readings of the sensors where a sample is due.
+        """Record a reading of each sensor that has a sample due in this control step.
 
         Args:
             true_values: Sensor name -> noise-free value, (k, width).
@@ -241,20 +248,20 @@ class SensorModels:
             start += width
 
     def specific_force_at_rest(self, up: Array, env_ids: EnvIndices) -> Array:
-        """Return the mean accelerometer readings of robots at rest.
+        """Return the mean accelerometer readings of robots that stand still.
 
         Args:
-            up: World vertical in the axes of the IMU, (k, 3).
+            up: World vertical, IMU axes, (k, 3).
             env_ids: Indices of the robots, (k,).
 
         Returns:
-            Specific force with the bias, without noise, (k, 3), m/s².
+            Specific force with bias and without noise, IMU axes, (k, 3), m/s².
         """
         start = self._widths["gyro"]
         return GRAVITY * up + self.bias[env_ids, start : start + self._widths["accelerometer"]]
 
     def _quantize(self, name: str, readings: Array) -> Array:
-        """Return contacts as 0 or 1 and joint angles in steps of the encoder."""
+        """Convert foot forces to contact, 0 or 1, and round joint angles to encoder steps; return others unchanged."""
         if name == "foot_contact":
             return (readings >= self._contact_threshold).astype(np.float64)
         if name == "joint_position" and self._encoder_step:
@@ -262,5 +269,5 @@ class SensorModels:
         return readings
 
     def _repeat(self, *value_by_sensor: float) -> Array:
-        """Repeat a value per sensor for each of its entries, (34,)."""
+        """Return an array with the value of each sensor repeated for all entries of that sensor, (34,)."""
         return np.repeat(np.array(value_by_sensor), list(self._widths.values()))

@@ -1,8 +1,8 @@
-"""Sensors of a robot and their errors, as values in physical units.
+"""Sensors of a robot and the errors of the sensors, as values in physical units.
 
-A sensor is sampled at control steps, `rate` times a second from the start of the episode, and holds each sample until
-the next. A sample is visible `delay` after it was taken, at the first control step from then on. Offsets are errors:
-readers of the sensors do not know them.
+A sensor is sampled at control steps, `rate` times a second from the start of the episode. It holds each sample until
+the next one. A sample becomes visible at the first control step that is at least `delay` after the sample was taken.
+Biases and offsets are errors: the estimator and the policy do not know them.
 """
 
 import math
@@ -15,84 +15,88 @@ from quad_env.scenarios.disturbances import Delay
 
 @dataclass(frozen=True)
 class Sampled(Settings):
-    """Sample rate and delay, the base of every sensor."""
+    """Sample rate and delay; base class of every sensor."""
 
     rate: Positive | None = None
-    """Samples a second; the control rate is an integer multiple of it. None: the control rate"""
+    """Sample rate, Hz; the control rate must be an integer multiple of it. None for the control rate"""
     delay: Delay = 0.01
-    """s; one control step by default: a measurement of one step is used in the next"""
+    """Time after which a sample becomes visible, s; by default one control step"""
 
 
 @dataclass(frozen=True)
 class Imu(Sampled):
-    """Gyroscope and accelerometer on the trunk, which share clock and mounting.
+    """Gyroscope and accelerometer on the trunk, with a common sample clock and a common mounting.
 
     The ranges are from a MEMS device for robots (Bosch BMI088: ±2000 °/s, ±24 g). The noise follows from densities
-    of 0.014 °/s/√Hz and 175 µg/√Hz in a band of 50 Hz, half a rate of 100 Hz. The gyroscope's bias is typical of a
-    MEMS device after a moment at rest, the accelerometer's of one as soldered (20 mg).
+    of 0.014 °/s/√Hz and 175 µg/√Hz in a band of 50 Hz, which is half of a rate of 100 Hz. The gyroscope bias is typical
+    of a MEMS device that was calibrated while the robot stood still for a moment. The accelerometer bias (20 mg) is
+    typical of a soldered device without calibration.
     """
 
     gyro_bias: NonNegative = 0.003
-    """rad/s; standard deviation over episodes of each axis' bias, which is constant in an episode"""
+    """Standard deviation of the gyroscope bias of each axis over episodes, rad/s; constant during an episode"""
     gyro_noise: NonNegative = 0.0017
-    """rad/s; standard deviation of the white noise on each axis of each sample"""
+    """Standard deviation of the white noise on each axis of each gyroscope sample, rad/s"""
     gyro_range: Positive = 34.9
-    """rad/s; readings saturate at ± this"""
+    """Magnitude at which gyroscope readings saturate, rad/s"""
     accelerometer_bias: NonNegative = 0.2
-    """m/s²; as `gyro_bias`"""
+    """Standard deviation of the accelerometer bias of each axis over episodes, m/s²; constant during an episode"""
     accelerometer_noise: NonNegative = 0.012
-    """m/s²; as `gyro_noise`"""
+    """Standard deviation of the white noise on each axis of each accelerometer sample, m/s²"""
     accelerometer_range: Positive = 235.0
-    """m/s²; as `gyro_range`"""
+    """Magnitude at which accelerometer readings saturate, m/s²"""
     position: tuple[Finite, Finite, Finite] = (0.01, 0.01, 0.01)
-    """m, base frame; error of the position: from the trunk's centre, its assumed position, to the true one. The sensor
-    reads the specific force there: α × r + ω × (ω × r) more than at the centre."""
+    """Position error r of the IMU: true position relative to the trunk's centre, base frame, m. The estimator assumes
+    that the IMU is at the trunk's centre. The accelerometer reads α × r + ω × (ω × r) more than at the centre."""
     rotation: tuple[Finite, Finite, Finite] = (0.005, 0.005, 0.005)
-    """rad; error of the mounting: roll, pitch and yaw, in the order yaw, pitch, roll, from the base frame, its assumed
-    axes, to the true axes. 0.3° is a careful assembly."""
+    """Mounting error of the IMU: roll, pitch and yaw from the base frame to the true IMU axes, rad. The rotations are
+    in the order yaw, pitch, roll. The estimator assumes the axes of the base frame. 0.3° is a careful assembly."""
 
 
 @dataclass(frozen=True)
 class Encoders(Sampled):
-    """Absolute angle encoders on the joints; joint velocity is the difference of two samples over their time.
+    """Absolute angle encoders on the joints; joint velocity is the difference of two samples divided by their period.
 
-    Magnetic encoders have 12 to 16 bits and transition noise about 0.06° (ams AS5046, 12 bits; AS5048, 14 bits).
+    Magnetic encoders have 12 to 16 bits and a transition noise of about 0.06° (ams AS5046, 12 bits; AS5048, 14 bits).
     """
 
     bits: Annotated[int, Bounds("from 1 to 32", 1, 32)] | None = 14
-    """Resolution: steps of 2π/2^bits rad; None for floating-point resolution"""
+    """Resolution in bits: one encoder step is 2π/2^bits rad; None for floating-point resolution"""
     noise: NonNegative = 0.001
-    """rad; standard deviation of the white noise on each sample, before it is rounded to a step"""
+    """Standard deviation of the white noise on each sample before rounding to encoder steps, rad"""
     zero_offset: NonNegative = 0.005
-    """rad; standard deviation of the zero offset over episodes and joints, constant in an episode. 0.3° is a robot
-    with joints zeroed in a jig"""
+    """Standard deviation of the zero offset over episodes and joints, rad; constant during an episode. 0.3° is a robot
+    with joints that were zeroed in a jig"""
 
     @property
     def step(self) -> float:
-        """Resolution, rad; 0 without a finite one."""
+        """Encoder step, rad; 0 if `bits` is None."""
         return 0.0 if self.bits is None else 2 * math.pi / 2**self.bits
 
 
 @dataclass(frozen=True)
 class FootContact(Sampled):
-    """Force sensors in the feet, read as contact or none; each foot carries 35 N of a robot that stands on four."""
+    """Force sensors in the feet that read contact or no contact.
+
+    Each foot carries 35 N if the robot stands on four feet.
+    """
 
     threshold: Positive = 10.0
-    """N; minimum force that reads as contact"""
+    """Minimum force that reads as contact, N"""
     noise: NonNegative = 1.0
-    """N; standard deviation of the white noise on each sample"""
+    """Standard deviation of the white noise on the force of each sample, N"""
 
 
 @dataclass(frozen=True)
 class JointTorque(Sampled):
-    """Torque sensors of the joints' drives; the defaults are one per cent of SimpleQuad's range."""
+    """Torque sensors of the joint drives; the default bias and noise are one per cent of SimpleQuad's range."""
 
     bias: NonNegative = 1.0
-    """N·m; standard deviation over episodes and joints, constant in an episode"""
+    """Standard deviation of the bias over episodes and joints, N·m; constant during an episode"""
     noise: NonNegative = 1.0
-    """N·m; standard deviation of the white noise on each sample"""
+    """Standard deviation of the white noise on each sample, N·m"""
     range: Positive | None = None
-    """N·m; readings saturate at ± this; None: the robot's rated torque"""
+    """Magnitude at which readings saturate, N·m; None for the robot's rated torque"""
 
 
 @dataclass(frozen=True)
@@ -122,22 +126,22 @@ IDEAL = SensorSuite(
     FootContact(rate=None, delay=0.0, noise=0.0),
     JointTorque(rate=None, delay=0.0, bias=0.0, noise=0.0, range=1e4),
 )
-"""Sensors without noise, bias, offset or delay: only the estimation error is left."""
+"""Sensors that have no noise, bias, offset or delay, so that the estimator causes all errors."""
 TRUTH = "truth"
 SENSORS = {"ideal": IDEAL, "typical": SensorSuite()}
 
 
 def sensor_suite(name: str | SensorSuite | None) -> SensorSuite | None:
-    """Return the suite of a name.
+    """Return the sensor suite named `name`.
 
     Args:
-        name: One of `SENSORS`, `TRUTH`, a suite, or None for the true state.
+        name: A key of `SENSORS`, or a suite, which is returned unchanged. `TRUTH` or None for the true state.
 
     Returns:
-        The suite; None for the true state.
+        The suite; None if the observation is the true state.
 
     Raises:
-        ValueError: The name is unknown; the message lists the valid ones.
+        ValueError: The name is unknown; the message lists the valid names.
     """
     if name is None or isinstance(name, SensorSuite):
         return name
