@@ -74,6 +74,9 @@ class ProgressEstimator:
 
         Args:
             rate: Speed of the training, steps per second, for the estimate before the first validation.
+
+        Returns:
+            The duration, s.
         """
         if self._durations:
             return sum(self._durations) / len(self._durations)

@@ -1,1 +1,1 @@
-"""Search of parameters by CMA-ES: one search, over a table of subjects."""
+"""Search of policy parameters by CMA-ES: the search itself, its trials and costs, and the search of a trot."""

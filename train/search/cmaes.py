@@ -1,8 +1,8 @@
-"""Search of policy parameters by CMA-ES: options, problem, generations, and the files that it writes.
+"""Search of policy parameters by CMA-ES: options, problem, generations, and output files.
 
-The candidates of a generation are simulated together on the same episodes. Each generation has new episodes, all from
-the "search" family of seeds, which neither training nor evaluation draws. The result is written as JSON, and a report
-in Markdown says how it was found and how the parameters changed.
+A candidate is a set of parameters. All candidates of a generation are simulated together on the same episodes. Every
+generation has new episodes. Their seeds belong to the purpose "search", so that no training or evaluation uses them.
+The result is written as JSON. A report in Markdown describes the search and the change of the parameters.
 """
 
 import json
@@ -26,14 +26,15 @@ from quad_env.seeding import episode_seeds
 from train.search.trials import Seeds
 
 Ranges = Mapping[str, tuple[float, float]]
-"""Bounds of the parameters that are searched, by field name."""
+"""Name of the searched parameter -> lower and upper bound."""
 MARGIN = 0.02
-"""Smallest distance of the start from the faces of the unit cube."""
+"""Smallest distance between the start of the search and the faces of the unit cube."""
 MIN_EPISODE_STEPS = round(SETTLING_TIME / CONTROL_PERIOD) + 1
-"""Shortest episode, control steps: one step longer than the settling time, which no measure counts."""
+"""Shortest episode: one step longer than the settling time, which the measures ignore, control steps."""
 
 TRIALS_SUFFIX = ".trials.jsonl"
-"""Suffix of the file of candidates and costs: a line for each generation, with the new mean of the distribution."""
+"""Suffix of the file of trials. Each line has the candidates of a generation, their costs, and the new mean of CMA-ES.
+"""
 
 P = TypeVar("P", bound=Parameters)
 
@@ -82,37 +83,37 @@ E = TypeVar("E", bound=SearchOptions)
 
 @dataclass(frozen=True)
 class SearchProblem(Generic[P]):
-    """A search: its start, the ranges of its parameters, its cost function and its files.
+    """Definition of a search: start, ranges of the parameters, cost function and output files.
 
-    Each parameter goes from 0 to 1 over its range, so that CMA-ES searches the unit cube.
+    Each parameter is scaled to 0 … 1 over its range, so that CMA-ES searches the unit cube.
     """
 
     start: P
-    """Parameters that the search starts from."""
+    """Parameters at the start of the search."""
     ranges: Ranges
-    """Bounds of the parameters that are searched."""
+    """Bounds of the searched parameters."""
     costs: Callable[[list[P], Seeds], Sequence[float] | Floats]
-    """Returns the cost of each candidate on the episodes of the seeds."""
+    """Function that returns the cost of each candidate on the episodes with the given seeds."""
     finalize: Callable[[P], tuple[str, str]]
-    """Returns the text of the parameter file and the report in Markdown, from the mean of the last generation."""
+    """Function that converts the mean of the last generation to the text of the parameter file and of the report."""
     file: Path
-    """Default file of the result."""
+    """Default path of the parameter file that the search writes."""
     account: str
-    """File name of the report, in the folder of the result."""
+    """Name of the report file, which is written next to the parameter file."""
     digits: int | None = None
-    """Decimals that candidates are rounded to; None for no rounding."""
+    """Number of decimals to which the parameters of candidates are rounded; None for no rounding."""
     diagonal: bool = False
-    """Search with a diagonal covariance: with many parameters there are too few candidates to learn a full one."""
+    """True: CMA-ES uses a diagonal covariance, because the candidates are too few to learn a full one."""
 
 
 def decode(point: Floats, start: P, ranges: Ranges, digits: int | None = None) -> P:
     """Convert a point of the unit cube to parameters.
 
     Args:
-        point: Point of the unit cube, one coordinate for each entry of `ranges`.
-        start: Source of the fields that are not searched.
-        ranges: Bounds of the parameters that are searched.
-        digits: Decimals to round to; None for no rounding.
+        point: Point of the unit cube, with one coordinate for each entry of `ranges`.
+        start: Parameters with the values of the fields that are not searched.
+        ranges: Bounds of the searched parameters.
+        digits: Number of decimals to which searched parameters are rounded; None for no rounding.
 
     Returns:
         The parameters.
@@ -122,7 +123,7 @@ def decode(point: Floats, start: P, ranges: Ranges, digits: int | None = None) -
 
 
 def encode(parameters: Parameters, ranges: Ranges) -> Floats:
-    """Convert `parameters` to the point of the unit cube over `ranges`."""
+    """Convert `parameters` to a point of the unit cube; `ranges` has the bounds of the searched parameters."""
     return np.array([(getattr(parameters, name) - low) / (high - low) for name, (low, high) in ranges.items()])
 
 
@@ -132,7 +133,7 @@ def round_parameters(parameters: P) -> P:
 
 
 def generation_seeds(options: SearchOptions) -> list[Seeds]:
-    """Return the seeds of the episodes of each generation, new ones in each."""
+    """Return the seeds of the episodes of each generation. No two generations have a seed in common."""
     seeds = episode_seeds("search", options.seed, options.generations * options.episodes)
     return [seeds[first : first + options.episodes] for first in range(0, len(seeds), options.episodes)]
 
@@ -141,15 +142,15 @@ def search(make_problem: Callable[[E], SearchProblem[Any]], options: E) -> int:
     """Run a search and write its files.
 
     Args:
-        make_problem: Makes the problem from the options.
-        options: Options; UsageError for numbers beyond their limits.
+        make_problem: Function that makes the search problem from the options.
+        options: Options of the search. UsageError is raised for numbers outside their limits.
 
     Returns:
         The exit code, 0.
 
     Raises:
-        UsageError: The options or files cannot be used.
-        KeyboardInterrupt: After Ctrl-C, with the name of the file of generations if there are any.
+        UsageError: The options are not valid, or a file cannot be read or written.
+        KeyboardInterrupt: After Ctrl-C. The message names the file of trials, if a generation is complete.
     """
     check_numbers(options, limits_of(options))
     problem = make_problem(options)
@@ -182,11 +183,11 @@ def evolve(options: SearchOptions, problem: SearchProblem[P]) -> Iterator[tuple[
     """Run the generations of CMA-ES.
 
     Args:
-        options: Budget and seed.
-        problem: Problem.
+        options: Number and size of the generations, initial spread, and seed.
+        problem: Search problem.
 
     Yields:
-        Mean of the distribution after each generation, and the candidates with their costs.
+        After each generation, the mean of the distribution as parameters, and its candidates with their costs.
     """
     import cma
 
@@ -214,9 +215,9 @@ def save(path: Path, text: str, *, show: bool = False) -> None:
     """Write a text file.
 
     Args:
-        path: File.
-        text: Contents. They are printed if the file cannot be written.
-        show: Also print them.
+        path: File to write.
+        text: Contents of the file. They are printed if the file cannot be written.
+        show: True: print the contents in any case.
 
     Raises:
         UsageError: The file cannot be written.
@@ -233,12 +234,12 @@ def save(path: Path, text: str, *, show: bool = False) -> None:
 
 
 def describe_method(program: str, options: SearchOptions, scenarios: str) -> str:
-    """Describe the search, for its report.
+    """Describe the method and the budget of a search, for its report.
 
     Args:
         program: Command of the search, for example `python -m train search trot`.
-        options: Its options.
-        scenarios: Names of its scenarios, separated by commas.
+        options: Options of the search.
+        scenarios: Names of the scenarios of the search, separated by commas.
 
     Returns:
         A sentence.
@@ -251,13 +252,13 @@ def describe_method(program: str, options: SearchOptions, scenarios: str) -> str
 
 
 def parameter_table(before: Parameters, after: Parameters, ranges: Ranges, fitted: Collection[str] = ()) -> list[str]:
-    """Tabulate the parameters before and after the search.
+    """Tabulate the parameters before and after a search.
 
     Args:
-        before: Parameters before.
-        after: Parameters after.
-        ranges: Bounds of the parameters that were searched.
-        fitted: Names of the parameters that were fitted afterwards.
+        before: Parameters before the search.
+        after: Parameters after the search.
+        ranges: Bounds of the searched parameters.
+        fitted: Names of the parameters that were fitted after the search.
 
     Returns:
         Lines of a Markdown table.
@@ -279,14 +280,14 @@ COLUMNS = {
     "flight": "flight",
     "trunk_height": "trunk height",
 }
-"""Heading of each measure in a report, which shows the mean."""
+"""Name of the measure -> heading of its column in a report. The column has the mean over the episodes."""
 
 
 def results_table(rows: Iterable[tuple[str, str, Measures]]) -> list[str]:
     """Tabulate the results before and after a search.
 
     Args:
-        rows: Scenario, `before` or `after`, and measures of the episodes.
+        rows: Rows of the table: the scenario, the word `before` or `after`, and the measures of the episodes.
 
     Returns:
         Lines of a Markdown table.

@@ -1,4 +1,4 @@
-"""Trials of a search: episodes of many candidates on many scenarios in one batch, and the cost of an episode."""
+"""Trials of a search: simulates many candidates on many scenarios together, and computes the cost of an episode."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
@@ -21,27 +21,31 @@ from quad_env.scenarios.scenario import HARDWARE, Scenario
 from train.curriculum import Purpose, with_terrain_seed
 
 SCENARIOS_PER_BATCH = 7
-"""Number of scenarios that a comparison simulates together: more are faster, and their records need more memory."""
+"""Number of scenarios that a comparison simulates together. More scenarios are faster and need more memory (RAM)."""
 Seeds = NDArray[np.int64]
 
 
 class SaturatingCost(NamedTuple):
-    """Cost of a measure: `maximum` x / (1 + x), where x = (measure - threshold) / scale, and zero below x = 0."""
+    """Cost function of a measure: `maximum` * x / (1 + x) with x = max((measure - threshold) / scale, 0)."""
 
     maximum: float
     """Upper bound of the cost."""
     threshold: float
-    """Value up to which the cost is zero, in the unit of the measure."""
+    """Value of the measure at which the cost begins to rise from zero, in the unit of the measure."""
     scale: float
-    """Distance from the threshold at which the cost is half the maximum; negative if smaller values cost more."""
+    """Distance from the threshold at which the cost is half of `maximum`, in the unit of the measure.
+
+    The scale is negative if smaller values of the measure cost more."""
 
 
 OUTCOME_COSTS = dict(zip(OUTCOMES, (0.0, 1.0, 1.5, 2.0, 2.0, 2.0), strict=True))
-"""Cost of an episode's outcome. All graded costs together add up to at most the smallest cost of a failure."""
+"""Outcome of an episode -> cost. The sum of all graded costs is at most the smallest cost of a failure.
+
+A graded cost varies continuously with a measure: see `DEVIATION_COST` and `GRADES`."""
 DEVIATION_COST = 0.1
-"""Upper bound of the graded cost of the worst command interval."""
+"""Upper bound of the graded cost of the command interval with the largest deviation from its command."""
 MAX_DEVIATION = 4.0
-"""Deviation of the worst command interval, per allowed deviation, at which its cost is DEVIATION_COST."""
+"""Deviation at which the graded cost reaches DEVIATION_COST, as a multiple of the deviation that is allowed."""
 GRADES = {
     "velocity_error": SaturatingCost(0.05, 0.0, 0.3),
     "overspeed": SaturatingCost(0.05, 0.0, 0.05),
@@ -51,8 +55,9 @@ GRADES = {
     "touchdown_impulse": SaturatingCost(0.05, 0.0, 0.03),
     "trunk_height": SaturatingCost(0.15, 0.85, -0.1),
 }
-"""Graded cost of each measure that has one, in its unit. A measure that is NaN costs the maximum: the robot fell at
-once."""
+"""Name of the measure -> its graded cost function, in the unit of the measure.
+
+A measure that is NaN has the maximum cost, because the robot fell immediately."""
 COST_DESCRIPTION = (
     "Cost of an episode: "
     + ", ".join(f"{name} {cost:g}" for name, cost in OUTCOME_COSTS.items())
@@ -64,14 +69,17 @@ COST_DESCRIPTION = (
     )
     + ", in the share x / (1 + x) of it."
 )
-"""Description of the cost, for reports."""
+"""Description of the cost of an episode, for reports."""
 
 
 def episode_costs(measures: Measures) -> Floats:
-    """Compute the cost of each episode, (episodes,): its outcome, its distance from a better one, and its effort."""
+    """Compute the cost of each episode, (episodes,).
+
+    The cost is the sum of the cost of the outcome and the graded costs of tracking error, effort and gait.
+    """
     total = np.array([OUTCOME_COSTS[outcome] for outcome in measures.outcome])
     deviation = RULES[SUCCESS_RULE].deviations(measures.commands, measures.mean_velocities)
-    # An interval that was not completed has the largest cost.
+    # The deviation is NaN in a command interval that was not completed; such an interval has the largest cost.
     total += DEVIATION_COST * np.clip(np.nan_to_num(deviation, nan=np.inf) / MAX_DEVIATION, 0.0, 1.0).max(axis=1)
     for name, (maximum, threshold, scale) in GRADES.items():
         beyond = np.maximum((getattr(measures, name) - threshold) / scale, 0.0)
@@ -89,20 +97,20 @@ def run_candidates(
     threads: int = 1,
     hardware: HardwareConfig = IDEAL,
 ) -> list[Episodes]:
-    """Run a policy with the parameters of each candidate.
+    """Simulate a policy with the parameters of each candidate.
 
     Args:
         name: Name of the policy.
         candidates: Parameters of each candidate.
-        scenario_names: Scenarios.
-        seeds: Seeds of the episodes of every candidate on every scenario.
-        purpose: Purpose that selects the random ground.
+        scenario_names: Names of the scenarios.
+        seeds: Seeds of the episodes, the same for every candidate and scenario.
+        purpose: Purpose of the episodes, "search" or "validation"; selects the random ground.
         steps: Length of an episode, control steps.
-        threads: Threads of the simulation.
-        hardware: Hardware of the robots.
+        threads: Number of simulation threads.
+        hardware: Hardware settings of the robots.
 
     Returns:
-        Records of the episodes on each scenario, candidate after candidate.
+        One record per scenario. Its episodes are ordered by candidate, then by seed.
     """
     episodes_by_scenario = dict[str, Episodes]()
     for on_hardware_profile in (False, True):
@@ -128,21 +136,22 @@ def run_each(
     steps: int = STEPS,
     hardware: HardwareConfig = IDEAL,
 ) -> list[Episodes]:
-    """Run one episode per seed on each scenario, all of them together.
+    """Simulate one episode per seed on each scenario, all of them together.
 
-    The policy acts for all robots in one call, scenario after scenario. This is many times faster if the time of the
-    policy hardly depends on the number of robots. The policy's own signals, for example its phase, are not recorded.
+    In each control step, one call of the policy gives the actions of all robots, ordered by scenario. This is many
+    times faster than a call per scenario if the time of a call depends little on the number of robots. Internal signals
+    of the policy, for example its gait phase, are not recorded.
 
     Args:
         policy: Policy of all robots.
-        scenarios: Scenarios.
-        seeds: Seeds of the episodes on every scenario.
-        nthread: Threads of the simulation.
+        scenarios: Scenarios or their names.
+        seeds: Seeds of the episodes, the same on every scenario.
+        nthread: Number of simulation threads.
         steps: Length of an episode, control steps.
-        hardware: Hardware of the robots.
+        hardware: Hardware settings of the robots.
 
     Returns:
-        Records of the episodes on each scenario.
+        One record per scenario, with the episodes in the order of `seeds`.
     """
     recorders = [EpisodeRecorder(None, seeds, steps) for _ in scenarios]
     make_scenario_env = partial(make_env, policy, count=len(seeds), steps=steps, nthread=nthread, hardware=hardware)
@@ -161,7 +170,7 @@ def run_each(
             for index in active.copy():
                 current[index], ended = advance(current[index], actions[index])
                 recorders[index](current[index])
-                if ended:  # its robots stay as they are
+                if ended:  # all episodes of the scenario are over, so its robots are not simulated any more
                     active.remove(index)
     return [recorder.episodes() for recorder in recorders]
 
@@ -175,20 +184,20 @@ def compare_parameters(
     threads: int = 1,
     hardware: HardwareConfig = IDEAL,
 ) -> tuple[list[tuple[str, str, Measures]], Floats]:
-    """Run a policy with old and new parameters on the same full episodes, on the ground of the validation.
+    """Simulate a policy with old and new parameters on the same full-length episodes, on validation ground.
 
     Args:
         name: Name of the policy.
-        in_force: Parameters before.
-        outcome: Parameters after.
-        scenario_names: Scenarios.
+        in_force: Parameters before the search.
+        outcome: Parameters after the search.
+        scenario_names: Names of the scenarios.
         seeds: Seeds of the episodes.
-        threads: Threads of the simulation.
-        hardware: Hardware of the robots.
+        threads: Number of simulation threads.
+        hardware: Hardware settings of the robots.
 
     Returns:
-        walks: Scenario, `before` or `after`, and measures of the episodes.
-        differences: Cost after minus cost before, mean over the scenarios, of each seed, (seeds,).
+        walks: Two entries per scenario: its name, the word `before` or `after`, and the measures of the episodes.
+        differences: Cost after the search minus cost before it, averaged over the scenarios, one per seed, (seeds,).
     """
     walks: list[tuple[str, str, Measures]] = []
     differences = np.zeros(len(seeds))

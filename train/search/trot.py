@@ -36,21 +36,27 @@ from train.search.cmaes import (
 from train.search.trials import COST_DESCRIPTION, Seeds, compare_parameters, episode_costs, run_candidates
 
 EXERCISES = ("flat", "push", "rough")
-"""Default scenarios of the search. The response to commands is measured on the first."""
+"""Default scenarios of the search. The response to commands is measured on the first scenario."""
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
-"""Parameters of the command map, which are fitted after the search."""
+"""Names of the parameters of the command map, which are fitted after the search.
+
+The command map converts a velocity command to the input of the gait."""
 MIN_RESPONSE = 0.7
-"""Achieved per commanded velocity below which a candidate costs more, so that standing still does not win."""
+"""Smallest ratio of achieved to commanded velocity without extra cost.
+
+The extra cost prevents that a candidate that stands still has the lowest cost."""
 WEAK_RESPONSE_WEIGHT = 2.0
-"""Cost per unit of a response below `MIN_RESPONSE`, for each of the three velocities."""
+"""Factor of the extra cost: cost per unit of (`MIN_RESPONSE` - ratio), for each of the three velocities."""
 MIN_INVERTIBLE_RESPONSE = 0.1
-"""Achieved per commanded velocity below which a response is not inverted: the map would command leaps."""
+"""Smallest ratio of achieved to commanded velocity for which the command map is fitted.
+
+For a smaller ratio the map would command very large steps."""
 MIN_INTERVALS = 6
-"""Number of command intervals needed to fit a response."""
+"""Smallest number of command intervals to which a response is fitted."""
 MAP_ROUNDS = 3
-"""Number of fits of the command map; each has the map before in force."""
+"""Number of successive fits of the command map. Each fit measures the response with the map of the previous fit."""
 ACCOUNT = "TROT.md"
-"""File name of the report."""
+"""File name of the report of the search."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +67,7 @@ class TrotSearchOptions(SearchOptions):
     """trot: the open-loop trot."""
     robot: str | None = None
     """Robot: a name of quad_env.ROBOTS like go1, or the path of its MJCF, URDF or TOML."""
-    # Two command intervals each, enough to fit a response.
+    # An episode has two command intervals, so that the smallest number of episodes suffices to fit a response.
     episodes: int = parameter(6, limits=(MIN_INTERVALS // 2, 10_000))
     """Episodes of a candidate in each scenario and round."""
     check_episodes: int = parameter(48, limits=(MIN_INTERVALS // 2, 10_000))
@@ -69,14 +75,14 @@ class TrotSearchOptions(SearchOptions):
 
 
 def main(options: TrotSearchOptions) -> int:
-    """Search, write the files and return the exit code. Raises UsageError."""
+    """Run the search, write its files and return the exit code. Raises UsageError."""
     return search(make_search_problem, options)
 
 
 def make_search_problem(options: TrotSearchOptions) -> SearchProblem[TrotParameters]:
-    """Return the search of a robot's trot.
+    """Return the search problem for the trot of a robot.
 
-    It starts from SimpleQuad's trot, scaled by dynamic similarity for another robot.
+    The search starts from the trot of SimpleQuad, scaled by dynamic similarity if the robot is another one.
     """
     threads = options.threads
     hardware = parse_robot_option(options.robot or HardwareConfig.robot)
@@ -89,11 +95,11 @@ def make_search_problem(options: TrotSearchOptions) -> SearchProblem[TrotParamet
     ranges = scaled_ranges(SEARCH_RANGES, TrotParameters, robot)
 
     def costs(candidates: list[TrotParameters], seeds: Seeds) -> Floats:
-        """Return the costs of the `candidates` on the episodes of the `seeds`."""
+        """Return the cost of each of the `candidates` on the episodes with the given `seeds`."""
         return candidate_costs(candidates, seeds, options.steps, threads, hardware, scenario_names)
 
     def finalize(parameters: TrotParameters) -> tuple[str, str]:
-        """Fit the command map, compare with the start, and return the texts of parameter file and report."""
+        """Fit the command map, compare the result with the start, and return the texts of parameter file and report."""
         fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
         for seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
             parameters = fit_command_map(parameters, seeds, threads, hardware, scenario_names)
@@ -115,12 +121,13 @@ def fit_command_response(walk: Episodes, members: int) -> Floats:
     """Fit the linear response of each candidate to its commands by least squares.
 
     Args:
-        walk: Episodes, the same number for each candidate.
+        walk: Record of the episodes, ordered by candidate, with equally many episodes for each candidate.
         members: Number of candidates.
 
     Returns:
-        Matrix from the command and 1 to the mean velocity, (members, 4, 3), fitted to the intervals without a fall.
-        Zero where there are fewer than MIN_INTERVALS.
+        Matrix R of each candidate, (members, 4, 3). The mean velocity in a command interval is modelled as
+        (forward, lateral, yaw-rate command, 1) R. R is fitted to the intervals without a fall, and zero if a candidate
+        has fewer than MIN_INTERVALS of them.
     """
     measures = measure(walk)
     command = measures.commands.reshape(members, -1, 3)
@@ -135,7 +142,10 @@ def fit_command_response(walk: Episodes, members: int) -> Floats:
 
 
 def weak_response_cost(response: Floats) -> float:
-    """Return the cost of a `response`, (4, 3), with achieved velocities that are small for their commands."""
+    """Return the extra cost of a `response`, (4, 3), with a ratio of achieved to commanded velocity that is too small.
+
+    See `MIN_RESPONSE` and `WEAK_RESPONSE_WEIGHT`.
+    """
     return WEAK_RESPONSE_WEIGHT * float(np.clip(MIN_RESPONSE - np.diag(response[:3]), 0.0, None).sum())
 
 
@@ -149,16 +159,16 @@ def candidate_costs(
 ) -> Floats:
     """Compute the mean cost of each candidate over all scenarios.
 
-    A candidate is evaluated against its own linear response on flat ground, as if its command map were fitted already.
-    A response that is too weak for a map costs more.
+    The tracking error of a candidate is measured against the velocity that its linear response on the first scenario
+    predicts, because its command map is fitted after the search. A weak response has an extra cost.
 
     Args:
-        candidates: Parameters.
-        seeds: Seeds of the episodes of every candidate.
+        candidates: Parameters of each candidate.
+        seeds: Seeds of the episodes, the same for every candidate.
         steps: Length of an episode, control steps.
-        threads: Threads of the simulation.
-        hardware: Hardware of the robots.
-        scenario_names: Scenarios.
+        threads: Number of simulation threads.
+        hardware: Hardware settings of the robots.
+        scenario_names: Names of the scenarios.
 
     Returns:
         Cost of each candidate, (candidates,).
@@ -181,17 +191,17 @@ def fit_command_map(
     hardware: HardwareConfig = IDEAL,
     scenario_names: Sequence[str] = EXERCISES,
 ) -> TrotParameters:
-    """Fit the command map of a gait to its response on flat ground.
+    """Fit the command map of a gait to its response on the first scenario of the search.
 
     Args:
         parameters: Parameters of the gait.
         seeds: Seeds of the episodes.
-        threads: Threads of the simulation.
-        hardware: Hardware of the robots.
-        scenario_names: Scenarios of the search. The first is walked.
+        threads: Number of simulation threads.
+        hardware: Hardware settings of the robots.
+        scenario_names: Names of the scenarios of the search. Only the first one is simulated.
 
     Returns:
-        The same gait with the command map that inverts the response; unchanged if the response is too weak.
+        The parameters with the command map that inverts the response; unchanged if the response is too weak.
     """
     (walk,) = run_candidates(
         "trot", [parameters], scenario_names[:1], seeds, "search", threads=threads, hardware=hardware
@@ -200,17 +210,18 @@ def fit_command_map(
 
 
 def invert_command_response(parameters: TrotParameters, response: Floats) -> TrotParameters:
-    """Return the same gait with the command map that inverts a response to the map in force.
+    """Return the parameters of a gait with the command map that inverts its measured response.
 
-    With the gait's input u and the achieved v: forward v = a u + b, lateral v = a u, yaw rate ω = a u + c u_lateral.
-    ValueError if the response is too weak for the limits of the parameters.
+    The model of the gait has an input u and an achieved velocity v for each direction: forward v = a u + b, lateral
+    v = a u, and yaw rate ω = a u + c u_lateral. Raises ValueError if the new parameters exceed their limits, because
+    the response is too weak.
 
     Args:
-        parameters: Parameters of the gait.
-        response: Its response, (4, 3), see `fit_command_response`.
+        parameters: Parameters of the gait with which the response was measured.
+        response: Linear response of the gait, (4, 3), see `fit_command_response`.
 
     Returns:
-        The parameters.
+        The parameters with the new command map.
     """
     return replace(
         parameters,
@@ -225,7 +236,7 @@ def invert_command_response(parameters: TrotParameters, response: Floats) -> Tro
 
 
 def try_invert_command_response(parameters: TrotParameters, response: Floats) -> TrotParameters:
-    """Return `parameters` with the inverse of `response`, (4, 3), as command map; unchanged if that is too weak."""
+    """Return `parameters` with the command map that inverts `response`, (4, 3); unchanged if it is too weak."""
     if np.diag(response[:3]).min() < MIN_INVERTIBLE_RESPONSE:
         return _keep_map(parameters, "the response is too weak")
     try:
@@ -235,6 +246,9 @@ def try_invert_command_response(parameters: TrotParameters, response: Floats) ->
 
 
 def _keep_map(parameters: TrotParameters, reason: str) -> TrotParameters:
-    """Print the reason and return the parameters. An error would lose the result of a long search."""
+    """Print the reason, and return the parameters unchanged.
+
+    No error is raised, because an error would lose the result of a long search.
+    """
     print(f"the command map is unchanged: {reason}", file=sys.stderr)
     return parameters
