@@ -1,4 +1,7 @@
-"""Values of a comparison: labelled policies, tasks, and results by policy and scenario (cells)."""
+"""Data classes of a comparison: labelled policies, tasks, chunks and cells.
+
+A cell holds the episodes of one policy on one scenario. A chunk is a subset of a cell's episodes, simulated together.
+"""
 
 import dataclasses
 from collections.abc import Sequence
@@ -18,7 +21,7 @@ from quad_env.seeding import episode_seeds
 
 @dataclass(frozen=True)
 class LabelledPolicy:
-    """A policy and the name or path that the user gave for it, which is its label in every result."""
+    """A policy with its label in every result: the name or path that the user gave."""
 
     label: str
     policy: Policy
@@ -26,19 +29,19 @@ class LabelledPolicy:
     only_on: tuple[str, ...] = ()
     """Names of the scenarios that the policy runs on; empty for all scenarios."""
     hardware_policy: Policy | None = None
-    """Policy made for the robot's hardware profile; None if one policy serves all of its scenarios."""
+    """Policy made for the robot's hardware profile; None if `policy` runs on all scenarios."""
 
     def runs_on(self, scenario: Scenario) -> bool:
         """Return True if the policy runs on the scenario."""
         return not self.only_on or scenario.name in self.only_on
 
     def policy_for(self, scenario: Scenario) -> Policy:
-        """Return the policy made for the scenario, with or without the hardware profile."""
+        """Return `hardware_policy` if it exists and the scenario has the hardware profile, else `policy`."""
         return self.hardware_policy if scenario.hardware and self.hardware_policy is not None else self.policy
 
     @property
     def variants(self) -> tuple[Policy, ...]:
-        """The policy, followed by the one for the hardware profile if that is a different one."""
+        """`policy`, followed by `hardware_policy` if there is one."""
         return (self.policy,) if self.hardware_policy is None else (self.policy, self.hardware_policy)
 
 
@@ -49,17 +52,17 @@ def load_labelled_policy(
     trust: bool = False,
     only_on: Sequence[str] = (),
 ) -> LabelledPolicy:
-    """Load a policy, once without and once with the hardware profile if its scenarios need both.
+    """Load a policy, and load it again for the hardware profile if its scenarios need both versions.
 
     Args:
         label: Name or path of the policy.
-        hardware: Hardware of the robots without the hardware profile.
+        hardware: Hardware of the robots in scenarios that do not use the hardware profile.
         scenarios: Scenarios of the run.
         trust: True to load files that can hide code.
         only_on: Names of the scenarios that the policy runs on; empty for all scenarios.
 
     Returns:
-        The policy under its label. An external policy is loaded once: it has its own process and servo gains.
+        The labelled policy. An external policy is loaded only once because it has its own process and servo gains.
     """
     profiles = {scenario.hardware for scenario in scenarios if not only_on or scenario.name in only_on}
     policy = hardware.policy(label, trust, on_hardware_profile=profiles == {True})
@@ -73,7 +76,7 @@ def load_labelled_policy(
 class PolicyScenarioResult:
     """A cell: the measured episodes of one policy on one scenario.
 
-    Cells of one scenario have the same seeds, so that policies are compared episode by episode.
+    All cells of a scenario have the same seeds, so that policies can be compared episode by episode.
     """
 
     policy: str
@@ -82,10 +85,10 @@ class PolicyScenarioResult:
     seeds: NDArray[np.int64]
     """Seeds of the episodes, (n,)."""
     fall_reason: NDArray[np.object_]
-    """Name of the fall rule that ended each episode, (n,); None without a fall."""
+    """Name of the fall rule that ended each episode, or `diverged`, (n,); None if the robot did not fall."""
     measures: Measures
     failure: NDArray[np.object_]
-    """Reason of the policy's failure in each episode, (n,); None without a failure."""
+    """Reason for the policy's failure in each episode, (n,); None if the policy did not fail."""
 
     @property
     def episodes(self) -> int:
@@ -95,17 +98,17 @@ class PolicyScenarioResult:
 
 @dataclass(frozen=True)
 class EpisodeChunk:
-    """A subset of a cell's episodes, simulated side by side and stored as one file."""
+    """A subset of a cell's episodes, simulated together and stored as one file."""
 
     episode_indices: NDArray[np.int64]
     """Indices of the episodes in their cell, (n,)."""
     cell: PolicyScenarioResult
-    """The result of these episodes alone."""
+    """Result that contains only the episodes of the chunk."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """A chunk of episodes to simulate side by side, with all inputs of the simulation."""
+    """Episodes of one cell that will be simulated together, with all inputs of the simulation."""
 
     policy: LabelledPolicy
     scenario: Scenario
@@ -119,7 +122,7 @@ class Task:
 
 
 def join(chunks: Sequence[EpisodeChunk]) -> PolicyScenarioResult:
-    """Join the chunks of one cell, with the episodes in the order of their indices."""
+    """Join the chunks of one cell into one result, with the episodes sorted by index."""
     order = np.argsort(np.concatenate([chunk.episode_indices for chunk in chunks]))
     cells = [chunk.cell for chunk in chunks]
     measures = {name: np.concatenate([getattr(cell.measures, name) for cell in cells])[order] for name in MEASURE_NAMES}
@@ -134,7 +137,7 @@ def join(chunks: Sequence[EpisodeChunk]) -> PolicyScenarioResult:
 
 
 def _join_extra(cells: Sequence[PolicyScenarioResult], order: NDArray[np.intp]) -> dict[str, NDArray[np.float64]]:
-    """Join the measures of extensions in the given order; NaN in chunks that lack one."""
+    """Join the extension measures of all chunks, sorted by `order`; NaN where a chunk lacks a measure."""
     names = dict.fromkeys(name for cell in cells for name in cell.measures.extra)
     joined = {}
     for name in names:
@@ -144,7 +147,17 @@ def _join_extra(cells: Sequence[PolicyScenarioResult], order: NDArray[np.intp]) 
 
 
 def apply_success_rule(cell: PolicyScenarioResult, rule: SuccessRule) -> PolicyScenarioResult:
-    """Return the cell with outcomes by another success `rule`; a rejected success is `off_command`."""
+    """Return a copy of the cell with the outcomes of another success `rule`.
+
+    An episode that succeeded before and fails by the new rule gets the outcome `off_command`.
+
+    Args:
+        cell: Cell with outcomes by any rule.
+        rule: Success rule to apply.
+
+    Returns:
+        The cell with new outcomes.
+    """
     measures = cell.measures
     has_policy_failure = np.array([reason is not None for reason in cell.failure], np.bool_)
     errors = np.stack([measures.velocity_error, measures.yaw_rate_error], axis=-1)
@@ -155,5 +168,5 @@ def apply_success_rule(cell: PolicyScenarioResult, rule: SuccessRule) -> PolicyS
 
 
 def evaluation_seeds(seed: int, count: int) -> NDArray[np.int64]:
-    """Return the evaluation seeds of `count` episodes for a `seed`, (count,); no training draws them."""
+    """Return the seeds of `count` evaluation episodes for a run's `seed`, (count,); training never uses them."""
     return episode_seeds("evaluation", seed, count)

@@ -1,6 +1,6 @@
-"""Hardware of the robots of a run: robot, servos, motors, sensors, estimator and simulator, by name.
+"""Hardware of a run's robots: names of robot, servos, motors, sensors, estimator and simulator.
 
-It imports other packages only when they are used, so that --help stays quick.
+The functions import other packages when they are called, because --help must stay quick.
 """
 
 import sys
@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class HardwareConfig:
-    """Names of the hardware, with the meaning of the environment's keyword arguments of the same names."""
+    """Names of robot, servo gains, motors, sensors, estimator and simulator.
+
+    Each field except `servo` means the same as the keyword argument of `SimpleQuadVectorEnv` with its name.
+    """
 
     actuator: str = "ideal"
     sensors: str = "truth"
@@ -26,13 +29,19 @@ class HardwareConfig:
     robot: str = "simple_quad"
     """Name of the robot, or path of its MJCF, URDF or TOML."""
     servo: str = ""
-    """Stiffness/damping of the servos for our controllers, N·m/rad and N·m·s/rad; empty for each policy's own."""
+    """Servo gains of the project's controllers as `stiffness/damping`, N·m/rad and N·m·s/rad.
+
+    Each policy keeps its own gains if the text is empty.
+    """
     simulator: str = "mujoco"
     """Simulator of the physics, one of `quad_env.physics.simulators.SIMULATORS`."""
 
     @property
     def robot_model(self) -> "Robot":
-        """Robot with the servo gains of `servo`; errors as for `quad_env.robots.registry.get_robot`."""
+        """Robot with the servo gains of `servo`.
+
+        Loading it can raise ValueError for a bad `servo`, and the errors of `quad_env.robots.registry.get_robot`.
+        """
         from quad_env.robots.registry import get_robot
 
         robot = get_robot(self.robot)
@@ -45,7 +54,7 @@ class HardwareConfig:
             raise ValueError(f"servo is stiffness/damping above 0, such as 35/0.5, not {self.servo!r}") from None
 
     def env_kwargs(self, robot: "Robot") -> dict[str, Any]:
-        """Return the keyword arguments of an environment with the servo gains of a policy's `robot`."""
+        """Return keyword argument -> value of an environment, with the servo gains of a policy's `robot`."""
         robot_model = self.robot_model.with_servo(robot.servo_stiffness, robot.servo_damping)
         names = ("actuator", "sensors", "estimator", "simulator")
         return {name: getattr(self, name) for name in names} | {"robot": robot_model}
@@ -53,13 +62,13 @@ class HardwareConfig:
     def policy(
         self, name_or_path: str, trust: bool = False, *, on_hardware_profile: bool = False, **options: Any
     ) -> "Policy":
-        """Make a fresh policy for the robot; PolicyError if there is none of that name.
+        """Make a new policy for the robot; raise PolicyError if the name or path is unknown.
 
         Args:
-            name_or_path: See `policies.resolve`.
+            name_or_path: Name or path of the policy, as for `policies.resolve`.
             trust: True to load files that can hide code.
-            on_hardware_profile: True for scenarios on the robot's hardware profile. Our controllers then command the
-                servo gains of the robot's maker.
+            on_hardware_profile: True for scenarios with the robot's hardware profile. The project's controllers then
+                use the servo gains of the robot's manufacturer.
             **options: Further options of the policy, for example `parameters`.
 
         Returns:
@@ -87,7 +96,7 @@ IDEAL = HardwareConfig()
 
 
 def describe_hardware(hardware: HardwareConfig) -> str:
-    """Return sentences on hardware that differs from the default: ` Robot: go1. Motors: motor; ...`."""
+    """Return a sentence for each part that differs from the default: ` Robot: go1. Motors: motor; ...`."""
     text = ""
     if hardware.robot != IDEAL.robot:
         text += f" Robot: {hardware.robot}."
@@ -102,7 +111,7 @@ def describe_hardware(hardware: HardwareConfig) -> str:
 
 
 def parse_robot_option(robot: str, option: str = "--robot") -> HardwareConfig:
-    """Parse a robot option.
+    """Return the default hardware with the robot that a command-line option names.
 
     Args:
         robot: Name or path of the robot.
@@ -123,15 +132,17 @@ def parse_robot_option(robot: str, option: str = "--robot") -> HardwareConfig:
 
 
 def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None) -> None:
-    """Check that the hardware exists and the simulator supports it; warn about a user's robot.
+    """Check that all hardware names exist and that the simulator supports the hardware.
+
+    A robot from a user's file is also checked for plausibility; implausible properties are printed as warnings.
 
     Args:
         hardware: Hardware to check.
         scenario: Scenario to simulate; None for flat ground.
 
     Raises:
-        ValueError: A name is unknown (with the valid names), a robot cannot be loaded, an estimator has no sensors,
-            or the simulator does not support the scenario or the hardware.
+        ValueError: A name is unknown (the message lists the valid ones), the robot cannot be loaded, an estimator is
+            named without sensors, or the simulator does not support the scenario or the hardware.
     """
     from quad_env.actuation.models import find_actuator
     from quad_env.physics.simulators import check_simulator
@@ -141,7 +152,7 @@ def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None)
 
     try:
         robot = hardware.robot_model
-    except (OSError, ImportError) as error:  # no file, or a package that is not installed
+    except (OSError, ImportError) as error:  # the robot's file or a required package is missing
         raise ValueError(str(error)) from error
     if robot.source is not None:
         _print_warnings(robot)
@@ -153,7 +164,7 @@ def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None)
 
 @lru_cache
 def _print_warnings(robot: "Robot") -> None:
-    """Print, once, the implausible properties of a user's robot."""
+    """Print warnings about implausible properties of a user's robot, only once for each robot."""
     from quad_env.robots.leg_names import find_contradictions
     from quad_env.robots.plausibility import find_warnings
 

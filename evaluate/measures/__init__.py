@@ -1,1 +1,1 @@
-"""Measures of an episode: outcome, tracking, effort, gait and pushes."""
+"""Measures of an episode: outcome, command tracking, motor effort, gait and reaction to pushes."""

@@ -1,8 +1,8 @@
 """Controlled stops: episodes in which the robot comes to rest under control.
 
-An episode ends in a controlled stop if in its last second the trunk leant less than 30° and never sank faster than
-0.3 m/s, and at its end it was low and either at rest or on the ground. A fall that ends in a controlled stop does not
-count as a fall.
+An episode ends in a controlled stop if three conditions hold. The trunk leans less than 30° and sinks slower than
+0.3 m/s in the last second. The trunk is low at the end. The episode ends by a fall, or with the joints at rest.
+A fall that ends in a controlled stop does not count as a fall.
 """
 
 import numpy as np
@@ -11,21 +11,24 @@ from numpy.typing import NDArray
 from evaluate.measures.episodes import Episodes
 
 END_TIME = 1.0
-"""s. Time before the end of an episode in which posture and sink speed count."""
+"""Time before the end of an episode in which tilt and sink speed are checked, s."""
 MAX_TILT = np.deg2rad(30.0)
-"""rad. Largest tilt of the trunk in a controlled stop."""
+"""Maximum tilt of the trunk in a controlled stop, rad."""
 MAX_SINK_SPEED = 0.3
-"""m/s. Largest downward speed of the trunk in a controlled stop."""
+"""Maximum downward speed of the trunk in a controlled stop, m/s."""
 MAX_REST_HEIGHT = 0.3
-"""m. Largest height of the trunk's centre above the ground at rest; robots walk and stand higher, or move."""
+"""Maximum height of the trunk's centre above the ground at the end of a controlled stop, m.
+
+A robot that stands or walks is higher, or its joints move.
+"""
 MAX_REST_JOINT_SPEED = 0.5
-"""rad/s. Joint speed below which a robot is at rest."""
+"""Joint speed below which a robot is at rest, rad/s."""
 MIN_REST_TIME = 0.2
-"""s. Time at rest at the end of an episode."""
+"""Time at the end of an episode in which the joints must be at rest, s."""
 
 
 def controlled_stops(episodes: Episodes) -> NDArray[np.bool_]:
-    """Return True for episodes that ended in a controlled stop, (n,)."""
+    """Return the mask of the episodes that ended in a controlled stop, (n,)."""
     steps = episodes.steps
     dt = episodes.dt
     end = np.minimum(episodes.fall_step, steps - 1)
@@ -40,7 +43,7 @@ def controlled_stops(episodes: Episodes) -> NDArray[np.bool_]:
 
 
 def _is_gentle(episodes: Episodes) -> NDArray[np.bool_]:
-    """Return True in steps with tilt and sink speed of a controlled stop, (steps, n)."""
+    """Return the mask of the steps with tilt and sink speed below their limits, (steps, n)."""
     height = episodes.position[..., 2].astype(np.float64)
     sink_speed = -np.diff(height, axis=0, prepend=height[:1]) / episodes.dt
     is_upright = np.cos(episodes.tilt.astype(np.float64)) > np.cos(MAX_TILT)

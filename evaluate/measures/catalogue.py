@@ -1,4 +1,4 @@
-"""Table of the measures: title, unit, frame, formula and source of each, for headings and definitions."""
+"""Definitions of all measures: title, unit, frame, formula and source, for headings and reports."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -20,13 +20,13 @@ class Measure:
     unit: str
     """Unit; empty for a fraction or a pure number."""
     frame: str
-    """Frame of the quantity; empty without one."""
+    """Frame of the quantity; empty if the quantity has no frame."""
     formula: str
     """Definition, with the symbols of KEY."""
     source: str = ""
-    """Source of the definition; empty for this project's own."""
+    """Source of the definition; empty if this project defined the measure."""
     scope: Scope = "while upright"
-    """Steps that count."""
+    """Control steps that enter the measure."""
 
 
 KEY = (
@@ -36,7 +36,7 @@ KEY = (
     "<x>: mean over the steps after the first second; [x]: share in which x holds. While upright: of the "
     "steps and pushes before a fall alone, which can flatter a robot that falls."
 )
-"""Symbols of the formulas, and meaning of the scopes; only measures while upright can improve by a fall."""
+"""Explanation of the symbols in the formulas and of the scope `while upright`, for reports."""
 WHOLE: Scope = "whole episode"
 ENERGY = f"rule {effort.ENERGY_RULE}"
 CAP = f"{tracking.VELOCITY_CAP:g} m/s"
@@ -118,15 +118,15 @@ MEASURES = (
 BY_NAME = {measure.name: measure for measure in MEASURES}
 _LISTS = ("duty_factor", "commands", "mean_velocities")
 OF_CAUSES = ("cause", "cause_time", "cause_detail")
-"""Measures of failed episodes only."""
+"""Names of the measures that only failed episodes have."""
 FIGURES = tuple(
     name
     for name in BY_NAME
     if name not in ("outcome", "fell", "diverged", *_LISTS, *OF_CAUSES) and not name.startswith("push_")
 )
-"""Measures with one number an episode, without outcomes and causes."""
+"""Names of the measures with one number per episode, other than outcomes and causes."""
 EFFORT = (
     *("cost_of_transport", "step_rate", "duty_factor", "trunk_height", "torque_share"),
     *("speed_share", "torque_rate", "touchdown_impulse", "flight"),
 )
-"""Measures of effort that every table shows next to success."""
+"""Names of the effort measures that every table shows next to the success rate."""

@@ -1,6 +1,6 @@
 """Measures of the motors' effort; formulas are in `evaluate.measures.catalogue`.
 
-Only upright steps after the first second count; NaN without one.
+Only upright steps after the first second count. A measure is NaN for an episode that has none of these steps.
 """
 
 import numpy as np
@@ -9,13 +9,13 @@ from evaluate.measures.averages import Bools, Floats, Recorded, count, quotient,
 from evaluate.measures.episodes import Episodes
 
 ENERGY_RULE = "energy/2"
-"""Version of the energy measures: from every physics step, with torques as the joints received them."""
+"""Version of the energy measures: they use every physics step, with the torques that the joints received."""
 MIN_DISTANCE = 1.0
-"""m. Distance below which an episode has no cost of transport, since the quotient would be nearly arbitrary."""
+"""Distance below which an episode has no cost of transport, because the quotient would be arbitrary, m."""
 LIMIT_MARGIN = 0.01
-"""rad. Distance from a joint limit at which the joint counts as at the limit."""
+"""Distance from a joint limit within which the joint counts as at the limit, rad."""
 SUMS = ("positive_work", "regeneration", "joule_heat")
-"""Signals that are summed over time and joints."""
+"""Signals that are summed over time and joints to give a measure of the same name."""
 
 
 def effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
@@ -56,26 +56,26 @@ def effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Fl
 
 
 def _sum(signal: Recorded, counted: Bools) -> Floats:
-    """Return the sum of (steps, n, 12) over the counted steps and the joints, (n,)."""
+    """Return the sum of `signal`, (steps, n, 12), over the counted steps and the joints, (n,)."""
     return total(np.where(counted, signal.astype(np.float64).sum(axis=-1), 0.0))
 
 
 def _peaks(signal: Recorded, counted: Bools) -> Floats:
-    """Return the largest value of each joint in the counted steps, (n, 12); NaN without one."""
+    """Return the largest value of each joint in the counted steps, (n, 12); NaN if no step counts."""
     peak = np.where(counted[..., None], signal, -1.0).max(axis=0).astype(np.float64)
     return np.where(peak < 0, np.nan, peak)
 
 
 def cost_of_transport(energy: Floats, distance: Floats, weight: float) -> Floats:
-    """Return energy / (weight distance).
+    """Return the cost of transport: energy / (weight · distance).
 
     Args:
-        energy: (n,), J.
-        distance: (n,), m.
+        energy: Energy of each episode, (n,), J.
+        distance: Distance of each episode, (n,), m.
         weight: Weight of the robot and its payload, N.
 
     Returns:
-        Cost of transport, (n,); NaN below MIN_DISTANCE.
+        Cost of transport, (n,); NaN if the distance is below MIN_DISTANCE.
     """
     return np.where(distance < MIN_DISTANCE, np.nan, energy / (weight * np.maximum(distance, MIN_DISTANCE)))
 
@@ -83,11 +83,12 @@ def cost_of_transport(energy: Floats, distance: Floats, weight: float) -> Floats
 def cost_of_all(energy: Floats, distance: Floats, weight: float) -> float:
     """Return the cost of transport of several episodes together.
 
-    A quotient of sums: an episode that commands standing still adds its energy, and dominates no mean of quotients.
+    The result is the total energy over weight times the total distance. It is not a mean of quotients, because an
+    episode that commands standing still would dominate that mean.
 
     Args:
-        energy: Of each episode, (n,), J.
-        distance: Of each episode, (n,), m.
+        energy: Energy of each episode, (n,), J.
+        distance: Distance of each episode, (n,), m.
         weight: Weight of the robot and its payload, N.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Recorded episodes: the signals of each control step, from which every measure is computed."""
+"""Recorded episodes: signals of each control step, the input of every measure."""
 
 from dataclasses import dataclass
 
@@ -13,9 +13,12 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
 POLICY_SIGNALS = ("stopped",)
-"""Signals of some policies; all other signals come from the environment's infos."""
+"""Signals that only some policies provide; all other signals come from the environment's infos."""
 OBSERVED_SIGNAL = "observed"
-"""Signal of policies that do not observe the true state: the terms OBSERVED of the observation after a step."""
+"""Name of the signal with the observation terms OBSERVED after each step.
+
+It is recorded only if the policy does not observe the true state.
+"""
 OBSERVED = ("projected_gravity", "angular_velocity", "linear_velocity")
 Limits = float | tuple[float, ...]
 """One limit for all joints, or one for each joint."""
@@ -24,7 +27,7 @@ BOOLEAN_SIGNALS = ("foot_contact", "leg_contact", "stopped")
 
 
 def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
-    """Return signal -> shape of one robot's value; `quad_env.task.readings` describes most signals."""
+    """Return signal name -> shape of one robot's value; `quad_env.task.readings` describes most signals."""
     joints = robot.num_joints
     feet = len(robot.leg_names)
     return {
@@ -52,16 +55,17 @@ def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
 
 @dataclass(frozen=True)
 class Episodes:
-    """n recorded episodes; signals are float32 or bool, (steps, n, …), and have no meaning after the fall.
+    """n recorded episodes.
 
-    `quad_env.task.readings.compute_readings` has frame and unit of the signals without a docstring here.
+    Signals are float32 or bool arrays, (steps, n, …); their values after a fall have no meaning. Frame and unit of the
+    signals without a docstring here are in `quad_env.task.readings.compute_readings`.
     """
 
     robot: Robot
     seeds: NDArray[np.int64]
     """Seeds, (n,); `env.reset(seed=seeds[i])` reproduces the start of episode i."""
     command: Recorded
-    """Forward m/s, lateral m/s, yaw rate rad/s, (steps, n, 3)."""
+    """Commanded forward velocity, lateral velocity and yaw rate, heading frame, (steps, n, 3), m/s, m/s, rad/s."""
     heading_velocity: Recorded
     """Velocity of the trunk, heading frame, (steps, n, 3), m/s, m/s, rad/s."""
     position: Recorded
@@ -86,36 +90,41 @@ class Episodes:
     torque_change: Recorded
     foot_impulse: Recorded
     stopped: Bools | None
-    """True while a safety layer stops the robot, (steps, n); None without a safety layer."""
+    """True while a safety layer stops the robot, (steps, n); None if the policy has no safety layer."""
     observed: Recorded | None
-    """Gravity, angular and linear velocity as the policy observed them after each step, base frame, (steps, n, 9); None
-    if it observes the true state."""
+    """Gravity, angular and linear velocity as observed after each step, base frame, (steps, n, 9).
+
+    None if the policy observes the true state.
+    """
     push_step: NDArray[np.int64]
     """First control step of each push, in order, (n, k)."""
     push_impulse: NDArray[np.float64]
     """Impulse of each push, world frame, x and y, (n, k, 2), N·s."""
     push_steps: int
-    """Control steps of a push."""
+    """Duration of a push in control steps."""
     fall_step: NDArray[np.int64]
-    """First step after which the robot had fallen or diverged, (n,); `steps` without a fall."""
+    """First step after which the robot had fallen or diverged, (n,); `steps` if the robot did not fall."""
     fall_reason: NDArray[np.object_]
-    """Name of the fall rule that held, (n,); None without a fall."""
+    """Name of the fall rule that ended the episode, or `diverged`, (n,); None if the robot did not fall."""
     divergence_step: NDArray[np.int64]
-    """First step after which the simulation had diverged, at which the record ends, (n,); `steps` without one."""
+    """First step after which the simulation had diverged, (n,); `steps` if the simulation did not diverge.
+
+    The record of an episode ends at this step.
+    """
     dt: float
-    """Control step, s."""
+    """Duration of a control step, s."""
     command_steps: int
-    """Control steps of a command."""
+    """Duration of a command interval in control steps."""
     weight: float
     """Weight of the robot and its payload, N."""
     torque_limit: Limits
     """Largest torque of each joint, N·m."""
     speed_limit: Limits
-    """Speed of each joint's motor without load, or its rated speed, rad/s."""
+    """No-load speed of each joint's motor, or the rated speed if the motor has no torque-speed curve, rad/s."""
     failure: NDArray[np.object_]
-    """Reason of the policy's failure before any fall, (n,); None without a failure."""
+    """Reason for the policy's failure before a fall, (n,); None if the policy did not fail."""
     failure_step: NDArray[np.int64]
-    """Control step in which the failure was reported, (n,); `steps` without a failure."""
+    """Control step in which the failure was reported, (n,); `steps` if the policy did not fail."""
     scenario: Scenario | None = None
     """Scenario of the episodes; None if it is not known."""
 
@@ -126,12 +135,12 @@ class Episodes:
 
     @property
     def settling(self) -> int:
-        """Number of control steps of the settling time, which do not count."""
+        """Number of control steps at the start that do not count: `tracking.SETTLING_TIME`."""
         return round(tracking.SETTLING_TIME / self.dt)
 
     @property
     def intervals(self) -> tracking.CommandIntervals:
-        """Intervals with one command each."""
+        """Command intervals: periods in which the command is constant."""
         return tracking.command_intervals(self.steps, self.command_steps, self.settling)
 
     @property
@@ -141,7 +150,7 @@ class Episodes:
 
     @property
     def failed(self) -> Bools:
-        """True if the policy failed before any fall, (n,)."""
+        """True if the policy failed before a fall, (n,)."""
         return np.array([reason is not None for reason in self.failure], np.bool_)
 
     @property
@@ -157,7 +166,7 @@ def weight(robot: Robot, scenario: Scenario) -> float:
 
 
 def empty_signal(robot: Robot, name: str, steps: int, count: int) -> NDArray[np.generic]:
-    """Allocate a signal with zeros or False.
+    """Allocate the array of a signal, filled with zeros or with False.
 
     Args:
         robot: Robot of the episodes.

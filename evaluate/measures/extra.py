@@ -1,4 +1,4 @@
-"""Measures of other packages, computed from recorded signals: one column of `episodes.parquet` each."""
+"""Extension measures: defined by other packages, each is one column of `episodes.parquet`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,30 +14,30 @@ from quad_env.extensions import check_new
 
 @dataclass(frozen=True)
 class ExtraMeasure:
-    """A measure of another package; its author makes it, `quad_env.Extension` holds it by name."""
+    """Measure that another package defines and registers by name in a `quad_env.Extension`."""
 
     function: Callable[[Episodes], Any]
-    """Value of each of n recorded episodes, (n,); NaN if an episode has none."""
+    """Function that returns one value for each of n recorded episodes, (n,); NaN means no value."""
     title: str
-    """Words for tables."""
+    """Name of the measure in tables."""
     unit: str = ""
     """Unit; empty for a fraction or a pure number."""
     frame: str = ""
-    """Frame of the quantity; empty without one."""
+    """Frame of the quantity; empty if the quantity has no frame."""
     formula: str = ""
     """Definition, as shown in the report."""
     scope: Scope = WHOLE
-    """Steps that count."""
+    """Control steps that enter the measure."""
 
 
 def extra_measures() -> dict[str, ExtraMeasure]:
-    """Return the measures of extensions by name.
+    """Return the extension measures of this process.
 
     Returns:
         Name -> measure.
 
     Raises:
-        ValueError: An entry is no `ExtraMeasure`, or has the name of a column of the project.
+        ValueError: An entry is not an `ExtraMeasure`, or its name is already a column of the project.
     """
     measures = check_new("measures", dict.fromkeys((*BY_NAME, *COLUMNS)))
     for name, measure in measures.items():
@@ -47,11 +47,11 @@ def extra_measures() -> dict[str, ExtraMeasure]:
 
 
 COLUMNS = ("policy", "scenario", "severity", "episode", "seed", "fall_reason", "failure")
-"""Columns of `episodes.parquet` that are no measures."""
+"""Columns of `episodes.parquet` that are not measures."""
 
 
 def compute_extra(episodes: Episodes) -> dict[str, Floats]:
-    """Compute the measures of extensions.
+    """Compute all extension measures of recorded episodes.
 
     Args:
         episodes: n recorded episodes.
@@ -60,7 +60,7 @@ def compute_extra(episodes: Episodes) -> dict[str, Floats]:
         Name -> measure, (n,).
 
     Raises:
-        ValueError: A function returned another shape.
+        ValueError: The function of a measure returned an array of a shape other than (n,).
     """
     values: dict[str, Floats] = {}
     for name, measure in extra_measures().items():
@@ -72,7 +72,10 @@ def compute_extra(episodes: Episodes) -> dict[str, Floats]:
 
 
 def definition(name: str) -> Measure:
-    """Return the definition of the measure `name`; of an extension that is not installed, its bare name."""
+    """Return the definition of the measure `name`.
+
+    The definition has no unit, frame or formula if the extension of the measure is not installed.
+    """
     if name in BY_NAME:
         return BY_NAME[name]
     measure = extra_measures().get(name)

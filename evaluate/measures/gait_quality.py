@@ -1,6 +1,6 @@
 """Measures of the gait; formulas are in `evaluate.measures.catalogue`.
 
-Only upright steps count; NaN without one.
+Only upright steps after the first second count. A measure is NaN for an episode that has none of these steps.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import Footfalls, footfalls
 
 TOUCHDOWN_TIME = 0.02
-"""s. Duration of a touch-down in whole control steps; the first is the step in which the foot lands."""
+"""Duration of a touch-down from the control step in which the foot lands, rounded to whole control steps, s."""
 
 
 def gait(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
@@ -22,7 +22,7 @@ def gait(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
         upright: True for upright steps, (steps, n).
 
     Returns:
-        Name -> measure of each episode, (n,); the duty factor of each foot, (n, 4).
+        Name -> measure of each episode, (n,). The duty factor has a value for each foot, (n, 4).
     """
     settling = episodes.settling
     dt = episodes.dt
@@ -47,7 +47,7 @@ def gait(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
 
 
 def step_rate(falls: Footfalls, first: int, upright: NDArray[np.int64], dt: float) -> Floats:
-    """Return the touch-downs per foot and second.
+    """Return the number of touch-downs per foot and second.
 
     Args:
         falls: Footfalls of n episodes.
@@ -63,17 +63,17 @@ def step_rate(falls: Footfalls, first: int, upright: NDArray[np.int64], dt: floa
 
 
 def touchdown_impulse(impulse: Recorded, falls: Footfalls, first: int, end: NDArray[np.int64], dt: float) -> Floats:
-    """Return the mean impulse of the ground on a foot during TOUCHDOWN_TIME from a touch-down on.
+    """Return the mean impulse of the ground on a foot in the first TOUCHDOWN_TIME after landing.
 
     Args:
         impulse: Impulse on each foot in each control step, (steps, n, 4), N·s.
         falls: Footfalls of n episodes.
         first: First step that counts.
-        end: End of each episode, (n,).
+        end: Control step in which each episode ends, (n,).
         dt: Control step, s.
 
     Returns:
-        Mean of the touch-downs that are complete between `first` and `end`, (n,), N·s; NaN without one.
+        Mean over the touch-downs that begin and end between `first` and `end`, (n,), N·s; NaN if there is none.
     """
     length = max(1, round(TOUCHDOWN_TIME / dt))
     is_complete = (falls.touch_down >= first) & (falls.touch_down + length <= end[falls.episode])
@@ -88,17 +88,17 @@ def touchdown_impulse(impulse: Recorded, falls: Footfalls, first: int, end: NDAr
 def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> Floats:
     """Return the mean horizontal speed of the feet on the ground.
 
-    A foot counts between two steps that both find it on the ground. The speed is of its centre, so a spherical foot
-    adds its rolling as the leg turns over it.
+    A foot counts between two consecutive steps if it is on the ground in both. The speed is the speed of the foot's
+    centre, so the rolling of a spherical foot is included.
 
     Args:
-        position: World frame, (steps, n, 4, 3), m.
-        contact: (steps, n, 4).
+        position: Foot positions, world frame, (steps, n, 4, 3), m.
+        contact: True for feet on the ground, (steps, n, 4).
         upright: True for upright steps, (steps, n).
         dt: Control step, s.
 
     Returns:
-        Speed, (n,), m/s; NaN without contact.
+        Speed, (n,), m/s; NaN if no foot is on the ground in two consecutive steps.
     """
     is_held = contact[1:] & contact[:-1] & upright[1:, :, None]
     x = np.diff(position[..., 0].astype(np.float64), axis=0)

@@ -1,7 +1,7 @@
 """All measures of a set of episodes; meaning, unit and formula are in `evaluate.measures.catalogue`.
 
-The control steps after an episode's first second count. A step is *upright* if its reading was taken before the robot
-fell or diverged; later readings do not count. Signals are recorded in single precision and evaluated in double
+The first second of an episode does not count. A control step is *upright* if its reading was taken before the robot
+fell or diverged; later readings are not used. Signals are recorded in single precision and evaluated in double
 precision.
 """
 
@@ -25,7 +25,10 @@ from evaluate.measures.pushes import pushes
 
 @dataclass(frozen=True)
 class Measures:
-    """Measures of n episodes, one entry an episode, NaN without a value; units are in `catalogue`."""
+    """Measures of n episodes, (n, …) each, with NaN for an episode without a value.
+
+    Unit, frame and formula of each measure are in `evaluate.measures.catalogue`.
+    """
 
     outcome: NDArray[np.object_]
     fell: Bools
@@ -56,23 +59,23 @@ class Measures:
     flight: Floats
     trunk_height: Floats
     duty_factor: Floats
-    """Of each foot, (n, 4)."""
+    """Duty factor of each foot, (n, 4)."""
     commands: Floats
-    """Commands of the k intervals, (n, k, 3); NaN if the robot was not upright at the start of the interval."""
+    """Commands of the k command intervals, (n, k, 3); NaN if the robot was not upright at the interval's start."""
     mean_velocities: Floats
-    """Mean velocities of the intervals, (n, k, 3); NaN if the robot was not upright at the end of the interval."""
+    """Mean velocities of the command intervals, (n, k, 3); NaN if the robot was not upright at the interval's end."""
     push_time: Floats
-    """Onset of each of k pushes, (n, k)."""
+    """Start time of each of k pushes, (n, k), s."""
     push_impulse: Floats
-    """Impulse of each push, (n, k, 2)."""
+    """Impulse of each push, heading frame just before the push, (n, k, 2), N·s."""
     push_fell: Floats
-    """1 if a fall follows the push, else 0, (n, k)."""
+    """1 if a fall is attributed to the push, else 0, (n, k)."""
     cause: NDArray[np.object_]
-    """One of `evaluate.causes.rules.CAUSES`, (n,); None for a success, and if the cause is not known."""
+    """Cause of each failure, one of `evaluate.causes.rules.CAUSES`, (n,); None for a success or an unknown cause."""
     cause_time: Floats
     cause_detail: NDArray[np.object_]
     extra: Mapping[str, Floats] = field(default_factory=dict)
-    """Measures of extensions by name, (n,) each."""
+    """Extension measures: name -> values, (n,)."""
 
     @property
     def succeeded(self) -> Bools:
@@ -86,11 +89,14 @@ class Measures:
 
 
 MEASURE_NAMES = tuple(each.name for each in fields(Measures) if each.name != "extra")
-"""Names of the project's measures, without those of extensions."""
+"""Names of the project's own measures; extension measures are not included."""
 
 
 def measure(episodes: Episodes) -> Measures:
-    """Compute all measures of episodes except the causes of failures; see `evaluate.causes.verdict`."""
+    """Compute all measures of episodes except the causes of failures.
+
+    `evaluate.causes.verdict.with_causes` adds the causes.
+    """
     upright = upright_steps(episodes.fall_step, episodes.steps)
     fell = episodes.fall_step < episodes.steps
     unknown = np.full(episodes.count, None, dtype=object)
@@ -120,7 +126,7 @@ def outcome(
     Args:
         episodes: Recorded episodes.
         rule: Success rule.
-        tracking_measures: Tracking measures of the episodes if they are known; None to compute them.
+        tracking_measures: Tracking measures of the episodes; None to compute them here.
 
     Returns:
         One of OUTCOMES for each episode, (n,).
@@ -146,7 +152,7 @@ def outcome(
 
 
 def summarise(episodes: Episodes) -> dict[str, float]:
-    """Return the means that training validates with, and the cost of transport of all episodes."""
+    """Return the validation metrics of training: metric name -> value over all episodes."""
     measures = measure(episodes)
     means = ("velocity_error", "yaw_rate_error", "mean_velocity_error", "energy")
     return {

@@ -1,4 +1,4 @@
-"""Outcome of an episode: success by one of RULES, or the kind of failure."""
+"""Outcome of an episode: success by one of the success rules, or the kind of failure."""
 
 from dataclasses import dataclass
 
@@ -16,30 +16,33 @@ DIVERGED = "diverged"
 OUTCOMES = (SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR, FELL, DIVERGED)
 """Every outcome; an episode has exactly one."""
 MIN_PROGRESS = 0.25
-"""Fraction of the commanded distance below which an upright robot has stalled."""
+"""Fraction of the commanded distance below which an upright robot counts as stalled."""
 MOVING = 0.05
-"""m/s. Commanded planar speed above which a stalled interval is no success, whatever the tolerance."""
+"""Commanded planar speed above which a stalled interval is a failure even within the tolerances, m/s."""
 
 
 @dataclass(frozen=True)
 class SuccessRule:
-    """Tolerances of the velocity errors with which an upright robot succeeds."""
+    """Success rule: tolerances of the velocity errors of a robot that stays upright."""
 
     name: str
     linear: float
-    """m/s. Tolerance of the planar velocity."""
+    """Tolerance of the planar velocity, m/s."""
     angular: float
-    """rad/s. Tolerance of the yaw rate."""
+    """Tolerance of the yaw rate, rad/s."""
     share: float
-    """Additional tolerance as a fraction of the commanded planar velocity, or of the commanded yaw rate."""
+    """Additional tolerance, as a fraction of the commanded planar velocity and of the commanded yaw rate."""
     stalls: bool = True
-    """True if a stalled interval is no success, even within tolerance."""
+    """True if an episode with a stalled interval fails even within the tolerances."""
     of_steps: bool = False
-    """True if the tolerances apply to the mean error of the episode's steps, not to each interval's mean velocity."""
+    """True if the tolerances apply to the mean error over the episode's steps.
+
+    False if they apply to the mean velocity of each command interval.
+    """
 
     @property
     def description(self) -> str:
-        """Text of the rule."""
+        """Description of the rule for reports."""
         if np.isinf(self.linear):
             return "upright to the end, whatever it was asked to do"
         if self.of_steps:
@@ -60,14 +63,16 @@ class SuccessRule:
         )
 
     def deviations(self, commands: Floats, velocities: Floats) -> Floats:
-        """Return the larger of velocity error and yaw-rate error of each interval, over the tolerance.
+        """Return the relative error of each interval: velocity or yaw-rate error over its tolerance.
+
+        The larger one of the two relative errors counts.
 
         Args:
-            commands: (n, k, 3), m/s, m/s, rad/s.
+            commands: Commands of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
             velocities: Mean velocities, heading frame, (n, k, 3), m/s, m/s, rad/s.
 
         Returns:
-            Relative error, (n, k), at most 1 within tolerance; NaN if the robot was not upright at the end.
+            Relative error, (n, k), at most 1 within tolerance; NaN if the robot was not upright at the interval's end.
         """
         velocity_error = planar(velocities - commands)
         yaw_rate_error = np.abs(velocities[..., 2] - commands[..., 2])
@@ -76,30 +81,30 @@ class SuccessRule:
         return np.maximum(velocity_error / velocity_tolerance, yaw_rate_error / yaw_rate_tolerance)
 
     def stalled(self, commands: Floats, velocities: Floats) -> Bools:
-        """Return True for intervals that are no success because the robot hardly moved.
+        """Return the mask of the intervals that fail because the robot hardly moved.
 
         Args:
-            commands: (n, k, 3), m/s, m/s, rad/s.
+            commands: Commands of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
             velocities: Mean velocities, heading frame, (n, k, 3), m/s, m/s, rad/s.
 
         Returns:
-            (n, k).
+            True for stalled intervals, (n, k); all False if `stalls` is False.
         """
         speed = planar(commands)
         along = quotient((commands[..., :2] * velocities[..., :2]).sum(axis=-1), speed)
         return np.asarray(self.stalls & (speed > MOVING) & (along < MIN_PROGRESS * speed))
 
     def on_command(self, commands: Floats, velocities: Floats, errors: Floats | None = None) -> Bools:
-        """Return True for episodes that followed their commands.
+        """Return the mask of the episodes that followed their commands within the tolerances.
 
         Args:
-            commands: (n, k, 3), m/s, m/s, rad/s.
+            commands: Commands of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
             velocities: Mean velocities, heading frame, (n, k, 3), m/s, m/s, rad/s.
-            errors: Mean velocity error, m/s, and mean yaw-rate error, rad/s, of each episode's steps, (n, 2). Without
-                them no episode passes a rule `of_steps`.
+            errors: Mean velocity error and mean yaw-rate error over each episode's steps, (n, 2), m/s, rad/s. A rule
+                with `of_steps` rejects every episode if `errors` is None.
 
         Returns:
-            (n,).
+            True for episodes that followed their commands, (n,).
         """
         if self.of_steps:
             return np.asarray((np.asarray(errors, np.float64) < (self.linear, self.angular)).all(axis=-1))
@@ -108,13 +113,14 @@ class SuccessRule:
 
 
 SUCCESS_RULE = "success/2"
-"""Rule of an evaluation."""
+"""Name of the success rule that evaluations use."""
 ISAAC_LAB = "isaac-lab"
-"""Thresholds of Isaac Lab's `Metrics/success_rate` for quadrupeds: `vel_xy_success_threshold` and
-`vel_yaw_success_threshold` of `UniformVelocityCommandCfg`, isaac-sim/IsaacLab#5415.
+"""Name of the rule with the thresholds of Isaac Lab's `Metrics/success_rate` for quadrupeds.
 
-There the errors are of the steps up to the end of the episode, in the body frame, so that a robot that falls can
-succeed; here a fall is a failure, velocities are in the heading frame, and the first second does not count.
+The thresholds are `vel_xy_success_threshold` and `vel_yaw_success_threshold` of `UniformVelocityCommandCfg`,
+isaac-sim/IsaacLab#5415. Isaac Lab averages the errors in the body frame up to the end of the episode, so a robot that
+falls can succeed. In this project a fall is a failure, velocities are in the heading frame, and the first second does
+not count.
 """
 RULES = {
     rule.name: rule
@@ -144,8 +150,9 @@ def outcomes(  # noqa: PLR0913 -- arrays of one kind, by keyword alone
 
     Args:
         fell: True if the episode ended by the fall rule or a divergence, (n,).
-        diverged: True if it ended by a divergence, (n,).
-        stopped: True if a safety layer brought the robot to a controlled stop, (n,); ground contact then is no fall.
+        diverged: True if the episode ended by a divergence, (n,).
+        stopped: True if a safety layer brought the robot to a controlled stop, (n,). The episode is then `stalled`
+            rather than `fell`.
         failed: True if the policy failed before any fall, for example by an exception, (n,).
         commands: Command of each interval, (n, k, 3), forward m/s, lateral m/s, yaw rate rad/s.
         velocities: Mean velocities of each interval after its first second, heading frame, (n, k, 3).
@@ -177,7 +184,8 @@ def commanded_progress(commands: Floats, velocities: Floats, durations: Floats) 
         durations: Durations of the intervals, (k,).
 
     Returns:
-        Progress, (n,); progress of the commanded turn without a commanded distance, and 1 without either.
+        Progress, (n,). It is the fraction of the commanded turn if no distance is commanded, and 1 if no turn is
+        commanded either.
     """
     speed = planar(commands)
     along = quotient((commands[..., :2] * velocities[..., :2]).sum(axis=-1), speed)

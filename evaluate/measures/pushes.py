@@ -1,6 +1,6 @@
 """Measures of pushes: time, impulse, and the falls that follow.
 
-Arrays are (n, k) for the k pushes of each of n episodes; NaN for a push after the fall.
+Arrays are (n, k) for k pushes in each of n episodes, with NaN for pushes after a fall.
 """
 
 import numpy as np
@@ -12,11 +12,14 @@ from evaluate.measures.episodes import Episodes
 Ints = NDArray[np.int64]
 
 MAX_TIME_TO_FALL = 2.0
-"""s. Time from a push's onset in which a fall is attributed to it."""
+"""Maximum time from the start of a push to a fall that is attributed to the push, s."""
 
 
 def pushes(episodes: Episodes) -> dict[str, Floats]:
-    """Return the measures of all pushes by name, with the impulse in the heading frame, (n, k, 2), N·s."""
+    """Return name -> measure of the pushes.
+
+    `fall_after_push` is (n,); `push_impulse` is in the heading frame, (n, k, 2), N·s; the others are (n, k).
+    """
     onset = episodes.push_step
     fall = episodes.fall_step[:, None]
     is_pushed = (onset <= fall) & (onset < episodes.steps)
@@ -31,7 +34,7 @@ def pushes(episodes: Episodes) -> dict[str, Floats]:
 
 
 def _heading_impulse(episodes: Episodes) -> Floats:
-    """Return the impulses in the heading frame just before each push, (n, k, 2), N·s."""
+    """Rotate the impulses into the heading frame just before each push, (n, k, 2), N·s."""
     step_before = np.clip(episodes.push_step - 1, 0, episodes.steps - 1)
     quaternion = episodes.quaternion[step_before, np.arange(episodes.count)[:, None]].astype(np.float64)
     w, x, y, z = np.moveaxis(quaternion, -1, 0)
@@ -42,5 +45,5 @@ def _heading_impulse(episodes: Episodes) -> Floats:
 
 
 def _next_onset(onset: Ints, steps: int) -> Ints:
-    """Return the step of the following push or the time limit, (n, k)."""
+    """Return the first step of the next push, or the time limit for the last push, (n, k)."""
     return np.concatenate((onset[:, 1:], np.full((len(onset), 1), steps, onset.dtype)), axis=1)[:, : onset.shape[1]]

@@ -1,7 +1,7 @@
 """Measures of command tracking: pure functions of (steps, n, …) arrays in the heading frame.
 
-Every step that is not upright, up to the time limit, counts with the maximum error of the measure, so that a fall never
-makes an error smaller.
+Every step from a fall to the time limit counts with the maximum error of the measure, because a fall must not reduce
+an error. Only `velocity_error_upright` and the mean velocities ignore these steps.
 """
 
 from dataclasses import dataclass
@@ -11,30 +11,30 @@ import numpy as np
 from evaluate.measures.averages import Bools, Floats, over_steps, planar, quotient, total, upright_mean
 
 SETTLING_TIME = 1.0
-"""s. Time at the start of an episode, and of each command interval, that does not count."""
+"""Time that does not count at the start of an episode and of each command interval, s."""
 VELOCITY_CAP = 2.0
-"""m/s. Maximum planar velocity error of a step, and the error of every step after a fall."""
+"""Maximum planar velocity error of a step, and the error of every step after a fall, m/s."""
 YAW_RATE_CAP = 3.0
-"""rad/s. Maximum yaw-rate error of a step, and the error of every step after a fall."""
+"""Maximum yaw-rate error of a step, and the error of every step after a fall, rad/s."""
 
 
 @dataclass(frozen=True)
 class CommandIntervals:
-    """Command intervals of an episode, as slices of its control steps."""
+    """Periods of constant command in an episode, as slices of the control steps."""
 
     settled: tuple[slice, ...]
-    """Steps after the first second of each interval; an interval without any is left out."""
+    """Steps of each interval after the interval's first second; intervals of at most 1 s are left out."""
     travelled: tuple[slice, ...]
-    """Steps after the first second of the episode."""
+    """Steps of each interval after the episode's first second."""
 
 
 def command_intervals(steps: int, command_steps: int, settling: int) -> CommandIntervals:
     """Return the command intervals of an episode.
 
     Args:
-        steps: Control steps of the episode.
-        command_steps: Control steps of a command.
-        settling: Control steps of SETTLING_TIME.
+        steps: Number of control steps of the episode.
+        command_steps: Duration of a command interval in control steps.
+        settling: SETTLING_TIME in control steps.
 
     Returns:
         The intervals.
@@ -49,11 +49,11 @@ def command_intervals(steps: int, command_steps: int, settling: int) -> CommandI
 
 
 def velocity_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
-    """Return the mean planar velocity error of all steps, VELOCITY_CAP after a fall.
+    """Return the mean planar velocity error of all steps; the error after a fall is VELOCITY_CAP.
 
     Args:
-        command: (steps, n, 3), m/s, m/s, rad/s.
-        velocity: Heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
         upright: True for upright steps, (steps, n).
 
     Returns:
@@ -63,11 +63,11 @@ def velocity_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
 
 
 def yaw_rate_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
-    """Return the mean yaw-rate error of all steps, YAW_RATE_CAP after a fall.
+    """Return the mean yaw-rate error of all steps; the error after a fall is YAW_RATE_CAP.
 
     Args:
-        command: (steps, n, 3), m/s, m/s, rad/s.
-        velocity: Heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
         upright: True for upright steps, (steps, n).
 
     Returns:
@@ -80,25 +80,25 @@ def velocity_error_upright(command: Floats, velocity: Floats, upright: Bools) ->
     """Return the mean planar velocity error of the upright steps, at most VELOCITY_CAP each.
 
     Args:
-        command: (steps, n, 3), m/s, m/s, rad/s.
-        velocity: Heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
         upright: True for upright steps, (steps, n).
 
     Returns:
-        Error, (n,), m/s; NaN without an upright step.
+        Error, (n,), m/s; NaN if an episode has no upright step.
     """
     return upright_mean(np.minimum(planar(command - velocity), VELOCITY_CAP), upright)
 
 
 def mean_velocity_error(command: Floats, velocity: Floats, upright: Bools, windows: tuple[slice, ...]) -> Floats:
-    """Return ‖command - mean velocity‖ of each window, averaged over the steps of the windows.
+    """Return the mean over all windows of the planar error ‖command - mean velocity‖.
 
-    The mean velocity is over a window's upright steps, and its error counts for each of them; the error of the other
-    steps is VELOCITY_CAP.
+    The mean velocity of a window is computed over its upright steps. A window's error counts once for each upright
+    step; each other step counts with the error VELOCITY_CAP.
 
     Args:
-        command: (steps, n, 3), m/s, m/s, rad/s.
-        velocity: Heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
         upright: True for upright steps, (steps, n).
         windows: Slices of the steps, with one command each.
 
@@ -121,12 +121,12 @@ def commands_given(command: Floats, upright: Bools, starts: tuple[int, ...]) -> 
     """Return the commands at the starts of the intervals.
 
     Args:
-        command: (steps, n, 3), m/s, m/s, rad/s.
+        command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
         upright: True for upright steps, (steps, n).
         starts: First steps of the k intervals.
 
     Returns:
-        Commands, (n, k, 3); NaN if the robot was not upright.
+        Commands, (n, k, 3), m/s, m/s, rad/s; NaN if the robot was not upright at the interval's start.
     """
     return np.stack([np.where(upright[start, :, None], command[start], np.nan) for start in starts], axis=1)
 
@@ -135,9 +135,9 @@ def mean_velocities(velocity: Floats, upright: Bools, windows: tuple[slice, ...]
     """Return the mean velocity over each window.
 
     Args:
-        velocity: Heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
         upright: True for upright steps, (steps, n).
-        windows: Slices of the steps, k.
+        windows: k slices of the steps.
 
     Returns:
         Mean velocities, (n, k, 3); NaN if the robot was not upright at the end of the window.
@@ -150,10 +150,10 @@ def mean_velocities(velocity: Floats, upright: Bools, windows: tuple[slice, ...]
 
 
 def distance_covered(velocity: Floats, upright: Bools, stretches: tuple[slice, ...], dt: float) -> Floats:
-    """Return the distance along the mean velocity of each stretch, over the upright steps.
+    """Return the sum of the distances of all stretches: ‖mean velocity‖ times upright time.
 
     Args:
-        velocity: Heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
         upright: True for upright steps, (steps, n).
         stretches: Slices of the steps.
         dt: Control step, s.
@@ -169,17 +169,17 @@ def window_mean(velocity: Floats, upright: Bools, window: slice) -> Floats:
     """Return the mean velocity over a window's upright steps.
 
     Args:
-        velocity: Heading frame, (steps, n, 3), m/s, m/s, rad/s.
+        velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
         upright: True for upright steps, (steps, n).
         window: Slice of the steps.
 
     Returns:
-        Mean, (n, 3); NaN without an upright step.
+        Mean, (n, 3), m/s, m/s, rad/s; NaN if the window has no upright step.
     """
     mask = upright[window]
     return quotient(total(np.where(over_steps(mask, velocity), velocity[window], 0.0)), mask.sum(0)[:, None])
 
 
 def _capped(error: Floats, upright: Bools, cap: float) -> Floats:
-    """Return the error of each step, at most `cap`, and `cap` in steps that are not upright."""
+    """Limit the error of each step to `cap`, and set the error to `cap` in steps that are not upright."""
     return np.where(upright, np.minimum(error, cap), cap)
