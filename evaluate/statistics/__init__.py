@@ -1,1 +1,1 @@
-"""Intervals, tests and breaking points."""
+"""Confidence intervals, significance tests and breaking points."""

@@ -1,9 +1,10 @@
 """Breaking points: the severity of an axis at which half of the episodes fail.
 
-The breaking point is where a monotone regression crosses one half; between the levels it is straight over the logarithm
-of severity. The interval reaches from the last level with significantly fewer failures than one half to the first level
-with significantly more, by exact tests. Levels are tested from the mildest up to the first that fails its test, and in
-the same way from the hardest down. Many levels therefore need no correction.
+A level is one severity of the axis. The breaking point is the severity at which a monotone regression of the failure
+rate crosses one half. The regression is piecewise linear over the logarithm of severity. Its interval starts at the
+last level at which significantly less than half of the episodes fail. It ends at the first level at which significantly
+more than half fail. The tests are exact. Levels are tested in order, from the mildest until a level is not significant,
+and from the hardest in the same way. This fixed order makes a correction for the number of levels unnecessary.
 """
 
 from dataclasses import dataclass
@@ -15,10 +16,10 @@ import numpy as np
 from evaluate.statistics.intervals import CONFIDENCE, Bools, Floats, Interval
 
 MIN_LEVELS = 3
-"""Minimum number of severities for a breaking point."""
+"""Minimum number of severities from which a breaking point is computed."""
 
 BreakingPointKind = Literal["crossed", "never", "always"]
-"""Position of a breaking point relative to the levels."""
+"""Result of the search for a breaking point; see `BreakingPoint.found`."""
 
 
 @dataclass(frozen=True)
@@ -26,19 +27,23 @@ class BreakingPoint:
     """Breaking point of a policy on an axis, made by `breaking_point`."""
 
     found: BreakingPointKind
-    """`crossed`; `never`: less than half fail at the hardest level; `always`: half or more fail at the mildest."""
+    """Where the failure rate crosses one half.
+
+    `crossed`: between the mildest and the hardest level. `never`: less than half fail at the hardest level. `always`:
+    half or more fail at the mildest level.
+    """
     severity50: float
-    """Severity at which half of the episodes fail; NaN unless crossed."""
+    """Severity at which half of the episodes fail; NaN if `found` is `never` or `always`."""
     ci: Interval
-    """95 % interval; an infinite end lies beyond the levels."""
+    """95 % interval of the severity; an end is infinite if it lies beyond the tested levels."""
 
 
 def breaking_point(severities: Floats, failed: Bools) -> BreakingPoint:
-    """Compute the breaking point of an axis.
+    """Compute the breaking point of one policy on one axis.
 
     Args:
-        severities: Severities, (k,), the mildest first.
-        failed: Failures of n episodes at each severity, (k, n).
+        severities: Severities, the mildest first, (k,).
+        failed: True for each failed one of n episodes at each severity, (k, n).
 
     Returns:
         Breaking point and interval.
@@ -58,18 +63,18 @@ def breaking_point(severities: Floats, failed: Bools) -> BreakingPoint:
 
 
 def monotone_curve(severities: Floats, rates: Floats) -> tuple[Floats, Floats]:
-    """Fit a monotone curve of failures by centred isotonic regression.
+    """Fit a monotone curve of failure rate over severity by centred isotonic regression.
 
-    The curve is straight over ln(severity) between its points. Levels in the wrong order are merged into one at their
-    mean (Oron and Flournoy 2017, Statistics in Biopharmaceutical Research 9). A severity of 0 is no disturbance, has no
-    logarithm, and is left out.
+    The curve is linear in ln(severity) between its points. Neighbouring levels with decreasing failure rates are merged
+    into one point at their mean (Oron and Flournoy 2017, Statistics in Biopharmaceutical Research 9). A severity of 0
+    is left out because it has no logarithm.
 
     Args:
-        severities: Severities, (k,), the mildest first.
-        rates: Proportion of failures at each, (k,).
+        severities: Severities, the mildest first, (k,).
+        rates: Proportion of failed episodes at each severity, (k,).
 
     Returns:
-        Severities and proportions of failures at the points of the curve, the mildest first.
+        Severities and failure rates of the points of the curve, the mildest first.
     """
     from scipy.optimize import isotonic_regression
 
@@ -87,9 +92,16 @@ def monotone_curve(severities: Floats, rates: Floats) -> tuple[Floats, Floats]:
 
 
 def bracket_levels(failed: Bools) -> tuple[int, int]:
-    """Return the indices of the levels, of (k, n) failures, between which half of the episodes fail.
+    """Return the indices of the two levels between which the failure rate crosses one half.
 
-    −1 and k lie beyond the levels. The test is binomial, with an error probability of 2.5 % on either side.
+    At the first index and at all milder levels, significantly less than half of the episodes fail. At the second index
+    and at all harder levels, significantly more than half fail. Each test is binomial, one-sided, at a level of 2.5 %.
+
+    Args:
+        failed: True for each failed one of n episodes at each of k levels, the mildest first, (k, n).
+
+    Returns:
+        The two indices. The first is −1 if no mild level is significant; the second is k if no hard level is.
     """
     from scipy.stats import binom
 
@@ -102,9 +114,9 @@ def bracket_levels(failed: Bools) -> tuple[int, int]:
 
 
 def _severity_interval(severities: Floats, levels: tuple[int, int]) -> Interval:
-    """Return the severities of two levels in ascending order; an end beyond the levels is infinite."""
+    """Return the severities of two level indices in ascending order; infinite for an index of −1 or k."""
     is_rising = severities[-1] > severities[0]
     beyond_hardest = np.inf if is_rising else -np.inf
-    padded = [*severities.tolist(), beyond_hardest, -beyond_hardest]  # index −1 is beyond the mildest
+    padded = [*severities.tolist(), beyond_hardest, -beyond_hardest]  # index −1 reads the last entry
     low, high = sorted((padded[levels[0]], padded[levels[1]]))
     return (low, high)

@@ -1,6 +1,6 @@
-"""95 % intervals of proportions and means, and the resampling of all bootstraps.
+"""95 % confidence intervals of proportions and means, and the resamples of all bootstraps.
 
-Every bootstrap is seeded, so that the same episodes always give the same report.
+Every bootstrap has a fixed seed, so that the same episodes always give the same report.
 """
 
 from collections.abc import Iterator
@@ -12,22 +12,25 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Interval = tuple[float, float]
-"""Lower and upper end."""
+"""Lower and upper end of an interval."""
 
 CONFIDENCE = 0.95
 """Confidence level of every interval."""
 UNBOUNDED = (-np.inf, np.inf)
-"""Bounds of unbounded values."""
+"""Smallest and largest possible value of a quantity that has no limits."""
 RESAMPLES = 9999
 """Number of resamples of a bootstrap."""
 MAX_CACHED_VALUES = 12_000_000
-"""Largest size of a cached set of resamples, values (96 MB). Smaller sets are drawn once and reused."""
+"""Largest set of resamples that is drawn once and reused, number of values (96 MB)."""
 BLOCK_VALUES = 500_000
-"""Values drawn at once of a larger set, which is drawn again at each use; it bounds the memory."""
+"""Number of values drawn at once from a set that is too large for the cache.
+
+The block size limits the memory, because a large set is drawn again at each use.
+"""
 
 
 def wilson_interval(successes: float, trials: float) -> Interval:
-    """Compute the Wilson interval of the proportion `successes` / `trials`; (NaN, NaN) without trials."""
+    """Compute the Wilson interval of the proportion `successes` / `trials`; (NaN, NaN) for 0 trials."""
     from scipy.special import ndtri
 
     if trials == 0:
@@ -42,12 +45,13 @@ def wilson_interval(successes: float, trials: float) -> Interval:
 
 
 def mean_proportion_interval(proportions: Floats) -> Interval:
-    """Compute the interval of the mean of independent proportions within 0 … 1; (NaN, NaN) without any.
+    """Compute the interval of the mean of independent proportions in 0 … 1; (NaN, NaN) for an empty array.
 
-    It is Wilson's interval for an effective number of yes-or-no trials: the number with an equally variable mean.
-    Student's t replaces the normal distribution. Surveys treat proportions in clusters in this way (Korn and Graubard
-    1998, Survey Methodology 24; with Wilson's interval Dean and Pagano 2015, Journal of Survey Statistics and
-    Methodology 3). Equal proportions show nothing about their variance: each then counts as one trial.
+    The interval is Wilson's, for an effective number of yes-or-no trials. This number gives the mean the variance that
+    the proportions show; Student's t replaces the normal distribution. The method is used for clustered proportions in
+    surveys (Korn and Graubard 1998, Survey Methodology 24; with Wilson's interval: Dean and Pagano 2015, Journal of
+    Survey Statistics and Methodology 3). Each proportion counts as one trial if all are equal, because equal
+    proportions give no estimate of their variance.
     """
     from scipy.special import ndtri, stdtrit
 
@@ -66,9 +70,9 @@ def mean_proportion_interval(proportions: Floats) -> Interval:
 def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval:
     """Compute Tango's score interval of the difference of two paired proportions, a − b.
 
-    It inverts the score form of McNemar's test as Wilson's interval inverts the test of one proportion (Tango 1998,
-    Statistics in Medicine 17). It has a width even without any discordant pair, where a bootstrap would claim
-    certainty.
+    The interval inverts the score form of McNemar's test, as Wilson's interval inverts the test of one proportion
+    (Tango 1998, Statistics in Medicine 17). Its width is positive even if a and b agree in every pair. A bootstrap
+    interval would then have no width and would claim certainty.
 
     Args:
         only_a: Number of pairs in which a alone is true.
@@ -76,7 +80,7 @@ def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval
         pairs: Number of all pairs.
 
     Returns:
-        The interval; (NaN, NaN) without pairs.
+        The interval; (NaN, NaN) for 0 pairs.
     """
     from scipy.optimize import brentq
     from scipy.special import ndtri
@@ -87,7 +91,7 @@ def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval
     quantile = float(ndtri(0.5 + CONFIDENCE / 2))
 
     def excess(hypothesis: float, sign: float) -> float:
-        """Return the distance from the `hypothesis` beyond the quantile on the side of `sign`."""
+        """Return the score at a hypothetical difference minus the quantile of that `sign`; 0 at an interval end."""
         return _score(only_a, only_b, pairs, hypothesis) - sign * quantile
 
     low = brentq(excess, -1.0, difference, args=(1.0,)) if difference > -1.0 else -1.0
@@ -96,11 +100,12 @@ def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval
 
 
 def _score(only_a: int, only_b: int, pairs: int, difference: float) -> float:
-    """Return the distance of the data from a hypothetical difference, in its standard deviations.
+    """Return Tango's score: observed minus hypothetical difference, in standard deviations under the hypothesis.
 
-    Under the hypothesis the proportion of `only_b` is the root of 2n q² + B q − b δ(1 − δ) = 0 (Tango's equation 14).
+    Under the hypothesis, the expected proportion q of `only_b` solves 2n q² + B q − b δ(1 − δ) = 0 (Tango's
+    equation 14). There n is `pairs`, b is `only_b`, δ is `difference`, and B is `linear`.
     """
-    if abs(difference) == 1.0:  # no other data are possible at this difference
+    if abs(difference) == 1.0:  # because a difference of ±1 allows only one outcome in every pair
         return float(np.copysign(np.inf, -difference))
     linear = -only_a - only_b + (2 * pairs - only_a + only_b) * difference
     constant = -only_b * difference * (1.0 - difference)
@@ -115,16 +120,16 @@ def _score(only_a: int, only_b: int, pairs: int, difference: float) -> float:
 def bootstrap_interval(values: Floats, bounds: Interval = UNBOUNDED, seed: int = 0) -> Interval:
     """Compute the bias-corrected and accelerated (BCa) bootstrap interval of a mean.
 
-    The correction is needed because falls skew the errors of episodes. `scipy.stats.bootstrap(method="BCa")` gives the
-    same interval; cached resamples are four times faster.
+    The correction is needed because falls skew the distribution of errors over episodes. This function returns the
+    interval of `scipy.stats.bootstrap(method="BCa")`; its cached resamples make it four times faster.
 
     Args:
-        values: Values, (n,). Equal values leave nothing to resample: see `identical_values_interval`.
+        values: Values, (n,). If all are equal, the interval is from `identical_values_interval`.
         bounds: Smallest and largest possible value.
         seed: Seed of the resamples.
 
     Returns:
-        The interval; (NaN, NaN) for fewer than two values, and if a value is NaN.
+        The interval; (NaN, NaN) for fewer than two values or if a value is NaN.
     """
     from scipy.special import ndtr, ndtri
 
@@ -146,12 +151,13 @@ def bootstrap_interval(values: Floats, bounds: Interval = UNBOUNDED, seed: int =
 def difference_interval(differences: Floats, bounds: Interval = UNBOUNDED, seed: int = 0) -> Interval:
     """Compute the bootstrap interval of the mean of paired differences.
 
-    It takes percentiles, moved outwards by the ratio of Student's t to the normal distribution and of n to n − 1
-    (Hesterberg 2015, The American Statistician 69). BCa is not used here: it estimates a skewness from the few episodes
-    in which one policy fell, and covers 90 % instead of 95 % (`python -m research calibration`).
+    The ends are percentiles of the resampled means. The percentiles are widened from the normal distribution to
+    Student's t, and from n to n − 1 (Hesterberg 2015, The American Statistician 69). BCa is not used, because its
+    skewness would come from the few episodes in which one policy fell. Its intervals would cover 90 % instead of 95 %
+    (`python -m research calibration`).
 
     Args:
-        differences: Paired differences, (n,).
+        differences: Paired differences, (n,). If all are equal, the interval is from `identical_values_interval`.
         bounds: Smallest and largest possible difference.
         seed: Seed of the resamples.
 
@@ -169,10 +175,11 @@ def difference_interval(differences: Floats, bounds: Interval = UNBOUNDED, seed:
 
 
 def identical_values_interval(values: Floats, bounds: Interval) -> Interval:
-    """Compute the interval of the mean of n equal values.
+    """Compute the interval of the mean of a population from which n equal values were drawn.
 
-    Unseen values have at most the proportion of Wilson's upper limit for none of n, 14 % for 24, and may lie anywhere
-    within the bounds (after Hanley and Lippman-Hand 1983, JAMA 249).
+    Different values may exist that the sample missed. Their largest plausible proportion is the upper Wilson limit for
+    0 successes in n trials, for example 14 % for n = 24. The interval allows them to lie anywhere within the bounds
+    (after Hanley and Lippman-Hand 1983, JAMA 249).
 
     Args:
         values: Equal values, (n,).
@@ -190,7 +197,7 @@ def identical_values_interval(values: Floats, bounds: Interval) -> Interval:
 
 
 def _are_equal(values: Floats) -> bool:
-    """Return whether all values are equal up to rounding."""
+    """Return True if all values are equal up to rounding."""
     return bool(np.ptp(values) <= 1e-9 * np.abs(values).max())
 
 
@@ -199,21 +206,21 @@ def _resampled_sums(values: Floats, count: int, seed: int) -> Floats:
 
 
 def percentile_interval(resampled: Floats) -> Interval:
-    """Return the middle 95 % of the resamples of a statistic, (m,)."""
+    """Return the 2.5 % and 97.5 % quantiles of the values of a statistic in m resamples, (m,)."""
     low, high = np.quantile(resampled, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
     return (float(low), float(high))
 
 
 def resamples(size: int, count: int, seed: int) -> Iterator[Floats]:
-    """Draw bootstrap resamples as counts of each value.
+    """Draw bootstrap resamples, each as the number of times that each value of the sample is drawn.
 
     Args:
-        size: Number of values in a sample.
+        size: Number of values in the sample and in each resample.
         count: Number of resamples.
-        seed: Seed.
+        seed: Seed of the random draws.
 
     Yields:
-        Blocks of rows, (…, size): the number of times that each value is drawn in a resample.
+        Blocks of resamples: a row for each resample, with the count of each value of the sample, (…, size).
     """
     if size * count <= MAX_CACHED_VALUES:
         yield _cached_counts(size, count, seed)
@@ -226,13 +233,13 @@ def resamples(size: int, count: int, seed: int) -> Iterator[Floats]:
 
 @lru_cache(maxsize=4)
 def _cached_counts(size: int, count: int, seed: int) -> Floats:
-    """Draw all resamples at once, (count, size), and keep them for the next call."""
+    """Draw all resamples at once and cache them, (count, size)."""
     counts = _draw_counts(np.random.default_rng(seed), size, count)
     counts.flags.writeable = False
     return counts
 
 
 def _draw_counts(generator: np.random.Generator, size: int, count: int) -> Floats:
-    """Draw resamples and count each value in them, (count, size)."""
+    """Draw resamples; return how often each value of the sample is drawn in each of them, (count, size)."""
     indices = generator.integers(0, size, (count, size), dtype=np.int32) + size * np.arange(count)[:, None]
     return np.bincount(indices.ravel(), minlength=count * size).reshape(count, size).astype(np.float64)

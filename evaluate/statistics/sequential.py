@@ -1,12 +1,15 @@
 """Group-sequential test of adjacent policies of a ranking; its error rate holds over all looks.
 
-At a share t of the maximum number of episodes, α t^(3/2) of the level is spent (Kim and DeMets 1987, Biometrika 74).
-That is less early than with Pocock's boundary and less late than with O'Brien and Fleming's. A look compares a paired
-p-value with its nominal level (Jennison and Turnbull 2000, Group Sequential Methods, chapter 3).
+A look is an interim analysis of the episodes so far. A look compares the paired p-value of a pair with the nominal
+level of the look (Jennison and Turnbull 2000, Group Sequential Methods, chapter 3). The nominal levels follow from a
+spending function: up to a fraction t of the maximum number of episodes, α t^(3/2) of the error probability α is spent
+(Kim and DeMets 1987, Biometrika 74). This function spends less at early looks than Pocock's boundary, and less at late
+looks than O'Brien and Fleming's boundary.
 
-Each of the P − 1 adjacent pairs of P policies has α = LEVEL / (P − 1), although the data choose the pairs. Two equal
-policies stay adjacent at a large distance only if no third policy is between them. Those pairs form no circle, so that
-there are at most P − 1 of them. `python -m research calibration --only settled` checks this.
+Each of the P − 1 adjacent pairs of P policies has α = LEVEL / (P − 1). The data choose the pairs, but this choice needs
+no correction. Two equal policies stay adjacent with a large gap only if no third policy lies between them. These pairs
+form no cycle. There are therefore at most P − 1 of them. `python -m research calibration --only settled` checks the
+error rate.
 """
 
 import math
@@ -21,13 +24,16 @@ from evaluate.statistics.intervals import Floats
 from evaluate.statistics.significance import sign_flip_test
 
 LEVEL = 0.045
-"""Probability of any false claim on adjacent policies: 5 % of a report less the part of claims on single scenarios."""
+"""Probability of any false claim on adjacent policies: nine tenths of the 5 % of a report.
+
+The remaining tenth belongs to the claims on single scenarios.
+"""
 LOOKS = 4
-"""Number of looks at the data, after equal parts of the maximum number of episodes."""
+"""Number of looks, equally spaced up to the maximum number of episodes."""
 FUTILITY_POWER = 0.05
-"""Predictive power below which a pair is no longer tested, probability."""
+"""Predictive power below which the test of a pair is futile, a probability."""
 _POINTS = 401
-"""Number of points of the density between the boundaries in the numerical integration."""
+"""Number of integration points between the lower and the upper boundary of the test statistic."""
 
 
 class AdjacentTest(NamedTuple):
@@ -38,27 +44,27 @@ class AdjacentTest(NamedTuple):
     behind: str
     """Policy with the lower score."""
     p_value: float
-    """Paired sign-flip permutation test, two-sided, not corrected."""
+    """p-value of the paired, two-sided sign-flip permutation test, not corrected."""
     distinguished: bool
-    """True if the test at this look is significant."""
+    """True if the p-value is below the nominal level of this look."""
     futile: bool
-    """True if the pair is unlikely to be distinguished by the last look."""
+    """True if the last look will probably not distinguish the pair: predictive power below FUTILITY_POWER."""
 
 
 def looks(max_episodes: int) -> tuple[int, ...]:
-    """Return the numbers of episodes at which the data are looked at, the last one `max_episodes`."""
+    """Return the number of episodes at each look; the last look has `max_episodes`."""
     return tuple(sorted({math.ceil(max_episodes * look / LOOKS) for look in range(1, LOOKS + 1)}))
 
 
 def compare_adjacent_policies(values: Mapping[str, Floats], max_episodes: int) -> list[AdjacentTest]:
-    """Test each two adjacent policies at a look, from the best policy on.
+    """Test each pair of adjacent policies at one look.
 
     Args:
-        values: Policy -> score of each episode, (n,), in the same episodes.
+        values: Policy -> score of each episode so far, (n,). All policies ran the same n episodes.
         max_episodes: Number of episodes at the last look.
 
     Returns:
-        The tests, from the best policy on.
+        Tests of the pairs, the best policy first.
     """
     ranked = sorted(values, key=lambda policy: -values[policy].mean())
     levels = nominal_levels(max_episodes, len(ranked)) if len(ranked) > 1 else {}
@@ -72,7 +78,7 @@ def compare_adjacent_policies(values: Mapping[str, Floats], max_episodes: int) -
 
 
 def correction(episodes: int, max_episodes: int, policies: int) -> float:
-    """Return the factor on the p-values of adjacent policies that accounts for the other looks.
+    """Return the factor that corrects the p-values of adjacent policies for the other looks.
 
     Args:
         episodes: Number of episodes at the look.
@@ -80,14 +86,14 @@ def correction(episodes: int, max_episodes: int, policies: int) -> float:
         policies: Number of policies.
 
     Returns:
-        The factor.
+        The level of a test with a single look, divided by the nominal level of this look.
     """
     return LEVEL / (policies - 1) / nominal_levels(max_episodes, policies)[episodes]
 
 
 @lru_cache(maxsize=64)
 def nominal_levels(max_episodes: int, policies: int) -> dict[int, float]:
-    """Compute the two-sided nominal level of each adjacent pair's p-value at every look.
+    """Compute the nominal level of every look, with which the two-sided p-value of each adjacent pair is compared.
 
     The boundaries follow from the recursion of Armitage, McPherson and Rowe (1969, Journal of the Royal Statistical
     Society A 132).
@@ -97,14 +103,14 @@ def nominal_levels(max_episodes: int, policies: int) -> dict[int, float]:
         policies: Number of policies.
 
     Returns:
-        Number of episodes at the look -> level.
+        Number of episodes at the look -> nominal level.
     """
     from scipy.optimize import brentq
     from scipy.special import ndtr
 
     levels = dict[int, float]()
-    sums = np.zeros(1)  # points of the test statistic before the look
-    density = np.ones(1)  # probability of these points without a decision so far
+    sums = np.zeros(1)  # values of the test statistic at the previous look
+    density = np.ones(1)  # probability of each value, while no earlier look has distinguished the pair
     previous_share = 0.0
     spent = 0.0
     for episodes in looks(max_episodes):
@@ -120,7 +126,10 @@ def nominal_levels(max_episodes: int, policies: int) -> dict[int, float]:
 
 
 def _propagate_density(sums: Floats, density: Floats, scale: float, bound: float) -> tuple[Floats, Floats]:
-    """Return points within the bounds and their probabilities after a normal step of that scale."""
+    """Return values of the test statistic within ±`bound` at the next look, and their probabilities.
+
+    The test statistic grows by a normal increment with the standard deviation `scale`.
+    """
     points, step = np.linspace(-bound, bound, _POINTS, retstep=True)
     kernel = np.exp(-(((points[:, None] - sums) / scale) ** 2) / 2.0) / (scale * math.sqrt(2.0 * math.pi))
     propagated = step * (kernel @ density)
@@ -129,9 +138,9 @@ def _propagate_density(sums: Floats, density: Floats, scale: float, bound: float
 
 
 def _excess(bound: float, sums: Floats, density: Floats, scale: float, chance: float) -> float:
-    """Return the probability that the next sum is beyond the bound, minus the intended one.
+    """Return the probability that the test statistic of the next look exceeds ±`bound`, minus the intended `chance`.
 
-    Sums grow by normal steps of that scale.
+    The test statistic grows by a normal increment with the standard deviation `scale`.
     """
     from scipy.special import ndtr
 
@@ -141,15 +150,15 @@ def _excess(bound: float, sums: Floats, density: Floats, scale: float, chance: f
 def predictive_power(p_value: float, share: float, last_level: float) -> float:
     """Compute the predictive power: the probability that the last look distinguishes two policies.
 
-    The prior is flat (Spiegelhalter, Freedman and Blackburn 1986, Controlled Clinical Trials 7).
+    The prior of the difference is flat (Spiegelhalter, Freedman and Blackburn 1986, Controlled Clinical Trials 7).
 
     Args:
-        p_value: p-value at this look.
-        share: Number of episodes so far over the number at the last look.
+        p_value: Two-sided p-value at this look.
+        share: Fraction of the maximum number of episodes that is done, 0 … 1.
         last_level: Nominal level of the last look.
 
     Returns:
-        Probability; at the last look 0 or 1.
+        Probability, 0 … 1; exactly 0 or 1 at the last look.
     """
     from scipy.special import ndtr, ndtri
 
