@@ -1,4 +1,8 @@
-"""Breaking points of policies on axes, for falls and for success, and their text."""
+"""Breaking points of all policies on all axes, for falls and for success, and their display as text.
+
+An axis is a kind of disturbance with several severities. A breaking point is the severity at which half of the episodes
+fail.
+"""
 
 import math
 from collections.abc import Sequence
@@ -15,14 +19,14 @@ from evaluate.statistics.intervals import Interval
 from quad_env.cli.format import NO_BREAK
 
 FailureKind = Literal["falls", "success"]
-"""Event that counts as a failure."""
+"""Kind of failure that a breaking point counts: `falls`, or episodes without success (`success`)."""
 FAILURE_KINDS: tuple[FailureKind, ...] = ("falls", "success")
-"""Failures that define a breaking point: `falls`, half of the episodes fall; `success`, half no longer succeed."""
+"""All kinds of failure; each policy has a breaking point for each kind on each axis."""
 BREAKING_POINT_WORDS: dict[FailureKind, str] = {
     "success": "half of the episodes no longer succeed at",
     "falls": "half of the episodes fall at",
 }
-"""Failure -> words before the breaking points."""
+"""Kind of failure -> printed words before the breaking points."""
 
 
 @dataclass(frozen=True)
@@ -36,23 +40,34 @@ class AxisBreakingPoint:
     unit: str
     """Unit of the severities."""
     severity50: float
-    """Severity at which half of the episodes fail; NaN unless crossed."""
+    """Severity at which half of the episodes fail; NaN if `found` is `never` or `always`."""
     ci: Interval
-    """95 % interval; an infinite end lies beyond the severities of the run."""
+    """95 % interval of the severity; an end is infinite if it lies beyond the severities of the run."""
     found: BreakingPointKind
-    """`crossed`; `never`: less than half fail at the hardest severity; `always`: half or more fail at the mildest."""
+    """Where the failure rate crosses one half.
+
+    `crossed`: between the mildest and the hardest severity. `never`: less than half fail at the hardest severity.
+    `always`: half or more fail at the mildest severity.
+    """
     lowest: float
     """Smallest severity of the run."""
     highest: float
     """Largest severity of the run."""
     hardest: float
-    """The hardest of these two: the smallest friction, the largest push."""
+    """Hardest severity of the run: `lowest` on an axis like friction, `highest` on an axis like push."""
     of: FailureKind = "falls"
-    """Failure that counts: a fall, or no success."""
+    """Kind of failure that counts."""
 
 
 def breaking_points(cells: Sequence[PolicyScenarioResult]) -> list[AxisBreakingPoint]:
-    """Compute the breaking points on every axis with at least three severities, falls before success."""
+    """Compute the breaking points of every policy on every axis with at least MIN_LEVELS severities.
+
+    Args:
+        cells: Cells of a run. A cell holds the episodes of one policy on one scenario.
+
+    Returns:
+        Breaking points for falls, then for success, each sorted by axis and then by policy.
+    """
     cell_by_level = {(cell.scenario.name, cell.policy): cell for cell in cells}
     axes = [axis for axis in severity_axes(cells) if axis.scenarios[0].axis]
     policies = dict.fromkeys(cell.policy for cell in cells)
@@ -65,7 +80,7 @@ def breaking_points(cells: Sequence[PolicyScenarioResult]) -> list[AxisBreakingP
 
 
 def _axis_breaking_point(axis: str, levels: Sequence[PolicyScenarioResult], kind: FailureKind) -> AxisBreakingPoint:
-    """Compute the breaking point of one policy on one axis from its cells, the mildest severity first."""
+    """Compute the breaking point of one policy on one axis from its cells, the mildest first."""
     first = levels[0]
     mildest = levels[0].scenario
     hardest = levels[-1].scenario
@@ -87,7 +102,11 @@ def _axis_breaking_point(axis: str, levels: Sequence[PolicyScenarioResult], kind
 
 
 def breaking_point_text(point: AxisBreakingPoint) -> str:
-    """Format `48 N·s [45, 51]`, `none up to 100 N·s` (never half fail) or `already at 20 N·s` (mildest)."""
+    """Format a breaking point as text.
+
+    The text is `48 N·s [45, 51]` if the failure rate crosses one half. It is `none up to 100 N·s` if less than half of
+    the episodes fail at the hardest severity, and `already at 20 N·s` if half or more fail at the mildest severity.
+    """
     is_rising = point.hardest == point.highest
     if point.found == "never":
         return f"none {'up' if is_rising else 'down'} to {format_amount(point.hardest, point.unit)}"
@@ -100,5 +119,5 @@ def breaking_point_text(point: AxisBreakingPoint) -> str:
 
 
 def _round_to_three_digits(value: float) -> float:
-    """Round to three significant digits, since no interval is narrower."""
+    """Round to three significant digits, because every interval is wider than the rounding error."""
     return float(f"{value:.3g}")

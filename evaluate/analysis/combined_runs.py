@@ -18,9 +18,9 @@ from evaluate.records.episode_table import cell_of
 from evaluate.records.store import rows_of
 
 Labels = Mapping[str, str]
-"""Policy of a run -> display name next to the policies of the other run."""
+"""Name of a policy in one run -> its display name in the combined results."""
 ClaimKey = tuple[str, frozenset[str]]
-"""Scenario, and the display names of the two policies that are compared on it."""
+"""Name of a scenario, and the display names of the two policies that are compared on it."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,11 @@ class CombinedRuns:
     """Results of two runs together, made by `combine_runs`."""
 
     ranking: Ranking
-    """Ranking of the policies of both runs, on the scenarios and seeds of both."""
+    """Ranking of the policies of both runs, on the scenarios and seeds that both runs have."""
     matches: tuple[Match, ...]
-    """Cells that both runs have, with corrected p-values."""
+    """Matched pairs of policies on each common scenario, with corrected p-values."""
     correlation: RankCorrelation | None
-    """Rank correlation of the policies that both runs have; None for too few."""
+    """Rank correlation of the matched policies between the runs; None for fewer than MIN_POLICIES."""
 
 
 def combine_runs(
@@ -41,9 +41,9 @@ def combine_runs(
     """Rank the policies of two runs together and correct all p-values at once.
 
     Args:
-        matches: Cells that both runs have.
+        matches: Matched pairs of policies on each common scenario.
         runs: Manifest and episode table of each run.
-        labels: Policy -> display name, for each run; equal names count as one policy.
+        labels: Name of a policy -> display name, for each run; equal display names count as one policy.
 
     Returns:
         The combined results.
@@ -66,7 +66,10 @@ def combine_runs(
 
 
 def _shared_cells(run: StoredRun, other: StoredRun, labels: Labels) -> list[PolicyScenarioResult]:
-    """Return the cells of a run on the scenarios and with the seeds that the other run has as well."""
+    """Return the cells of `run`, reduced to the scenarios and seeds that `other` has as well.
+
+    A cell holds the episodes of one policy on one scenario.
+    """
     manifest, rows = run
     _, other_rows = other
     seeds = np.intersect1d(rows.column("seed").to_numpy(), other_rows.column("seed").to_numpy())
@@ -85,7 +88,7 @@ def _shared_cells(run: StoredRun, other: StoredRun, labels: Labels) -> list[Poli
 def _merge_cells(
     cells_of_a: Sequence[PolicyScenarioResult], cells_of_b: Sequence[PolicyScenarioResult]
 ) -> list[PolicyScenarioResult]:
-    """Return the cells of both runs; a cell of A replaces the cell of B on the same scenario with the same policy."""
+    """Merge the cells of both runs; run A wins if both have a cell of one policy on one scenario."""
     merged = {(cell.scenario.name, cell.policy): cell for cell in (*cells_of_b, *cells_of_a)}
     return list(merged.values())
 
@@ -93,7 +96,7 @@ def _merge_cells(
 def _pareto_points(
     run: StoredRun, cells: Sequence[PolicyScenarioResult], scored: ScoredCells, *, hardware: bool
 ) -> dict[str, ParetoPoint]:
-    """Return policy -> success and cost of transport in a run, for the policies that are scored in both together."""
+    """Return a dictionary: policy -> success and cost of transport in `run`, for the policies in `scored`."""
     manifest, _ = run
     scores = [score for score in compute_scores(cells, "", hardware=hardware) if score.policy in scored.cells_by_policy]
     return {point.policy: point for point in compute_pareto(cells, scores, manifest.hardware.robot_model).points}
@@ -104,7 +107,7 @@ def _claim_key(match: Match, labels: tuple[Labels, Labels]) -> ClaimKey:
 
 
 def _success_comparison(match: Match, labels: tuple[Labels, Labels]) -> Comparison:
-    """Return the difference of success of a match, policy of B minus policy of A."""
+    """Return the difference in success rate of a match: policy of run B minus policy of run A."""
     (difference,) = (contrast for contrast in match.contrasts if contrast.metric == SUCCESS_RATE)
     return Comparison(
         scenario=match.scenario,
@@ -120,7 +123,7 @@ def _success_comparison(match: Match, labels: tuple[Labels, Labels]) -> Comparis
 
 
 def _adjacent_claims(ranked: Ranking, scored: ScoredCells) -> dict[ClaimKey, Comparison]:
-    """Compare the success of each adjacent pair on every scenario."""
+    """Compare the success of each adjacent pair on every scenario: (scenario, pair) -> comparison."""
     claims = {}
     for pair in ranked.neighbours:
         better_cells = scored.cells_by_policy[pair.better]
@@ -134,7 +137,7 @@ def _adjacent_claims(ranked: Ranking, scored: ScoredCells) -> dict[ClaimKey, Com
 def _correlation(
     matches: Sequence[Match], scored: ScoredCells, labels: tuple[Labels, Labels]
 ) -> RankCorrelation | None:
-    """Compute the rank correlation of the matched policies that are scored; None for too few."""
+    """Compute the rank correlation of the scored, matched policies; None for fewer than MIN_POLICIES."""
     pairs = [
         (a, b)
         for a, b in dict.fromkeys((match.a, match.b) for match in matches)

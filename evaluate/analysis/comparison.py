@@ -1,4 +1,4 @@
-"""Comparisons of policies, and of one policy in two runs, paired by episode."""
+"""Comparisons of two policies in one run, and of policies in two runs, paired by episode."""
 
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -16,53 +16,65 @@ from evaluate.statistics.intervals import Floats, Interval, difference_interval,
 from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
 
 BASELINE = "trot"
-"""Default baseline."""
+"""Policy that the others are compared with by default."""
 SUCCESS_RATE = "success_rate"
 """Name of the proportion of successful episodes."""
 FALL_RATE = "fall_rate"
 """Name of the proportion of episodes with a fall."""
 RATES = (SUCCESS_RATE, FALL_RATE)
-"""Proportions of the episodes. A larger success rate is better; a larger value of any other metric is worse."""
+"""Metrics that are proportions of episodes.
+
+A larger success rate is better; a larger value of any other metric is worse.
+"""
 CAPS = {"velocity_error": VELOCITY_CAP, "yaw_rate_error": YAW_RATE_CAP, "mean_velocity_error": VELOCITY_CAP}
-"""Error -> its largest value, m/s or rad/s."""
+"""Tracking error -> its largest possible value, m/s or rad/s."""
 ERRORS = tuple(CAPS)
-"""Compared errors."""
+"""Metrics that are tracking errors."""
 SCORE = "score"
-"""Mean success over the axes of a run, a proportion for each episode."""
+"""Name of the score: the mean success over the axes of a run, a proportion for each episode."""
 _METRIC_BOUNDS = CAPS | LIMITS | {SCORE: 1.0}
-"""Metric or figure of effort -> its largest value, which bounds bootstrap intervals."""
+"""Error, effort measure or score -> its largest possible value, which bounds bootstrap intervals."""
 METRICS = (*RATES, *ERRORS)
 """Compared metrics, in display order."""
 SIGNIFICANT = 0.05
-"""Significance level: a corrected p-value below it counts as a difference."""
+"""Significance level: a difference is claimed if its corrected p-value is below this level."""
 NO_INTERVAL: Interval = (np.nan, np.nan)
-"""Interval of a quantity without one, for example of the difference of bit-identical episodes."""
+"""Interval if none is defined, for example for the difference of bit-identical episodes."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Difference a − b of one metric on one scenario. The fields are the keys of results.json."""
+    """Difference of two policies, a − b, in one metric on one scenario.
+
+    The fields are the keys of results.json.
+    """
 
     scenario: str
     """Name of the scenario."""
     a: str
-    """Policy a."""
+    """Name of policy a."""
     b: str
-    """Policy b: the baseline if it is one of the two."""
+    """Name of policy b; the baseline if it is one of the two policies."""
     metric: str
-    """Compared metric."""
+    """Name of the compared metric."""
     difference: float
     """Mean difference a − b."""
     ci: Interval
-    """95 %: for rates Tango's score interval of paired proportions, for errors a bootstrap over the pairs."""
+    """95 % interval of the difference.
+
+    It is Tango's score interval of paired proportions for a rate, and a bootstrap over the pairs for an error.
+    """
     p_value: float
-    """p-value of this comparison alone."""
+    """p-value of this comparison, not corrected."""
     test: str
     """Name of the test."""
     p_value_holm: float
-    """p-value corrected for its family (see `compare`)."""
+    """p-value corrected for the number of tests; see `compare` and `ranking.correct_p_values`."""
     identical: bool = False
-    """True if every measure of every episode is bit-identical: the difference is 0 and has no interval."""
+    """True if every measure of every episode is bit-identical.
+
+    The difference is then 0, and its interval is NO_INTERVAL.
+    """
 
 
 def compare(
@@ -72,16 +84,16 @@ def compare(
 ) -> list[Comparison]:
     """Compare every policy with the baseline, and adjacent policies of a ranking, in every metric.
 
-    p-values are corrected by Holm's method over families: the comparisons with the baseline in one metric on all
-    scenarios of the run, and the comparisons of adjacent policies without the baseline.
+    p-values are corrected by Holm's method within families. Each metric has two families, both over all scenarios of
+    the run: the comparisons with the baseline, and all other comparisons.
 
     Args:
-        cells: Cells of a run.
-        baseline: Policy b of its comparisons; None for `default_baseline`.
+        cells: Cells of a run. A cell holds the episodes of one policy on one scenario.
+        baseline: Policy that the others are compared with; None for `default_baseline`.
         adjacent_pairs: Pairs of policies that are adjacent in the ranking.
 
     Returns:
-        The comparisons by scenario, then pair, then metric.
+        The comparisons, sorted by scenario, then pair, then metric.
     """
     baseline = baseline or default_baseline([cell.policy for cell in cells])
     comparisons = list[Comparison]()
@@ -95,7 +107,7 @@ def compare(
 
 
 def _correct_families(comparisons: list[Comparison], baseline: str) -> list[Comparison]:
-    """Correct the p-values of each family of comparisons by Holm's method."""
+    """Correct the p-values by Holm's method within each family of comparisons (see `compare`)."""
     corrected = list(comparisons)
     for metric, with_baseline in product(METRICS, (True, False)):
         family = [
@@ -110,14 +122,14 @@ def _correct_families(comparisons: list[Comparison], baseline: str) -> list[Comp
 
 
 def default_baseline(policies: Sequence[str]) -> str:
-    """Return the default baseline: the trot, or without it the first policy."""
+    """Return the default baseline: BASELINE if `policies` include it, otherwise the first policy."""
     return BASELINE if BASELINE in policies or not policies else policies[0]
 
 
 def compare_pair(
     a: PolicyScenarioResult, b: PolicyScenarioResult, metrics: Sequence[str] = METRICS
 ) -> Iterator[Comparison]:
-    """Compare two cells with the same episodes.
+    """Compare two policies on one scenario, from their cells with the same episodes.
 
     Args:
         a: Cell of policy a.
@@ -152,7 +164,7 @@ def compare_pair(
 
 
 def is_identical(a: PolicyScenarioResult, b: PolicyScenarioResult) -> bool:
-    """Return whether every measure of every episode of the cells `a` and `b` is bit-identical."""
+    """Return True if every measure of every episode of the cells `a` and `b` is bit-identical."""
     if not np.array_equal(a.seeds, b.seeds):
         return False
     pairs: list[tuple[NDArray[Any], NDArray[Any]]] = [(a.fall_reason, b.fall_reason), (a.failure, b.failure)]
@@ -171,7 +183,7 @@ def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> bool:
 
 
 def metric_by_episode(cell: PolicyScenarioResult, metric: str) -> Floats:
-    """Return one `metric` of each episode of a `cell`, (n,); for a rate 1 or 0."""
+    """Return the value of a `metric` in each episode of a `cell`, (n,); a rate is 1 or 0 in each episode."""
     measure_of_rate = {SUCCESS_RATE: "succeeded", FALL_RATE: "fell"}
     return np.asarray(getattr(cell.measures, measure_of_rate.get(metric, metric)), np.float64)
 
@@ -182,10 +194,10 @@ def paired_difference(
     """Compare a metric of two policies over the same episodes.
 
     Args:
-        metric: Name of the metric, which selects interval and test.
-        a: Value of each episode, (n,).
-        b: Value of each episode of the other policy, (n,).
-        identical: Whether the episodes are bit-identical.
+        metric: Name of the metric. It selects the methods for interval and test.
+        a: Value of the first policy in each episode, (n,).
+        b: Value of the second policy in each episode, (n,).
+        identical: True if the episodes are bit-identical.
 
     Returns:
         Mean difference a − b, its 95 % interval, the p-value, and the name of the test.
@@ -203,16 +215,16 @@ def paired_difference(
 
 @dataclass(frozen=True)
 class MetricDifference:
-    """Difference of one metric between two runs, b minus a. The fields are keys of the JSON file."""
+    """Difference of one metric between two runs, B minus A. The fields are keys of the JSON file."""
 
     metric: str
-    """Compared metric."""
+    """Name of the compared metric."""
     a: float
     """Mean in run A."""
     b: float
     """Mean in run B."""
     difference: float
-    """Mean difference b − a."""
+    """Mean difference, B minus A."""
     ci: Interval
     """95 % interval of the difference."""
     p_value: float
@@ -224,13 +236,14 @@ class MetricDifference:
 def compare_metrics(
     a: Mapping[str, Floats], b: Mapping[str, Floats], *, identical: bool = False
 ) -> Iterator[MetricDifference]:
-    """Compare every metric and every figure of effort of two runs, over the same episodes.
+    """Compare every metric and every effort measure between two runs, over the same episodes.
+
+    An episode is left out of the comparison of a metric if the metric is NaN in either run.
 
     Args:
-        a: Metric or figure -> value of each episode, (n,), from `metric_by_episode` and `effort_by_episode`. Episodes
-            with NaN are left out.
-        b: The values of the other run.
-        identical: Whether all measures of these episodes are bit-identical.
+        a: Values of run A: metric or effort measure -> value of each episode, (n,).
+        b: Values of run B, for the same episodes in the same order.
+        identical: True if all measures of these episodes are bit-identical.
 
     Yields:
         The difference of each metric that both runs have.

@@ -1,4 +1,7 @@
-"""Selected failures: the worst and the most typical failure of each policy on each axis."""
+"""Selection of the worst and the most typical failed episode of each policy on each axis.
+
+An axis is a kind of disturbance with several severities.
+"""
 
 import hashlib
 import json
@@ -15,7 +18,7 @@ from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
 from evaluate.cells import PolicyScenarioResult
 
 PAGES_FOLDER = "pages"
-"""Folder of the episode pages, inside the folder of their run."""
+"""Name of the folder of episode pages, inside the folder of a run."""
 
 
 class FailedEpisode(NamedTuple):
@@ -26,11 +29,11 @@ class FailedEpisode(NamedTuple):
         axis: Name of the axis.
         scenario: Name of the scenario.
         level: Index of the scenario on its axis, 0 for the mildest.
-        number: Index among the policy's episodes on that scenario.
-        row: Row in episodes.parquet.
-        page: File name of its page, with a hash of everything that the page depends on.
-        fell: Whether the robot fell.
-        time: Time of the fall, or of the onset of the cause if the robot stays upright, s; infinite if unknown.
+        number: Index of the episode among the episodes of the policy on the scenario.
+        row: Row of the episode in episodes.parquet.
+        page: File name of the page of the episode. It contains a hash of everything that the page depends on.
+        fell: True if the robot fell.
+        time: Time of the fall, or onset of the cause if the robot did not fall, s; infinite if unknown.
         cause: Cause of the failure; None if unknown.
     """
 
@@ -49,15 +52,16 @@ class FailedEpisode(NamedTuple):
 def select_failures(results: Results) -> Iterator[tuple[str, FailedEpisode]]:
     """Select the worst and the most typical failure of each policy on each axis.
 
-    The worst failure is at the mildest level at which the policy fails: the earliest fall there, or the earliest
-    failure if nothing falls. The typical failure has the most frequent cause of the policy's failures on the axis; the
-    cause met at the mildest level wins a tie. Among these failures it is the nearest to their median time.
+    A level is one severity of an axis. The worst failure occurs at the mildest level at which the policy fails. It is
+    the earliest fall at this level, or the earliest failure if no episode has a fall. The typical failure has the most
+    frequent cause of failure of the policy on the axis. If two causes are equally frequent, the cause at the mildest
+    level counts. Among the failures with this cause, the typical failure is the nearest to their median time.
 
     Args:
         results: Results of a run.
 
     Yields:
-        `worst`, `typical` or `worst and typical`, and the failure, by policy and then by axis.
+        Kind (`worst`, `typical` or `worst and typical`) and failed episode, sorted by policy and then by axis.
     """
     made_with = {name: value for name, value in results.provenance.items() if name != "threads"}
     run = _hash(json.dumps([made_with, dict(results.versions), results.seed], sort_keys=True))
@@ -78,7 +82,7 @@ def select_failures(results: Results) -> Iterator[tuple[str, FailedEpisode]]:
 
 
 def _typical_failure(failures: Sequence[FailedEpisode]) -> FailedEpisode:
-    """Return the failure nearest to the median time among those with the most frequent cause, the mildest first."""
+    """Return the typical failure, as `select_failures` defines it; `failures` are mildest first."""
     cause = Counter(failure.cause for failure in failures).most_common(1)[0][0]
     same_cause = [failure for failure in failures if failure.cause == cause]
     median_time = median_low(failure.time for failure in same_cause)
@@ -91,7 +95,7 @@ def _typical_failure(failures: Sequence[FailedEpisode]) -> FailedEpisode:
 def _failures_on_axis(
     cells: Sequence[PolicyScenarioResult], policy: str, axis: SeverityAxis, run: str
 ) -> Iterator[FailedEpisode]:
-    """Yield the failures of one policy on one axis; `run` is the hash of the run."""
+    """Yield the failed episodes of one policy on one axis; `run` is a hash that identifies the run."""
     first_row = 0
     for cell in cells:
         if cell.policy == policy and cell.scenario.name in axis.scenario_names:
@@ -102,7 +106,10 @@ def _failures_on_axis(
 def _failures_of_cell(
     cell: PolicyScenarioResult, axis: SeverityAxis, first_row: int, run: str
 ) -> Iterator[FailedEpisode]:
-    """Yield the failures of one cell, which starts at that row of the table."""
+    """Yield the failed episodes of one cell (episodes of one policy on one scenario).
+
+    `first_row` is the row of its first episode in episodes.parquet; `run` is a hash that identifies the run.
+    """
     measures = cell.measures
     scenario = cell.scenario.name
     times = np.nan_to_num(np.where(measures.fell, measures.fall_time, measures.cause_time), nan=np.inf)

@@ -1,4 +1,4 @@
-"""Cells that two runs share: policies on scenarios, compared over the episodes with equal seeds."""
+"""Comparison of two runs, A and B: matched policies on each common scenario, paired by seed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +23,10 @@ StoredRun = tuple[Manifest, pa.Table]
 
 @dataclass(frozen=True)
 class Match:
-    """One policy on one scenario in both runs, made by `match_runs`. The fields are keys of the JSON file."""
+    """Comparison of a policy of run A and a policy of run B on one scenario, made by `match_runs`.
+
+    The fields are keys of the JSON file.
+    """
 
     a: str
     """Policy of run A."""
@@ -32,34 +35,34 @@ class Match:
     scenario: str
     """Name of the scenario."""
     episodes: tuple[int, int]
-    """Numbers of episodes in A and in B."""
+    """Number of episodes in run A, and in run B."""
     common: int
-    """Number of episodes with equal seeds; only these are compared."""
+    """Number of compared episodes: those with seeds that both runs have."""
     identical: bool
     """True if every column of every compared episode is bit-identical."""
     contrasts: tuple[MetricDifference, ...]
-    """Differences of the metrics, B minus A."""
+    """Difference of each metric, B minus A."""
     p_value_holm: float = np.nan
-    """p-value of the difference of success, corrected with all claims of the comparison."""
+    """p-value of the difference in success rate, corrected together with all claims of the comparison."""
 
 
 def match_runs(pairs: Sequence[tuple[str, str]], a: StoredRun, b: StoredRun) -> list[Match]:
     """Compare policies of two runs on every scenario on which both ran episodes with equal seeds.
 
     Args:
-        pairs: Policy of A and policy of B, to be compared.
+        pairs: Pairs to compare: name of a policy of run A, and name of a policy of run B.
         a: Manifest and episodes of run A.
         b: Manifest and episodes of run B.
 
     Returns:
-        A match for each scenario and pair with common episodes.
+        A match for each scenario and each pair that has common episodes.
     """
     scenarios = dict.fromkeys(a[1].column("scenario").to_pylist())
     return [match for scenario in scenarios for pair in pairs if (match := _match(scenario, pair, a, b))]
 
 
 def _match(scenario: str, pair: tuple[str, str], a: StoredRun, b: StoredRun) -> Match | None:
-    """Compare one pair of policies on one scenario; None without common episodes."""
+    """Compare one pair of policies on one scenario; return None if they have no common episodes."""
     all_rows_a = rows_of(a[1], pair[0], scenario)
     all_rows_b = rows_of(b[1], pair[1], scenario)
     rows_a, rows_b = _common_rows(all_rows_a, all_rows_b)
@@ -80,7 +83,7 @@ def _match(scenario: str, pair: tuple[str, str], a: StoredRun, b: StoredRun) -> 
 
 
 def _common_rows(a: pa.Table, b: pa.Table) -> tuple[pa.Table, pa.Table]:
-    """Return the rows of both tables with the seeds that both have, in the order of A."""
+    """Return the rows of each table with the seeds that both tables have, sorted as in `a`."""
     seeds_a = a.column("seed").to_numpy()
     seeds_b = b.column("seed").to_numpy()
     _, indices_a, indices_b = np.intersect1d(seeds_a, seeds_b, return_indices=True)
@@ -89,13 +92,21 @@ def _common_rows(a: pa.Table, b: pa.Table) -> tuple[pa.Table, pa.Table]:
 
 
 def _weight(manifest: Manifest, name: str) -> float:
-    """Return the weight of a run's robot on a scenario, N."""
+    """Return the weight of the robot of a run, with its payload on the scenario `name`, N."""
     scenario = next(scenario for scenario in manifest.scenarios if scenario.name == name)
     return weight(manifest.hardware.robot_model, scenario)
 
 
 def _metric_values(rows: pa.Table, weighs: float) -> dict[str, Floats]:
-    """Return metric -> value of each episode, for a robot of that weight, N."""
+    """Return a dictionary: metric -> value of each episode, (n,).
+
+    Args:
+        rows: Episodes of one policy on one scenario.
+        weighs: Weight of the robot with its payload, N.
+
+    Returns:
+        Success and falls as 0 or 1, errors, and effort measures.
+    """
     errors = {name: rows.column(name).to_numpy() for name in ERRORS}
     rates = {SUCCESS_RATE: rows.column("outcome").to_numpy() == SUCCEEDED, FALL_RATE: rows.column("fell").to_numpy()}
     effort = effort_by_episode(lambda name: np.array(rows.column(name).to_pylist(), np.float64), weighs)
@@ -103,14 +114,14 @@ def _metric_values(rows: pa.Table, weighs: float) -> dict[str, Floats]:
 
 
 def _is_identical(a: pa.Table, b: pa.Table) -> bool:
-    """Return whether all measures that both tables have are bit-identical."""
+    """Return True if all columns that both tables have are bit-identical, except the name of the policy."""
     missing = {"policy", *missing_measures(a), *missing_measures(b)}
     names = [name for name in a.column_names if name in b.column_names and name not in missing]
     return all(repr(a.column(name).to_pylist()) == repr(b.column(name).to_pylist()) for name in names)
 
 
 def strip_hardware_suffix(run: StoredRun) -> StoredRun:
-    """Return a run with the names that its scenarios have without the hardware profile."""
+    """Return a copy of a run in which scenario names have no suffix for the hardware profile."""
     manifest, rows = run
     scenarios = tuple(replace(scenario, name=scenario.name.removesuffix(HARDWARE)) for scenario in manifest.scenarios)
     names = pc.replace_substring(rows.column("scenario"), HARDWARE, "")

@@ -14,7 +14,10 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import HARDWARE
 
 COST_SCENARIOS = ("steady", "flat", f"steady{HARDWARE}", f"flat{HARDWARE}")
-"""Scenarios for the cost of transport: the first of them in the run, or all scenarios together without any."""
+"""Scenarios on which the cost of transport is measured: the first one that the run has.
+
+The cost is measured on all scenarios together if the run has none of these.
+"""
 
 
 @dataclass(frozen=True)
@@ -24,39 +27,42 @@ class ParetoPoint:
     policy: str
     """Name of the policy."""
     success: float
-    """Score of the policy."""
+    """Score of the policy: mean success over the axes, 0 … 1."""
     success_ci: Interval
     """95 % interval of the score."""
     cost: float
-    """Cost of transport; NaN for a policy that does not move, or that did not run on the scenario."""
+    """Cost of transport; NaN if the policy does not move or did not run the scenario."""
     cost_ci: Interval
     """95 % interval of the cost of transport."""
     dominated_by: tuple[str, ...] = ()
-    """Policies on the front with no less success and no higher cost, and one of the two better."""
+    """Policies on the front that are at least as good in success and cost, and better in one of the two."""
 
 
 @dataclass(frozen=True)
 class Pareto:
-    """Points of all policies with a score, and the front. The fields are the keys of results.json."""
+    """Pareto front of a run, and the points of all policies with a score.
+
+    The fields are the keys of results.json.
+    """
 
     cost_on: str
-    """Scenario of the cost of transport; empty for all scenarios together."""
+    """Scenario on which the cost of transport is measured; empty for all scenarios together."""
     front: tuple[str, ...]
     """Policies that no other policy dominates, the cheapest first."""
     points: tuple[ParetoPoint, ...]
-    """Points, the most successful first."""
+    """Points of all policies with a score, the most successful first."""
 
 
 def compute_pareto(cells: Sequence[PolicyScenarioResult], scores: Sequence[Score], robot: Robot) -> Pareto:
     """Compute the Pareto front of the policies that have a score.
 
     Args:
-        cells: Cells, all with the hardware profile or all without it.
+        cells: Cells (episodes of one policy on one scenario), all with the hardware profile or all without it.
         scores: Scores of the policies.
         robot: Robot, for its weight.
 
     Returns:
-        Points and front.
+        Points of the policies, and the front.
     """
     cost_on = cost_scenario({cell.scenario.name for cell in cells})
     points = []
@@ -68,7 +74,7 @@ def compute_pareto(cells: Sequence[PolicyScenarioResult], scores: Sequence[Score
 
 
 def cost_scenario(scenarios: Container[str]) -> str:
-    """Return the scenario of a run that the cost of transport is taken from; empty for all together."""
+    """Return the name of the first scenario of COST_SCENARIOS in a run; empty if the run has none."""
     return next((name for name in COST_SCENARIOS if name in scenarios), "")
 
 
@@ -76,11 +82,11 @@ def find_pareto_front(cost_on: str, points: Sequence[ParetoPoint]) -> Pareto:
     """Find the policies that no other one dominates.
 
     Args:
-        cost_on: Scenario of the cost of transport; empty for all together.
-        points: Success and cost of the policies; one without a cost is neither on the front nor dominated.
+        cost_on: Scenario on which the cost of transport is measured; empty for all scenarios together.
+        points: Success and cost of each policy. A policy with a cost of NaN is neither on the front nor dominated.
 
     Returns:
-        Points and front.
+        Points with the policies that dominate them, and the front.
     """
     front = [
         point for point in points if not np.isnan(point.cost) and not any(_dominates(other, point) for other in points)
@@ -95,7 +101,7 @@ def find_pareto_front(cost_on: str, points: Sequence[ParetoPoint]) -> Pareto:
 
 
 def _dominating(front: Sequence[ParetoPoint], point: ParetoPoint) -> tuple[str, ...]:
-    """Return the policies on the front that dominate a point."""
+    """Return the names of the policies on the front that dominate a point."""
     return tuple(other.policy for other in front if _dominates(other, point))
 
 
@@ -105,9 +111,10 @@ def _dominates(a: ParetoPoint, b: ParetoPoint) -> bool:
 
 
 def _cost(cells: Sequence[PolicyScenarioResult], robot: Robot) -> tuple[float, Interval]:
-    """Return the cost of transport of these cells together, with its interval over episodes.
+    """Return the cost of transport over all `cells` of a policy, and its bootstrap interval.
 
-    An episode is resampled with all of its scenarios. Without cells the result is NaN.
+    The bootstrap resamples episodes, each with its results on all scenarios. Cost and interval are NaN for an empty
+    sequence of cells.
     """
     if not cells:
         return np.nan, (np.nan, np.nan)

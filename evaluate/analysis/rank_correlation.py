@@ -10,28 +10,35 @@ from evaluate.statistics.intervals import RESAMPLES, Floats, Interval, percentil
 from quad_env.cli.format import estimate, percent
 
 MIN_POLICIES = 3
-"""Minimum number of policies for a ranking."""
+"""Minimum number of policies for which a rank correlation is computed."""
 
 
 @dataclass(frozen=True)
 class RankCorrelation:
-    """Rank correlation of policies by mean success over the axes of both runs.
+    """Rank correlation between the scores of the same policies in two runs, A and B.
 
-    The fields are keys of the JSON file.
+    A score is the mean success over the axes of both runs. The fields are keys of the JSON file.
     """
 
     policies: tuple[str, ...]
-    """Names of the policies in A."""
+    """Names of the policies in run A."""
     scores: tuple[tuple[float, ...], tuple[float, ...]]
-    """Scores in A and in B."""
+    """Scores of the policies in run A, and in run B."""
     correlation: float
     """Kendall's tau-b of the scores: 1 for the same order, −1 for the opposite order."""
     ci: Interval
-    """95 % bootstrap interval over the episodes, each with all policies and scenarios of both runs. It is widened to
-    include the correlation, since all resampled rankings may fall short of it."""
+    """95 % bootstrap interval of `correlation`.
+
+    The bootstrap resamples episodes, each with all policies and scenarios of both runs. The interval is widened to
+    include `correlation`, because every resample may give a smaller value.
+    """
 
     def lines(self) -> Iterator[str]:
-        """Yield the answer and both rankings; the answer is `in part` if the interval excludes the same order."""
+        """Yield the printed lines: does the ranking of run A hold in run B, and the ranking of each run.
+
+        The printed answer is `yes` for a positive interval that includes 1, and `in part` for a positive interval below 1. It
+        is `no` for a negative interval, and otherwise `not shown`.
+        """
         low, high = self.ci
         positive = "in part" if high < 1.0 - 1e-9 else "yes"
         answer = positive if low > 0.0 else "no" if high < 0.0 else "not shown"
@@ -43,15 +50,15 @@ class RankCorrelation:
 
 
 def rank_correlation(policies: Sequence[str], a: Floats, b: Floats) -> RankCorrelation:
-    """Compute the rank correlation of k policies from their scores in n common episodes.
+    """Compute the rank correlation of k policies between two runs with n common episodes.
 
     Args:
         policies: Names of the policies.
-        a: Scores in run A, (k, n).
-        b: Scores in run B, (k, n).
+        a: Score of each policy in each episode of run A, (k, n).
+        b: Score of each policy in each episode of run B, (k, n).
 
     Returns:
-        Correlation with its bootstrap interval.
+        Correlation and its bootstrap interval.
     """
     weights = [counts / counts.shape[1] for counts in resamples(a.shape[1], RESAMPLES, 0)]
     resampled_a = np.concatenate([block @ a.T for block in weights])
@@ -71,14 +78,14 @@ def rank_correlation(policies: Sequence[str], a: Floats, b: Floats) -> RankCorre
 
 
 def kendall_tau(a: Floats, b: Floats) -> Floats:
-    """Compute Kendall's tau-b of two scores of k policies (Biometrika 33, 1945).
+    """Compute Kendall's tau-b between two scores of k policies (Biometrika 33, 1945).
 
     Args:
-        a: Scores, (…, k).
-        b: Scores, (…, k).
+        a: First score of each policy, (…, k).
+        b: Second score of each policy, (…, k).
 
     Returns:
-        Correlation, (…); NaN where all policies are tied in a or in b.
+        Correlation, −1 … 1, (…); NaN where all policies have the same score in `a` or in `b`.
     """
     first, second = np.triu_indices(a.shape[-1], 1)
     sign_a = np.sign(np.round(a[..., first] - a[..., second], 9))

@@ -14,10 +14,12 @@ from evaluate.statistics.sequential import correction
 from evaluate.statistics.significance import holm
 
 RANKING_WEIGHT = 0.9
-"""Weight of all differences of adjacent policies together in the correction; claims on single scenarios share
-the rest."""
+"""Total weight of the differences of adjacent policies in the correction for multiple tests.
+
+The claims on single scenarios have the remaining weight.
+"""
 Claim = tuple[str, frozenset[str]]
-"""Scenario of a claim, empty for all scenarios together, and its two policies."""
+"""Scenario of a claim (empty for all scenarios together), and the two compared policies."""
 POWER = 0.8
 """Probability of distinguishing two adjacent policies with the reported number of needed episodes."""
 
@@ -31,29 +33,40 @@ class AdjacentPair:
     worse: str
     """Policy with the lower score."""
     difference: float
-    """Difference of their scores, paired by episode."""
+    """Score of `better` minus score of `worse`."""
     deviation: float
-    """Standard deviation of that difference over the episodes."""
+    """Standard deviation over the episodes of the difference of their scores."""
     ci: Interval
-    """95 % interval over the episodes, each with all of its scenarios: bootstrap, or Tango's for yes-or-no differences.
-    NaN for identical policies."""
+    """95 % interval of the difference, over episodes with their results on all scenarios.
+
+    It is a bootstrap interval, or Tango's interval if every score of an episode is 0 or 1. It is NaN for identical
+    policies.
+    """
     p_value: float
-    """Paired sign-flip permutation test; exact McNemar test for yes-or-no differences."""
+    """p-value of the paired sign-flip permutation test, not corrected.
+
+    It is from the exact McNemar test if every score of an episode is 0 or 1.
+    """
     p_value_holm: float = np.nan
-    """p-value corrected together with every other claim, see `correct_p_values`."""
+    """p-value corrected together with all other claims; see `correct_p_values`."""
     needed: float = np.nan
-    """Episodes that would distinguish the two, see `episodes_needed`; NaN if they are distinguished, infinite if
-    identical."""
+    """Number of episodes that would distinguish the two policies; see `episodes_needed`.
+
+    It is NaN if the policies are distinguished, and infinite if they are identical.
+    """
     better_on: tuple[str, ...] = ()
-    """Scenarios that show alone that `better` is better."""
+    """Scenarios on which `better` has significantly more success than `worse`."""
     worse_on: tuple[str, ...] = ()
-    """Scenarios that show alone that `worse` is better."""
+    """Scenarios on which `worse` has significantly more success than `better`."""
     identical: bool = False
-    """True if all episodes of the two are bit-identical: the difference is 0 and has no interval."""
+    """True if all episodes of the two policies are bit-identical.
+
+    The difference is then 0, and its interval is NaN.
+    """
 
     @property
     def distinguished(self) -> bool:
-        """True if the corrected test distinguishes the two."""
+        """True if the corrected p-value shows a significant difference between the two policies."""
         return self.p_value_holm < SIGNIFICANT
 
 
@@ -62,29 +75,29 @@ class Ranking:
     """Ranking of the policies that ran all scored scenarios. The fields are keys of results.json."""
 
     hardware: bool
-    """True if the scores are those with the hardware profile, because the run has no others."""
+    """True if the scores are with the hardware profile, because the run has no other scores."""
     axes: int
-    """Number of axes in the mean that is the score."""
+    """Number of axes (kinds of disturbance) over which the score is the mean."""
     scenarios: tuple[str, ...]
-    """One scenario of each severity of these axes."""
+    """Scored scenarios: one for each severity of each axis."""
     episodes: int
     """Number of episodes of each policy on each scenario."""
     places: tuple[ParetoPoint, ...]
     """Ranked policies, the most successful first."""
     neighbours: tuple[AdjacentPair, ...]
-    """Adjacent pairs, from the best on."""
+    """Pairs of adjacent policies, the best policy first."""
 
 
 def rank_policies(scored: ScoredCells, places: Sequence[ParetoPoint], *, hardware: bool = False) -> Ranking:
-    """Rank policies and compare adjacent ones, paired by episode, without correction of the p-values.
+    """Rank the policies, and compare adjacent policies paired by episode; the p-values are not corrected.
 
     Args:
-        scored: Scored cells; an episode counts with all of its scenarios.
+        scored: Cells that enter the score. A cell holds the episodes of one policy on one scenario.
         places: Policies with their success, the most successful first.
-        hardware: Whether these are scores with the hardware profile.
+        hardware: True if the scores are those with the hardware profile.
 
     Returns:
-        The ranking, to be completed by `correct_p_values`.
+        The ranking. `correct_p_values` adds the corrected p-values.
     """
     values = {place.policy: scored.by_episode(place.policy) for place in places}
     pairs = []
@@ -104,12 +117,12 @@ def rank_policies(scored: ScoredCells, places: Sequence[ParetoPoint], *, hardwar
 
 
 def _identical_pair(better: str, worse: str) -> AdjacentPair:
-    """Return the comparison of two adjacent policies with bit-identical episodes."""
+    """Return the comparison of two adjacent policies that have bit-identical episodes."""
     return AdjacentPair(better, worse, 0.0, 0.0, NO_INTERVAL, 1.0, identical=True)
 
 
 def _adjacent_pair(better: str, worse: str, better_scores: Floats, worse_scores: Floats) -> AdjacentPair:
-    """Compare adjacent policies by the score of each episode, (n,) each, in the same order of seeds."""
+    """Compare two adjacent policies by their scores in the same episodes, (n,) each."""
     differences = better_scores - worse_scores
     deviation = float(differences.std(ddof=1)) if len(differences) > 1 else np.nan
     is_yes_or_no = np.isin([better_scores, worse_scores], (0.0, 1.0)).all()
@@ -123,17 +136,19 @@ def correct_p_values(
 ) -> tuple[Ranking, list[Comparison]]:
     """Apply one weighted Holm correction to all claims of a report.
 
-    The claims are the differences of adjacent policies, with RANKING_WEIGHT together, and the given comparisons of
-    success on single scenarios, with the rest. The probability of any false claim is at most SIGNIFICANT.
+    There are two kinds of claim: the differences of adjacent policies, with a total weight of RANKING_WEIGHT, and the
+    comparisons of success on single scenarios, with the remaining weight. The probability of any false claim is at most
+    SIGNIFICANT.
 
-    The choice of adjacent pairs by the same data costs nothing. A gap between adjacent policies among m equal policies
-    is a gap of at least m − 1 of their m (m − 1) / 2 pairs. It is therefore at most m / 2 times as likely as the gap of
-    one pair, and it is corrected for m − 1. A run until settled is also corrected for all looks.
+    The data choose the adjacent pairs, but this choice needs no further correction. A gap between adjacent policies
+    among m equal policies is a gap of at least m − 1 of their m (m − 1) / 2 pairs. It is therefore at most m / 2 times
+    as likely as the gap of one pair, and it is corrected for m − 1 pairs. A run with `--until settled` is also
+    corrected for all of its looks (interim analyses).
 
     Args:
         ranked: Ranking without corrected p-values.
-        comparisons: Comparisons; only comparisons of success are corrected, the others are returned unchanged.
-        limit: Maximum number of episodes of a run until settled; 0 for a run of fixed size.
+        comparisons: Comparisons on single scenarios. Only comparisons of success are corrected.
+        limit: Maximum number of episodes of a run with `--until settled`; 0 for a run of fixed size.
 
     Returns:
         The ranking and the comparisons, with corrected p-values.
@@ -166,7 +181,7 @@ def _single_claim(comparison: Comparison) -> Claim:
 
 
 def _pair_p_values(ranked: Ranking, limit: int) -> dict[Claim, float]:
-    """Return the p-values of adjacent pairs, corrected for the looks of a run until settled."""
+    """Return a dictionary: claim -> p-value of an adjacent pair, corrected for looks if `limit` is not 0."""
     scenario = ranked.scenarios[0] if len(ranked.scenarios) == 1 else ""
     looks_factor = correction(ranked.episodes, limit, len(ranked.places)) if limit and ranked.neighbours else 1.0
     return {(scenario, frozenset((pair.better, pair.worse))): pair.p_value * looks_factor for pair in ranked.neighbours}
@@ -175,7 +190,18 @@ def _pair_p_values(ranked: Ranking, limit: int) -> dict[Claim, float]:
 def _with_corrected_p_value(
     pair: AdjacentPair, p_value: float, level: float, ranked: Ranking, comparisons: Sequence[Comparison]
 ) -> AdjacentPair:
-    """Return a pair with its corrected p-value, its needed episodes, and the scenarios that show it alone."""
+    """Return a pair with its corrected p-value, its needed episodes, and its significant single scenarios.
+
+    Args:
+        pair: Adjacent policies.
+        p_value: Corrected p-value of the pair.
+        level: Level with which the uncorrected p-value of the pair is compared, for the needed episodes.
+        ranked: Ranking that contains the pair.
+        comparisons: Comparisons on single scenarios, with corrected p-values.
+
+    Returns:
+        The completed pair.
+    """
     scenarios = {policy: list[str]() for policy in (pair.better, pair.worse)}
     for comparison in comparisons:
         is_significant = comparison.metric == SUCCESS_RATE and comparison.p_value_holm < SIGNIFICANT
@@ -193,18 +219,18 @@ def _with_corrected_p_value(
 
 
 def episodes_needed(pair: AdjacentPair, level: float, episodes: int) -> float:
-    """Compute the number of episodes with which a paired two-sided test finds a pair's difference.
+    """Compute the number of episodes with which a paired two-sided test distinguishes two policies.
 
-    It is ((z(1 − level / 2) + z(POWER)) · deviation / difference)² + z(1 − level / 2)² / 2 (Guenther 1981, The American
-    Statistician 35), and enough for 2^n sign flips to reach the level.
+    The number is ((z(1 − level / 2) + z(POWER)) · deviation / difference)² + z(1 − level / 2)² / 2 (Guenther 1981, The
+    American Statistician 35). It is at least large enough for a sign-flip test with 2^n flips to reach the level.
 
     Args:
-        pair: Adjacent policies.
+        pair: Adjacent policies, with the observed difference and deviation.
         level: Significance level of the test.
-        episodes: Number of episodes of the run, which did not suffice.
+        episodes: Number of episodes of the run, with which the test did not distinguish the policies.
 
     Returns:
-        Number of episodes; infinite without a difference.
+        Number of episodes, more than `episodes`; infinite if the observed difference is 0.
     """
     from scipy.special import ndtri
 

@@ -1,4 +1,4 @@
-"""Results of a comparison, and their file results.json."""
+"""All results of a run, and the file results.json that stores them."""
 
 import json
 import math
@@ -27,36 +27,42 @@ SCHEMA = 1
 
 @dataclass(frozen=True)
 class PolicyErrors:
-    """Episodes in which a policy raised an exception, gave no answer in time, or gave no finite one."""
+    """Number of episodes in which a policy failed to give an action, made by `Results.policy_errors`.
+
+    The policy raised an exception, exceeded its time limit, or gave an action that is not finite.
+    """
 
     policy: str
     """Name of the policy."""
     failed: int
-    """Number of these episodes."""
+    """Number of episodes with an error."""
     episodes: int
-    """Number of all its episodes in the run."""
+    """Number of all episodes of the policy in the run."""
     first: str
-    """Error in the first of them, in one line: `raised ValueError: …`."""
+    """Error of the first episode with an error, in one line, for example `raised ValueError: …`."""
 
 
 @dataclass(frozen=True)
 class Results:
-    """All results of a run, made by `analyse`; tables, files and the report show them."""
+    """All results of a run, made by `analyse`; the content of tables, results.json and the report."""
 
     seed: int
     """Seed of the run."""
     episodes: int
     """Number of episodes in each cell."""
     complete: bool
-    """False if the run was interrupted: cells are then missing, but each one present is complete."""
+    """False if the run was interrupted.
+
+    Some cells are then missing, but every existing cell has all of its episodes.
+    """
     cells: tuple[PolicyScenarioResult, ...]
-    """All cells, in the order of the run."""
+    """Cells (episodes of one policy on one scenario), in the order of the run."""
     baseline: str
     """Policy that the others are compared with."""
     ranking: Ranking
-    """Ranking by the scores without the hardware profile, if there are any."""
+    """Ranking by the scores without the hardware profile; by the scores with it if the run has no others."""
     summaries: dict[tuple[str, str], Summary]
-    """(scenario, policy) -> figures, in the order of the run."""
+    """(scenario, policy) -> summary of the cell, in the order of the run."""
     comparisons: tuple[Comparison, ...]
     """Comparisons with the baseline and of adjacent policies, with corrected p-values."""
     breaking_points: tuple[AxisBreakingPoint, ...]
@@ -70,18 +76,21 @@ class Results:
     hardware_pareto: Pareto
     """Success against cost of transport, with the hardware profile."""
     versions: Mapping[str, str | None]
-    """Package, or `success_rule` -> version of the run."""
+    """Name of a package, or `success_rule` -> version with which the run was made."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    """Other facts about the origin of the figures, as JSON values: processor, threads, hashes of policies and code."""
+    """Other facts about the origin of the results, as JSON values.
+
+    Examples are the processor, the number of threads, and hashes of policies and code.
+    """
 
     @property
     def hardware(self) -> HardwareConfig:
-        """Hardware of the robots; ideal if unknown."""
+        """Hardware of the robots; ideal hardware if the provenance has no entry."""
         return _hardware(self.provenance)
 
     @property
     def policy_errors(self) -> list[PolicyErrors]:
-        """Policies with errors, and their number of failed episodes."""
+        """Error count of each policy that had an error, in the order of the run."""
         errors = []
         for policy in self.policies:
             reasons = np.concatenate([cell.failure for cell in self.cells if cell.policy == policy])
@@ -92,12 +101,12 @@ class Results:
 
     @property
     def policies(self) -> tuple[str, ...]:
-        """Policies in the order of the run."""
+        """Names of the policies, in the order of the run."""
         return tuple(dict.fromkeys(cell.policy for cell in self.cells))
 
     @property
     def scenarios(self) -> tuple[str, ...]:
-        """Scenarios in the order of the run."""
+        """Names of the scenarios, in the order of the run."""
         return tuple(dict.fromkeys(cell.scenario.name for cell in self.cells))
 
 
@@ -116,12 +125,12 @@ def analyse(
         cells: Cells of the run.
         seed: Seed of the run.
         episodes: Number of episodes in each cell.
-        complete: Whether the run has ended.
-        provenance: Origin of the figures, as in the manifest; None for this machine and this version.
-        baseline: Policy to compare with; None for `default_baseline`.
+        complete: True if the run was not interrupted.
+        provenance: Origin of the results, as in the manifest; None for the versions of this installation.
+        baseline: Policy that the others are compared with; None for `default_baseline`.
 
     Returns:
-        Summaries, comparisons, scores, ranking, fronts and breaking points.
+        Summaries, comparisons, scores, ranking, Pareto fronts and breaking points.
     """
     origin = dict(provenance or {"versions": versions()})
     baseline = baseline or default_baseline([cell.policy for cell in cells])
@@ -156,18 +165,18 @@ def analyse(
 def _scores_and_front(
     cells: Sequence[PolicyScenarioResult], baseline: str, robot: Robot, *, hardware: bool
 ) -> tuple[tuple[Score, ...], Pareto]:
-    """Compute the scores and the Pareto front with the hardware profile, or without it."""
+    """Compute scores and Pareto front, with the hardware profile if `hardware`, otherwise without it."""
     scores = compute_scores(cells, baseline, hardware=hardware)
     return tuple(scores), compute_pareto([cell for cell in cells if cell.scenario.hardware == hardware], scores, robot)
 
 
 def _hardware(provenance: Mapping[str, Any]) -> HardwareConfig:
-    """Return the hardware that a provenance names."""
+    """Return the hardware in the provenance of a run; ideal hardware if it has no entry."""
     return HardwareConfig(**provenance.get("hardware", {}))
 
 
 def results_to_json(results: Results) -> dict[str, Any]:
-    """Return the contents of results.json; figures that do not exist are null."""
+    """Return the contents of results.json as JSON types; numbers that are not finite become null."""
     policies: dict[str, Any] = {policy: {"scenarios": {}} for policy in results.policies}
     for (scenario, policy), summary in results.summaries.items():
         policies[policy]["scenarios"][scenario] = asdict(summary)
@@ -184,12 +193,12 @@ def results_to_json(results: Results) -> dict[str, Any]:
 
 
 def write_json(results: Results, path: Path) -> None:
-    """Write the `results` as results.json to `path`."""
+    """Write the `results` to the file `path` in the format of results.json."""
     write_atomically(path, (json.dumps(results_to_json(results), indent=2, allow_nan=False) + "\n").encode())
 
 
 def nan_to_null(value: Any) -> Any:
-    """Replace numbers that are not finite by None, nested to any depth."""
+    """Replace every number that is not finite by None, in dictionaries, lists and tuples of any depth."""
     if isinstance(value, dict):
         return {key: nan_to_null(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -198,7 +207,7 @@ def nan_to_null(value: Any) -> Any:
 
 
 def null_to_nan(value: Any) -> Any:
-    """Replace None by NaN, nested to any depth."""
+    """Replace every None by NaN, in dictionaries and lists of any depth."""
     if isinstance(value, dict):
         return {key: null_to_nan(entry) for key, entry in value.items()}
     if isinstance(value, list):

@@ -1,8 +1,9 @@
 """Score of a policy: its mean success over the axes of a run.
 
-All axes count equally, and all severities of an axis. Scenarios with the robot's hardware profile have their own score.
-An episode has the same start and commands on every scenario, so that episodes are the independent samples: intervals
-count episodes, each with all of its scenarios, and differences are paired by episode.
+An axis is a kind of disturbance. All axes count equally, and all severities of an axis count equally. Scenarios with
+the hardware profile have a score of their own. An episode has the same start and commands on every scenario. The
+independent samples are therefore episodes, each with its results on all scenarios. Intervals count these samples, and
+differences between policies are paired by episode.
 """
 
 from collections.abc import Sequence
@@ -25,7 +26,7 @@ from quad_env.scenarios.registry import STEADY
 from quad_env.scenarios.scenario import HARDWARE, Scenario
 
 SCORES = "score", "hardware score"
-"""Names in tables of the score without and with the hardware profile."""
+"""Names of the two scores in tables: without the hardware profile, and with it."""
 
 
 @dataclass(frozen=True)
@@ -37,15 +38,24 @@ class Score:
     score: float
     """Mean success over the axes, 0 … 1."""
     ci: Interval
-    """95 % interval, see `score_interval`."""
+    """95 % interval of the score, from `score_interval`."""
     axes: dict[str, tuple[float, ...]]
-    """Axis, with the same name in both scores -> success at each of its severities in the run, the mildest first."""
+    """Axis -> success rate at each of its severities, the mildest first.
+
+    An axis has the same name in the scores with and without the hardware profile.
+    """
     difference: float
-    """Difference from the baseline's score; 0 for the baseline itself, NaN if the baseline has no score."""
+    """Score minus score of the baseline; 0 for the baseline itself, NaN if the baseline has no score."""
     difference_ci: Interval
-    """95 % bootstrap interval over the episodes; NaN for the baseline and for policies bit-identical to it."""
+    """95 % bootstrap interval of `difference`.
+
+    It is NaN for the baseline, and for a policy with the same episodes to the bit.
+    """
     p_value: float
-    """Paired sign-flip permutation test of that difference; not corrected."""
+    """p-value of `difference` from the paired sign-flip permutation test, not corrected.
+
+    It is NaN for the baseline.
+    """
 
 
 @dataclass(frozen=True)
@@ -55,15 +65,18 @@ class ScoredCells:
     axes: tuple[SeverityAxis, ...]
     """Axes that enter the score."""
     cells_by_policy: dict[str, dict[str, PolicyScenarioResult]]
-    """Policy -> scenario -> cell, for the policies that ran every scenario of these axes with the same episodes."""
+    """Policy -> scenario -> cell (episodes of one policy on one scenario).
+
+    Only policies that ran the same episodes on every scenario of `axes` are included.
+    """
 
     @property
     def scenarios(self) -> list[str]:
-        """Names of the scenarios, one of each severity."""
+        """Names of the scored scenarios, one for each severity of each axis."""
         return [level.name for axis in self.axes for level in axis.levels]
 
     def by_episode(self, policy: str) -> Floats:
-        """Return the mean success over the axes for each episode of a policy, (n,)."""
+        """Return the score of each episode of a policy: the mean success over the axes, (n,)."""
         cells = self.cells_by_policy[policy]
         success_by_axis = [
             np.mean([cells[level.name].measures.succeeded for level in axis.levels], axis=0) for axis in self.axes
@@ -71,7 +84,7 @@ class ScoredCells:
         return np.asarray(np.mean(success_by_axis, axis=0), np.float64)
 
     def is_identical(self, a: str, b: str) -> bool:
-        """Return whether all episodes of the policies `a` and `b` are bit-identical."""
+        """Return True if all scored episodes of the policies `a` and `b` are bit-identical."""
         cells_a = self.cells_by_policy[a]
         cells_b = self.cells_by_policy[b]
         return all(is_identical(cells_a[name], cells_b[name]) for name in self.scenarios)
@@ -80,14 +93,15 @@ class ScoredCells:
 def select_scored_cells(cells: Sequence[PolicyScenarioResult], *, hardware: bool = False) -> ScoredCells:
     """Select the cells that enter the score.
 
-    The undisturbed steady walk counts only if the run has nothing else.
+    The undisturbed steady walk enters the score only if the run has no other scenario.
 
     Args:
         cells: Cells of a run.
-        hardware: Whether to select the score with the hardware profile.
+        hardware: True to select scenarios with the hardware profile, False to select scenarios without it.
 
     Returns:
-        Axes and cells of the policies that ran every scenario of these axes.
+        Scored axes, and the cells of the policies that ran all of their scenarios. No policy is included if the
+        episodes of these policies have different seeds.
     """
     scored_cells = [cell for cell in cells if is_scored(cell.scenario, hardware)]
     scored_cells = scored_cells or [cell for cell in cells if cell.scenario.hardware == hardware]
@@ -107,11 +121,11 @@ def compute_scores(cells: Sequence[PolicyScenarioResult], baseline: str, *, hard
 
     Args:
         cells: Cells of a run.
-        baseline: Policy to compare with.
-        hardware: Whether to compute the scores with the hardware profile.
+        baseline: Policy that the others are compared with.
+        hardware: True to score scenarios with the hardware profile, False to score scenarios without it.
 
     Returns:
-        Scores, the highest first; with a single axis the success on it.
+        Scores, the highest first.
     """
     scored = select_scored_cells(cells, hardware=hardware)
     baseline_values = scored.by_episode(baseline) if baseline in scored.cells_by_policy else None
@@ -145,18 +159,18 @@ def score_interval(values: Floats, scored: ScoredCells) -> Interval:
     """Compute the 95 % interval of a score.
 
     Args:
-        values: Mean success of each episode, (n,).
+        values: Score of each episode, (n,).
         scored: Cells that enter the score.
 
     Returns:
-        The interval; Wilson's for a single scenario.
+        Wilson's interval for a single scenario; otherwise the interval of `mean_proportion_interval`.
     """
     is_single = len(scored.scenarios) == 1
     return wilson_interval(values.sum(), len(values)) if is_single else mean_proportion_interval(values)
 
 
 def is_scored(scenario: Scenario, hardware: bool) -> bool:
-    """Return whether a `scenario` enters the score, with the profile if `hardware`, else without it."""
+    """Return True if a `scenario` enters the score with the hardware profile, or without it if not `hardware`."""
     return scenario.hardware == hardware and _base(scenario.name) != STEADY.name
 
 

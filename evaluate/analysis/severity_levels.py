@@ -1,4 +1,7 @@
-"""Axes of a run: its scenarios, grouped by axis and ordered by severity."""
+"""Scenarios of a run, grouped by axis and sorted by severity.
+
+An axis is a kind of disturbance. A level is a scenario with one severity of its axis.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,14 +16,14 @@ from quad_env.scenarios.scenario import Scenario
 class SeverityAxis:
     """Scenarios of one axis, from the mildest to the hardest; made by `severity_axes`.
 
-    A scenario without an axis is an axis of its own. Scenarios with and without the hardware profile form two axes with
-    different names.
+    A scenario that belongs to no axis forms an axis of its own. Scenarios with the hardware profile and scenarios
+    without the profile form two axes with different names.
     """
 
     name: str
-    """Name from `axis_name`."""
+    """Name of the axis, from `axis_name`."""
     unit: str
-    """Unit of the severities; may be empty."""
+    """Unit of the severities; empty if they have none."""
     scenarios: tuple[Scenario, ...]
     """Scenarios, the mildest first."""
 
@@ -31,19 +34,22 @@ class SeverityAxis:
 
     @property
     def levels(self) -> tuple[Scenario, ...]:
-        """One scenario of each severity; the nominal one may repeat a level."""
+        """One scenario for each severity, the mildest first.
+
+        Two scenarios can have the same severity, because the nominal scenario may repeat a level.
+        """
         return tuple({scenario.severity: scenario for scenario in reversed(self.scenarios)}.values())[::-1]
 
     @property
     def quantity(self) -> str:
-        """Quantity of the severity, with its unit."""
+        """Name and unit of the quantity that the severity measures."""
         axis = self.scenarios[0].axis
         named = known.quantity if (known := known_axis(axis)) is not None else self.name
         return f"{named}, {self.unit}" if self.unit else named
 
     @property
     def note(self) -> str:
-        """Other dependencies of the results besides the policy; empty without any."""
+        """Note on factors other than the policy that affect results on this axis; empty if there are none."""
         return "" if (known := known_axis(self.name)) is None else known.note
 
     @property
@@ -53,7 +59,7 @@ class SeverityAxis:
 
 
 def severity_axes(cells: Sequence[PolicyScenarioResult]) -> tuple[SeverityAxis, ...]:
-    """Group the scenarios of a run's cells by axis, in their order."""
+    """Group the scenarios of `cells` by axis, in the order of the first scenario of each axis."""
     groups: dict[str, list[Scenario]] = {}
     scenarios = {cell.scenario.name: cell.scenario for cell in cells}
     for scenario in scenarios.values():
@@ -64,14 +70,18 @@ def severity_axes(cells: Sequence[PolicyScenarioResult]) -> tuple[SeverityAxis, 
 
 
 def axis_name(scenario: Scenario) -> str:
-    """Return `push`, or `push+hardware` with the hardware profile; the scenario's name if it has no axis."""
+    """Return the name of a scenario's axis: `push`, or `push+hardware` with the hardware profile.
+
+    A scenario that belongs to no axis returns its own name.
+    """
     return scenario.axis + scenario.suffix if scenario.axis else scenario.name
 
 
 def _mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
-    """Sort the scenarios of one axis by difficulty.
+    """Sort the scenarios of one axis from the mildest to the hardest.
 
-    An axis that is not in `AXES` gets harder in the order of the run.
+    For a known axis, the order of its levels shows whether a larger severity is harder. For any other axis, the order
+    of the scenarios in the run shows it.
     """
     axis = scenarios[0].axis
     known = known_axis(axis)
@@ -80,15 +90,15 @@ def _mildest_first(scenarios: Sequence[Scenario]) -> list[Scenario]:
 
 
 def format_amount(value: float, unit: str = "") -> str:
-    """Format a `value` with its `unit`: `35 N·s`, `10°`, or a number alone."""
+    """Format a `value` with its `unit`, for example `35 N·s` or `10°`; only the number if `unit` is empty."""
     return f"{value:.4g}{'' if unit in ('', '°') else NO_BREAK}{unit}"
 
 
 def format_severity(scenario: Scenario) -> str:
-    """Format the severity, `35 N·s`; the scenario's name if it has none."""
+    """Format the severity of a scenario, for example `35 N·s`; the scenario's name if the severity is 0."""
     return format_amount(scenario.severity, scenario.severity_unit) if scenario.severity else scenario.name
 
 
 def format_scenario(scenario: Scenario) -> str:
-    """Format axis and severity, `push at 35 N·s`; the scenario's name if it has no severity."""
+    """Format axis and severity of a scenario, for example `push at 35 N·s`; its name if the severity is 0."""
     return f"{axis_name(scenario)} at {format_severity(scenario)}" if scenario.severity else scenario.name

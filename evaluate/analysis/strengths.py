@@ -1,4 +1,4 @@
-"""Success of a policy by axis, with the most common cause of its failures there."""
+"""Success of a policy on each axis (kind of disturbance), with its most common cause of failure."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -16,14 +16,17 @@ from quad_env.cli.format import with_count
 
 @dataclass(frozen=True)
 class Strength:
-    """Success of one policy on one axis over all severities, or at one severity in a run of one axis."""
+    """Success of one policy on one axis; in a run with a single axis, its success at one severity."""
 
     name: str
-    """Name of the axis, or of its severity."""
+    """Name of the axis; in a run with a single axis, the axis and one of its severities."""
     success: float
-    """Mean success over the severities."""
+    """Mean success over the severities, 0 … 1."""
     reason: str
-    """Most common cause of failure, or outcome if no cause is known: `trip in 31 of 46 failures`; may be empty."""
+    """Most common cause of failure with its count, for example `trip in 31 of 46 failures`.
+
+    It is the most common outcome if no cause is known, and empty if no episode failed.
+    """
 
 
 def strengths(
@@ -36,13 +39,13 @@ def strengths(
     """Compute the success of a policy on each scored axis.
 
     Args:
-        cells: Cells of the run.
-        summaries: (scenario, policy) -> figures.
+        cells: Cells (episodes of one policy on one scenario) of the run.
+        summaries: (scenario, policy) -> summary of the cell.
         policy: Name of the policy.
-        hardware: Whether to take the axes with the hardware profile.
+        hardware: True for axes with the hardware profile, False for axes without it.
 
     Returns:
-        Axes that the policy ran, the most successful first.
+        Success on each axis that the policy ran, the highest first.
     """
     axes = severity_axes([cell for cell in cells if cell.policy == policy and is_scored(cell.scenario, hardware)])
     groups = [(axis.name, axis.levels) for axis in axes]
@@ -57,7 +60,7 @@ def strengths(
 
 
 def _reason(summaries: Sequence[Summary]) -> str:
-    """Return the most common cause of failure over some cells, with its count."""
+    """Return the most common cause of failure over some cells with its count; empty without failures."""
     failures = sum(summary.episodes - summary.successes for summary in summaries)
     if not failures:
         return ""

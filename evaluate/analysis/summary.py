@@ -1,4 +1,4 @@
-"""Figures of one cell: rates and means with their 95 % intervals."""
+"""Summary of one cell (episodes of one policy on one scenario): rates and means with 95 % intervals."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -18,20 +18,20 @@ from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval, 
 from quad_env.robots.robot import Robot
 
 _MEANS = (*ERRORS, "velocity_error_upright", "overspeed", "energy", "distance")
-"""Measures that are averaged over the episodes."""
+"""Fields of `Summary` that are the mean of a measure over the episodes."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Figures of one policy on one scenario, made by `summarise`. The fields are the keys of results.json.
+    """Summary of one policy on one scenario, made by `summarise`. The fields are the keys of results.json.
 
-    A figure that does not exist is NaN.
+    A value is NaN if no episode defines it.
     """
 
     episodes: int
     """Number of episodes."""
     severity: float
-    """Severity of the scenario; 0 without an axis."""
+    """Severity of the scenario; 0 if the scenario belongs to no axis."""
     severity_unit: str
     """Unit of the severity."""
     successes: int
@@ -39,56 +39,61 @@ class Summary:
     success_rate: float
     """Proportion of successful episodes."""
     success_rate_ci: Interval
-    """Wilson interval, 95 %."""
+    """95 % Wilson interval of the success rate."""
     outcomes: dict[str, int]
     """Outcome -> number of episodes."""
     causes: dict[str, int]
-    """Cause -> number of failed episodes, for the causes that occur."""
+    """Cause of failure -> number of failed episodes; causes that do not occur have no entry."""
     falls: int
-    """Number of episodes that ended before the time limit, divergences included."""
+    """Number of episodes that ended before the time limit, including diverged ones."""
     fall_rate: float
     """Proportion of episodes with a fall."""
     fall_rate_ci: Interval
-    """Wilson interval, 95 %."""
+    """95 % Wilson interval of the fall rate."""
     diverged: int
-    """Number of diverged episodes."""
+    """Number of episodes in which the simulation diverged."""
     time_to_fall: float
-    """Mean over the episodes that fell, s."""
+    """Mean time of the fall over the episodes with a fall, s."""
     velocity_error: float
-    """Mean over the episodes, m/s."""
+    """Velocity error, mean over the episodes, m/s."""
     velocity_error_ci: Interval
-    """95 % bootstrap interval, m/s."""
+    """95 % bootstrap interval of `velocity_error`, m/s."""
     velocity_error_upright: float
-    """Mean over the time before a fall, m/s."""
+    """Velocity error during the time before a fall, mean over the episodes, m/s."""
     mean_velocity_error: float
-    """Error of the mean velocity of each command interval, m/s."""
+    """Error of the mean velocity of each command interval, mean over the episodes, m/s."""
     mean_velocity_error_ci: Interval
-    """95 % bootstrap interval, m/s."""
+    """95 % bootstrap interval of `mean_velocity_error`, m/s."""
     yaw_rate_error: float
-    """Mean over the episodes, rad/s."""
+    """Yaw-rate error, mean over the episodes, rad/s."""
     yaw_rate_error_ci: Interval
-    """95 % bootstrap interval, rad/s."""
+    """95 % bootstrap interval of `yaw_rate_error`, rad/s."""
     cost_of_transport: float
-    """Energy of all episodes over weight times their distance; equal to the entry of `figures`."""
+    """Cost of transport: energy of all episodes / (weight of the robot · distance of all episodes).
+
+    `figures` has the same value.
+    """
     overspeed: float
-    """Proportion of joints and time above the rated joint speed."""
+    """Proportion of joints and time above the rated joint speed, mean over the episodes."""
     energy: float
-    """Mean of an episode, J."""
+    """Energy of an episode, mean over the episodes, J."""
     distance: float
-    """Mean of an episode, m."""
+    """Distance walked in an episode, mean over the episodes, m."""
     figures: dict[str, float]
-    """Every figure of `evaluate.measures.catalogue`: the mean over the episodes that have it. The cost of transport is
-    computed from all episodes together."""
+    """Measure of `evaluate.measures.catalogue` -> its mean over the episodes in which it is not NaN.
+
+    The cost of transport is an exception: it is computed from all episodes together.
+    """
     duty_factor: tuple[float, ...]
-    """Mean of each foot."""
+    """Duty factor of each foot, mean over the episodes."""
     effort: dict[str, float]
-    """Figures of EFFORT as in `figures`; the duty factor is the mean of all feet."""
+    """Name in EFFORT -> value as in `figures`; the duty factor is the mean over all feet."""
     effort_intervals: dict[str, Interval]
-    """Figure of EFFORT -> 95 % interval."""
+    """Name in EFFORT -> 95 % interval."""
 
 
 def summarise(cell: PolicyScenarioResult, robot: Robot) -> Summary:
-    """Compute all figures of a `cell` of that `robot`."""
+    """Compute the summary of a `cell`; the weight of the `robot` enters the cost of transport."""
     measures = cell.measures
     falls = int(measures.fell.sum())
     successes = int(measures.succeeded.sum())
@@ -124,6 +129,6 @@ def summarise(cell: PolicyScenarioResult, robot: Robot) -> Summary:
 
 
 def _mean(values: Floats) -> float:
-    """Return the mean of the values that are not NaN; NaN without any."""
+    """Return the mean of the values that are not NaN; NaN if all are NaN."""
     known = values[~np.isnan(values)]
     return float(known.mean()) if len(known) else float("nan")

@@ -91,7 +91,7 @@ def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval
     quantile = float(ndtri(0.5 + CONFIDENCE / 2))
 
     def excess(hypothesis: float, sign: float) -> float:
-        """Return the score at a hypothetical difference minus the quantile of that `sign`; 0 at an interval end."""
+        """Return the score at a hypothetical difference minus `sign` · quantile; 0 at an interval end."""
         return _score(only_a, only_b, pairs, hypothesis) - sign * quantile
 
     low = brentq(excess, -1.0, difference, args=(1.0,)) if difference > -1.0 else -1.0
@@ -100,7 +100,7 @@ def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval
 
 
 def _score(only_a: int, only_b: int, pairs: int, difference: float) -> float:
-    """Return Tango's score: observed minus hypothetical difference, in standard deviations under the hypothesis.
+    """Return Tango's score: observed minus hypothetical difference, in standard deviations.
 
     Under the hypothesis, the expected proportion q of `only_b` solves 2n q² + B q − b δ(1 − δ) = 0 (Tango's
     equation 14). There n is `pairs`, b is `only_b`, δ is `difference`, and B is `linear`.

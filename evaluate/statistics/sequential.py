@@ -93,7 +93,7 @@ def correction(episodes: int, max_episodes: int, policies: int) -> float:
 
 @lru_cache(maxsize=64)
 def nominal_levels(max_episodes: int, policies: int) -> dict[int, float]:
-    """Compute the nominal level of every look, with which the two-sided p-value of each adjacent pair is compared.
+    """Compute the nominal level of every look, for the two-sided p-value of each adjacent pair.
 
     The boundaries follow from the recursion of Armitage, McPherson and Rowe (1969, Journal of the Royal Statistical
     Society A 132).
@@ -138,7 +138,7 @@ def _propagate_density(sums: Floats, density: Floats, scale: float, bound: float
 
 
 def _excess(bound: float, sums: Floats, density: Floats, scale: float, chance: float) -> float:
-    """Return the probability that the test statistic of the next look exceeds ±`bound`, minus the intended `chance`.
+    """Return the probability of a test statistic beyond ±`bound` at the next look, minus `chance`.
 
     The test statistic grows by a normal increment with the standard deviation `scale`.
     """

@@ -12,7 +12,7 @@ EXACT_PAIRS = 13
 FLIPS = 9_999
 """Number of random sign flips for more than EXACT_PAIRS pairs."""
 MORE_FLIPS = 99_999
-"""Total number of random sign flips if fewer than MIN_EXCEEDANCES of the first FLIPS reach the observed mean.
+"""Total number of sign flips if fewer than MIN_EXCEEDANCES of the first FLIPS reach the observed mean.
 
 FLIPS alone give no p-value below 1/10000. Times the number of comparisons of a full benchmark run, this p-value could
 never be significant.
@@ -24,7 +24,7 @@ BYTE_SIGNS = np.array(list(itertools.product((1.0, -1.0), repeat=8)))
 
 
 def mcnemar(a: Bools, b: Bools) -> float:
-    """Compute the exact two-sided p-value of McNemar's test for the paired outcomes `a` and `b`, (n,) each."""
+    """Compute the exact two-sided p-value of McNemar's test for paired outcomes `a` and `b`, (n,) each."""
     from scipy.stats import binomtest
 
     only_a = int((a & ~b).sum())
@@ -65,7 +65,7 @@ def sign_flip_test(differences: Floats, seed: int = 0) -> float:
 
 
 def _flips_as_large(differences: Floats, observed: float, flips: int, generator: np.random.Generator) -> int:
-    """Count the random sign flips with a sum of at least the observed size; one random byte flips eight pairs."""
+    """Count random sign flips with a sum of at least the observed size; a byte flips eight pairs."""
     padded = np.pad(differences, (0, -len(differences) % 8)).reshape(-1, 8)
     tables = padded @ BYTE_SIGNS.T  # sum of eight signed differences for each value of a byte, (bytes, 256)
     byte_indices = np.arange(len(padded))
