@@ -36,8 +36,8 @@ class RankCorrelation:
     def lines(self) -> Iterator[str]:
         """Yield the printed lines: does the ranking of run A hold in run B, and the ranking of each run.
 
-        The printed answer is `yes` for a positive interval that includes 1, and `in part` for a positive interval below 1. It
-        is `no` for a negative interval, and otherwise `not shown`.
+        The printed answer is `yes` for a positive interval that includes 1, and `in part` for a positive interval
+        below 1. It is `no` for a negative interval, and otherwise `not shown`.
         """
         low, high = self.ci
         positive = "in part" if high < 1.0 - 1e-9 else "yes"

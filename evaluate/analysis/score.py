@@ -170,7 +170,15 @@ def score_interval(values: Floats, scored: ScoredCells) -> Interval:
 
 
 def is_scored(scenario: Scenario, hardware: bool) -> bool:
-    """Return True if a `scenario` enters the score with the hardware profile, or without it if not `hardware`."""
+    """Return True if a `scenario` enters the score.
+
+    Args:
+        scenario: Scenario of a run.
+        hardware: True for the score with the hardware profile, False for the score without it.
+
+    Returns:
+        True if the scenario has the profile of the score, and is not the undisturbed steady walk.
+    """
     return scenario.hardware == hardware and _base(scenario.name) != STEADY.name
 
 
