@@ -22,7 +22,7 @@ Actions = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 CONTROL_PERIOD = 1.0 / TaskConfig().control_rate
-"""s. Default control period of the environment."""
+"""Default control period of the environment, s."""
 
 
 class PolicyError(UserError, ValueError):

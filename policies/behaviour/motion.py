@@ -79,13 +79,13 @@ class Damp(Motion):
 
 
 LOWERING_SPEED = 0.2
-"""m/s. Speed of the trunk in a controlled stop; over 0.3 m/s a stop does not count as controlled."""
+"""Speed of the trunk in a controlled stop, m/s; over 0.3 m/s a stop does not count as controlled."""
 FOLDING_SPEED = 4.0
-"""rad/s. Largest rate of a joint target in a controlled stop."""
+"""Largest rate of a joint target in a controlled stop, rad/s."""
 STOP_HEIGHT = 0.2
-"""m. Hip joints above the feet's centres at the end of a controlled stop: as low as the knees fold without a fall."""
+"""Hip joints above the feet's centres at the end of a controlled stop, m: as low as the knees fold without a fall."""
 STOP_OUTWARD = 0.04
-"""m. Distance of the feet outward of a hanging leg."""
+"""Distance of the feet outward of a hanging leg, m."""
 
 
 class Stop(Motion):
@@ -184,7 +184,7 @@ class PoseSequence(Motion):
 
 
 HOLD_TIME = 0.4
-"""s. Duration of the way to the home pose."""
+"""Duration of the way to the home pose, s."""
 
 
 def make_hold(robot: Robot, control_period: float) -> PoseSequence:

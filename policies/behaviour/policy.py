@@ -15,15 +15,15 @@ from policies.trot.open_loop import Trot
 from quad_env import OBSERVATION
 
 WALKING_SPEED = 0.6
-"""m/s. Largest planar speed of a walking robot; a running one follows the command."""
+"""Largest planar speed of a walking robot, m/s; a running one follows the command."""
 RUN_ABOVE = 0.7
-"""m/s. Commanded speed above which a robot that follows the command runs."""
+"""Commanded speed above which a robot that follows the command runs, m/s."""
 WALK_BELOW = 0.5
-"""m/s. Commanded speed below which a running robot walks again."""
+"""Commanded speed below which a running robot walks again, m/s."""
 MOVE_ABOVE = 0.02
-"""m/s or rad/s. Command above which a robot walks; below, it stands."""
+"""Command above which a robot walks, m/s or rad/s; below, it stands."""
 BLEND_TIME = 0.2
-"""s. Duration of the blend from the targets of the last behaviour to the targets of the gait."""
+"""Duration of the blend from the targets of the last behaviour to the targets of the gait, s."""
 
 _COMMAND = OBSERVATION["command"]
 

@@ -77,25 +77,25 @@ class RecoveryParameters:
 
 
 SETTLE_TIME = 0.1
-"""s. Longest wait until a fallen robot lies still."""
+"""Longest wait until a fallen robot lies still, s."""
 SETTLE_MINIMUM = 0.05
-"""s. Shortest wait until a fallen robot lies still."""
+"""Shortest wait until a fallen robot lies still, s."""
 SETTLED_TURNING = 2.5
-"""rad/s. Angular velocity about each axis below which a fallen robot lies still."""
+"""Angular velocity about each axis below which a fallen robot lies still, rad/s."""
 ROCK_BLEND = 0.05
-"""s. Duration of the blend to the pose of the phase ROCK."""
+"""Duration of the blend to the pose of the phase ROCK, s."""
 ROCK_TIME = 0.3
-"""s. Duration of the phase ROCK."""
+"""Duration of the phase ROCK, s."""
 FLAT = -0.95
 """Cosine of the tilt below which a robot lies on its back."""
 KICK_BLEND = 0.01
-"""s. Duration of the blend to the kick, so short that the servos limit it."""
+"""Duration of the blend to the kick, so short that the servos limit it, s."""
 STRANDED_AFTER = 0.4
-"""s. Time after which a kicked robot that hardly turns has failed."""
+"""Time after which a kicked robot that hardly turns has failed, s."""
 STRANDED_TURNING = 0.5
-"""rad/s. Angular velocity about each axis below which a kicked robot hardly turns."""
+"""Angular velocity about each axis below which a kicked robot hardly turns, rad/s."""
 STAND_TIME = 0.75
-"""s. Time in the phase STAND after which a leaning robot starts again, and one with misplaced legs tucks them again."""
+"""Time in the phase STAND after which a leaning robot starts again, and one with misplaced legs tucks them again, s."""
 LEVEL = 0.9
 """Cosine of the tilt down to which a robot does not lean."""
 

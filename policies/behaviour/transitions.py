@@ -64,25 +64,25 @@ GUARDS = tuple(dict.fromkeys(row.guard for row in TRANSITIONS if row.guard))
 """Names of the conditions in the table."""
 
 TIME_LIMIT: dict[State, float] = {State.JUMP: 3.0, State.FALL: 0.5, State.RECOVER: 8.0}
-"""s. Time in a state after which the condition `late` holds; in other states it never does."""
+"""Time in a state after which the condition `late` holds, s; in other states it never does."""
 
 TOPPLING_TILT = np.deg2rad(60.0)
-"""rad. Tilt beyond which an upright robot gives up and goes limp: 10° before the fall rule, `FallRule.tilt`."""
+"""Tilt beyond which an upright robot gives up and goes limp, rad: 10° before the fall rule, `FallRule.tilt`."""
 _FALL_RULE = FallRule()
 HOME_TILT = np.deg2rad(10.0)
-"""rad. Tilt up to which a robot may be in its home pose; `evaluate.measures.at_rest` decides whether it stands."""
+"""Tilt up to which a robot may be in its home pose, rad; `evaluate.measures.at_rest` decides whether it stands."""
 POSE_TOLERANCE = 0.15
-"""rad. Distance of each joint from the home pose; a servo under the robot's weight sags by 0.02."""
+"""Distance of each joint from the home pose, rad; a servo under the robot's weight sags by 0.02."""
 STILL_LINEAR = 0.3
-"""m/s. Speed of the trunk along each axis below which a robot is still."""
+"""Speed of the trunk along each axis below which a robot is still, m/s."""
 STILL_ANGULAR = 0.5
-"""rad/s. Angular velocity of the trunk about each axis below which a robot is still."""
+"""Angular velocity of the trunk about each axis below which a robot is still, rad/s."""
 SETTLED_ANGULAR = 1.5
-"""rad/s. Angular velocity of the trunk about each axis below which a fall is over."""
+"""Angular velocity of the trunk about each axis below which a fall is over, rad/s."""
 MINIMUM_TIME = 0.1
-"""s. Shortest time in a state before a fall, a jump or a recovery may be over."""
+"""Shortest time in a state before a fall, a jump or a recovery may be over, s."""
 JUMP_TIME = 0.9
-"""s. Time in the state after which a jump may have landed."""
+"""Time in the state after which a jump may have landed, s."""
 
 _NEVER = 2**62
 

@@ -20,7 +20,7 @@ from quad_env.physics.dynamics import DynamicsTerms
 from quad_env.robots.robot import Robot
 
 LEG_DAMPING = 1e-4
-"""m². Added to the squared Jacobian of a leg: a straight leg shows no force along itself."""
+"""Added to the squared Jacobian of a leg, m²: a straight leg shows no force along itself."""
 
 
 class PeriodMotion(NamedTuple):

@@ -7,7 +7,7 @@ from policies.gait_cycle import TURN, Floats, smoothstep
 from policies.memory import PerRobotState, per_robot
 
 CHANGE_TIME = 1.0
-"""s. Duration of a transition."""
+"""Duration of a transition, s."""
 _ROUNDING = 1e-9
 
 

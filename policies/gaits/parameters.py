@@ -29,7 +29,7 @@ GAITS = (*OFFSETS, STAND)
 """Names of all gaits."""
 
 UNLIMITED = 10.0
-"""m/s or rad/s. Limit for a command that has none; no command reaches it."""
+"""Limit for a command that has none, m/s or rad/s; no command reaches it."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ class GaitParameters(CommandMap):
 NO_LIMITS = dict.fromkeys(("forward_limit", "backward_limit", "lateral_limit", "yaw_limit"), UNLIMITED)
 """Unlimited commands, by field name: forward, backward, lateral and yaw, in this order."""
 MIN_FREQUENCY = 0.3
-"""Hz. Lower bound of the frequency at any speed."""
+"""Lower bound of the frequency at any speed, Hz."""
 MAX_FREQUENCY = 15.0
-"""Hz. Upper bound of the frequency at any speed."""
+"""Upper bound of the frequency at any speed, Hz."""
 MIN_DUTY = 0.1
 """Lower bound of the duty factor at any speed."""
 MAX_DUTY = 0.95

@@ -36,13 +36,13 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 LINEAR_ACCELERATION = 3.0
-"""m/s². Largest rate of the forward and of the lateral command that the gait follows."""
+"""Largest rate of the forward and of the lateral command that the gait follows, m/s²."""
 YAW_ACCELERATION = 8.0
-"""rad/s². Largest rate of the yaw-rate command that the gait follows."""
+"""Largest rate of the yaw-rate command that the gait follows, rad/s²."""
 MAX_REACH = 0.2
-"""m. Largest distance of a foot from the middle of its strides, forward and sideways each."""
+"""Largest distance of a foot from the middle of its strides, forward and sideways each, m."""
 PLACEMENT_TOLERANCE = 0.005
-"""m. Distance from the middle of its strides at which a foot may come to rest, forward and sideways each."""
+"""Distance from the middle of its strides at which a foot may come to rest, forward and sideways each, m."""
 _ACCELERATION = np.array([LINEAR_ACCELERATION, LINEAR_ACCELERATION, YAW_ACCELERATION])
 
 

@@ -10,9 +10,9 @@ from policies.legs.level_frame import Vector
 from quad_env.columns import ordered_sum
 
 MAX_SLOPE = 1.2
-"""m/m. Largest slope of a fit in each direction."""
+"""Largest slope of a fit in each direction, m/m."""
 _SPREAD_REGULARISATION = 1e-6
-"""m². Added to the spread of the footprints, so that footprints on a line also define a plane."""
+"""Added to the spread of the footprints, so that footprints on a line also define a plane, m²."""
 
 Plane = tuple[Floats, Floats, Floats]
 """Height below the trunk's centre, relative to it, m, and rise per metre forward and to the left; each (n,)."""

@@ -1,1 +1,1 @@
-"""Model-based control: convex MPC over one rigid body, and the whole body's joint torques from a second program."""
+"""Model-based control: convex MPC of a single rigid body, and joint torques from a whole-body quadratic program."""

@@ -10,7 +10,7 @@ from quad_env.columns import Mask
 from quad_env.robots.robot import Robot
 
 CALIBRATION_STEPS = (4, 8)
-"""Control steps in which the noise is measured, for readings without and with noise."""
+"""Control steps of the noise measurement: first for robots in which no noise is found, then for the others."""
 CALIBRATION_BEND = 1.1
 """Factor on the joint angles of the home pose that excites the delay estimate."""
 
@@ -18,8 +18,8 @@ CALIBRATION_BEND = 1.1
 class Calibration(PerRobotState):
     """Phases of the calibration of n robots.
 
-    A robot stands in the home pose while its noise is measured. Without a known delay of its joint readings it
-    then bends its legs until they move, at most for the longest candidate delay.
+    A robot stands in the home pose while the noise of its readings is measured. If the delay of the joint readings is
+    unknown, the robot then bends its legs until motion has shown the delay, for at most the longest candidate delay.
 
     Args:
         robot: Robot of the targets.
@@ -27,9 +27,9 @@ class Calibration(PerRobotState):
     """
 
     is_active: Mask = per_robot(True)
-    """Robots with unknown noise or delay, (n,)."""
+    """True for robots in calibration: noise or delay is not known yet, (n,)."""
     measures_noise: Mask = per_robot(True)
-    """Robots that stand while their noise is measured, (n,)."""
+    """True for robots in the first phase, in which the noise is measured, (n,)."""
 
     def __init__(self, robot: Robot, *, identifies_delay: bool) -> None:
         self._home_pose = robot.home_pose
@@ -42,7 +42,7 @@ class Calibration(PerRobotState):
         Args:
             sample_count: Readings since the reset, (n,).
             is_noisy: Robots with noisy readings, (n,).
-            delay_identified: Robots with a delay that motion has shown, (n,).
+            delay_identified: True for robots with a delay that motion has shown, (n,).
         """
         quiet_steps, noisy_steps = CALIBRATION_STEPS
         steps_after_noise = sample_count - np.where(is_noisy, noisy_steps, quiet_steps)
@@ -50,6 +50,6 @@ class Calibration(PerRobotState):
         self.is_active = self.measures_noise | ~delay_identified & (steps_after_noise <= self._max_bend_steps)
 
     def targets(self, targets: Floats) -> Floats:
-        """Return `targets`, (n, 12), rad; for robots in calibration the home pose, or bent legs."""
+        """Return joint targets, (n, 12), rad: home pose or bent legs for robots in calibration, else `targets`."""
         bend = np.where(self.measures_noise, 1.0, CALIBRATION_BEND)[:, None]
         return np.where(self.is_active[:, None], bend * self._home_pose, targets)

@@ -1,7 +1,7 @@
 """Contact forces, external wrench and friction, estimated from joint torques.
 
-`policies.contact.foot_forces` gives the force on each foot. The wrench of a push, a load or the wind is the part on the
-trunk that these forces leave unexplained.
+`policies.contact.foot_forces` estimates the force on each foot. The external wrench, from a push, a load or the wind,
+is the part of the generalised force on the trunk that the foot forces do not explain.
 """
 
 from dataclasses import dataclass
@@ -25,36 +25,39 @@ from quad_env.robots.robot import Robot
 
 @dataclass(frozen=True)
 class ContactEstimatorConstants:
-    """Bounds and time constants of the contact estimates that are not searched."""
+    """Bounds and time constants of the contact estimates that no parameter search changes."""
 
     max_wrench: tuple[float, ...] = (80.0, 80.0, 400.0, 15.0, 15.0, 15.0)
     """Largest external wrench, N and N·m."""
     max_upward_force: float = 40.0
-    """Largest upward external force, N: loads press."""
+    """Largest upward external force, N; small because a load presses downward."""
     impact_force: float = 300.0
-    """Force of a foot from which a control period is an impact, too short for any other estimate, N."""
+    """Force on a foot above which it is an impact, N. The wrench is not updated in a control period with an impact."""
     firm_contact_force: float = 30.0
-    """Force of a foot that stands firmly, N. Without two of these the robot is tilted or in the air, and may touch the
-    ground with any of its parts."""
+    """Force on a foot above which it stands firmly, N. If fewer than two feet stand firmly, the robot is tilted or in
+    the air, and other parts may touch the ground."""
     max_update_tilt: float = 0.2
     """Largest tilt at which the wrench is updated, rad."""
     initial_weight: float = 5.0
-    """Weight of the initial wrench, zero, in samples; until there are many samples the wrench is their mean."""
+    """Number of samples that the initial wrench, zero, counts for in the running mean."""
     contact_margin_per_stiffness: float = 0.03
-    """Apparent force of a foot by noise of the joint readings, N per N·m/rad of servo stiffness. A foot in the air has
-    to press by this much above the touch force: a false contact would be predicted to stop at once."""
+    """Error of the force on a foot caused by noise of encoder readings, N per N·m/rad of servo stiffness.
+
+    A foot in the air becomes a contact only if its force exceeds the touch force by this margin, because the prediction
+    would stop a foot with a false contact at once."""
     min_encoder_load_time: float = 0.15
-    """Shortest time constant of the vertical force with encoders, s."""
+    """Shortest time constant of the vertical force if encoders read the joints, s."""
     encoder_offset_time: float = 1.0
     """Time constant of the encoder offsets, while a foot is in the air, s."""
     max_encoder_offset: float = 0.03
-    """Largest encoder offset of a sample, rad."""
+    """Largest encoder offset that one sample can show, rad."""
     friction_safety_factor: float = 0.7
-    """Factor on the friction seen in a slip: the edges of the friction pyramid reach further than its sides."""
+    """Factor on the friction measured in a slip; below 1 because the edges of the friction pyramid reach out further
+    than its sides."""
     min_friction: float = 0.05
-    """Smallest assumed friction."""
+    """Smallest friction coefficient that the controller assumes."""
     slip_update_gain: float = 0.3
-    """Fraction of the change that a slip shows which is taken up per control period."""
+    """Gain with which the friction estimate approaches the friction of a slip, per control period."""
 
 
 CONSTANTS = ContactEstimatorConstants()
@@ -69,25 +72,27 @@ class ContactEstimator(PerRobotState):
         parameters: Thresholds and time constants.
         period: Control period, s.
         actuator: Drives of the joints.
-        encoders: True: joint speeds are differences of two encoder angles, so means over a control period.
+        encoders: True if joint speeds are differences of two encoder angles, and thus means over a control period.
     """
 
     wrench: Floats = per_robot(np.zeros(6))
-    """Filtered external wrench on the trunk, the load included, (n, 6): force in the level frame, N, moment about the
-    trunk centre in the base frame, N·m."""
+    """External wrench on the trunk, low-pass filtered, with the weight of the load, (n, 6).
+
+    Force in the level frame, N, and moment about the trunk centre in the base frame, N·m."""
     friction_estimate: Floats = per_robot()
     """Friction coefficient that the controller assumes, (n,)."""
     in_contact: Mask = per_robot(np.ones(4, np.bool_))
-    """Feet that surely touch the ground, (n, 4)."""
+    """True for feet that press on the ground with more than the threshold, (n, 4)."""
     encoder_offsets: Floats = per_robot(np.zeros(12))
-    """Encoder readings at a joint angle of zero, (n, 12), rad. With an offset the servos give a torque that legs in the
-    air do not need."""
+    """Estimated encoder readings at a joint angle of zero, (n, 12), rad.
+
+    An offset shows in a leg in the air as a servo torque that the motion does not need."""
     _sample_count: Floats = per_robot(0.0)
-    """Samples in the wrench, (n,)."""
+    """Number of samples in the mean wrench, (n,)."""
     _was_sliding: Mask = per_robot(np.zeros(4, np.bool_))
-    """Loaded feet that slid in the last step, (n, 4)."""
+    """True for feet that were loaded and moving in the last control step, (n, 4)."""
     _had_slipped: Mask = per_robot(np.zeros(4, np.bool_))
-    """Feet that slid in the last step and were still loaded one step later, (n, 4)."""
+    """True for feet that were loaded in the last control step and were sliding one step before, (n, 4)."""
 
     def __init__(
         self,
@@ -122,9 +127,9 @@ class ContactEstimator(PerRobotState):
         """Estimate the contact forces, and update wrench, contacts, encoder offsets and friction.
 
         Args:
-            motion: State at the time of the readings, with the targets that led to it and the load.
-            weight: Gravity wrench of the loads, which are part of the dynamics, (n, 6), N and N·m.
-            in_mid_swing: Feet that the gait has in mid-swing, (n, 4): they are not in contact.
+            motion: State at the time of the readings, with the joint targets that led to it and the load.
+            weight: Gravity wrench of the loads, (n, 6), N and N·m. The dynamics in `motion` include it already.
+            in_mid_swing: True for feet in mid-swing by the gait, (n, 4). These feet are not in contact.
 
         Returns:
             Forces of the feet over the last control period, level frame, (n, 4, 3), N.
@@ -136,9 +141,10 @@ class ContactEstimator(PerRobotState):
         return forces
 
     def _is_informative(self, motion: MotionState, normal_forces: Floats) -> Mask:
-        """Return True for robots with an unexplained wrench that is external, (n,).
+        """Return True for robots with an unexplained wrench that comes from an external force, (n,).
 
-        They stand on two firm feet, nearly level, without an impact. `normal_forces`: (n, 4), N.
+        These robots stand firmly on two feet or more, nearly level, and no foot has an impact.
+        `normal_forces`: vertical forces on the feet, (n, 4), N.
         """
         c = CONSTANTS
         stands_firmly = (normal_forces > c.firm_contact_force).sum(axis=1) >= 2
@@ -148,7 +154,7 @@ class ContactEstimator(PerRobotState):
         return informative
 
     def _turn_wrench(self, yaw: Floats) -> None:
-        """Turn the force against the `yaw` of the level frame, (n,), rad: a push keeps its direction in the world."""
+        """Rotate the force by -`yaw`, (n,), rad, because a push keeps its direction while the level frame turns."""
         cosine = np.cos(yaw)
         sine = np.sin(yaw)
         x, y = self.wrench[:, :2].T.copy()
@@ -156,7 +162,7 @@ class ContactEstimator(PerRobotState):
         self.wrench[:, 1] = cosine * y - sine * x
 
     def _update_wrench(self, sample: Floats, informative: Mask) -> None:
-        """Take a sample of the external wrench, (n, 6), into the mean of the informative robots, (n,)."""
+        """Update the mean wrench of the robots in the mask `informative`, (n,), with a sample, (n, 6)."""
         bounded = sample.clip(-MAX_WRENCH, MAX_WRENCH)
         bounded[:, 2] = np.minimum(bounded[:, 2], CONSTANTS.max_upward_force)
         gains = warm_start_gain(self._wrench_gains, CONSTANTS.initial_weight + self._sample_count[:, None])
@@ -164,22 +170,24 @@ class ContactEstimator(PerRobotState):
         self._sample_count += informative
 
     def _solve_contact_forces(self, motion: MotionState, in_mid_swing: Mask | bool) -> tuple[Floats, Floats]:
-        """Solve for the contact forces and the wrench that they leave unexplained; update contacts and offsets.
+        """Estimate the contact forces and the unexplained wrench, and update contacts and encoder offsets.
 
         Args:
-            motion: State at the time of the readings, with the targets that led to it.
-            in_mid_swing: Feet that are not in contact, (n, 4).
+            motion: State at the time of the readings, with the joint targets that led to it.
+            in_mid_swing: True for feet that are not in contact, (n, 4).
 
         Returns:
-            forces: Of the feet, level frame, (n, 4, 3), N.
-            unexplained: Wrench on the trunk, (n, 6), N and N·m.
+            forces: Forces on the feet, level frame, (n, 4, 3), N.
+            unexplained: Wrench on the trunk that the forces on the feet do not explain, (n, 6), N and N·m.
         """
         forces, needed = self.foot_forces.estimate(motion)
         threshold = self._parameters.touch_force + np.where(self.in_contact, 0.0, self._contact_margin)
         self.in_contact = (forces[..., 2] > threshold) & np.logical_not(in_mid_swing)
         if self._encoders:
             self._update_encoder_offsets(needed[:, 6:])
-        # The ground does not pull: a joint at its limit or two links that touch do. Noise pulls as often as it presses.
+        # Forces that pull are set to zero, because the ground cannot pull. They come from a joint at its limit or from
+        # two links that touch. With encoders they are kept for the wrench: noise pulls as often as it presses, so that
+        # the mean is right.
         pressing = np.where(forces[..., 2:] < 0.0, 0.0, forces)
         explaining = forces if self._encoders else pressing
         count = len(forces)
@@ -190,17 +198,18 @@ class ContactEstimator(PerRobotState):
         return pressing, unexplained
 
     def _update_encoder_offsets(self, unexplained_torque: Floats) -> None:
-        """Take the torques, (n, 12), N·m, that legs in the air do not need into the encoder offsets."""
+        """Update the encoder offsets of legs in the air with their unexplained joint torques, (n, 12), N·m."""
         largest = CONSTANTS.max_encoder_offset
         sample = np.clip(unexplained_torque / self.foot_forces.servos.stiffness, -largest, largest)
         in_stance = np.repeat(self.in_contact, 3, axis=1)
         self.encoder_offsets += np.where(in_stance, 0.0, self._offset_gain * sample)
 
     def _estimate_friction(self, forces: Floats, velocity: Floats) -> None:
-        """Lower the friction estimate to the force ratio of sliding feet; let it return slowly.
+        """Lower the friction estimate to the force ratio of sliding feet, and let it return slowly afterwards.
 
-        A foot slides if it moves, is still loaded one step later, which a foot that lifts off is not, and does so in
-        two steps in a row: a foot that lands slides for a moment. `forces`: (n, 4, 3), N; `velocity`: (n, 4, 3), m/s.
+        A foot slides if it moves and is still loaded one step later; a foot that lifts off is not. It must do so in two
+        consecutive steps, because a foot that lands slides for a moment. `forces`: forces on the feet, (n, 4, 3), N;
+        `velocity`: foot velocities, (n, 4, 3), m/s.
         """
         p = self._parameters
         c = CONSTANTS
@@ -220,11 +229,11 @@ class ContactEstimator(PerRobotState):
 
 
 def wrench_to_acceleration(bodies: DynamicsTerms, rotation: Floats, wrench: Floats) -> Floats:
-    """Return the acceleration of each robot as a single rigid body under a wrench.
+    """Return the acceleration that a wrench on the trunk gives each robot, taken as a single rigid body.
 
     Args:
         bodies: Dynamics of n robots.
-        rotation: From the base to the level frame, (n, 3, 3).
+        rotation: Rotation from the base to the level frame, (n, 3, 3).
         wrench: Force in the level frame, N, and moment about the trunk centre in the base frame, N·m, (n, 6).
 
     Returns:
@@ -237,22 +246,22 @@ def wrench_to_acceleration(bodies: DynamicsTerms, rotation: Floats, wrench: Floa
 
 
 MAX_LATE_CONTACT_PHASE = 0.5
-"""Stance progress up to which a foot in the air is still lowered; later the gait goes on without it."""
+"""Progress of the stance, 0 to 1, up to which a foot in the air is lowered; later it counts as a stance foot."""
 LIFTOFF_PHASE = 0.1
-"""Swing progress up to which a foot may still be on the ground."""
+"""Progress of the swing, 0 to 1, up to which a foot may still be on the ground."""
 EARLY_CONTACT_PHASE = 0.6
-"""Swing progress from which a foot may land early."""
+"""Progress of the swing, 0 to 1, from which a foot may land early."""
 
 
 class ContactState(NamedTuple):
     """Contact state of the feet of n robots, (n, 4) each."""
 
     stance: Mask
-    """Feet that bear the robot."""
+    """True for feet that carry the robot."""
     late: Mask
-    """Feet that the gait has in stance and that have not touched the ground yet."""
+    """True for feet in stance by the gait that have not touched the ground yet."""
     landed: Mask
-    """Feet that show the ground by their positions."""
+    """True for feet on the ground; their positions become footprints."""
 
 
 def classify_contacts(
@@ -270,9 +279,9 @@ def classify_contacts(
         p: Force thresholds.
         cycle: Gait cycle of the legs now, (n, 4).
         cycle_at_measurement: Gait cycle at the time of the forces, (n, 4).
-        normal_forces: Estimated vertical forces of the feet, (n, 4), N.
-        is_first_step: Robots without an estimate yet, (n,): they follow the gait.
-        flies: True if the gait has a time without stance feet.
+        normal_forces: Estimated vertical forces on the feet, (n, 4), N.
+        is_first_step: True for robots without a force estimate yet, (n,). They follow the gait.
+        flies: True if the gait has a flight phase, in which no foot is in stance.
 
     Returns:
         Stance, late and landed feet.
@@ -286,7 +295,7 @@ def classify_contacts(
     early = may_be_early & (normal_forces > p.early_force)
     stance = (gait_stance & ~late) | early
     if not flies:
-        # Some feet have to bear the robot, also in the plan of one that is thrown up.
+        # The force plan needs a stance foot, also for a robot that a push has thrown into the air.
         stance = np.where(stance.any(axis=1, keepdims=True), stance, gait_stance)
     landed = (gait_stance & in_contact & ~late) | early | ~has_estimate
     return ContactState(stance, late, landed)

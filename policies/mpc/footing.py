@@ -22,40 +22,40 @@ MAX_FOOTHOLD_OFFSET = 0.35
 MAX_LEAN_SHIFT = 0.2
 """Largest shift of the footholds against a lasting force, m."""
 MAX_HIP_ANGLE = 0.42
-"""Largest angle of a hip at a foothold, rad: short of its limit."""
+"""Largest angle of a hip joint at a foothold, rad; smaller than the joint limit."""
 MAX_SLOPE = 0.6
-"""Largest believed slope, m/m."""
+"""Largest slope that the estimate takes from a measurement, m/m."""
 ROUGHNESS_FILTER_TIME = 1.0
-"""Time constant of the roughness of the ground, s."""
+"""Time constant of the filter of the roughness, s."""
 CROUCH_MARGIN = 0.05
-"""Height that a trunk may have lost when a foot lands, m."""
+"""Distance that the trunk may have sunk below its reference height when a foot lands, m."""
 
 _PHASE_STEP = 1e-3
 """Finite-difference step of the swing progress."""
 _ROTATE_90 = np.array([-1.0, 1.0])
-"""(y, x) times this is (x, y) turned by 90 degrees."""
+"""Factor on (y, x) that gives (x, y) rotated by 90 degrees."""
 
 Terrain = Callable[[Floats, Floats, Floats], Floats]
-"""Height of the terrain under a swing, m, by x, y, m, and the progress of the swing, (n, 4) each."""
+"""Function (x, y, progress of the swing) -> height of the terrain under the swing; each (n, 4), lengths in m."""
 
 
 class TerrainPlane(NamedTuple):
-    """Plane under n robots, level frame."""
+    """Ground planes under n robots, level frame."""
 
     height: Floats
-    """Below the trunk centre, relative to it, (n,), m."""
+    """Height of the plane at x = y = 0, relative to the trunk centre, (n,), m; negative if below."""
     forward: Floats
-    """Rise per metre forward, (n,)."""
+    """Rise of the plane per metre forward, (n,)."""
     lateral: Floats
-    """Rise per metre to the left, (n,)."""
+    """Rise of the plane per metre to the left, (n,)."""
 
     def at(self, x: Floats, y: Floats) -> Floats:
-        """Return the height of the plane at x and y, (n, 4) each, m; (n, 4), m."""
+        """Return the height of the plane, (n, 4), m, at the coordinates `x` and `y`, each (n, 4), m."""
         return plane_height((self.height[:, None], self.forward[:, None], self.lateral[:, None]), x, y)
 
 
 class TerrainEstimator(PerRobotState):
-    """Last footprints of n robots, and the terrain plane through them.
+    """Estimates the terrain plane of n robots from the last footprint of each foot.
 
     Args:
         slope_time: Time constant of the slope, s.
@@ -65,7 +65,7 @@ class TerrainEstimator(PerRobotState):
     slope: Floats = per_robot(np.zeros(2), axis=1)
     """Filtered rise per metre forward and to the left, (2, n)."""
     roughness: Floats = per_robot(0.0)
-    """Filtered largest distance of a footprint from the plane through them, (n,), m."""
+    """Largest distance of a footprint from the plane through the four footprints, low-pass filtered, (n,), m."""
     footprints: Floats = per_robot(np.zeros((3, 4)), axis=2)
     """Positions of the last footprints, level frame, (3, 4, n), m."""
 
@@ -76,14 +76,14 @@ class TerrainEstimator(PerRobotState):
         super().__init__()
 
     def ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
-        """Update the footprints, and return the plane of the filtered slope at their mean height.
+        """Update the footprints, and return the terrain plane.
 
         Args:
             state: State of n robots.
-            landed: Feet that show the ground by their positions, (n, 4).
+            landed: True for feet on the ground; their positions become footprints, (n, 4).
 
         Returns:
-            Terrain plane.
+            Plane with the filtered slope, at the mean height of the footprints.
         """
         yaw_rate = state.angular_velocity[:, 2]
         carried_along = advect_footprints(self.footprints, state.velocity.T, yaw_rate, self._period)
@@ -91,7 +91,7 @@ class TerrainEstimator(PerRobotState):
         plane = fit_plane(self.footprints)
         distance = np.abs(height_above_plane(plane, self.footprints)).max(axis=0)
         self.roughness += self._roughness_gain * (distance - self.roughness)
-        # The slope turns against the level frame, which turns with the robot.
+        # The level frame turns with the robot and the ground does not, so the slope vector turns the other way.
         forward, lateral = self.slope
         self.slope = self.slope + self._period * yaw_rate * np.array((lateral, -forward))
         measured_slope = np.clip(plane[1:], -MAX_SLOPE, MAX_SLOPE)
@@ -102,14 +102,14 @@ class TerrainEstimator(PerRobotState):
 
 
 def ground_velocity(state: MotionState, yaw_rate: Floats) -> Floats:
-    """Return the velocity of the ground relative to the trunk at the feet.
+    """Return the horizontal velocity of the ground relative to the trunk, at the position of each foot.
 
     Args:
         state: State of n robots.
         yaw_rate: Yaw rate of the trunks, (n,), rad/s.
 
     Returns:
-        Level frame, (n, 4, 2), m/s.
+        Velocity of the ground, level frame, (n, 4, 2), m/s.
     """
     return -point_velocity(state, yaw_rate, state.bodies.feet)
 
@@ -120,10 +120,10 @@ def point_velocity(state: MotionState, yaw_rate: Floats, positions: Floats) -> F
     Args:
         state: State of n robots.
         yaw_rate: Yaw rate of the trunks, (n,), rad/s.
-        positions: From the trunk centre, level frame, (n, 4, 2 or 3), m.
+        positions: Points relative to the trunk centre, level frame, (n, 4, 2 or 3), m.
 
     Returns:
-        Level frame, (n, 4, 2), m/s.
+        Velocity of the points, level frame, (n, 4, 2), m/s.
     """
     yaw_velocity = yaw_rate[:, None, None] * (positions[..., 1::-1] * _ROTATE_90)
     velocity: Floats = state.bodies.com_velocity[:, None, :2] + yaw_velocity
@@ -132,14 +132,14 @@ def point_velocity(state: MotionState, yaw_rate: Floats, positions: Floats) -> F
 
 @cache
 def nominal_footholds(robot: Robot, p: ModelParameters) -> Floats:
-    """Return the footholds of a robot at rest.
+    """Return the nominal footholds, from which `plan_footholds` starts.
 
     Args:
         robot: Robot of the feet.
         p: Length, width and shift of the footholds.
 
     Returns:
-        Relative to the centre of mass, (4, 2), m.
+        Footholds relative to the centre of mass, level frame, (4, 2), m.
     """
     fore_or_hind = np.sign(robot.hip_positions[:, 0])
     return np.stack((fore_or_hind * p.length / 2.0 + p.shift, robot.side * p.width / 2.0), axis=-1)
@@ -155,19 +155,20 @@ def plan_footholds(
 ) -> Floats:
     """Plan footholds (Raibert heuristic).
 
-    A foothold is under the body halfway through its stance, further out by the velocity error, and shifted to where
-    it balances a lasting acceleration.
+    The body passes over a nominal foothold halfway through the stance. A velocity error moves the foothold in its own
+    direction. A lasting acceleration moves it to the point where the foot balances that acceleration.
 
     Args:
         robot: Robot of the feet.
         p: Gait and gains.
         motion: State of n robots.
-        disturbance_acceleration: Lasting, level frame, (n, 2), m/s².
+        disturbance_acceleration: Lasting acceleration by external forces, level frame, (n, 2), m/s².
         stance_time: Duration of a stance, (n,), s.
         height: Reference height of the trunk above the ground, m.
 
     Returns:
-        Footholds, level frame, (n, 4, 2), m; at most MAX_FOOTHOLD_OFFSET from nominal, within the range of the hips.
+        Footholds, level frame, (n, 4, 2), m. They are within the range of the hips, and at most MAX_FOOTHOLD_OFFSET
+        away from the nominal footholds.
     """
     bodies = motion.bodies
     command = motion.command
@@ -204,15 +205,15 @@ def swing_trajectory(
         start: Position at lift-off, level frame, (n, 4, 2), m.
         foothold_positions: Position at touch-down, level frame, (n, 4, 2), m.
         ground_velocities: Velocity of the ground relative to the trunk, (n, 4, 2), m/s.
-        progress: Of the swing, 0 to 1, (n, 4).
+        progress: Progress of the swing, 0 to 1, (n, 4).
         time: Duration of a swing, (n,), s.
         period: Control period, s.
         terrain: Terrain under the swing.
 
     Returns:
-        position: (n, 4, 3), m.
-        velocity: (n, 4, 3), m/s.
-        acceleration: (n, 4, 3), m/s².
+        position: Foot positions, level frame, (n, 4, 3), m.
+        velocity: Foot velocities relative to the trunk, level frame, (n, 4, 3), m/s.
+        acceleration: Foot accelerations relative to the trunk, level frame, (n, 4, 3), m/s².
     """
     end_slope = ground_velocities * time[:, None, None]
     progress_step = (period / time)[:, None]
@@ -254,15 +255,15 @@ def predict_moment_arms(
     Args:
         feet: Present positions, level frame, (n, 4, 3), m.
         foothold_positions: Next footholds, level frame, (n, 4, 2), m.
-        centre: Centre of mass, level frame, (n, 3), m.
+        centre: Position of the centre of mass, level frame, (n, 3), m.
         velocity: Horizontal velocity of the centre of mass, (n, 2), m/s.
         stance: Stance feet in each step, (n, N, 4).
         time_in_stance: Time since the touch-down, (n, N, 4), s.
-        times: Middle of each step, (N,), s.
-        z: Height of the ground under the feet above the centre of mass, m, of a shape that broadcasts to (n, N, 4).
+        times: Time from now to the middle of each step, (N,), s.
+        z: Height of the ground under the feet relative to the centre of mass, broadcasts to (n, N, 4), m.
 
     Returns:
-        (n, N, 4, 3), m.
+        Vectors from the centre of mass to the feet, level frame, (n, N, 4, 3), m.
     """
     stays_in_stance = np.logical_and.accumulate(stance, axis=1)[..., None]
     velocity_by_step = velocity[:, None, None]

@@ -1,4 +1,4 @@
-"""Prediction of joint readings that encoders show late, from the planned accelerations (Smith predictor, 1957)."""
+"""Prediction of the present joint state from delayed encoder readings and planned accelerations (Smith predictor)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,30 +9,30 @@ from quad_env import OBSERVATION
 from quad_env.columns import Mask
 
 VELOCITY_OBSERVER_GAIN = 90.0
-"""Correction of the joint speed per error of the predicted angle, 1/s; 100 would correct it within a control step."""
+"""Correction of the joint speed per error of the predicted angle, 1/s. With 100 one control step would remove it."""
 
 
 class JointPredictor(PerRobotState):
     """Predicts the present joint angles and speeds of n robots from readings that are `delay_steps` old.
 
-    An encoder angle of one control step ago, taken for the present one, is off by the joint speed times 10 ms. A
-    controller that inverts the servo law turns that into torque, 9 N·m in a trot. Since that reading the joints have
-    followed the planned accelerations. The predictor integrates these, and each late reading corrects the prediction
-    for its time (Smith, "Closer control of loops with dead time", 1957).
+    An encoder angle that is one control step old differs from the present angle by the joint speed times 10 ms. A
+    controller that inverts the servo law turns this difference into torque, 9 N·m in a trot. After the reading, the
+    joints have followed the planned accelerations. The predictor integrates these accelerations. Each delayed reading
+    corrects the prediction for the time of the reading (Smith, "Closer control of loops with dead time", 1957).
 
     Args:
-        delay_steps: Delay of the joint readings, control steps; 0: the readings are the present ones.
+        delay_steps: Delay of the joint readings, control steps; 0 if the readings are not delayed.
         period: Control period, s.
     """
 
     _is_started: Mask = per_robot(False)
-    """Robots with a prediction for their next reading, (n,)."""
+    """True for robots with a prediction for their next reading, (n,)."""
     _expected_angles: Floats = per_robot(np.zeros(12))
-    """Predicted angles of the next reading, (n, 12), rad."""
+    """Predicted joint angles at the time of the next reading, (n, 12), rad."""
     _expected_speeds: Floats = per_robot(np.zeros(12))
-    """Predicted speeds of the next reading, (n, 12), rad/s."""
+    """Predicted joint speeds at the time of the next reading, (n, 12), rad/s."""
     _accelerations: Floats = per_robot(axis=1)
-    """Planned joint accelerations since the next reading, oldest first, (delay_steps, n, 12), rad/s²."""
+    """Planned joint accelerations from the time of the next reading on, oldest first, (delay_steps, n, 12), rad/s²."""
 
     def __init__(self, delay_steps: int, period: float) -> None:
         self.delay_steps = delay_steps
@@ -40,7 +40,7 @@ class JointPredictor(PerRobotState):
         super().__init__(_accelerations=np.zeros((delay_steps, 12)))
 
     def predict(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the observations, (n, k), with the present joints; unchanged if the joint readings are not late."""
+        """Return the observations, (n, k), with predicted present joint angles and speeds; unchanged without delay."""
         if not self.delay_steps:
             return observation
         period = self._period
@@ -51,7 +51,7 @@ class JointPredictor(PerRobotState):
         for number, acceleration in enumerate(self._accelerations):
             angles = angles + period * speeds + 0.5 * period**2 * acceleration
             speeds = speeds + period * acceleration
-            if number == 0:  # the time of the next reading
+            if number == 0:  # the predicted time is now the time of the next reading
                 self._expected_angles = angles
                 self._expected_speeds = speeds
         self._is_started[:] = True

@@ -18,7 +18,7 @@ MAX_LOAD = 40.0
 MAX_LOAD_OFFSET = 0.25
 """Largest forward or lateral distance of a load from the trunk centre, m."""
 MIN_LOAD = 0.5
-"""kg. A smaller load counts as an error of the model."""
+"""A smaller load counts as an error of the model, kg."""
 
 
 def select_robots(state: P, robots: EnvIndices) -> P:

@@ -1,11 +1,11 @@
 """Delay compensation: estimates sensor noise and delay and predicts the state at which the next targets act.
 
 The joint targets are known, and the dynamics of the robot (`servo_step`) predict the motion of the joints within a
-control period. The delay from target to reading is the one of all candidates that explains the joint speeds
-best (`delay_estimator`). The state is predicted over that delay with the targets that have not acted yet
-(`state_predictor`; a Smith predictor of the whole body, "Closer control of loops with dead time", 1957). Noisy readings
-(`reading_noise`) are weighed against the prediction by a Kalman filter (`state_filter`); readings without noise count
-as they are.
+control period. The delay from target to reading is the candidate that explains the joint speeds best
+(`delay_estimator`). The state is predicted over that delay with the targets that have not acted yet
+(`state_predictor`; a Smith predictor of the whole body, "Closer control of loops with dead time", 1957). A Kalman
+filter (`state_filter`) combines the prediction with readings in which noise was found (`reading_noise`). Readings in
+which no noise was found are used unchanged.
 """
 
 import numpy as np
@@ -31,16 +31,16 @@ from quad_env.robots.robot import Robot
 
 
 class DelayCompensator(PerRobotState):
-    """Estimates noise, delay and state of n robots; made by a model-based controller.
+    """Estimates the noise and delay of the readings and the state of n robots, for a model-based controller.
 
-    The calls of a control step are in the same order for true joint readings and for encoders: `read`, the contact
-    estimate, `correct`, `predict`, `record_stance`. True readings are filtered in `read`, with the recorded stance:
-    the contact estimate needs the filtered state. Encoder readings are filtered in `correct`, with the estimated
-    contacts: their contact estimate needs the raw readings.
+    A control step calls `read`, the contact estimate, `correct`, `predict` and `record_stance`, in this order. Joint
+    readings are either true values or encoder readings. True readings are filtered in `read`, with the recorded stance
+    feet, because the contact estimate then needs the filtered state. Encoder readings are filtered in `correct`, with
+    the estimated contacts, because the contact estimate then needs the raw readings.
 
     Args:
         robot: Robot of the readings.
-        dynamics: Its dynamics.
+        dynamics: Dynamics of the robot.
         period: Control period, s.
         actuator: Drives of the joints.
         joint_delay_steps: Delay of the encoders, control steps; 0: joint angles and speeds are the true ones. With
@@ -75,11 +75,11 @@ class DelayCompensator(PerRobotState):
         self._state = None
 
     def copy_state_from(self, mask: Mask, other: "DelayCompensator") -> None:
-        """Copy the state of another compensator that has read an observation, as this one has.
+        """Copy the state of another compensator. Both must have read an observation.
 
         Args:
             mask: Robots that receive a state, (n,) bool.
-            other: Compensator with as many robots as `mask` selects.
+            other: Compensator with one robot for each True in `mask`.
         """
         super().copy_state_from(mask, other)
         assert self._state is not None
@@ -93,7 +93,7 @@ class DelayCompensator(PerRobotState):
 
     @property
     def calibrating(self) -> Mask:
-        """Robots that stand until noise and delay of their readings are known, (n,)."""
+        """True for robots in calibration: noise or delay of their readings is not known yet, (n,)."""
         return self.calibration.is_active
 
     @property
@@ -102,17 +102,19 @@ class DelayCompensator(PerRobotState):
         return self.noise_estimator.sample_count
 
     def read(self, observation: NDArray[np.float32], wrench: Floats) -> MotionState:
-        """Take in the readings: update the noise estimate and the calibration, and filter true joint readings.
+        """Update the noise estimate and the calibration, and filter the readings if the joint readings are true values.
 
         Args:
-            observation: (n, k).
+            observation: Observation, (n, k).
             wrench: External wrench on the trunks, (n, 6), N and N·m.
 
         Returns:
-            State at the time of the readings, with the targets that led to it; with encoders by the raw readings.
+            State at the time of the readings, with the joint targets that led to it. It is computed from the raw
+            readings if encoders read the joints, else from the filtered readings.
         """
         self._observation = observation.astype(np.float64)
-        # The joints follow the targets in the observation: a residual or the safety layer may have changed them.
+        # Use the targets in the observation, because a residual or the safety layer may have changed the targets that
+        # this controller returned.
         targets = self._observation[:, OBSERVATION["previous_action"]] + self._robot.home_pose
         self._targets = np.concatenate((targets[None], self._targets[:-1]))
         self._filtered_targets = self.servos.filtered_targets(self._targets)
@@ -129,7 +131,7 @@ class DelayCompensator(PerRobotState):
         return state._replace(targets=self.delay_estimator.at_delay(self._filtered_targets))
 
     def correct(self, in_contact: Mask, wrench: Floats) -> None:
-        """Filter encoder readings, after the contact estimate; true joint readings are filtered by `read`.
+        """Filter the readings with the estimated contacts if encoders read the joints; otherwise `read` has done so.
 
         Args:
             in_contact: Feet that touched the ground at the time of the readings, (n, 4).
@@ -146,8 +148,8 @@ class DelayCompensator(PerRobotState):
             wrench: External wrench on the trunks, (n, 6), N and N·m.
             in_contact: Feet that touched the ground at the time of the readings, (n, 4).
             slope: Rise of the ground per metre forward and to the left, (2, n).
-            planned: Observations with the planned joints, (n, k), or None. Joints that are as late as usual stay near
-                the plan.
+            planned: Observations with the planned joint angles and speeds, (n, k), or None. For robots with the
+                delay `joint_delay_steps` the predicted joints stay near the planned ones.
 
         Returns:
             State of n robots.
@@ -159,12 +161,12 @@ class DelayCompensator(PerRobotState):
         )
 
     def record_stance(self, stance: Mask) -> None:
-        """Record the stance feet of the control period that begins, (n, 4); in calibration every foot stands."""
+        """Record the stance feet of the control period that begins, (n, 4); all feet of robots in calibration."""
         stance = stance | self.calibrating[:, None]
         self._stance = np.concatenate((stance[None], self._stance[:-1]))
 
     def _filter_readings(self, stance: Mask, wrench: Floats) -> None:
-        """Update the delay estimate, and filter the readings by the prediction with those stance feet, (n, 4)."""
+        """Update the delay estimate, and filter the readings; `stance`: feet in contact in the prediction, (n, 4)."""
         before = self._state
         if before is None:
             return
@@ -185,18 +187,18 @@ class DelayCompensator(PerRobotState):
         normalise_gravity(readings)
 
     def _prediction_errors(self, before: MotionState, velocities: Floats, readings: Floats) -> Floats:
-        """Return the squared error of the joint speeds, mean over the joints, by candidate delay, rad²/s².
+        """Return the prediction error of the joint speeds for each candidate delay.
 
         Args:
             before: State one control step before the readings.
             velocities: Predicted generalised velocities by candidate delay, (MAX_DELAY_STEPS + 1, n, 18).
-            readings: (n, 33).
+            readings: Readings, (n, 33).
 
         Returns:
-            (MAX_DELAY_STEPS + 1, n).
+            Squared error, mean over the joints, (MAX_DELAY_STEPS + 1, n), rad²/s².
         """
         speeds = velocities[..., 6:]
-        if self._has_encoders:  # encoders show the mean speed of the period
+        if self._has_encoders:  # because the speed of an encoder is the mean over the period
             speeds = 0.5 * (before.generalised_velocity[:, 6:] + speeds)
         error = speeds - readings[:, JOINT_VELOCITY]
         errors: Floats = (error * error).sum(axis=2) / error.shape[2]

@@ -26,7 +26,7 @@ class ModelParameters(Parameters):
     step_height: float = parameter(0.08, limits=(0.0, 2.0), search=(0.02, 0.2), unit="m")
     """Lift of a swing foot, m."""
     roughness_gain: float = parameter(0.0, limits=(0.0, 100.0), search=(0.0, 6.0))
-    """Lift per roughness of the ground, which is the distance of the footprints from their plane."""
+    """Additional lift of a swing foot per roughness of the ground, see `TerrainEstimator.roughness`."""
     width: float = parameter(0.5, limits=(0.005, 10.0), search=(0.42, 0.62), unit=LATERAL_LENGTH)
     """Distance between the left and the right footholds, m."""
     length: float = parameter(0.5, limits=(0.005, 10.0), search=(0.4, 0.6), unit=LONGITUDINAL_LENGTH)
@@ -40,9 +40,9 @@ class ModelParameters(Parameters):
     farthest_behind: float = parameter(0.6, limits=(0.0, 100.0), search=(0.1, 3.0), unit="m")
     """Largest position error, m, and yaw error, rad."""
     fastest_return: float = parameter(1.2, limits=(0.0, 100.0), search=(0.5, 2.0), unit="m/s")
-    """Largest speed of the corrected command, m/s; a faster command keeps its own."""
+    """Largest speed of the corrected command, m/s. A command that is faster keeps its own speed."""
     friction: float = parameter(0.65, limits=(0.01, 2.0), search=(0.2, 0.7))
-    """Friction coefficient before a slip is seen: largest horizontal force along each axis, per vertical force."""
+    """Friction coefficient before the first slip: largest horizontal force along each axis, per vertical force."""
     swing_stiffness: float = parameter(300.0, limits=(0.0, 1000000.0), search=(100.0, 1500.0), unit="1/s²")
     """Acceleration of a swing foot per position error, 1/s²."""
     swing_damping: float = parameter(30.0, limits=(0.0, 1e4), search=(10.0, 80.0), unit="1/s")
@@ -52,11 +52,11 @@ class ModelParameters(Parameters):
     disturbance_time: float = parameter(0.3, limits=(0.02, 1e6), search=(0.1, 2.0), unit="s")
     """Time constant of the external wrench, s."""
     load_time: float = parameter(0.06, limits=(0.0, 1e6), search=(0.005, 0.5), unit="s")
-    """Time constant of its vertical force, s."""
+    """Time constant of the vertical force of the external wrench, s."""
     load_height: float = parameter(0.15, limits=(-2.0, 10.0), unit="m")
     """Height of a load above the trunk centre, m."""
     most_force: float = parameter(1.2, limits=(0.1, 100.0), search=(0.7, 2.0))
-    """Largest vertical force of a foot, per weight of the robot with its load."""
+    """Largest vertical force on a foot, as a fraction of the weight of the robot with its load."""
     slope_time: float = parameter(0.2, limits=(0.0, 1e3), search=(0.05, 1.0), unit="s")
     """Time constant of the slope of the ground, s."""
     touch_force: float = parameter(15.0, limits=(0.0, 100000.0), unit="N")
@@ -66,13 +66,13 @@ class ModelParameters(Parameters):
     search_speed: float = parameter(0.5, limits=(0.0, 50.0), search=(0.1, 1.5), unit="m/s")
     """Downward speed of a stance foot without contact, m/s."""
     landing_depth: float = parameter(0.01, limits=(0.0, 1.0), search=(0.0, 0.04), unit="m")
-    """Depth below the ground at which a swing trajectory ends, m: feet lag behind it."""
+    """Depth below the ground at which a swing trajectory ends, m; above 0 because feet lag behind the trajectory."""
     lean_gain: float = parameter(1.0, limits=(0.0, 10.0), search=(0.0, 1.5))
-    """Shift of the footholds against a lasting force, as a fraction of the shift that balances it."""
+    """Shift of the footholds against a lasting force, as a fraction of the shift that balances the force."""
     slip_speed: float = parameter(0.25, limits=(0.0, 10.0), search=(0.1, 0.6), unit="m/s")
     """Horizontal speed from which a loaded foot slips, m/s."""
     grip_memory: float = parameter(3.0, limits=(0.01, 1e6), search=(0.5, 20.0), unit="s")
-    """Time constant of the return of the friction estimate after a slip, s."""
+    """Time constant with which the friction estimate returns to `friction` after a slip, s."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class MpcParameters(ModelParameters):
     horizon_step: float = parameter(0.04, limits=(0.001, 1.0), unit="s")
     """Duration of a step of the horizon, s."""
     plan_period: float = parameter(0.0, limits=(0.0, 1.0), unit="s")
-    """Time between two plans while the stance feet are as planned, s; 0: a plan in every control step."""
+    """Time between two force plans while the stance feet are as planned, s; 0 for a plan in every control step."""
     roll_weight: float = parameter(10.0, limits=(0.0, 1e6))
     """Weight of the roll error."""
     pitch_weight: float = parameter(10.0, limits=(0.0, 1e6))
@@ -122,7 +122,7 @@ OTHER_GAITS = {
     "pronk": MpcParameters(frequency=2.8, duty=0.45),
     "walk": MpcParameters(frequency=2.0, duty=0.72),
 }
-"""Parameters of the other gaits by name, set by hand on a few search episodes."""
+"""Name of each gait other than the trot -> its parameters, which were set by hand on a few search episodes."""
 
 
 SEARCH_RANGES = search_ranges_of(MpcParameters)
@@ -137,7 +137,7 @@ def parameters_of(gait: str, robot: Robot = SIMPLE_QUAD) -> MpcParameters:
         robot: Robot that the parameters are scaled to.
 
     Returns:
-        Searched parameters for the trot.
+        Searched parameters for the trot, entries of `OTHER_GAITS` scaled to the robot for other gaits.
 
     Raises:
         ValueError: The gait is unknown.

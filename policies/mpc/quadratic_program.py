@@ -10,31 +10,31 @@ from numpy.typing import NDArray
 from policies.gait_cycle import Floats
 
 DAQP_EQUALITY = 5
-"""DAQP's mark of an equality constraint."""
+"""Value in DAQP's array `sense` that marks an equality constraint."""
 DAQP_OPTIMAL = 1
 """DAQP's exit flag of an optimum."""
 MAX_VIOLATION = 1e-4
-"""Largest violation of a constraint by a solution, relative to the largest finite bound of its program, or 1."""
+"""Largest constraint violation of a valid solution, as a fraction of the largest finite bound (at least 1)."""
 MAX_ITERATIONS = 300
-"""Of DAQP: ten times the iterations of a robot's programs, for a later solution comes too late. An iteration limit, no
-time limit, gives the same result on every machine."""
+"""Iteration limit of DAQP: ten times the iterations that a robot's programs need, because a later solution comes too
+late. A limit on iterations gives the same result on every machine; a limit on time would not."""
 
 
 class QpBatch(NamedTuple):
-    """g quadratic programs of k variables and m constraints."""
+    """Batch of g quadratic programs, each with k variables and m constraints."""
 
     hessian: Floats
     """H, positive definite, (g, k, k)."""
     gradient: Floats
-    """(g, k)."""
+    """Gradient of the cost at x = 0, (g, k)."""
     constraint_matrix: Floats
     """A, (g, m, k)."""
     lower: Floats
-    """(g, m)."""
+    """Lower bounds of Ax, (g, m)."""
     upper: Floats
-    """(g, m)."""
+    """Upper bounds of Ax, (g, m)."""
     equalities: int = 0
-    """Number of equality constraints: the first ones, with lower = upper."""
+    """Number of equality constraints. They are the first rows of A, with lower = upper."""
 
 
 class Solutions(NamedTuple):
@@ -43,7 +43,7 @@ class Solutions(NamedTuple):
     x: Floats
     """Variables, (g, k)."""
     solved: NDArray[np.bool_]
-    """True where the solver reports an optimum, and it is finite and within all bounds, (g,)."""
+    """True if the solver reports an optimum and the solution is finite and within all bounds, (g,)."""
 
 
 Solver = Callable[[QpBatch], Solutions]

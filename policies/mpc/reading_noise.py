@@ -1,8 +1,8 @@
 """Noise of the readings, estimated from the readings alone.
 
-Neighbouring second differences of white noise have opposite signs; their covariance is -4 σ². The second differences
-of a motion change little from one control step to the next. Autocorrelation gives the variance in adaptive filters
-since Mehra, "On the identification of variances and adaptive Kalman filtering", 1970.
+Two consecutive second differences of white noise have opposite signs, and their covariance is -4 σ². The second
+differences of a motion change little from one control step to the next. The method, noise variance from
+autocorrelation, is by Mehra, "On the identification of variances and adaptive Kalman filtering", 1970.
 """
 
 from collections.abc import Sequence
@@ -15,13 +15,15 @@ from policies.memory import PerRobotState, lowpass_gain, per_robot, warm_start_g
 from policies.mpc.readings import GROUPS
 
 NOISE_FLOOR_STD = np.array([0.001, 0.12, 0.025, 0.0015, 0.4])
-"""Apparent standard deviation of each group in a walk without noise: unit vector, rad/s, m/s, rad, rad/s."""
+"""Standard deviation that the estimator shows for each group in a walk although the readings have no noise.
+
+Unit vector, rad/s, m/s, rad, rad/s."""
 FILTER_TIME = 0.5
-"""Time constant of the variance estimate, s; until then it is a running mean."""
+"""Time constant of the variance estimate, s. Before this time has passed, the estimate is a running mean."""
 EARLY_SAMPLES = 8
-"""After k samples the noise floor is 1 + EARLY_SAMPLES / k times as high: the variance of few samples scatters."""
+"""The noise floor is multiplied by 1 + EARLY_SAMPLES / k after k samples, because few samples scatter."""
 SAMPLES_WITHOUT_ESTIMATE = 3
-"""Samples before there are two second differences."""
+"""Number of samples before two second differences are available."""
 
 
 class NoiseEstimator(PerRobotState):
@@ -29,8 +31,8 @@ class NoiseEstimator(PerRobotState):
 
     Args:
         period: Control period, s.
-        groups: Slices of the readings of one kind, m of them, adjacent and in order.
-        noise_floor_std: Apparent standard deviation of each group without noise, (m,).
+        groups: Slices of the m groups of readings, adjacent and in order. A group has readings of one kind.
+        noise_floor_std: Standard deviation that the estimator shows for each group if its noise is zero, (m,).
     """
 
     sample_count: NDArray[np.int64] = per_robot(0)
@@ -51,7 +53,7 @@ class NoiseEstimator(PerRobotState):
         super().__init__(_last=np.zeros((3, width)), _raw_variance=np.zeros(len(groups)))
 
     def update(self, readings: Floats) -> Floats:
-        """Take in the readings, (n, k), and return the noise variance of each group, (n, m), zero below the floor."""
+        """Update with readings, (n, k), and return the noise variance of each group, (n, m), zero below the floor."""
         last, second_last, last_difference = self._last
         difference = readings - 2.0 * last + second_last
         product = -0.25 * difference * last_difference

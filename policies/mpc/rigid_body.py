@@ -1,8 +1,9 @@
 """Condensed MPC: the robot as a single rigid body, predicted over a horizon, and the optimal contact forces.
 
-Di Carlo et al., "Dynamic locomotion in the MIT Cheetah 3 through convex model-predictive control", IROS 2018, with the
-states eliminated: the variables are the forces of the stance feet. In a level frame at the heading of the robot, small
-tilts and a constant inertia make the prediction linear. With accelerations constant over each step of τ s,
+The method is by Di Carlo et al., "Dynamic locomotion in the MIT Cheetah 3 through convex model-predictive control",
+IROS 2018. Here the states are eliminated, so that the only variables are the forces of the stance feet. The prediction
+is linear in the level frame if tilts are small and the inertia is constant. With an acceleration a_j that is constant
+over each step of duration τ,
 
     v_k = v_0 + τ Σ_{j<k} a_j        p_k = p_0 + kτ v_0 + τ² Σ_{j<k} (k - j - ½) a_j
 
@@ -26,50 +27,51 @@ from quad_env.physics.rotations import skew
 LEGS = 4
 """Number of legs."""
 MAX_GROUP_SIZE = 32
-"""Largest number of robots in a batch of programs: their matrices fit into the cache of a processor."""
+"""Largest number of robots in a batch of programs, so that the matrices of a batch fit into a processor cache."""
 _EYE = np.eye(3)
 _GRAVITY_ACCELERATION = np.array([0.0, 0.0, 0.0, 0.0, 0.0, GRAVITY])
-"""Downward acceleration of a falling body, rad/s² and m/s²."""
+"""Magnitude of the downward acceleration of a falling body: angular, rad/s², then linear, m/s², (6,)."""
 
 
 class RigidBodyState(NamedTuple):
-    """Single rigid bodies of n robots, each in a level frame with its origin at the centre of mass, x ahead."""
+    """States of n robots as single rigid bodies, in level frames with the origin at the centre of mass, x ahead."""
 
     pose: Floats
-    """Roll, pitch and yaw, rad, and the centre of mass relative to its reference position, m; (n, 6)."""
+    """Roll, pitch and yaw, rad, then the position of the centre of mass relative to its reference, m; (n, 6)."""
     rate: Floats
-    """Angular velocity, rad/s, and velocity, m/s, (n, 6)."""
+    """Angular velocity, rad/s, then velocity, m/s, (n, 6)."""
     mass: Floats
-    """(n,), kg."""
+    """Mass, (n,), kg."""
     inertia: Floats
-    """About the centre of mass, (n, 3, 3), kg·m²."""
+    """Rotational inertia about the centre of mass, (n, 3, 3), kg·m²."""
     acceleration: Floats
-    """By the external wrench: angular, rad/s², and linear, m/s², (n, 6)."""
+    """Acceleration by the external wrench: angular, rad/s², then linear, m/s², (n, 6)."""
 
 
 class MpcWeights(NamedTuple):
-    """Weights of the cost."""
+    """Weights of the cost of the MPC."""
 
     pose: Floats
-    """Of squared errors of the pose, (6,)."""
+    """Weights of the squared errors of the pose, (6,)."""
     rate: Floats
-    """Of squared errors of the rate, (6,)."""
+    """Weights of the squared errors of the rate, (6,)."""
     force: float
-    """Of squared differences from forces that distribute the weight evenly over the stance feet. With differences from
-    zero the planned body would sink towards the end of the horizon."""
+    """Weight of the squared differences between the forces and an even distribution of the weight over the stance feet.
+
+    A cost of the squared forces themselves would let the planned body sink towards the end of the horizon."""
 
 
 class MpcReference(NamedTuple):
     """Reference of n bodies after each step of the horizon."""
 
     pose: Floats
-    """As in `RigidBodyState`, (n, N, 6)."""
+    """Reference of `RigidBodyState.pose`, (n, N, 6)."""
     rate: Floats
-    """As in `RigidBodyState`, (n, N or 1, 6)."""
+    """Reference of `RigidBodyState.rate`, (n, N or 1, 6)."""
 
 
 class Friction(NamedTuple):
-    """Bounds of the contact force of a stance foot, for each of n robots."""
+    """Bounds of the contact force on a stance foot, for each of n robots."""
 
     coefficient: Floats
     """Largest horizontal force along each axis, per vertical force, (n,)."""
@@ -77,13 +79,13 @@ class Friction(NamedTuple):
     """Largest vertical force, (n,), N."""
 
     def select(self, robots: EnvSelection) -> "Friction":
-        """Return the bounds of `robots`."""
+        """Return the bounds of the robots with indices `robots`."""
         return Friction(self.coefficient[robots], self.max_normal_force[robots])
 
 
 @dataclass(eq=False)
 class CondensedMpc:
-    """Prediction over a horizon and its cost; assembles the quadratic programs of the contact forces."""
+    """Condensed MPC over a fixed horizon: assembles the quadratic programs of the contact forces."""
 
     steps: int
     """Number of steps, N."""
@@ -110,14 +112,14 @@ class CondensedMpc:
         """Square roots of the cost of the accelerations, (step, axis, row of the root)."""
 
     def _cost_root(self, pose_weight: float, rate_weight: float) -> Floats:
-        """Return R, with RᵀR the cost matrix of the accelerations along one axis, (N, N)."""
+        """Return the matrix R, (N, N): RᵀR is the cost matrix of the accelerations along one axis."""
         stacked = np.concatenate(
             (np.sqrt(pose_weight) * self.position_response, np.sqrt(rate_weight) * self.velocity_response)
         )
         return np.linalg.qr(stacked)[1]
 
     def free_response(self, body: RigidBodyState) -> MpcReference:
-        """Predict the bodies without contact forces: gravity and the external wrench act on `body`."""
+        """Predict pose and rate after each step if only gravity and the external wrench act on `body`."""
         acceleration = (body.acceleration - _GRAVITY_ACCELERATION)[:, None]
         rate = body.rate[:, None]
         t = self.step_ends[:, None]
@@ -126,9 +128,9 @@ class CondensedMpc:
     def make_programs(
         self, body: RigidBodyState, moment_arms: Floats, stance: Mask, reference: MpcReference, friction: Friction
     ) -> Iterator[tuple[EnvIndices, QpBatch]]:
-        """Assemble the quadratic programs of the contact forces, in groups of one shape.
+        """Yield the quadratic programs of the contact forces, in groups of robots with the same number of variables.
 
-        The variables are the forces of the stance feet, in the order of (step, foot, axis).
+        The variables are the forces of the stance feet, ordered by step, then foot, then axis.
 
         Args:
             body: Present state of n robots.
@@ -138,7 +140,7 @@ class CondensedMpc:
             friction: Bounds of the forces.
 
         Yields:
-            Indices of g robots, and their programs.
+            Indices of g robots, (g,), and their programs.
         """
         count = len(moment_arms)
         accelerations = self._accelerations_by_force(body, moment_arms)
@@ -157,7 +159,7 @@ class CondensedMpc:
         accelerations: Floats = np.zeros((count, self.steps * LEGS, 3, 6))
         angular = np.matmul(
             skew(-moment_arms).reshape(count, -1, 3), np.linalg.inv(body.inertia)
-        )  # the inertia is symmetric
+        )  # no transpose is needed, because the inertia is symmetric
         accelerations[..., :3] = angular.reshape(count, -1, 3, 3)
         accelerations[..., 3:] = _EYE / body.mass[:, None, None, None]
         return accelerations.reshape(count, -1, 6)
@@ -183,7 +185,7 @@ class CondensedMpc:
             variables: Indices of the variables among the forces of all feet, (g, k).
 
         Returns:
-            (g, k, k).
+            Hessian, (g, k, k).
         """
         roots = self._roots[variables // (3 * LEGS)] * accelerations[..., None]
         roots = roots.reshape(*variables.shape, 6 * self.steps)
@@ -193,14 +195,14 @@ class CondensedMpc:
         return hessian
 
     def scatter_forces(self, solution: Floats, stance: Mask) -> Floats:
-        """Return the forces of every foot in every step, zero for feet in the air.
+        """Return the force on every foot in every step, from the variables of the programs.
 
         Args:
             solution: Variables of g programs, (g, k), N.
             stance: Stance feet in each step, (g, N, 4).
 
         Returns:
-            (g, N, 4, 3), N.
+            Forces, zero for feet in the air, level frame, (g, N, 4, 3), N.
         """
         forces = np.zeros((*stance.shape, 3))
         forces[stance] = solution.reshape(-1, 3)
@@ -208,21 +210,21 @@ class CondensedMpc:
 
 
 def group_by_stance_count(counts: NDArray[np.int64]) -> Iterator[EnvIndices]:
-    """Yield groups of robots with the same number of stance feet in `counts`, (n,), at most MAX_GROUP_SIZE each."""
+    """Yield indices of robots with equal numbers of stance feet, `counts`, (n,); at most MAX_GROUP_SIZE per group."""
     for count in sorted(set(counts.tolist())):
         robots = (counts == count).nonzero()[0]
         yield from (robots[start : start + MAX_GROUP_SIZE] for start in range(0, len(robots), MAX_GROUP_SIZE))
 
 
 class PyramidTemplate(NamedTuple):
-    """Friction pyramids of some feet, without the friction coefficient."""
+    """Constraints of the friction pyramids of k feet, in which the friction coefficient is still missing."""
 
     constraint_matrix: Floats
-    """(5 feet, 3 feet)."""
+    """Constraint matrix with zeros in place of the friction coefficients, (5 k, 3 k)."""
     lower: Floats
-    """(5 feet,)."""
+    """Lower bounds, (5 k,)."""
     friction_entries: EnvIndices
-    """Flat indices of the entries that are minus the friction coefficient."""
+    """Flat indices of the entries of the matrix that are minus the friction coefficient."""
 
 
 @cache
@@ -238,13 +240,13 @@ def friction_constraints(feet: int, friction: Friction) -> tuple[Floats, Floats,
     """Return the constraints on the contact forces: a friction pyramid, and bounds of the vertical force.
 
     Args:
-        feet: Number of stance feet of each robot.
+        feet: Number of stance feet of each robot, k.
         friction: Bounds of g robots.
 
     Returns:
-        constraint_matrix: (g, 5 feet, 3 feet).
-        lower: (g, 5 feet).
-        upper: (g, 5 feet).
+        constraint_matrix: Constraint matrix, (g, 5 k, 3 k).
+        lower: Lower bounds, (g, 5 k).
+        upper: Upper bounds, (g, 5 k).
     """
     template = _pyramid_template(feet)
     count = len(friction.coefficient)

@@ -1,4 +1,4 @@
-"""Model-predictive control with a height scan: the footholds have the heights of the scanned terrain."""
+"""Model-predictive control with a height scan, from which the footholds and swing feet get their heights."""
 
 from functools import cache
 from typing import NamedTuple
@@ -23,33 +23,33 @@ from quad_env.sensing.height_scan import UNSEEN, HeightScan, table_with
 SCAN = HeightScan(ahead=14, behind=14, aside=10, spacing=0.05)
 """The default scan."""
 PLANE_FILTER_TIME = 0.1
-"""Time constant of the ground plane that the trunk is level with, s."""
+"""Time constant of the ground plane that the trunk is kept parallel to, s."""
 NOISE_FLOOR_STD = 0.02
-"""Apparent standard deviation of a scan of steps without noise, m."""
+"""Standard deviation that the noise estimate shows for a scan of terrain with steps although its noise is zero, m."""
 SWING_SAMPLES = (0.25, 0.5, 0.75)
-"""Sample positions of the terrain along a swing, as fractions of the way from foothold to foothold."""
+"""Points of a swing at which the terrain is sampled, as fractions of the way from foothold to foothold."""
 PLANE_FIT_HALF_SIZE = (0.45, 0.4)
-"""Half-length and half-width of the area of the plane fit, m."""
+"""Half-length and half-width of the area in which the plane is fitted, m."""
 _EDGE = 1e-9
-"""Rounding of a position, m, and smallest variance, m²."""
+"""Tolerance for the rounding of a position, m, and smallest variance, m²."""
 
 
 class ScannedTerrain(NamedTuple):
     """Terrain heights on a grid about n robots, level frame."""
 
     scan: HeightScan
-    """Grid."""
+    """Grid of the height scan."""
     heights: Floats
-    """Of the centre of a foot that stands there, (n, rows, columns), m."""
+    """Height of the centre of a foot that stands on each grid point, (n, rows, columns), m."""
 
     def at(self, positions: Floats) -> Floats:
-        """Return the heights, bilinear between the points of the grid; beyond it the ones of its edge.
+        """Return the heights at some positions, by bilinear interpolation; outside of the grid, heights of its edge.
 
         Args:
-            positions: Level frame, (n, 4, 2), m.
+            positions: Positions, level frame, (n, 4, 2), m.
 
         Returns:
-            (n, 4), m.
+            Heights, level frame, (n, 4), m.
         """
         _, num_rows, num_columns = self.heights.shape
         row = _locate(positions[..., 0] / self.scan.spacing + self.scan.behind, num_rows)
@@ -60,7 +60,7 @@ class ScannedTerrain(NamedTuple):
         return interpolated
 
     def _in_row(self, row: EnvIndices, column: "GridCell") -> Floats:
-        """Return the heights in a row of the grid, (n, 4), linear between two columns, (n, 4), m."""
+        """Return the heights in a `row` of the grid, (n, 4), m, by linear interpolation between two columns."""
         robot = np.arange(len(row))[:, None]
         height = self.heights[robot, row, column.lower]
         next_height = self.heights[robot, row, column.upper]
@@ -69,14 +69,14 @@ class ScannedTerrain(NamedTuple):
 
 
 class GridCell(NamedTuple):
-    """Cell of a grid along one axis, of n robots' feet, (n, 4) each."""
+    """Two neighbouring grid points on one axis, between which a foot lies; (n, 4) for the feet of n robots."""
 
     lower: EnvIndices
-    """Index of the grid point before."""
+    """Index of the lower grid point."""
     upper: EnvIndices
-    """Index of the grid point after; the same at the edge."""
+    """Index of the upper grid point; equal to `lower` at the edge."""
     fraction: Floats
-    """Fraction of the way between both."""
+    """Position of the foot between both, 0 to 1."""
 
 
 def _locate(coordinate: Floats, count: int) -> GridCell:
@@ -88,13 +88,14 @@ def _locate(coordinate: Floats, count: int) -> GridCell:
 
 @cache
 def plane_fit_weights(scan: HeightScan) -> Floats:
-    """Return the weights of the heights on a grid in the least-squares plane under the legs.
+    """Return the weights with which the heights on a grid give the least-squares plane under the legs.
 
     Args:
-        scan: Grid.
+        scan: Grid of the height scan.
 
     Returns:
-        For the height under the trunk centre and the rise per metre forward and to the left, (3, rows, columns).
+        Weights for the height under the trunk centre, the rise per metre forward, and the rise per metre to the left,
+        (3, rows, columns).
     """
     x, y = np.moveaxis(scan.grid, -1, 0)
     half_length, half_width = PLANE_FIT_HALF_SIZE
@@ -107,13 +108,13 @@ def plane_fit_weights(scan: HeightScan) -> Floats:
 def make_scanned_terrain(
     scan: HeightScan, readings: Floats, ground: TerrainPlane, foot_radius: float
 ) -> ScannedTerrain:
-    """Make the terrain of the readings of a height scan.
+    """Make the terrain from the readings of a height scan.
 
     Args:
-        scan: Grid.
+        scan: Grid of the height scan.
         readings: Heights of the ground, (n, p), m.
-        ground: Plane through the footprints, for points that are too deep to be seen.
-        foot_radius: m.
+        ground: Plane through the footprints, which replaces points that are too deep to be seen.
+        foot_radius: Radius of a foot, m.
 
     Returns:
         Terrain of n robots.
@@ -132,7 +133,7 @@ def plane_on_grid(scan: HeightScan, ground: TerrainPlane) -> Floats:
 def denoise_terrain(terrain: ScannedTerrain, ground: TerrainPlane, noise: Floats) -> tuple[ScannedTerrain, Floats]:
     """Shrink the scanned heights towards the plane by their noise.
 
-    Each point has the linear estimate of least mean square error that does not use the other points (Wiener).
+    The estimate of each point is linear in the reading of this point and has the least mean square error (Wiener).
 
     Args:
         terrain: Scanned terrain of n robots.
@@ -161,15 +162,15 @@ class SwingProfile(NamedTuple):
     """Largest height on the way, both footholds included."""
 
     def over(self, _x: Floats, _y: Floats, progress: Floats) -> Floats:
-        """Return the height under the swings, with the largest one halfway; a `Terrain`.
+        """Return the height of the terrain under the swings, largest halfway; the function is a `Terrain`.
 
         Args:
             _x: Not used.
             _y: Not used.
-            progress: Of the swings, 0 to 1, (n, 4).
+            progress: Progress of the swings, 0 to 1, (n, 4).
 
         Returns:
-            (n, 4), m.
+            Height, level frame, (n, 4), m.
         """
         arc = 4.0 * progress * (1.0 - progress)
         height: Floats = self.start + smoothstep(progress) * (self.end - self.start)
@@ -179,16 +180,16 @@ class SwingProfile(NamedTuple):
 class SightedMpcWbc(MpcWbc):
     """`MpcWbc` with footholds at the heights of a height scan.
 
-    Swings end at the scanned height and clear the terrain on the way, forces are planned for feet at their own heights,
-    and the trunk keeps level with the ground under the legs and at its height above it. The ground is the plane through
-    the footprints where the scan is empty. Without a scan it walks as `MpcWbc`, which it approaches as the noise of the
-    scan grows.
+    Swings end at the scanned height and clear the terrain on the way. Forces are planned for feet at different heights.
+    The trunk is kept parallel to the ground under the legs, at the reference height. The plane through the footprints
+    replaces the ground if the scan is empty. The weight of the scan falls as its noise grows; with weight 0 the policy
+    acts as `MpcWbc`.
 
     Args:
-        parameters: Gait, cost and gains; None: the ones of `parameters_of`.
+        parameters: Gait, cost and gains; None for the parameters of `parameters_of`.
         robot: Robot that is controlled, or its name.
-        control_period: s.
-        joint_delay_steps: Delay of the encoders, control steps; 0: true joint readings.
+        control_period: Control period, s.
+        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are true values.
         actuator: Drives of the joints.
         height_scan: Height scan of the environment.
     """
@@ -225,14 +226,14 @@ class SightedMpcWbc(MpcWbc):
         return super()._act(observation)
 
     def _estimate_ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
-        """Return the filtered plane of the scan; the plane through the footprints for robots with an empty scan."""
+        """Return the filtered plane of the scan, or the plane through the footprints if the scan has weight 0."""
         ground = super()._estimate_ground(state, landed)
         scanned = make_scanned_terrain(self._scan, self._heights, ground, self.robot.foot_radius)
         noise = self._scan_noise.update(scanned.heights.reshape(self.num_envs, -1))[:, 0]
         self._terrain, kept_fraction = denoise_terrain(scanned, ground, noise)
         is_empty = (self._heights <= UNSEEN).all(axis=1)
         self._scan_weight = np.where(is_empty, 0.0, kept_fraction)[:, None]
-        """Weight of the scan against the plane, 0 or the kept fraction, (n, 1)."""
+        """Weight of the scan relative to the plane: 0 if the scan is empty, else the kept fraction, (n, 1)."""
         plane = np.einsum("cij,nij->cn", plane_fit_weights(self._scan), self._terrain.heights)
         plane[1:] = np.clip(plane[1:], -MAX_SLOPE, MAX_SLOPE)
         gain = np.where(self._is_first_step, 1.0, lowpass_gain(self.control_period, PLANE_FILTER_TIME))
@@ -253,7 +254,7 @@ class SightedMpcWbc(MpcWbc):
     def _foothold_height(
         self, state: MotionState, foothold_positions: Floats, ground: TerrainPlane, stance_schedule: Mask
     ) -> Floats:
-        """Return the present height of feet that stay in stance, and the scanned height of the others' footholds."""
+        """Return the present height of feet that stay in stance, and the scanned height of the other footholds."""
         stays_in_stance = np.cumprod(stance_schedule, axis=1).astype(np.bool_)
         scanned = self._terrain.at(foothold_positions)[:, None]
         height = np.where(stays_in_stance, state.bodies.feet[:, None, :, 2], scanned)

@@ -1,4 +1,4 @@
-"""Kalman filter of the readings: weighs them against the prediction from the state one control step ago."""
+"""Kalman filter that combines the readings with their prediction from the state one control step ago."""
 
 from typing import NamedTuple
 
@@ -11,21 +11,25 @@ from policies.mpc.readings import GROUPS, JOINT_POSITION, JOINT_VELOCITY
 from quad_env.columns import Mask
 
 PROCESS_STD = np.array([0.004, 0.15, 0.04, 0.003, 0.6])
-"""Process noise of each group per control step, standard deviations: unit vector, rad/s, m/s, rad, rad/s."""
+"""Standard deviation of the process noise of each group per control step: unit vector, rad/s, m/s, rad, rad/s."""
 ENCODER_PROCESS_STD = np.array([0.0005, 0.1])
-"""Process noise of joint angle and speed where encoders read them and the contacts are known, rad and rad/s."""
+"""Standard deviation of the process noise of joint angle and speed if encoders read the joints, rad and rad/s.
+
+The prediction uses the estimated contacts in this case."""
 ENCODER_NOISE_STD = np.array([0.0011, 1e3])
-"""Noise of encoder readings, rad and rad/s: 14 bits. The speed counts as useless, since a difference of two samples
-does not belong to the time of the last one."""
+"""Standard deviation of the noise of 14-bit encoders: joint angle, rad, and joint speed, rad/s.
+
+The value of the speed is so large that the filter ignores the speed. A difference of two samples is not the speed at
+the time of the last sample."""
 
 
 class KalmanGains(NamedTuple):
     """Gains of the readings of n robots."""
 
     base: Floats
-    """Of gravity, angular velocity and velocity, (n, 3)."""
+    """Gains of gravity, angular velocity and velocity, (n, 3)."""
     joints: Floats
-    """From the innovations of angle and speed to both, (n, 2, 2)."""
+    """Gains from the innovations of joint angle and speed to both, (n, 2, 2)."""
 
 
 class StateFilter(PerRobotState):
@@ -33,36 +37,36 @@ class StateFilter(PerRobotState):
 
     Args:
         period: Control period, s.
-        has_encoders: True: joints are read by encoders, and the readings of every robot are filtered. False: only the
-            readings of robots with noise are.
+        has_encoders: True if encoders read the joints. The readings of every robot are then filtered, otherwise only
+            the readings of robots with noise.
     """
 
     _base_variance: Floats = per_robot(np.zeros(3))
-    """Of gravity, angular velocity and velocity, (n, 3)."""
+    """Variances of gravity, angular velocity and velocity, (n, 3)."""
     _joint_covariance: Floats = per_robot(np.zeros((2, 2)))
-    """Of joint angle and speed, (n, 2, 2)."""
+    """Covariance of joint angle and speed, (n, 2, 2)."""
 
     def __init__(self, period: float, *, has_encoders: bool) -> None:
         self._has_encoders = has_encoders
-        # F: the angle goes on by one period of the speed.
+        # State transition F: the angle increases by period · speed.
         self._joint_transition = np.array([[1.0, period], [0.0, 1.0]])
         self._joint_process_std = ENCODER_PROCESS_STD if has_encoders else PROCESS_STD[3:]
         self._joint_noise_std = ENCODER_NOISE_STD if has_encoders else np.zeros(2)
         super().__init__()
 
     def needs_filter(self, noise: Floats) -> Mask:
-        """Return True for robots with filtered readings, (n,); `noise`: variance of each group, (n, 5)."""
+        """Return True for robots that need filtered readings, (n,); `noise`: variance of each group, (n, 5)."""
         needs_filter: Mask = (noise.max(axis=1) > 0.0) | self._has_encoders
         return needs_filter
 
     def correct(self, readings: Floats, predicted: Floats, noise: Floats, sample_count: NDArray[np.int64]) -> Floats:
-        """Return the filtered readings of every robot, x = x⁻ + K (z - x⁻); the first reading counts as it is.
+        """Return the filtered readings of every robot, x = x⁻ + K (z - x⁻); a first reading is returned unchanged.
 
         Args:
             readings: Readings z, (n, 33).
             predicted: Prediction x⁻ from one control step ago, (n, 33).
             noise: Noise variance of each group, (n, 5).
-            sample_count: Readings since the reset, (n,).
+            sample_count: Number of readings since the reset, (n,).
 
         Returns:
             Filtered readings, (n, 33).
@@ -82,11 +86,12 @@ class StateFilter(PerRobotState):
     def update_gains(self, noise: Floats, is_first: Mask) -> KalmanGains:
         """Propagate the covariance by one control step, correct it and return the gains.
 
-        P⁻ = F P Fᵀ + Q, K = P⁻ (P⁻ + R)⁻¹, P = (1 - K) P⁻; the first reading leaves P, for nothing was predicted.
+        P⁻ = F P Fᵀ + Q, K = P⁻ (P⁻ + R)⁻¹, P = (1 - K) P⁻. A first reading does not change P, because there was no
+        prediction.
 
         Args:
             noise: Noise variance of each group, (n, 5).
-            is_first: Robots with their first reading, (n,).
+            is_first: True for robots with their first reading since the reset, (n,).
 
         Returns:
             Gains K.
@@ -94,7 +99,7 @@ class StateFilter(PerRobotState):
         prior_variance = self._base_variance + PROCESS_STD[:3] ** 2
         base_gain = prior_variance / (prior_variance + noise[:, :3])
         self._base_variance = np.where(is_first[:, None], self._base_variance, (1.0 - base_gain) * prior_variance)
-        # The angle of a joint is information on its speed, too.
+        # Angle and speed share a covariance, because the angle of a joint also gives information on its speed.
         transition = self._joint_transition
         prior = transition @ self._joint_covariance @ transition.T + np.diag(self._joint_process_std**2)
         measurement_noise = (noise[:, 3:] + self._joint_noise_std**2)[:, None] * np.eye(2)
@@ -103,6 +108,6 @@ class StateFilter(PerRobotState):
         return KalmanGains(base_gain, joint_gain)
 
     def clear_covariance(self, mask: Mask) -> None:
-        """Set the covariance of the robots in `mask`, (n,), to zero: their readings count as the truth."""
+        """Set the covariance of the robots in `mask`, (n,), to zero, because their readings are taken as exact."""
         self._base_variance[mask] = 0.0
         self._joint_covariance[mask] = 0.0

@@ -1,8 +1,9 @@
 """Whole-body controller: a QP for joint torques that track planned contact forces and accelerations.
 
-The variables are the generalised acceleration and the forces of the stance feet. The trunk tracks its angular
-acceleration, stance feet rest, swing feet track their trajectories, and the forces stay near the planned ones. The
-floating base has no motor, the forces lie within the friction pyramid, and the torques within the limits of the motors.
+The variables are the generalised acceleration and the forces of the stance feet. The cost is small if the trunk has its
+reference angular acceleration, stance feet rest, swing feet track their trajectories, and the forces are near the
+planned ones. The constraints are the equations of motion of the floating base, which has no motor, the friction
+pyramid of the forces, and the torque limits of the motors.
 """
 
 from collections.abc import Iterator
@@ -25,31 +26,31 @@ JOINT_ACCELERATION_WEIGHT = 1e-5
 BASE_ACCELERATION_WEIGHT = 1e-6
 """Weight of squared trunk accelerations, which makes the program definite."""
 _DAMPING = 1e-4
-"""Added to the squared Jacobian of a leg, m²: a straight leg does not accelerate along itself."""
+"""Added to the squared Jacobian of a leg, m², because a straight leg cannot accelerate its foot along itself."""
 
 
 class WholeBodyReference(NamedTuple):
     """Reference of the whole-body controller, of n robots."""
 
     base_angular_acceleration: Floats
-    """Base frame, (n, 3), rad/s²."""
+    """Angular acceleration of the trunk, base frame, (n, 3), rad/s²."""
     foot_acceleration: Floats
-    """Level frame, (n, 4, 3), m/s²."""
+    """Accelerations of the feet, level frame, (n, 4, 3), m/s²."""
     contact_force: Floats
-    """Of the stance feet, level frame, (n, 4, 3), N."""
+    """Forces on the stance feet, level frame, (n, 4, 3), N."""
     stance: Mask
-    """(n, 4)."""
+    """True for feet in stance, (n, 4)."""
 
 
 class Torques(NamedTuple):
-    """Joint torques of n robots, and the accelerations that they cause."""
+    """Joint torques of n robots, and the joint accelerations that the torques cause."""
 
     torque: Floats
-    """(n, 12), N·m."""
+    """Joint torques, (n, 12), N·m."""
     acceleration: Floats
-    """Of the joints, (n, 12), rad/s²."""
+    """Joint accelerations, (n, 12), rad/s²."""
     has_solution: Mask
-    """True where the QP is solved; torque and acceleration of the others are zero, (n,)."""
+    """True if the solution is valid, (n,). For a QP without a solution torque and acceleration are zero."""
 
 
 def solve_whole_body(
@@ -97,7 +98,9 @@ def make_programs(
     limits: tuple[Floats, Floats],
     p: MpcParameters,
 ) -> Iterator[tuple[EnvIndices, QpBatch]]:
-    """Assemble the programs over generalised acceleration q̈ and forces f of the stance feet, in groups of one shape.
+    """Yield the whole-body QPs, in groups of robots with the same number of stance feet.
+
+    The variables are the generalised acceleration q̈ and the forces f of the stance feet.
 
     Cost: Σ weight |J q̈ + J̇ q̇ - foot acceleration|² + the weighted squares of α - reference and f - reference.
     Constraints: M q̈ + h - w - Jᵀ f = (0, τ), with τ within the limits, and the friction pyramid of f.
@@ -105,13 +108,13 @@ def make_programs(
     Args:
         bodies: Dynamics of n robots.
         reference: Accelerations and forces to track.
-        wrench: External wrench on the trunks w, (n, 6), N and N·m.
+        wrench: External wrench w on the trunks, (n, 6), N and N·m.
         friction: Bounds of the contact forces.
         limits: Minimum and maximum joint torques, (n, 12) each, N·m.
         p: Weights.
 
     Yields:
-        Indices of g robots, and their programs.
+        Indices of g robots, (g,), and their programs.
     """
     foot_cost = _foot_tracking_cost(bodies, reference, p)
     lower, upper = _torque_bounds(bodies, wrench, limits)
@@ -146,7 +149,10 @@ def _foot_tracking_cost(bodies: DynamicsTerms, reference: WholeBodyReference, p:
 
 
 def _torque_bounds(bodies: DynamicsTerms, wrench: Floats, limits: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return the bounds of M q̈ - Jᵀ f, (n, 18) each: w - h for the floating base, which has no motor, and + limits."""
+    """Return the lower and upper bounds of M q̈ - Jᵀ f, (n, 18) each.
+
+    Both are w - h for the floating base, which has no motor. For the joints they are -h plus the torque limits.
+    """
     bias = bodies.bias_force.copy()
     bias[:, :6] -= wrench
     lower = -bias
@@ -159,7 +165,7 @@ def _torque_bounds(bodies: DynamicsTerms, wrench: Floats, limits: tuple[Floats, 
 def _cost(
     reference: WholeBodyReference, foot_cost: Floats, selection: EnvSelection, group: int, p: MpcParameters
 ) -> tuple[Floats, Floats]:
-    """Return Hessian, (g, k, k), and gradient, (g, k), of the robots in `selection`, `group` of them."""
+    """Return Hessian, (g, k, k), and gradient, (g, k), of the g robots in `selection`; `group` is g."""
     size = foot_cost.shape[1]
     stance = reference.stance[selection]
     planned_force = reference.contact_force[selection][stance].reshape(group, -1)
@@ -182,9 +188,9 @@ def _cost(
 def _constraints(
     bodies: DynamicsTerms, stance: Mask, friction: Friction, selection: EnvSelection
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the constraint matrix, and the bounds of its friction rows, of the robots in `selection`.
+    """Return the constraint matrix, and the lower and upper bounds of its friction rows, for some robots.
 
-    The first 18 rows are M q̈ - Jᵀ f: with the bias force the torques of the motors.
+    The first 18 rows give M q̈ - Jᵀ f. This plus the bias force h is the torque of the motors.
     """
     group, size = bodies.bias_force[selection].shape
     jacobian = bodies.jacobians[selection][stance[selection]].reshape(group, -1, size)
@@ -202,8 +208,8 @@ def leg_torques(
 ) -> Torques:
     """Compute torques without a QP: each leg applies its planned force and tracks its foot acceleration by itself.
 
-    τ = M q̈ + h - Jᵀ f, with q̈ of the trunk by the planned forces, and q̈ of each leg by its foot acceleration. The
-    effect of the motion of one leg on the others is neglected; friction is respected by the planned forces.
+    τ = M q̈ + h - Jᵀ f. The planned forces give q̈ of the trunk, and the foot acceleration gives q̈ of each leg. The
+    effect of the motion of one leg on the other legs is neglected. The planned forces must respect the friction.
 
     Args:
         bodies: Dynamics of n robots.

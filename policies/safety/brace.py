@@ -11,25 +11,25 @@ from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
 HEIGHT = 0.13
-"""m. Trunk's centre above the centres of the feet."""
+"""Trunk's centre above the centres of the feet, m."""
 LENGTH = 0.6
-"""m. Distance between the front and the hind feet."""
+"""Distance between the front and the hind feet, m."""
 WIDTH = 0.8
-"""m. Distance between the left and the right feet; the range of the hips ends before it."""
+"""Distance between the left and the right feet, m; the range of the hips ends before it."""
 DAMPING = 0.04
-"""s. Rotation of the plane of the feet per angular velocity of the trunk; without one the legs are rigid."""
+"""Rotation of the plane of the feet per angular velocity of the trunk, s; without one the legs are rigid."""
 MIN_DROP = 0.08
-"""m. Smallest distance of a foot below the trunk's centre."""
+"""Smallest distance of a foot below the trunk's centre, m."""
 REST_SPEED = 0.5
-"""m/s. Speed of the trunk along each axis below which a robot is at rest."""
+"""Speed of the trunk along each axis below which a robot is at rest, m/s."""
 REST_TURNING = 1.5
-"""rad/s. Angular velocity of the trunk about each axis below which a robot is at rest."""
+"""Angular velocity of the trunk about each axis below which a robot is at rest, rad/s."""
 REST_TILT = np.deg2rad(30.0)
-"""rad. Tilt of the trunk below which a robot is at rest."""
+"""Tilt of the trunk below which a robot is at rest, rad."""
 REST_TIME = 0.1
-"""s. Time at rest before the robot gets up."""
+"""Time at rest before the robot gets up, s."""
 RELEASE_TIME = 0.15
-"""s. Duration of the blend from the brace to the policy's targets."""
+"""Duration of the blend from the brace to the policy's targets, s."""
 
 
 class Brace(PerRobotState):

@@ -31,15 +31,15 @@ TOO_FAR_OVER = "too far over"
 """Reason of a mode that a large tilt caused."""
 
 MAX_TILT = np.deg2rad(65.0)
-"""rad. Tilt beyond which no fall can be caught and no stop controlled: 5° before the fall rule, `FallRule.tilt`."""
+"""Tilt beyond which no fall can be caught and no stop controlled, rad: 5° before the fall rule, `FallRule.tilt`."""
 FALL_ALARM_DEVIATION = 0.8866
-"""m/s. Velocity deviation above which a fall is predicted.
+"""Velocity deviation above which a fall is predicted, m/s.
 
 It is 0.2 m/s above the largest deviation in an hour of the undisturbed trot."""
 RESPONSE_TIME = 0.25
-"""s. Time constant of a walking robot's response to its command."""
+"""Time constant of a walking robot's response to its command, s."""
 RECENT_TIME = 0.1
-"""s. Time constant of the recent velocity: a slower change of velocity is not a push."""
+"""Time constant of the recent velocity, s: a slower change of velocity is not a push."""
 
 
 class Safe(Policy):
