@@ -1,6 +1,6 @@
-"""Child processes that serve their parent: Ctrl-C reaches the parent alone, and they end when the parent ends.
+"""Support of child processes: they ignore Ctrl-C, end together with their parent, and can be stopped by a watchdog.
 
-The number of processor cores limits their number.
+`available_cores` limits the number of child processes.
 """
 
 import contextlib
@@ -22,15 +22,16 @@ def available_cores() -> int:
 
 @contextlib.contextmanager
 def without_ctrl_c() -> Iterator[None]:
-    """Return a context for the start of processes that never receive Ctrl-C, not even while they load.
+    """Return a context for the start of child processes that never receive Ctrl-C, not even while they load.
 
-    Ctrl-C within the context reaches this process after it. On Windows they receive it until they call
-    `exit_with_parent`.
+    If Ctrl-C is pressed within the context, this process receives it at the end of the context. On Windows the child
+    processes receive Ctrl-C until they call `exit_with_parent`.
     """
     if sys.platform == "win32":
         yield
         return
-    resource_tracker.ensure_running()  # else it begins with the first process, and lets Ctrl-C in again before that
+    # Start the resource tracker now: its start unblocks Ctrl-C, and it would otherwise start with the first child.
+    resource_tracker.ensure_running()
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -40,9 +41,10 @@ def without_ctrl_c() -> Iterator[None]:
 
 @contextlib.contextmanager
 def without_main(content: bytes) -> Iterator[None]:
-    """Return a context in which spawned processes do not run the main script again; it may have no guard.
+    """Return a context in which spawned processes do not run the main script again.
 
-    `content` is the pickled argument of these processes. They run the main script as usual if `content` refers to it.
+    The main script may lack the guard `if __name__ == "__main__"`. `content` is the pickled argument of the spawned
+    processes. They run the main script as usual if `content` refers to it.
     """
     main: Any = sys.modules["__main__"]
     if b"__main__" in content:
@@ -60,11 +62,11 @@ def without_main(content: bytes) -> Iterator[None]:
 
 
 class Watchdog:
-    """Kills a process after a limit of its run time, see `RunClock`.
+    """Thread that kills a process once its run time, measured by `RunClock`, reaches a limit.
 
     Args:
         process: Process of `multiprocessing`.
-        timeout: Limit, s.
+        timeout: Limit of the run time, s.
     """
 
     def __init__(self, process: Any, timeout: float) -> None:
@@ -73,7 +75,7 @@ class Watchdog:
         self._clock = RunClock(process.pid)
         self._cancelled = threading.Event()
         self.has_killed = False
-        """True once the process has been killed."""
+        """True once the watchdog has killed the process."""
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
         self._thread.start()
 
@@ -87,13 +89,13 @@ class Watchdog:
         self._process.kill()
 
     def cancel(self) -> None:
-        """Stop the watch; the process is not killed."""
+        """Stop the watchdog without killing the process."""
         self._cancelled.set()
         self._thread.join()
 
 
 def exit_with_parent() -> None:
-    """Ignore Ctrl-C from now on, and end this process at once when its parent ends; called first in the child."""
+    """From now on, ignore Ctrl-C and end this process when its parent ends; the first call in a child process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_with_parent, daemon=True).start()
 
@@ -106,10 +108,10 @@ def _exit_with_parent() -> None:
 
 
 class RunClock:
-    """Run time of a process, s: wall time minus the longest wait of a thread for a processor.
+    """Clock of a process's run time: wall time minus the longest time that one of its threads waited for a processor.
 
-    A process that computes gets the same time on a busy machine as on a free one. Sleep and waits for a device count.
-    Only Linux reports the wait for a processor: elsewhere this is wall time.
+    A computation therefore has the same run time on a busy machine as on a free one. Sleep and waits for a device count
+    as run time. Only Linux reports the waiting time; on other systems the run time is the wall time.
     """
 
     def __init__(self, pid: int) -> None:
@@ -117,20 +119,27 @@ class RunClock:
         self.restart()
 
     def restart(self) -> None:
-        """Restart at 0."""
+        """Set the run time to 0."""
         self._start_time = time.monotonic()
         self._waiting_times = _waiting_times(self._tasks)
 
     def elapsed(self) -> float:
-        """Return the time since the start, s."""
+        """Return the run time since the last restart, s."""
         waits = (now - self._waiting_times.get(task, 0.0) for task, now in _waiting_times(self._tasks).items())
         return time.monotonic() - self._start_time - max(waits, default=0.0)
 
 
 def _waiting_times(tasks: str) -> dict[str, float]:
-    """Return the time that each thread has waited for a processor, s; empty where the system does not report it."""
+    """Return the time that each thread has waited for a processor.
+
+    Args:
+        tasks: Folder of the threads in `/proc`.
+
+    Returns:
+        Id of the thread -> waiting time, s; empty if the system does not report the time.
+    """
     times = {}
-    with contextlib.suppress(OSError):  # the process has ended, or the system is another one
+    with contextlib.suppress(OSError):  # The folder is missing if the process has ended or the system is not Linux.
         for task in os.listdir(tasks):
             with (
                 contextlib.suppress(OSError, ValueError, IndexError),

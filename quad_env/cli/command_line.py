@@ -1,4 +1,4 @@
-"""Command lines as frozen dataclasses: --help from their docstrings, mistakes as one line."""
+"""Parsing of command lines into frozen dataclasses, with --help from the docstrings and one-line error messages."""
 
 import contextlib
 import difflib
@@ -26,39 +26,39 @@ SYNONYMS = (
     ("policies", "policy", "model", "models", "checkpoint"),
     ("seed", "random_seed"),
 )
-"""Groups of names that other programs have for one option."""
+"""Groups of option names with one meaning; names used by other programs are included, to suggest ours."""
 _PLURALS = (("policy", "policies"), ("scenario", "scenarios"))
-"""Options that are valid in singular and plural."""
+"""Singular and plural of the options that are accepted in both forms."""
 _BOX_RULE = re.compile(r"[─-]{3,}")
-"""Horizontal rule of tyro's box."""
+"""Horizontal rule of the box that tyro prints around an error."""
 _NO_NUMBER = re.compile(r"invalid literal for int\(\) with base 10|could not convert string to float")
-"""Python's message about a word that is no whole number, or no number."""
+"""Start of Python's error message for a word that `int` or `float` cannot convert."""
 _OPTIONAL = re.compile(r"Error parsing (.+?): no type matching .+ Got errors: .*- <class '\w+'>: (.+)")
-"""tyro's message about an optional value; the last of its errors is about the value."""
+"""Message of tyro about a wrong value of an optional option: its name, and the last error, which is about the value."""
 
 
 class UserError(Exception):
-    """A user's mistake, found by any package; its text is one line with the remedy."""
+    """Mistake of the user, reported by any package; the message is one line with the remedy."""
 
 
 class UsageError(UserError):
-    """A mistake on a command line; its text is one line with the remedy."""
+    """Mistake on a command line; the message is one line with the remedy."""
 
 
 def parse(
     kind: type[Options], arguments: list[str] | None, *, program: str, description: str, default: Options | None = None
 ) -> Options:
-    """Return the options of a command line.
+    """Parse a command line into an instance of a dataclass.
 
     Args:
         kind: Dataclass of the options; its docstrings are the help.
         arguments: Words of the command line; None for the arguments of this process.
-        program: Name of the program, as it is called.
+        program: Name of the program as the user calls it.
         description: Description of the program, for --help.
         default: Values of missing options; None for the defaults of the dataclass.
 
     Returns:
-        The options.
+        Instance of `kind` with the parsed values.
 
     Raises:
         SystemExit: With code 0, after --help.
@@ -83,7 +83,7 @@ def parse(
 
 
 def _check_values(words: list[str], program: str) -> None:
-    """Raise UsageError for an empty value: it is no file, folder or number."""
+    """Raise UsageError if a word or the value after `=` is empty, because no option accepts an empty value."""
     for previous, word in zip(("", *words), words, strict=False):
         option, equals, value = word.partition("=")
         if word == "":
@@ -94,7 +94,10 @@ def _check_values(words: list[str], program: str) -> None:
 
 
 def _suggestion(kind: type, complaint: str) -> str:
-    """Return `; did you mean --threads?` for an unknown option with a synonym or a close match, else an empty text."""
+    """Return a hint such as `; did you mean --threads?` for tyro's error `complaint`; an empty text without a match.
+
+    The hint names the option of `kind` that is a synonym of the unknown option or is spelt almost the same.
+    """
     known = [field.name for field in fields(kind)]
     for name in re.findall(r"--([\w-]+)", complaint.partition("Unrecognized options")[2]):
         unknown = name.replace("-", "_")
@@ -106,7 +109,7 @@ def _suggestion(kind: type, complaint: str) -> str:
 
 
 def _whole_number_rule(option: Any) -> Any:
-    """Return the rule of tyro for whole numbers, also of the form 1e6; None for options of other types."""
+    """Return tyro's parsing rule for whole numbers, which also accepts 1e6; None if the option has another type."""
     import tyro
 
     def number(word: str) -> int:
@@ -129,14 +132,16 @@ def _whole_number_rule(option: Any) -> Any:
 
 
 def normalise_option_names(kind: type, words: list[str]) -> list[str]:
-    """Return the words with `--policies` for `--policy` and `--scenarios` for `--scenario`, or the reverse.
+    """Replace singular option names by the plural, or the reverse, so that they match the fields of a dataclass.
+
+    The names are `--policy` and `--policies`, and `--scenario` and `--scenarios`.
 
     Args:
-        kind: Dataclass of the options, which has one form of each.
+        kind: Dataclass of the options.
         words: Words of a command line.
 
     Returns:
-        The words with the form of the dataclass.
+        The words with the option names of the dataclass.
     """
     known = {field.name for field in fields(kind)}
     known_forms: dict[str, str] = {}
@@ -149,10 +154,17 @@ def normalise_option_names(kind: type, words: list[str]) -> list[str]:
 
 
 def first_sentence(box: str) -> str:
-    """Return the text of tyro's box below its title and above its next rule, on one line."""
+    """Extract the first error from the box that tyro prints.
+
+    Args:
+        box: The printed box, with a title, horizontal rules and colours.
+
+    Returns:
+        The text between the title and the next rule, on one line.
+    """
     plain = re.sub(r"\x1b\[[0-9;]*m", "", box)
     lines = [line.strip(" │").strip() for line in plain.splitlines()[1:]]
-    # Where the terminal cannot draw boxes, a rule follows the title.
+    # Skip the rule below the title; tyro draws one if the terminal cannot draw boxes.
     below = itertools.dropwhile(_BOX_RULE.fullmatch, lines)
     sentence = " ".join(itertools.takewhile(lambda line: not _BOX_RULE.search(line), below)).rstrip(".")
     if optional := _OPTIONAL.fullmatch(sentence):
@@ -161,15 +173,15 @@ def first_sentence(box: str) -> str:
 
 
 def check_numbers(options: object, limits: Mapping[str, tuple[float, float]], group: str = "") -> None:
-    """Check numbers of a command line against their limits; None is valid.
+    """Check numbers of a command line against their limits. An attribute that is None is valid.
 
     Args:
-        options: Object with the numbers, or tuples of them, as attributes.
-        limits: Least and largest valid value by name of the attribute.
-        group: Prefix of the names in the error, as `ppo.`.
+        options: Object with attributes that are numbers or tuples of numbers.
+        limits: Attribute name -> smallest and largest valid value.
+        group: Prefix of the option names in the error message, such as `ppo.`.
 
     Raises:
-        UsageError: A number is outside its limits; one line.
+        UsageError: A number is outside its limits.
     """
     for name, (low, high) in limits.items():
         value = getattr(options, name)
@@ -179,14 +191,14 @@ def check_numbers(options: object, limits: Mapping[str, tuple[float, float]], gr
 
 
 def make_folder_of(file: Path, option: str) -> None:
-    """Make the folder of an output file.
+    """Make the folder that will contain an output file.
 
     Args:
-        file: The file.
-        option: Option that names it, for the error.
+        file: The output file.
+        option: Option that names the file, for the error message.
 
     Raises:
-        UsageError: The folder cannot be written, or the file is a folder; one line.
+        UsageError: The folder is not writable, or `file` is itself a folder.
     """
     try:
         make_writable_folder(file.parent)
@@ -197,7 +209,7 @@ def make_folder_of(file: Path, option: str) -> None:
 
 
 def survive_narrow_encodings() -> None:
-    """Print `?` for characters that the terminal's encoding lacks, and ignore a terminal width of zero."""
+    """Make stdout and stderr print `?` for characters outside their encoding; ignore a terminal width of zero."""
     if re.fullmatch("0+", os.environ.get("COLUMNS", "")):
         del os.environ["COLUMNS"]
     for stream in (sys.stdout, sys.stderr):

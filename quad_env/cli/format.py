@@ -1,4 +1,4 @@
-"""Numbers, shares, intervals and names as text for people."""
+"""Formatting of numbers, fractions, confidence intervals and names as text."""
 
 import math
 import re
@@ -11,26 +11,29 @@ ABSENT = "–"
 MINUS = "−"
 """Minus sign."""
 NO_BREAK = "\u00a0"
-"""Space at which no line breaks."""
+"""Non-breaking space."""
 SIGNIFICANT_DIGITS = 10
-"""Significant digits of a number; digits beyond them count as rounding errors of floats."""
+"""Number of significant digits to which a float is rounded first, to remove its floating-point error."""
 _WIDE = Context(prec=400)
-"""Decimal context in which no float loses a digit."""
+"""Decimal context with enough digits to represent every float."""
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Format a number with fixed decimals, halves away from zero, and a real minus sign; a dash if not finite.
+    """Format a number with a fixed number of decimals; a dash if it is not finite.
+
+    Halves are rounded away from zero, and the minus sign is the character MINUS.
 
     Args:
         value: The number.
-        digits: Decimals.
+        digits: Number of decimals.
 
     Returns:
         The text.
     """
     if not math.isfinite(value):
         return ABSENT
-    exact = Decimal(f"{value:.{SIGNIFICANT_DIGITS}g}")  # 57 of 200 are 28.5 %, in floats a little less
+    # Remove the floating-point error first: 57 of 200 are 28.5 %, but the float is slightly less and would round down.
+    exact = Decimal(f"{value:.{SIGNIFICANT_DIGITS}g}")
     text = f"{exact.quantize(Decimal(1).scaleb(-digits), ROUND_HALF_UP, _WIDE):f}"
     if float(text) == 0.0:
         text = text.lstrip("-")
@@ -38,7 +41,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 class Estimate(NamedTuple):
-    """Number and ends of its interval as text, all with the same number of decimals; made by `estimate`."""
+    """A number and the ends of its interval as texts with the same number of decimals; made by `estimate`."""
 
     value: str
     low: str
@@ -46,38 +49,39 @@ class Estimate(NamedTuple):
 
     @property
     def has_interval(self) -> bool:
-        """True if both ends exist."""
+        """True if both ends of the interval are finite."""
         return ABSENT not in (self.low, self.high)
 
     @property
     def interval(self) -> str:
-        """Interval as `low … high`; a dash if it does not exist."""
+        """Interval as `low … high`; a dash if there is no interval."""
         return f"{self.low}{NO_BREAK}… {self.high}" if self.has_interval else ABSENT
 
     @property
     def brackets(self) -> str:
-        """Interval as `[3.0, 6.8]` without a line break; empty if it does not exist."""
+        """Interval as `[3.0, 6.8]` with a non-breaking space; empty if there is no interval."""
         return f"[{self.low},{NO_BREAK}{self.high}]" if self.has_interval else ""
 
     @property
     def with_interval(self) -> str:
-        """Number and interval as `4.2 [3.0 … 6.8]`; the number alone without an interval."""
+        """Number and interval as `4.2 [3.0 … 6.8]`; only the number if there is no interval."""
         return f"{self.value} [{self.interval}]" if self.has_interval else self.value
 
 
 def estimate(value: float, ends: tuple[float, float], digits: int = 3, scale: float = 1.0) -> Estimate:
     """Format a number with its interval.
 
-    All three are rounded to the same decimals, so that a number within its interval is shown within it.
+    The number and both ends have the same number of decimals, so that rounding never puts the number outside of the
+    interval.
 
     Args:
         value: The number.
-        ends: Lower and upper end of its interval; NaN where there is none.
-        digits: Decimals; up to three more where different ends would look the same.
-        scale: Factor on all three, as 100 for per cent.
+        ends: Lower and upper end of the interval; NaN if there is no interval.
+        digits: Number of decimals; up to three more are used if different ends would look equal.
+        scale: Factor on the number and both ends, such as 100 for per cent.
 
     Returns:
-        The texts of number and interval.
+        The texts of the number and both ends.
     """
     low, high = (scale * end for end in ends)
     decimals = _needed_decimals((low, high), digits)
@@ -85,12 +89,12 @@ def estimate(value: float, ends: tuple[float, float], digits: int = 3, scale: fl
 
 
 def plus_minus(value: float, ends: tuple[float, float], digits: int = 3) -> str:
-    """Format `0.101 ± 0.009`: a number and half the width of its interval, with the decimals of `estimate`.
+    """Format a number and half the width of its interval as `0.101 ± 0.009`.
 
     Args:
         value: The number.
-        ends: Lower and upper end of its interval.
-        digits: Least number of decimals.
+        ends: Lower and upper end of the interval.
+        digits: Minimum number of decimals, see `estimate`.
 
     Returns:
         The text.
@@ -101,20 +105,28 @@ def plus_minus(value: float, ends: tuple[float, float], digits: int = 3) -> str:
 
 
 def four_digits(value: float, ends: tuple[float, float]) -> Estimate:
-    """Format `value` and the `ends` of its interval, to four significant digits of the largest of the three."""
+    """Format `value` and the `ends` of its interval, with four significant digits for the largest of these numbers."""
     largest = max((abs(each) for each in (value, *ends) if math.isfinite(each)), default=0.0)
     return estimate(value, ends, max(0, 3 - math.floor(math.log10(largest))) if largest > 0.0 else 0)
 
 
 def _needed_decimals(ends: tuple[float, float], digits: int) -> int:
-    """Return the decimals, or up to three more where different ends would look the same."""
+    """Return the number of decimals for an interval.
+
+    Args:
+        ends: Lower and upper end of the interval.
+        digits: Minimum number of decimals.
+
+    Returns:
+        `digits`, or up to three more if different ends would look equal.
+    """
     if not all(map(math.isfinite, ends)):
         return digits
     return next((d for d in range(digits, digits + 4) if number(ends[0], d) != number(ends[1], d)), digits)
 
 
 def percent(share: float) -> str:
-    """Format a share in [0, 1] in per cent, with one decimal below ten."""
+    """Format a fraction in [0, 1] in per cent, with one decimal below 10 %."""
     if not math.isfinite(share):
         return ABSENT
     value = 100.0 * share
@@ -123,22 +135,22 @@ def percent(share: float) -> str:
 
 
 def whole_percent(share: float) -> str:
-    """Format a share in [0, 1] in whole per cent, as in `62%`."""
+    """Format a fraction in [0, 1] in whole per cent, as `62%`."""
     return f"{number(100.0 * share, 0)}%"
 
 
 def points(share: float) -> str:
-    """Format a difference of shares in percentage points, with one decimal."""
+    """Format a difference of fractions in percentage points, with one decimal."""
     return number(100.0 * share, 1)
 
 
 def points_with(share: float, ends: tuple[float, float]) -> Estimate:
-    """Format a difference `share` of shares and the `ends` of its interval in percentage points, with one decimal."""
+    """Format a difference of fractions, `share`, and the `ends` of its interval in percentage points, one decimal."""
     return estimate(share, ends, 1, 100.0)
 
 
 def interval(ends: tuple[float, float], digits: int = 3) -> str:
-    """Format the `ends` of an interval as `low … high` with at least `digits` decimals; a dash if it does not exist."""
+    """Format the `ends` of an interval as `low … high` with at least `digits` decimals; a dash if an end is NaN."""
     return estimate(ends[0], ends, digits).interval
 
 
@@ -148,7 +160,7 @@ def points_interval(ends: tuple[float, float]) -> str:
 
 
 def p_value(value: float) -> str:
-    """Format `p < 0.001`, or `p = ` with two or three decimals, without line breaks; a dash if it does not exist."""
+    """Format a p-value as `p < 0.001`, or as `p = ` with two or three decimals; a dash if it is NaN."""
     if math.isnan(value):
         return ABSENT
     if value < 0.001:
@@ -164,8 +176,8 @@ def join_names(names: Sequence[str]) -> str:
 def break_name(name: str, width: int) -> list[str]:
     """Break a name into lines at the ends of its words.
 
-    Words end after `/`, `_`, `-`, `:`, `@`, `+` or a space. Only a word longer than a line is broken inside, if
-    possible before a capital letter.
+    Words end after `/`, `_`, `-`, `:`, `@`, `+` or a space. A word longer than a line is broken before a capital letter
+    if possible.
 
     Args:
         name: The name.
@@ -185,11 +197,11 @@ def break_name(name: str, width: int) -> list[str]:
 
 
 def with_count(count: int, thing: str) -> str:
-    """Return `1 episode` for a `count` of 1 and the `thing` `episode`, else `128 episodes`."""
+    """Format a count with its noun: `1 episode` or `128 episodes` for the `thing` `episode`."""
     return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
 
 
 def share(value: float, ends: tuple[float, float]) -> str:
-    """Format a share `value` in [0, 1] and the `ends` of its interval in whole per cent, as `41 % [36, 47]`."""
+    """Format a fraction `value` in [0, 1] and the `ends` of its interval in whole per cent, as `41 % [36, 47]`."""
     text = estimate(value, ends, 0, 100.0)
     return f"{text.value}{NO_BREAK}% {text.brackets}".rstrip()

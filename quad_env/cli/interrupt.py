@@ -1,6 +1,6 @@
-"""Ctrl-C as a request: the first is noted until a loop can stop, the second ends the process at once.
+"""Handling of Ctrl-C: the first sets a flag that a loop checks, the second ends the process at once.
 
-A KeyboardInterrupt that the signal itself raises is lost in a callback or a finaliser.
+The signal handler raises no KeyboardInterrupt, because Python discards exceptions inside callbacks and finalisers.
 """
 
 import signal
@@ -10,14 +10,15 @@ from types import FrameType, TracebackType
 from quad_env.cli.launcher import exit_interrupted
 
 AT_ONCE = "interrupted again: ended at once, without what comes last"
-"""Line on stderr after the second Ctrl-C."""
+"""Line that is printed on stderr after the second Ctrl-C."""
 
 
 class Interrupt:
-    """Context in which the first Ctrl-C sets `requested`, which a loop checks, and the second ends the process.
+    """Context in which the first Ctrl-C sets `requested`, and the second ends the process.
 
-    A request that has stopped nothing by the end of the context raises KeyboardInterrupt there. A process that ignores
-    Ctrl-C, as a background job of a shell does, goes on ignoring it.
+    A loop inside the context calls `check` where it can stop. The end of the context raises KeyboardInterrupt if Ctrl-C
+    was pressed and no exception has left the context. A process that ignores Ctrl-C, such as a background job of a
+    shell, continues to ignore it.
     """
 
     def __init__(self) -> None:
@@ -25,7 +26,7 @@ class Interrupt:
         """True after the first Ctrl-C."""
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if Ctrl-C was pressed; a loop calls it where it can stop."""
+        """Raise KeyboardInterrupt if Ctrl-C was pressed; a loop calls this where it can stop."""
         if self.requested:
             raise KeyboardInterrupt
 

@@ -1,9 +1,9 @@
-"""Limited process: reads files of others and gives an answer or an error within a limit of time and memory.
+"""Limited process: a subprocess that reads untrusted files within limits of time and memory.
 
-One process answers all questions in order and ends after an idle time, see `limited_server`. The system limits
-processor time and memory of each answer (`resource.setrlimit`, on Linux and macOS; only Linux limits the memory). The
-asking process limits the run time. Functions are called here, without limits, where no process can be started, as in a
-sandbox.
+One limited process executes all calls in order and ends after an idle time, see `limited_server`. The operating system
+limits the processor time of each call on Linux and macOS, and the memory on Linux (`resource.setrlimit`). The calling
+process limits the run time. If no process can be started, for example in a sandbox, functions are called in the calling
+process without limits.
 """
 
 import atexit
@@ -37,30 +37,34 @@ from quad_env.cli.limited_protocol import (
 __all__ = ["MEMORY", "READ_FILES", "TIME", "CrashError", "LimitExceededError", "call", "end_process", "read_limited"]
 
 READ_FILES = "QUAD_ENV_READ_FILES"
-"""Environment variable with digests of the files that have been read."""
+"""Environment variable with digests of the files that a limited process has already read."""
 _MAX_READ_FILES = 200
-"""Largest number of these digests."""
+"""Largest number of digests that are kept in READ_FILES."""
 _IS_LIMITED = "QUAD_ENV_LIMITED"
-"""Environment variable that is set in the limited process."""
+"""Environment variable that is set in the limited process only."""
 _GRACE_TIME = 2.0
-"""s added to the processor time before a process is ended that waits, as for a pipe."""
+"""Run time beyond the limit of the processor time after which the process is killed, s.
+
+It ends a process that waits without using processor time, for example for a pipe.
+"""
 _START_TIMEOUT = 120.0
-"""s. Longest time in which the process starts and imports the function's module."""
+"""Limit of the run time in which the process starts or imports the function's module, s."""
 _END_TIMEOUT = 5.0
-"""s. Longest wait for the end of a process that has sent no answer."""
+"""Longest wait for the end of a process that has sent no answer, s."""
 _PROGRAM = "import sys; from quad_env.cli.limited_server import serve; serve()"
 
 
 class _UnavailableError(Exception):
-    """No process can be started here."""
+    """Error that no limited process can be started."""
 
 
 def call(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return the result of `function(*arguments)` from the limited process.
+    """Call `function(*arguments)` in the limited process and return the result.
 
-    The process finds the function by its name in its module; arguments and result have to be picklable. A call that
-    takes too much time or memory raises LimitExceededError; one that ends its process raises CrashError. The function's
-    own exception is raised here; a RuntimeError with its text if it cannot be pickled.
+    The limited process imports the function by module and name. Arguments and result must be picklable. A call that
+    takes too much time or memory raises LimitExceededError, and a call that ends its process raises CrashError. An
+    exception of the function is raised here too; a RuntimeError with its text replaces an exception that cannot be
+    pickled.
     """
     if os.environ.get(_IS_LIMITED):
         return function(*arguments)
@@ -75,23 +79,23 @@ def call(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def read_limited(function: Callable[[Path], Any], file: Path, *, again: bool = True) -> Any:
-    """Call a function of a file in the limited process, unless this version of the file has been read there.
+    """Call a function that reads a file, in the limited process if this version of the file is new.
 
-    Child processes inherit the list of read files. They and this process call the function directly on these files.
-    Exceptions are those that `call` raises.
+    The function is called directly if the limited process has already read this version of the file without error.
+    Child processes inherit the list of these files. The exceptions are the same as in `call`.
 
     Args:
-        function: Reads the file; see `call`.
+        function: Function that reads the file; see `call`.
         file: Path of the file.
-        again: True if the result is needed of a file that has been read before; else it is None.
+        again: False if the function need not be called for a file that has already been read.
 
     Returns:
-        The result of the function, or None.
+        Result of the function; None if it was not called.
     """
     try:
         status = file.stat()
     except (OSError, ValueError):
-        return function(file)  # the function reports the error
+        return function(file)  # The function reports the error of the missing or invalid file.
     key = f"{function.__qualname__} {os.path.realpath(file)} {status.st_mtime_ns} {status.st_size}"
     digest = hashlib.sha256(key.encode(errors="surrogateescape")).hexdigest()[:16]
     digests = os.environ.get(READ_FILES, "").split()
@@ -103,16 +107,16 @@ def read_limited(function: Callable[[Path], Any], file: Path, *, again: bool = T
 
 
 class _Process:
-    """Child process, and a thread that receives its messages; made by `_ask`."""
+    """A running limited process, and a thread that receives the messages of this process; made by `_ask`."""
 
     def __init__(self) -> None:
         environment = os.environ | {
             "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
-            "MUJOCO_GL": "disable",  # nothing is drawn
+            "MUJOCO_GL": "disable",  # The process draws nothing, so MuJoCo need not load OpenGL.
             "OPENBLAS_NUM_THREADS": "1",
             _IS_LIMITED: "1",
         }
-        group: dict[str, Any] = {"process_group": 0}  # Ctrl-C does not reach it
+        group: dict[str, Any] = {"process_group": 0}  # Ctrl-C does not reach a process in another group.
         if sys.platform == "win32":
             group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
         try:
@@ -140,12 +144,15 @@ class _Process:
         self._messages.put(None)
 
     def send(self, question: Question) -> None:
-        """Send a question. Raises OSError where the process has ended."""
+        """Send a question. Raises OSError if the process has ended."""
         stream: Any = self.process.stdin
         send(stream, question)
 
     def receive(self, timeout: float) -> Any:
-        """Return the next message, or None once the process has ended; kill it after `timeout`, s."""
+        """Return the next message, or None if the process has ended.
+
+        The process is killed after a run time of `timeout`, s.
+        """
         clock = RunClock(self.process.pid)
         while True:
             with contextlib.suppress(queue.Empty):
@@ -170,10 +177,13 @@ _running: _Process | None = None
 
 
 def _ask(question: Question) -> Any:
-    """Return the answer of the process. Raises LimitExceededError, CrashError or _UnavailableError."""
+    """Return the answer of the limited process to a question; start the process if needed.
+
+    Raises LimitExceededError, CrashError or _UnavailableError.
+    """
     global _running
     running = _running
-    if running is None or not _begin(running, question):  # an idle process may have ended
+    if running is None or not _begin(running, question):  # The process may have ended because it was idle.
         end_process()
         running = _running = _Process()
         if not _begin(running, question):
@@ -187,7 +197,7 @@ def _ask(question: Question) -> Any:
 
 
 def _begin(process: _Process, question: Question) -> bool:
-    """Return True if the process has taken the question; else it has ended."""
+    """Send a question; return True if the process starts the call, False if the process has ended."""
     try:
         process.send(question)
     except OSError:
@@ -196,7 +206,7 @@ def _begin(process: _Process, question: Question) -> bool:
 
 
 def _failure_of(running: _Process, question: Question) -> LimitExceededError | CrashError:
-    """End a process without an answer and return the error that says why."""
+    """End a process that has sent no answer, and return the error that explains the missing answer."""
     process = running.process
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(_END_TIMEOUT)
@@ -211,7 +221,15 @@ def _failure_of(running: _Process, question: Question) -> LimitExceededError | C
 
 
 def _end_message(code: int, mebibytes: int) -> str:
-    """Return a message on how a process ended."""
+    """Return the message of a CrashError, with the signal or exit code that ended the process.
+
+    Args:
+        code: Exit code of the process; negative for a signal.
+        mebibytes: Limit of the memory, MiB.
+
+    Returns:
+        The message.
+    """
     try:
         name = signal.Signals(-code).name if code < 0 else f"exit code {code}"
     except ValueError:
@@ -220,7 +238,7 @@ def _end_message(code: int, mebibytes: int) -> str:
 
 
 def end_process() -> int:
-    """End the limited process of this process and return its exit code; 0 without one."""
+    """End the limited process and return its exit code; return 0 if none is running."""
     global _running
     ended = _running
     _running = None
@@ -228,10 +246,10 @@ def end_process() -> int:
 
 
 def _forget_process() -> None:
-    """Drop the parent's limited process in a forked process."""
+    """Forget the limited process of the parent; called in each forked process."""
     global _running, _lock
     if _running is not None:
-        _running.process.returncode = 0  # else Python warns of a running process
+        _running.process.returncode = 0  # Mark the process as ended, because Python warns of a running process.
     _running = None
     _lock = threading.Lock()
 

@@ -1,6 +1,7 @@
-"""Messages between a process and its limited process: questions, answers, failures, and their transport.
+"""Messages between a process and its limited process, a subprocess with time and memory limits.
 
-A message is its size in bytes and a pickled value.
+A question asks the limited process to call a function; the answer is the result or a failure. Each message is
+transmitted as its size in bytes, followed by a pickled value.
 """
 
 import os
@@ -10,30 +11,30 @@ from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
 TIME = "QUAD_ENV_READ_TIME"
-"""Environment variable: limit of the processor time for a file, s."""
+"""Environment variable that sets the limit of the processor time per file, s."""
 MEMORY = "QUAD_ENV_READ_MEMORY"
-"""Environment variable: limit of the memory for a file, MiB."""
+"""Environment variable that sets the limit of the memory per file, MiB."""
 _PROCESSOR_TIME = 5
-"""s. Default limit; the largest published models take 2 s."""
+"""Default limit of the processor time, s. The largest published models take 2 s."""
 _MEMORY = 1024
-"""MiB. Default limit; the largest published models take 300 MiB."""
+"""Default limit of the memory, MiB. The largest published models take 300 MiB."""
 READY = "ready"
-"""First message of the limited process."""
+"""First message that the limited process sends: it waits for questions."""
 BEGUN = "begun"
-"""Message of the limited process before each answer: it has the question and has imported the function's module."""
+"""Message that the limited process sends once the function is imported, before it calls the function."""
 _HEADER = struct.Struct("<Q")
 
 
 class LimitExceededError(RuntimeError):
-    """The call took more time or memory than its limit; the message names the limit and how to raise it."""
+    """Error of a call that exceeded its time or memory limit; the message names the limit and how to raise it."""
 
 
 class CrashError(RuntimeError):
-    """The call ended its process, as a segmentation fault does; the message says how."""
+    """Error of a call that ended its process, for example by a segmentation fault; the message names the signal."""
 
 
 def _working_folder() -> str:
-    """Return the working folder, "" where it is gone."""
+    """Return the path of the working folder; "" if the folder has been deleted."""
     try:
         return os.getcwd()
     except OSError:
@@ -41,7 +42,7 @@ def _working_folder() -> str:
 
 
 def _limit(variable: str, default: int) -> int:
-    """Return the whole number in an environment variable; the default where it is missing, 0 or no number."""
+    """Return the whole number in an environment variable, or `default` if it is missing, zero or not a number."""
     text = os.environ.get(variable, "")
     number = int(text) if text.isascii() and text.isdigit() and len(text) < 8 else 0
     return number or default
@@ -49,15 +50,15 @@ def _limit(variable: str, default: int) -> int:
 
 @dataclass(frozen=True)
 class Question:
-    """Call of a function with its limits; made by `limited_process.call`."""
+    """Request to call a function within limits of time and memory; made by `limited_process.call`."""
 
     module: str
-    """Module of the function."""
+    """Name of the module that defines the function."""
     name: str
-    """Qualified name of the function in it."""
+    """Qualified name of the function in this module."""
     arguments: tuple[Any, ...]
     folder: str = field(default_factory=_working_folder)
-    """Working folder, for relative paths: the process may have been started in another one."""
+    """Working folder of the caller, for relative paths; the limited process may have started in another folder."""
     seconds: int = field(default_factory=lambda: _limit(TIME, _PROCESSOR_TIME))
     """Limit of the processor time, s."""
     mebibytes: int = field(default_factory=lambda: _limit(MEMORY, _MEMORY))
@@ -66,26 +67,26 @@ class Question:
 
 @dataclass(frozen=True)
 class ProcessFailure:
-    """Exception of a call, in place of its result."""
+    """Answer to a question if the called function raised an exception."""
 
     error: Exception
 
 
 def send(stream: BinaryIO, value: Any) -> None:
-    """Write the picklable `value` to `stream` as a message. Raises OSError where the receiver has ended."""
+    """Write the picklable `value` to `stream` as a message. Raises OSError if the receiver has ended."""
     content = pickle.dumps(value)
     stream.write(_HEADER.pack(len(content)) + content)
     stream.flush()
 
 
 def receive(stream: BinaryIO) -> Any:
-    """Return the value of the next message. Raises EOFError at the end."""
+    """Return the value of the next message. Raises EOFError if the stream ends before the end of a message."""
     (size,) = _HEADER.unpack(_read_exactly(stream, _HEADER.size))
     return pickle.loads(_read_exactly(stream, size))
 
 
 def _read_exactly(stream: BinaryIO, size: int) -> bytes:
-    """Return the next `size` bytes. Raises EOFError at the end."""
+    """Return the next `size` bytes. Raises EOFError if the stream ends before."""
     content = b""
     while len(content) < size:
         if not (part := stream.read(size - len(content))):

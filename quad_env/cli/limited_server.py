@@ -1,4 +1,7 @@
-"""The child of `limited_process`: answers questions within limits of processor time and memory."""
+"""Program of the limited process: answers questions of its parent within limits of processor time and memory.
+
+A question is a request to call a function, see `limited_protocol`.
+"""
 
 import contextlib
 import importlib
@@ -23,16 +26,19 @@ from quad_env.cli.limited_protocol import (
 from quad_env.files.text import format_exception
 
 _IDLE_TIME = 30.0
-"""s without a question after which the process ends."""
+"""Time without a question after which the process ends, s."""
 _MAX_RETAINED_MEMORY = 2**28
-"""Byte. The process ends after an answer that took more memory, since that memory may stay allocated."""
+"""Largest memory of an answer after which the process continues, byte.
+
+The process ends after an answer that took more, because this memory may stay allocated.
+"""
 
 
 def serve() -> None:
-    """Answer questions in the limited process until none comes for `_IDLE_TIME`, s."""
+    """Answer questions until no question has arrived for `_IDLE_TIME` or the parent has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # discard printed text
+    os.dup2(2, 1)  # Print to stderr, which the parent discards, because stdout transmits the messages.
     questions = os.fdopen(os.dup(0), "rb", buffering=0)
     send(answers, READY)
     with contextlib.suppress(EOFError, OSError):
@@ -42,7 +48,7 @@ def serve() -> None:
 
 
 def _serve_question(question: Question, answers: BinaryIO) -> int:
-    """Send the answer to a question and return the memory that it took, byte."""
+    """Call the function of a question, send the result, and return the memory that the call took, byte."""
     function: Any = importlib.import_module(question.module)
     for part in question.name.split("."):
         function = getattr(function, part)
@@ -59,7 +65,7 @@ def _serve_question(question: Question, answers: BinaryIO) -> int:
 
 
 def _has_question(questions: BinaryIO) -> bool:
-    """Return True if a question comes within `_IDLE_TIME`, s."""
+    """Return True if a question arrives within `_IDLE_TIME`; always True on Windows."""
     if sys.platform == "win32":
         return True
     import select
@@ -68,7 +74,7 @@ def _has_question(questions: BinaryIO) -> bool:
 
 
 def _answer(function: Any, question: Question) -> Any:
-    """Return the picklable result of a call, or its `Failure`."""
+    """Call a function with the arguments of a question and return the result, or a `ProcessFailure` for an error."""
     try:
         value = function(*question.arguments)
         pickle.dumps(value)
@@ -88,7 +94,7 @@ def _memory_error(question: Question) -> LimitExceededError:
 
 
 def _peak_memory() -> int:
-    """Return the largest memory of this process so far, byte; 0 where it is not known."""
+    """Return the peak memory of this process so far, byte; 0 on Windows, which does not report it."""
     if sys.platform == "win32":
         return 0
     import resource
@@ -97,7 +103,7 @@ def _peak_memory() -> int:
 
 
 def _set_limits(question: Question) -> None:
-    """Limit processor time and memory from now on."""
+    """Limit processor time and memory of this process from now on to the limits of a question."""
     if sys.platform == "win32":
         return
     import resource
@@ -112,7 +118,12 @@ def _set_limits(question: Question) -> None:
 
 
 def _set_limit(kind: int, value: int) -> None:
-    """Set a soft limit of the system, at most the hard limit."""
+    """Set the soft limit of a resource to `value`, or to the hard limit if that is lower.
+
+    Args:
+        kind: Resource, a constant `resource.RLIMIT_...`.
+        value: Limit, in the unit of the resource.
+    """
     import resource
 
     _, hard = resource.getrlimit(kind)

@@ -1,8 +1,8 @@
-"""A program of several commands, with one table of the commands and one way for all to end.
+"""Command-line program with several commands, and the conversion of errors to exit codes and one-line messages.
 
-A command is a module with a function `main(options)` that returns the exit code. The annotation of its parameter names
-the options: a frozen dataclass with docstrings that --help shows. `main` raises UserError or OSError for an error that
-the user can correct, and KeyboardInterrupt after Ctrl-C, with a text if it kept something.
+A command is a module with a function `main(options)` that returns the exit code. The parameter's annotation is the
+class of the options, a frozen dataclass with docstrings that --help shows. `main` raises UserError or OSError for an
+error that the user can correct. It raises KeyboardInterrupt after Ctrl-C, with a message if it has saved results.
 """
 
 import difflib
@@ -29,42 +29,48 @@ EXTRAS = dict.fromkeys(_TRAIN, "train") | {
     "onnxruntime": "onnx",
     "rosbags": "recording",
 }
-"""Extra that installs a package, by the import name of the package."""
+"""Import name of an optional package -> name of the extra that installs this package."""
 OWN_PACKAGES = "quad_env", "policies", "evaluate", "train", "live", "research"
 
 
 @dataclass(frozen=True)
 class Command:
-    """One command of a program; the programs have tables of them."""
+    """Entry for one command in the table `Program.commands`."""
 
     module: str
-    """Module of its `main`; loaded when it is called, so that no other command waits for it."""
+    """Name of the module with the function `main` of the command.
+
+    The module is imported only when the command is called, so that other commands start fast.
+    """
     summary: str
-    """Summary for the list of commands."""
+    """One-line description of the command for the list of commands."""
 
 
 @dataclass(frozen=True)
 class Program:
-    """Program of several commands; each package with a `__main__` has one."""
+    """Command-line program with several commands; each package with a module `__main__` defines one."""
 
     name: str
-    """Call of the program, `python -m train`."""
+    """Command line that calls the program, such as `python -m train`."""
     commands: Mapping[str, Command]
-    """Commands by the word that calls them."""
+    """Word on the command line -> command."""
     fallback: Callable[[list[str]], int] | None = None
-    """Function that runs words without a command and returns the exit code; None if these words are a mistake."""
+    """Function that runs if the first word is no command; it takes all words and returns the exit code.
+
+    None if the first word must be a command.
+    """
     moved_commands: Mapping[str, str] = field(default_factory=dict)
-    """Places of commands that moved, as of older versions: "now `python -m research jump`"."""
+    """Word of a command of an older version -> text with its new call, such as "now `python -m research jump`"."""
     note: str = ""
-    """Last line of the list of commands."""
+    """Last line of the list of commands; empty for no such line."""
 
     def main(self, arguments: list[str] | None = None) -> int:
-        """Run the command of the arguments and return its exit code; 2 after a mistake, 130 after Ctrl-C."""
+        """Run the command that the arguments name; return its exit code, 2 after a mistake or 130 after Ctrl-C."""
         words = sys.argv[1:] if arguments is None else arguments
         return exit_code(partial(self._run, words))
 
     def listing(self) -> str:
-        """Return the list of commands, a line each."""
+        """Return the list of commands as text, one line per command."""
         width = max(map(len, self.commands)) + 2
         lines = [f"  {name:{width}}{command.summary}" for name, command in self.commands.items()]
         return "\n".join([*lines, self.note] if self.note else lines)
@@ -87,7 +93,7 @@ class Program:
             raise
 
     def _list(self, words: list[str]) -> int:
-        """Print the commands if asked to. Raises UsageError for any other words."""
+        """Print the list of commands if `words` is empty or asks for help. Raises UsageError for any other words."""
         if words and words[0] not in HELP:
             raise UsageError(f"there is no command {words[0]}; there are {', '.join(self.commands)}")
         print(f"{self.name} COMMAND, each with its own --help:\n{self.listing()}")
@@ -95,19 +101,25 @@ class Program:
 
 
 def options_class(module: Any) -> type[Any]:
-    """Return the dataclass of a command's options: the type of its `main`'s parameter, else its `Options`."""
+    """Return the options dataclass of a command's module.
+
+    It is the annotation of the parameter of `main`, or the module's class `Options` if there is no annotation.
+    """
     (parameter,) = inspect.signature(module.main).parameters.values()
     annotated = parameter.annotation is not inspect.Parameter.empty
     return cast(type[Any], parameter.annotation if annotated else module.Options)
 
 
 def exit_code(run: Callable[[], int]) -> int:
-    """Return the result of `run`, or 2 after a user's mistake and 130 after Ctrl-C, with one line on stderr."""
+    """Call `run` and return its exit code, 2 after an error that the user can correct, or 130 after Ctrl-C.
+
+    The errors and Ctrl-C print one line on stderr. Any other error is raised again.
+    """
     survive_narrow_encodings()
     try:
         return run()
     except Exception as error:
-        if isinstance(error, OSError) and is_broken_pipe(error):  # `launch` ends quietly
+        if isinstance(error, OSError) and is_broken_pipe(error):  # `launch` handles this without a message.
             raise
         print(f"error: {one_line(_line_for(error))}", file=sys.stderr)
         return FAILED
@@ -117,7 +129,7 @@ def exit_code(run: Callable[[], int]) -> int:
 
 
 def _line_for(error: Exception) -> str:
-    """Return the line for an error that is no fault of the program; any other error is raised again."""
+    """Return the message for an error that the user can correct; raise any other error again."""
     if isinstance(error, UserError):
         return str(error)
     if is_out_of_memory(error):
@@ -137,7 +149,7 @@ def _line_for(error: Exception) -> str:
 
 
 def format_os_error(error: Exception) -> str:
-    """Return `cannot use FILE (Permission denied)` for an error of the system, else the error's own text."""
+    """Return `cannot use FILE (Permission denied)` for an error of the operating system, else the error's message."""
     if not isinstance(error, OSError) or error.strerror is None:
         return str(error)
     return f"cannot use {error.filename} ({error.strerror})" if error.filename else f"cannot go on ({error.strerror})"

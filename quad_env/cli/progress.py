@@ -1,4 +1,7 @@
-"""Live progress on stderr with the time left: a bar on a terminal, one line a finished cell elsewhere."""
+"""Progress of long work on stderr, with the remaining time: a bar on a terminal, lines elsewhere.
+
+A cell is one policy on one scenario.
+"""
 
 import contextlib
 import itertools
@@ -12,18 +15,22 @@ from typing import TypeAlias
 from quad_env.cli.interrupt import Interrupt
 
 FIRST_LINE_TIME = 5.0
-"""s. Time before the first line of progress where there is no terminal."""
+"""Time before the first line of progress if stderr is not a terminal, s."""
 LINE_PERIOD = 10.0
-"""s. Time between two of these lines."""
+"""Time between two lines of progress if stderr is not a terminal, s."""
 CellProgress: TypeAlias = Callable[[str, str, float], None]
-"""Callback with policy and scenario of a cell, and its completed fraction, 0 to 1; 1 exactly once."""
+"""Callback that is called with policy, scenario and completed fraction, 0 to 1, of a cell.
+
+The fraction 1 is passed exactly once per cell.
+"""
 
 
 @contextmanager
 def show_progress(total: int) -> Iterator[CellProgress]:
     """Return a context with a callback that shows the progress of `total` cells and estimates the remaining time.
 
-    Several cells may run at once. The fraction at a cell's first report is from an earlier run and took no time.
+    Several cells may run at once. The fraction in the first report of a cell counts as work of an earlier run, and
+    the estimate of the remaining time ignores it.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -40,7 +47,7 @@ def show_progress(total: int) -> Iterator[CellProgress]:
         task = progress.add_task("starting", total=total, left="")
 
         def show(policy: str, scenario: str, share: float) -> None:
-            """Show that the fraction `share` of the cell of `policy` and `scenario` is completed."""
+            """Show that the fraction `share` of the cell (`policy`, `scenario`) is completed."""
             earlier.setdefault((policy, scenario), share)
             shares[policy, scenario] = share
             done = sum(shares.values())
@@ -59,7 +66,7 @@ def show_progress(total: int) -> Iterator[CellProgress]:
 
 
 def format_duration(seconds: float) -> str:
-    """Format a time as `8 s`, `3 min 20 s` or `2 h 5 min`."""
+    """Format a duration in seconds as `8 s`, `3 min 20 s` or `2 h 5 min`."""
     whole = round(seconds)
     if whole < 60:
         return f"{whole} s"
@@ -70,16 +77,16 @@ def format_duration(seconds: float) -> str:
 
 @contextmanager
 def show_bar(description: str, *, in_lines: bool = True) -> Iterator[Callable[[float], None]]:
-    """Show the progress of some work.
+    """Return a context with a callback that shows the progress of one piece of work.
 
-    The display is a bar on a terminal. Elsewhere it is a line after FIRST_LINE_TIME and then every LINE_PERIOD.
+    On a terminal the progress is a bar. Elsewhere a line is printed after FIRST_LINE_TIME and then every LINE_PERIOD.
 
     Args:
         description: Name of the work.
-        in_lines: True to print lines where there is no terminal.
+        in_lines: True to print lines if stderr is not a terminal.
 
     Yields:
-        Callback with the completed fraction, 0 to 1; it raises KeyboardInterrupt after Ctrl-C.
+        Callback that is called with the completed fraction, 0 to 1; it raises KeyboardInterrupt after Ctrl-C.
     """
     from rich.console import Console
     from rich.progress import (
@@ -117,7 +124,7 @@ def show_bar(description: str, *, in_lines: bool = True) -> Iterator[Callable[[f
 
 @contextmanager
 def show_waiting(description: str) -> Iterator[None]:
-    """Show that work of unknown duration goes on: a spinner on a terminal, else a line after FIRST_LINE_TIME."""
+    """Show that work of unknown duration runs: a spinner on a terminal, else a line after FIRST_LINE_TIME."""
     from rich.console import Console
 
     console = Console(stderr=True)
@@ -136,5 +143,5 @@ def show_waiting(description: str) -> Iterator[None]:
 
 def _print_line(line: str) -> None:
     """Print a line on stderr."""
-    with contextlib.suppress(OSError):  # a log that cannot be written is no reason to lose the work
+    with contextlib.suppress(OSError):  # The work continues even if its progress cannot be printed.
         print(line, file=sys.stderr, flush=True)

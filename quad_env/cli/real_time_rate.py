@@ -1,26 +1,26 @@
-"""Real-time rate: holds a loop of control steps to real time, or to a multiple of it."""
+"""Real-time rate: makes a loop of control steps run at real time, or at a multiple of real time."""
 
 import time
 
 MAX_LAG = 0.25
-"""s. Wall time that a loop may be late; a later loop does not catch up."""
+"""Largest delay that a loop catches up, wall time, s. The schedule restarts after a larger delay."""
 MEASURED_TIME = 1.0
-"""s. Wall time over which the speed of the loop is measured."""
+"""Duration over which the speed of the loop is measured, wall time, s."""
 
 
 class RealTimeRate:
-    """Waits until the next step is due, and measures the speed of the loop.
+    """Timer that waits until the next step of a loop is due, and measures the speed of the loop.
 
     Args:
         period: Simulated time of a step, s.
-        speed: Simulated s per wall s; may be changed under way.
+        speed: Simulated time per wall time; the attribute may be changed while the loop runs.
     """
 
     def __init__(self, period: float, speed: float = 1.0) -> None:
         self.speed = speed
         self._period = period
         self.measured = 0.0
-        """Simulated s per wall s over the latest MEASURED_TIME; 0 before that."""
+        """Simulated time per wall time, over the latest MEASURED_TIME; 0 before the first measurement."""
         self._due_time = self._measured_since = time.perf_counter()
         self._step_count = 0
 
@@ -38,6 +38,6 @@ class RealTimeRate:
             self._measured_since = time.perf_counter()
 
     def resume(self) -> None:
-        """Go on after a pause without catching up the missed steps."""
+        """Restart the schedule after a pause, so that the loop does not catch up the missed steps."""
         self._due_time = self._measured_since = time.perf_counter()
         self._step_count = 0

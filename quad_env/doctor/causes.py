@@ -1,7 +1,7 @@
-"""Diagnosis of a robot that does not stand: applies the remedy of each suspected cause in simulation until it stands.
+"""Diagnosis of a robot that does not stand: tests the remedy of each suspected cause in simulation.
 
-The suspects that can be changed in a copy of the model are servo gains, joint springs, overlapping shapes and
-implausible inertias. A setting already in force is never proposed.
+The first remedy with which the robot stands is proposed. The tested causes are servo gains, implausible inertias, joint
+springs and self-contacts. Servo gains that the robot already has are never proposed.
 """
 
 from collections.abc import Callable, Iterator
@@ -21,9 +21,9 @@ from quad_env.robots.similarity import scaled_servo_gains
 from quad_env.robots.unlikely_inertias import find_unlikely_inertias
 
 GAIN_TOLERANCE = 0.1
-"""Largest relative difference of servo gains that count as equal."""
+"""Largest relative difference between servo gains that are considered equal."""
 _SHOWN = 3
-"""Largest number of parts that a message names."""
+"""Largest number of names that a message lists."""
 
 ModelChange = Callable[[Any], None]
 """Function that changes the model of a simulation of one robot."""
@@ -31,17 +31,17 @@ ModelChange = Callable[[Any], None]
 
 @dataclass(frozen=True)
 class Suspect:
-    """Possible cause of a failed stand, with its remedy; made by `_suspects`."""
+    """Suspected cause of a failed stance test, with its remedy; made by `_suspects`."""
 
     cause: str
     remedy: str
     apply_remedy: ModelChange | None = None
-    """None where the remedy changes the robot itself."""
+    """Function that applies the remedy to a simulation; None if the remedy changes parameters of the robot."""
     robot: Robot | None = None
-    """The robot after the remedy; None if it is unchanged."""
+    """Robot with changed parameters; None if the remedy does not change the parameters."""
 
     def helps(self, robot: Robot) -> bool:
-        """Return True if the robot stands after the remedy."""
+        """Return True if the robot stands in a simulation with the remedy."""
         env = make_standing_env(self.robot or robot)
         if self.apply_remedy is not None:
             self.apply_remedy(env.simulation)
@@ -50,15 +50,15 @@ class Suspect:
 
 
 def diagnose(subject: DoctorSubject, stance: Stance) -> tuple[str, str]:
-    """Return the cause of a failed stand and its remedy.
+    """Find the likely cause of a failed stance test.
 
     Args:
         subject: The robot as the user named it.
-        stance: Result of its stance test.
+        stance: Result of the robot's stance test.
 
     Returns:
-        cause: In words.
-        remedy: In words.
+        cause: Description of the likely cause.
+        remedy: Description of the proposed remedy.
     """
     robot = stance.robot
     suspects = list(_suspects(subject, stance))
@@ -80,12 +80,15 @@ def diagnose(subject: DoctorSubject, stance: Stance) -> tuple[str, str]:
 
 
 def _holds_targets(stance: Stance) -> bool:
-    """Return True if the joints hold their targets at rest: the pose or the masses are wrong, not the servos."""
+    """Return True if the joints hold their targets but the trunk is tilted or too low.
+
+    The pose or the masses are wrong in this case, and the servos are not.
+    """
     return stance.fault is not None and stance.fault.startswith("it does not stand")
 
 
 def _suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
-    """Yield possible causes, the likeliest first."""
+    """Yield the suspected causes, the likeliest first."""
     robot = stance.robot
     yield from _gain_suspects(subject, stance)
     yield from _inertia_suspects(robot)
@@ -94,7 +97,7 @@ def _suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
 
 
 def _inertia_suspects(robot: Robot) -> Iterator[Suspect]:
-    """Yield the implausible inertias of the links."""
+    """Yield a suspect if links have implausible inertias; its remedy reduces these inertias."""
     inertias = find_unlikely_inertias(robot)
     if inertias:
         names = _shorten_names([each.name for each in inertias])
@@ -113,7 +116,10 @@ def _inertia_suspects(robot: Robot) -> Iterator[Suspect]:
 
 
 def _gain_suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
-    """Yield scaled gains of SimpleQuad where others are in force."""
+    """Yield a suspect with SimpleQuad's servo gains, scaled to the robot, if the robot's gains differ.
+
+    A robot without a reserve of torque gets none, because other gains cannot help.
+    """
     robot = stance.robot
     if stance.is_overloaded:
         return
@@ -134,7 +140,7 @@ def _gain_suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
 
 
 def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
-    """Yield the springs of the joints."""
+    """Yield a suspect if joints of the model have springs; its remedy removes the springs."""
     model = robot.model
     springs = np.column_stack((model.jnt_stiffness, model.jnt_stiffnesspoly))
     joints = [int(joint) for joint in np.flatnonzero(springs.any(axis=1))]
@@ -151,13 +157,13 @@ def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
 
 
 def self_contacts(subject: DoctorSubject) -> list[str]:
-    """Return a line that names the bodies of the robot in self-contact after a stand; empty without any."""
+    """Return one line that names the bodies in self-contact after the stance test; an empty list if there are none."""
     pairs = _self_contact_pairs(subject.env)
     return [f"bodies of the robot press against each other: {_in_words(pairs)}"] if pairs else []
 
 
 def _self_contact_pairs(env: Any) -> list[tuple[str, str]]:
-    """Return the pairs of names of bodies in self-contact after a stand, as in the robot's file."""
+    """Run the stance test and return the pairs of bodies in self-contact at its end, by their names in the file."""
     measure_stance(env)
     model = env.model
     bodies = model.geom_bodyid[env.data.contact.geom]
@@ -172,7 +178,7 @@ def _in_words(pairs: list[tuple[str, str]]) -> str:
 
 
 def _contact_suspects(robot: Robot, stance: Stance) -> Iterator[Suspect]:
-    """Yield bodies of the robot in self-contact at the end of its stand."""
+    """Yield a suspect if bodies touch each other at the end of the stance test; its remedy excludes the contacts."""
     pairs = [] if stance.diverged else _self_contact_pairs(make_standing_env(robot))
     if not pairs:
         return
@@ -188,14 +194,14 @@ def _contact_suspects(robot: Robot, stance: Stance) -> Iterator[Suspect]:
 
 
 def _rounded(gain: float) -> str:
-    """Round a gain to the number that is tried and proposed."""
+    """Round a gain to a short text; this number is tested and proposed."""
     if gain < 1.0:
         return f"{gain:.3g}"
     return f"{gain:.1f}" if gain < 100.0 else f"{gain:.0f}"
 
 
 def _expand_field(simulation: Any, field: str) -> Any:
-    """Return a field of the model with a row per robot of the simulation."""
+    """Return a writable array of a model field, with one row per robot of the simulation."""
     return simulation.batch.expand(field)
 
 
@@ -205,11 +211,11 @@ def _shorten_names(names: list[str]) -> str:
 
 
 def _joint_name(model: Any, joint: int) -> str:
-    """Return the name of a joint; the free joint has the first six degrees of freedom."""
+    """Return the name of a joint. The free joint is the joint with the first six degrees of freedom."""
     return str(model.joint(joint).name) if model.jnt_dofadr[joint] >= 6 else "the free joint"
 
 
 def _name(model: Any, body: int, file_names: dict[str, str]) -> str:
-    """Return the name of a body in the user's file, else its name in the scene without prefixes."""
+    """Return the name of a body in the user's file, or its scene name without prefixes if the file has no name."""
     name = str(model.body(body).name)
     return file_names.get(name, name.removeprefix(ATTACH_PREFIX).removeprefix(RENAMED_PREFIX))

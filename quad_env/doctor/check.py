@@ -1,6 +1,6 @@
-"""Checks of the doctor, their subject and their findings.
+"""Framework of the `doctor` command: the subject of the checks, a check, and the finding of a check.
 
-A check is left out if a check that it needs has found a problem.
+A check is left out if another check that it needs has found a problem.
 """
 
 from collections.abc import Iterable, Iterator
@@ -15,14 +15,14 @@ from quad_env.robots.robot import Robot
 
 @dataclass(frozen=True)
 class DoctorSubject:
-    """The robot, and perhaps the policy, that checks examine; made by the commands `doctor` and `describe`."""
+    """Robot and optional policy that the checks examine; made by the commands `doctor` and `describe`."""
 
     robot_source: str | Robot = "simple_quad"
-    """Name of a robot, path of its MJCF, URDF or TOML, or the robot itself."""
+    """Name of the robot, path of its MJCF, URDF or TOML file, or the robot itself."""
     policy: str | None = None
-    """Policy by name or path."""
+    """Name or path of the policy; None if no policy is examined."""
     trust: bool = False
-    """True if the policy may be loaded from a file that can hide code."""
+    """True if the policy may be loaded from a file that can contain hidden code."""
 
     @property
     def name(self) -> str:
@@ -35,19 +35,19 @@ class DoctorSubject:
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot, read at the first access; raises ModelError, FileNotFoundError or ModuleNotFoundError."""
+        """The robot, loaded at the first access. Raises ModelError, FileNotFoundError or ModuleNotFoundError."""
         return get_robot(self.robot_source)
 
     @cached_property
     def env(self) -> Any:
-        """A single environment with the robot and its stiff servos that ignores falls; raises ValueError."""
+        """Single environment with the robot and its stiff servos; it does not end at a fall. Raises ValueError."""
         from quad_env.envs.env import SimpleQuadEnv
 
         return SimpleQuadEnv(robot=self.robot.with_stiff_servos, terminate_on_fall=False)
 
     @property
     def parameter_source(self) -> str:
-        """File that can give parameters of the robot, in words."""
+        """Name of the TOML file with the robot's parameters, or a text that says how to make this file."""
         if self.name.endswith(".toml"):
             return self.name
         return f"a TOML (python -m quad_env describe {self.name} --toml mine.toml)"
@@ -55,22 +55,22 @@ class DoctorSubject:
 
 @dataclass(frozen=True)
 class Finding:
-    """Result of a check; made by `ok`, `problem` or the check itself."""
+    """Result of a check; made by `ok`, `problem`, the check itself or `run_checks`."""
 
     result: Literal["ok", "warning", "problem", "left out"]
-    """A warning needs no repair, a problem does."""
+    """Kind of the result. A problem must be repaired; a warning need not be."""
     observed: str
-    """Observation on one line."""
+    """Observation of the check, one line."""
     cause: str = ""
     """Likely cause; empty unless the result is a warning or problem."""
     remedy: str = ""
     """Remedy; empty unless the result is a warning or problem."""
     details: tuple[str, ...] = ()
-    """Further observations, a line each."""
+    """Further observations, one line each."""
 
 
 def ok(observed: str) -> Finding:
-    """Return the finding of a check without fault."""
+    """Return the finding of a check that has found no fault; `observed` is its observation."""
     return Finding("ok", observed)
 
 
@@ -81,17 +81,20 @@ def problem(observed: str, cause: str, remedy: str) -> Finding:
 
 @dataclass(frozen=True)
 class DoctorCheck:
-    """A check by name; the commands `doctor` of this package and of `live` have lists of them."""
+    """Named check of the `doctor` command; the package `live` has further checks."""
 
     name: str
     """Name in the report."""
     place: str
-    """Module and function that takes the subject, `quad_env.doctor.model:model`; imported late, since it may fail."""
+    """Module and name of the function that checks the subject, such as `quad_env.doctor.model:model`.
+
+    The module is imported by `run`, because the import itself may fail.
+    """
     needs: tuple[str, ...] = ()
-    """Names of checks that have to succeed first: this one would only find their problems again."""
+    """Names of the checks that must succeed first, because this check would only report their problems again."""
 
     def run(self, subject: DoctorSubject) -> Finding:
-        """Return the finding of the check; an unexpected error is a problem too."""
+        """Run the check and return its finding. An unexpected exception becomes a problem finding."""
         module, _, function = self.place.partition(":")
         try:
             finding: Finding = getattr(import_module(module), function)(subject)
@@ -106,13 +109,13 @@ class DoctorCheck:
 
 
 def run_checks(checks: Iterable[DoctorCheck], subject: DoctorSubject) -> Iterator[tuple[str, Finding]]:
-    """Yield name and finding of each check.
+    """Run checks in order and yield the name and finding of each.
 
-    A check is left out if one of its needs has a problem or is left out.
+    A check is left out if a check that it needs has found a problem or was left out.
 
     Args:
-        checks: Checks in their order.
-        subject: Robot and policy.
+        checks: Checks in the order of execution.
+        subject: Robot and policy to examine.
 
     Yields:
         Name of the check, and its finding.

@@ -15,7 +15,7 @@ from quad_env.files.text import escape_control_characters
 from quad_env.robots.registry import ROBOTS, parse_robot
 
 PACKAGE = "quad_env.doctor"
-"""Package of the modules with the checks."""
+"""Name of the package that contains the modules with the checks."""
 CHECKS = (
     DoctorCheck("packages", f"{PACKAGE}.installation:packages"),
     DoctorCheck("mujoco", f"{PACKAGE}.installation:mujoco", ("packages",)),
@@ -27,7 +27,7 @@ CHECKS = (
     DoctorCheck("stands", f"{PACKAGE}.stance_check:stands", ("joints",)),
     DoctorCheck("plausible", f"{PACKAGE}.model:plausible", ("stands",)),
 )
-"""Checks in the order of their dependence: the first problem is the one to repair."""
+"""Checks, each after the checks that it needs. The first problem in this order must be repaired first."""
 NO_CLONE_NOTE = "walking and policies were not examined: they need a clone of the project"
 
 
@@ -46,7 +46,7 @@ class DoctorOptions:
 
 
 def main(options: DoctorOptions) -> int:
-    """Run the checks of this package and return the exit code. Raises UsageError."""
+    """Run the checks of this package and return the exit code. Raises UsageError for the options of policies."""
     if options.policy is not None or options.write is not None:
         raise UsageError("policies come with a clone of the project, not with quad_env alone: no --policy, no --write")
     return run(options, None)
@@ -57,13 +57,13 @@ def run(options: DoctorOptions, policy_checks: tuple[DoctorCheck, ...] | None) -
 
     Args:
         options: Options of the command.
-        policy_checks: Checks that need policies; None where this package is installed alone.
+        policy_checks: Checks of policies; None if only this package is installed, without policies.
 
     Returns:
-        0 without a problem, 1 with one.
+        Exit code: 0 if no check has found a problem, else 1.
     """
     if options.robot not in ROBOTS and not Path(options.robot).is_file():
-        parse_robot(options.robot)  # raises
+        parse_robot(options.robot)  # This raises UsageError, because the robot is unknown.
     subject = DoctorSubject(options.robot, options.policy, options.trust)
     counts = Counter[str]()
     for name, finding in run_checks((*CHECKS, *(policy_checks or ())), subject):
@@ -76,7 +76,7 @@ def run(options: DoctorOptions, policy_checks: tuple[DoctorCheck, ...] | None) -
 
 
 def _lines(name: str, finding: Finding) -> Iterator[str]:
-    """Yield the lines of a finding: observation, details, and cause and remedy if there are any."""
+    """Yield the printed lines of a finding: the observation, the details, and the cause and remedy of a fault."""
     yield f"{finding.result:9} {name:11} {finding.observed}"
     yield from (f"{'':22}{line}" for line in finding.details)
     if finding.remedy:

@@ -1,4 +1,4 @@
-"""Checks of the installation: required packages, MuJoCo, and OpenGL for pictures."""
+"""Checks of the installation: required packages, MuJoCo, and rendering with OpenGL."""
 
 import contextlib
 import os
@@ -14,7 +14,10 @@ from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
 
 PROJECT = "simple-quad"
 RENDER_TIMEOUT = 60.0
-"""s. Longest run time until a first frame, with shaders that the processor compiles; see `RunClock`."""
+"""Limit of the run time until the first frame is drawn, s; see `RunClock`.
+
+It leaves time for software rendering, which compiles the shaders on the processor.
+"""
 EGL_REMEDY = "install EGL (Debian and Ubuntu: apt install libegl1 libgl1 libgl1-mesa-dri)"
 DRAWING_PROGRAM = """
 from quad_env.envs.env import SimpleQuadEnv
@@ -24,11 +27,11 @@ if env.render().std() < 1.0:
     raise SystemExit("Error: the frame is empty")
 env.close()
 """
-"""Program that draws a frame, in a process of its own: a broken OpenGL may end a whole process."""
+"""Program that draws one frame; it runs in a separate process, because a broken OpenGL can end its process."""
 
 
 def packages(_: DoctorSubject) -> Finding:
-    """Check that the packages that every command needs are installed in valid versions."""
+    """Check that all required packages are installed, in versions that the project supports."""
     requirements = map(Requirement, metadata.requires(PROJECT) or ())
     needed = [each for each in requirements if not each.marker or each.marker.evaluate({"extra": ""})]
     if faults := [fault for each in needed if (fault := _fault(each))]:
@@ -38,7 +41,7 @@ def packages(_: DoctorSubject) -> Finding:
 
 
 def _fault(needed: Requirement) -> str | None:
-    """Return the fault of a required package in words; None without one."""
+    """Describe the fault of a required package, which is missing or has a wrong version; None if it has no fault."""
     try:
         version = metadata.version(needed.name)
     except metadata.PackageNotFoundError:
@@ -49,10 +52,10 @@ def _fault(needed: Requirement) -> str | None:
 
 
 def mujoco(_: DoctorSubject) -> Finding:
-    """Check that MuJoCo loads, with its batch of simulations."""
+    """Check that MuJoCo can be imported, including its batch simulation."""
     try:
-        import_module("quad_env.physics.simulation")  # imports the parts of MuJoCo that all commands import
-    except Exception as error:  # an OpenGL backend or a system library can raise anything
+        import_module("quad_env.physics.simulation")  # This imports the parts of MuJoCo that all commands use.
+    except Exception as error:  # An OpenGL backend or a system library can raise any exception.
         observed = f"MuJoCo does not load: {' '.join(str(error).split())}"
         if chosen := os.environ.get("MUJOCO_GL"):
             cause = f"MUJOCO_GL={chosen}, which MuJoCo reads as it loads, asks for what is not here"
@@ -64,7 +67,7 @@ def mujoco(_: DoctorSubject) -> Finding:
 
 
 def opengl(_: DoctorSubject) -> Finding:
-    """Check that a frame is drawn, in another process."""
+    """Check that a separate process can draw a frame."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = sys.executable, "-c", DRAWING_PROGRAM
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment) as run:
@@ -82,7 +85,7 @@ def opengl(_: DoctorSubject) -> Finding:
 
 
 def _stderr_in_time(run: "subprocess.Popen[bytes]") -> bytes | None:
-    """Return the stderr of a process; None for a process that is killed after RENDER_TIMEOUT."""
+    """Wait for the end of a process and return its stderr; kill it after RENDER_TIMEOUT and return None."""
     clock = RunClock(run.pid)
     while clock.elapsed() < RENDER_TIMEOUT:
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -92,7 +95,7 @@ def _stderr_in_time(run: "subprocess.Popen[bytes]") -> bytes | None:
 
 
 def _drawing_problem(error: str) -> Finding:
-    """Return the finding for a failed drawing with the last line of its `error`."""
+    """Return the finding for a drawing process that failed; `error` is the last line of its error message."""
     if sys.platform != "linux":
         return problem(error, "the system gives no OpenGL", "run it in a desktop session, with its graphics driver")
     cause = "EGL, the display or a driver behind it is missing"

@@ -1,4 +1,4 @@
-"""Checks of the robot's model: it loads and is plausible, and its left and right joints mirror each other."""
+"""Checks of the robot's model: loading, plausibility, joint names, joint ranges and left-right symmetry."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,17 +15,17 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG, ModelError
 
 MIN_RANGE = 0.1
-"""rad. Least range of a joint."""
+"""Smallest valid range of a joint, rad."""
 MAX_RANGE = 8.01 * np.pi
-"""rad. Largest range of a joint; ANYmal's joints have ranges of three turns."""
+"""Largest valid range of a joint, rad. ANYmal's joints have ranges of three turns."""
 MIN_MARGIN = 0.03
-"""rad. Least distance of the home pose from an end of the range."""
+"""Smallest valid distance of the home pose from an end of the joint range, rad."""
 MIRROR_TOLERANCE = 0.2
-"""Largest difference between a left and a right leg in an angle, rad; Boston Dynamics' Spot has 0.05 in a limit."""
+"""Largest valid difference between mirrored angles of a left and a right leg, rad. Spot has 0.05 in a joint limit."""
 
 
 def model(subject: DoctorSubject) -> Finding:
-    """Check that the robot can be read, compiled and put into the scene."""
+    """Check that the robot can be loaded, compiled and put into the scene, and that all its numbers are finite."""
     log_to_console()
     try:
         robot = subject.robot
@@ -46,7 +46,7 @@ def model(subject: DoctorSubject) -> Finding:
 
 
 def _describe_model(robot: Robot) -> Finding:
-    """Return the finding for a valid model, with omitted parts and overlaps as details."""
+    """Return the finding for a valid model; its details list omitted parts and overlapping shapes."""
     locked = f"; held at their reference: {', '.join(robot.locked_joints)}" if robot.locked_joints else ""
     trunk = f"trunk {robot.home_height:.2f} m high"
     omissions = omission_lines(robot.user_model, robot.keeps_contact) if robot.imported else ()
@@ -58,7 +58,7 @@ def _describe_model(robot: Robot) -> Finding:
 
 
 def plausible(subject: DoctorSubject) -> Finding:
-    """Check that the robot's size, motors and servos are plausible."""
+    """Check that lengths, inertias and motor torques of the robot are plausible."""
     if warnings := list(find_warnings(subject.robot)):
         cause = "a placeholder that was never filled in, or a model in other units than metres, kilograms and radians"
         remedy = f"correct them in {subject.robot.mjcf}, or give them in {subject.parameter_source}"
@@ -67,7 +67,7 @@ def plausible(subject: DoctorSubject) -> Finding:
 
 
 def names(subject: DoctorSubject) -> Finding:
-    """Check that the joints are at the places that their names say."""
+    """Check that the joint names, such as `FL_hip_joint`, agree with the positions of the legs."""
     robot = subject.robot
     if line := next(find_contradictions(robot), None):
         observed, _, remedy = line.partition("; ")
@@ -77,7 +77,7 @@ def names(subject: DoctorSubject) -> Finding:
 
 
 def limits(subject: DoctorSubject) -> Finding:
-    """Check the joint ranges: plausible for a leg, mirrored left and right, with the home pose well inside."""
+    """Check that the joint ranges are plausible, mirror each other left and right, and contain the home pose."""
     robot = subject.robot
     margins = np.minimum(robot.home_pose - robot.joint_lower, robot.joint_upper - robot.home_pose)
     if (finding := _range_problem(robot)) is not None:
@@ -93,7 +93,7 @@ def limits(subject: DoctorSubject) -> Finding:
 
 
 def _range_problem(robot: Robot) -> Finding | None:
-    """Return the problem of joints with too wide or too narrow ranges; None without one."""
+    """Return the problem finding for joint ranges that are too wide or too narrow; None if all are valid."""
     ranges = robot.joint_upper - robot.joint_lower
     if wide := [name for name, value in zip(robot.joint_names, ranges, strict=True) if value > MAX_RANGE]:
         observed = f"{_shorten_names(wide)} can turn by {ranges.max():.0f} rad"
@@ -108,11 +108,11 @@ def _range_problem(robot: Robot) -> Finding | None:
 
 
 def _mirror_problem(robot: Robot) -> Finding | None:
-    """Return the problem of ranges that do not mirror each other left and right; None without one."""
+    """Return the problem finding for joint ranges that do not mirror each other left and right; None if all do."""
     lower = robot.joint_lower
     upper = robot.joint_upper
     for left, right in _pairs(robot):
-        if len(set(_knees(robot, left, right))) > 1:  # which `joints` reports
+        if len(set(_knees(robot, left, right))) > 1:  # Skip knees that bend opposite ways: `joints` reports them.
             continue
         mirrored_lower = np.array([-upper[right][0], *lower[right][1:]])
         mirrored_upper = np.array([-lower[right][0], *upper[right][1:]])
@@ -125,7 +125,7 @@ def _mirror_problem(robot: Robot) -> Finding | None:
 
 
 def joints(subject: DoctorSubject) -> Finding:
-    """Check that knees of left and right legs bend the same way, and that their home poses mirror each other."""
+    """Check that left and right knees bend the same way, and that the home pose is symmetric left and right."""
     robot = subject.robot
     for left, right in _pairs(robot):
         if len(set(_knees(robot, left, right))) > 1:
@@ -141,7 +141,7 @@ def joints(subject: DoctorSubject) -> Finding:
 
 
 def _shorten_names(names: list[str]) -> str:
-    """Return `fl_calf_joint`, or `fl_calf_joint and 3 more`."""
+    """Return the first name and the number of the other names, as in `fl_calf_joint and 3 more`."""
     return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
 
@@ -150,7 +150,7 @@ def _correct(attribute: str, robot: Robot) -> str:
 
 
 def _pairs(robot: Robot) -> Iterator[tuple[slice, slice]]:
-    """Yield the joints of the left and of the right leg, fore and hind."""
+    """Yield the joint slices of the left and the right leg, first of the fore legs, then of the hind legs."""
     corners = robot.in_leg_order(range(4))
     starts = [JOINTS_PER_LEG * corners.index(corner) for corner in range(4)]
     fore_left, fore_right, hind_left, hind_right = (slice(start, start + JOINTS_PER_LEG) for start in starts)
@@ -158,5 +158,5 @@ def _pairs(robot: Robot) -> Iterator[tuple[slice, slice]]:
 
 
 def _knees(robot: Robot, *parts: slice) -> list[float]:
-    """Return the knee directions of the legs with these joints."""
+    """Return the knee direction of each leg; `parts` are the joint slices of the legs."""
     return [float(robot.knee_direction[part.start // JOINTS_PER_LEG]) for part in parts]

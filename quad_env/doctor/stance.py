@@ -1,4 +1,4 @@
-"""Stance test: a robot holds its home pose for two seconds, and then squats."""
+"""Stance test: a simulated robot holds its home pose for two seconds and then squats."""
 
 import math
 from dataclasses import dataclass
@@ -11,68 +11,68 @@ from quad_env.envs.env import SimpleQuadEnv
 from quad_env.robots.robot import Robot
 
 STAND_TIME = 2.0
-"""s. Duration of the hold of the home pose."""
+"""Time for which the robot holds its home pose, s."""
 
 
 @dataclass(frozen=True)
 class StanceLimits:
-    """Limits of the stance test."""
+    """Limits of the stance test; a robot that exceeds one of them does not stand."""
 
     tilt: float = 0.1
-    """rad. Largest tilt of the trunk."""
+    """Largest tilt of the trunk, rad."""
     sink: float = 0.2
-    """Largest sink of the trunk, as a share of its height in the home pose."""
+    """Largest sink of the trunk, as a fraction of its height in the home pose."""
     tracking_error: float = 0.1
-    """rad. Largest distance of a joint from its target under the robot's weight."""
+    """Largest distance of a joint from its target under the robot's weight, rad."""
     torque: float = 0.95
-    """Share of the rated torque above which a joint has no reserve."""
+    """Largest joint torque at rest, as a fraction of the rated torque; a joint above it has no reserve."""
     joint_speed: float = 1.0
-    """rad/s. Root mean square of all joint speeds at rest in the squat; at most 0.3 for a robot by name."""
+    """Largest root mean square of all joint speeds after the squat, rad/s; named robots have at most 0.3."""
 
 
 LIMITS = StanceLimits()
 SETTLING_TIME = 0.5
-"""s. Time to come to rest in the squat."""
+"""Duration of the squat, s; the robot has to come to rest in this time."""
 MEASURED_TIME = 0.2
-"""s. Length of the measured window at the end."""
+"""Duration of the measurement at the end of the home pose and of the squat, s."""
 SQUAT_STEP = 0.1
-"""rad. Step of the thighs' targets; the calves' step is twice as large."""
+"""Step of the thigh targets at the start of the squat, rad; the step of the calf targets is twice as large."""
 
 
 class DivergedError(ValueError):
-    """The simulation of a robot has diverged."""
+    """Error that the simulation of a robot has diverged."""
 
 
 @dataclass(frozen=True)
 class Stance:
-    """Result of a stance test, home pose and then a squat; made by `measure_stance`."""
+    """Result of the stance test; made by `measure_stance`. Numbers are NaN if the simulation has diverged."""
 
     robot: Robot
     diverged: bool = False
     height: float = math.nan
-    """Height of the trunk's origin, m."""
+    """Height of the trunk's origin at the end of the home pose, m."""
     tilt: float = math.nan
-    """Tilt of the trunk, rad."""
+    """Tilt of the trunk at the end of the home pose, rad."""
     tracking_errors: NDArray[np.float64] | None = None
-    """Mean distances of the joints from their targets, (12,), rad."""
+    """Distance of each joint from its target in the home pose, (12,), rad; None if the simulation has diverged."""
     torque: float = math.nan
-    """Largest torque of a joint at rest, N·m."""
+    """Largest mean torque of a joint in the home pose, N·m."""
     joint_speed: float = math.nan
     """Root mean square of the joint speeds after the squat, rad/s."""
 
     @property
     def tracking_error(self) -> float:
-        """Largest distance of a joint from its target, rad."""
+        """Largest distance of a joint from its target, rad; NaN if the simulation has diverged."""
         return math.nan if self.tracking_errors is None else float(self.tracking_errors.max())
 
     @property
     def is_overloaded(self) -> bool:
-        """True if a joint has no reserve of torque."""
+        """True if the torque of a joint is above the limit, so that the joint has no reserve."""
         return self.torque > LIMITS.torque * self.robot.rated_torque
 
     @property
     def fault(self) -> str | None:
-        """Fault of the stance in words; None for a robot that stands. Numbers that are not finite are a fault."""
+        """Description of the first fault; None if the robot stands. A number that is not finite is a fault."""
         robot = self.robot
         values = (self.height, self.tilt, self.tracking_error, self.torque, self.joint_speed)
         if self.diverged or not np.isfinite(values).all():
@@ -89,19 +89,19 @@ class Stance:
 
     @property
     def tracking_text(self) -> str:
-        """Tracking of the joint targets, in words."""
+        """Text about the joint that is farthest from its target."""
         assert self.tracking_errors is not None
         worst = self.robot.joint_names[int(self.tracking_errors.argmax())]
         return f"standing, {worst} is {self.tracking_error:.3f} rad off its target"
 
     @property
     def trunk_text(self) -> str:
-        """Pose of the trunk, in words."""
+        """Text about height and tilt of the trunk."""
         return f"its trunk is {self.height:.3f} m high and tilted by {self.tilt:.3f} rad"
 
 
 def measure_stance(env: Any) -> Stance:
-    """Reset the single environment `env`, let its robot stand and squat, and return the result."""
+    """Run the stance test in the single environment `env`, which is reset first, and return the result."""
     robot = env.robot
     env.reset(seed=0, options={"command": np.zeros(3)})
     try:
@@ -120,7 +120,7 @@ def measure_stance(env: Any) -> Stance:
 
 
 def _joint_speed_after_squat(env: Any) -> float:
-    """Return the root mean square of all joint speeds at the end of a squat, rad/s."""
+    """Let the robot squat; return the root mean square of all joint speeds over the last MEASURED_TIME, rad/s."""
     robot = env.robot
     step = SQUAT_STEP * np.array([[0.0, -knee, 2.0 * knee] for knee in robot.knee_direction]).ravel()
     squatting = hold_target(env, robot.home_pose + step, SETTLING_TIME)[-round(MEASURED_TIME / env.dt) :]
@@ -128,18 +128,18 @@ def _joint_speed_after_squat(env: Any) -> float:
 
 
 def hold_target(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
-    """Return the states of the robot of a single environment while it holds a target.
+    """Simulate a robot while its joints hold a target.
 
     Args:
-        env: The environment.
-        target: Joint angles, (12,), rad.
-        seconds: Time, s.
+        env: Single environment with the robot.
+        target: Target joint angles, (12,), rad.
+        seconds: Simulated time, s.
 
     Returns:
-        State after each control step.
+        State of the robot after each control step.
 
     Raises:
-        DivergedError: The simulation diverges.
+        DivergedError: The simulation has diverged.
     """
     states = []
     for _ in range(round(seconds / env.dt)):
@@ -151,5 +151,5 @@ def hold_target(env: Any, target: NDArray[np.float64], seconds: float) -> list[A
 
 
 def make_standing_env(robot: Robot) -> SimpleQuadEnv:
-    """Make a single environment with a robot that ignores falls."""
+    """Make a single environment with a robot; it does not end at a fall."""
     return SimpleQuadEnv(robot=robot, terminate_on_fall=False)

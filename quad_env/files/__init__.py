@@ -1,1 +1,1 @@
-"""Files: read whole and bounded, written atomically, as UTF-8."""
+"""Reading of files up to a size limit, atomic writing of files, and safe texts for messages."""

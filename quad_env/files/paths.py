@@ -1,4 +1,4 @@
-"""Check of names and paths: detects a text that can only be a path to a missing file."""
+"""Check of an argument that is a name or a path: detects the path of a missing file."""
 
 from pathlib import Path
 
@@ -8,13 +8,14 @@ ENDINGS = frozenset(
         *(".stl", ".toml", ".urdf", ".xml", ".yaml", ".yml", ".zip"),
     )
 )
-"""Endings of the files that users name; a severity as `noise=0.2` does not end in one of them."""
+"""Endings of the files that users name. An option value such as `noise=0.2` does not end in one of them."""
 
 
 def missing_file_message(text: str) -> str | None:
-    """Return `there is no file or folder x/y` for a missing path; None for a name and for an existing file.
+    """Return the message `there is no file or folder x/y` if `text` is a path and nothing exists there, else None.
 
-    A text is a path if it has a separator, begins with `~`, or has one of ENDINGS. `FILE.py:NAME` is a path, too.
+    A text is a path if it has a separator, begins with `~`, or has one of ENDINGS; any other text is a name.
+    In `FILE.py:NAME` the part before the colon is the path.
     """
     file, colon, _ = text.rpartition(":")
     path = file if colon and file.lower().endswith(".py") else text
@@ -24,6 +25,6 @@ def missing_file_message(text: str) -> str | None:
     try:
         if Path(path).exists():
             return None
-    except (OSError, ValueError):  # not a valid file name
+    except (OSError, ValueError):  # The system rejects the text as a file name, so no file has this name.
         pass
     return f"there is no file {path}" if ending in ENDINGS else f"there is no file or folder {path}"

@@ -1,4 +1,4 @@
-"""Reading of users' files: whole, if they are regular and of a bounded size."""
+"""Reading and parsing of users' files; a file that is not regular or is too large raises an error."""
 
 import errno
 import json
@@ -12,43 +12,54 @@ from typing import Any
 from quad_env.files.text import brief
 
 MAX_TEXT_SIZE = 64 * 2**20
-"""Byte. Largest text, as a description, a model or a script."""
+"""Largest size of a text file, such as a description, a model or a script, byte."""
 MAX_DATA_SIZE = 4 * 2**30
-"""Byte. Largest file of numbers that this project writes, as a table or a checkpoint."""
+"""Largest size of a data file that this project writes, such as a table or a checkpoint, byte."""
 MAX_TOML_SIZE = 2**17
-"""Byte. Largest TOML; the time of Python's reader grows with the square of its size."""
+"""Largest size of a TOML file, byte. The time of Python's TOML parser grows with the square of the file's size."""
 MAX_KEY_PARTS = 20
-"""Largest number of parts of a dotted key, for the same reason."""
+"""Largest number of parts of a dotted TOML key. It bounds the parsing time, as MAX_TOML_SIZE does."""
 _DELIMITERS = re.compile(r"[],=[{}\"']")
 """Characters between the keys and values of a line of TOML."""
 NETWORK_LIMIT = "QUAD_ENV_LARGEST_NETWORK"
-"""Environment variable: largest policy network that is read, MiB."""
+"""Environment variable that sets the largest size of a policy network file, MiB."""
 _NETWORK_MIB = 128
-"""MiB. Default limit. Networks of published policies have 0.1 to 20 MiB, with an image encoder up to 100 MiB."""
+"""Default of NETWORK_LIMIT, MiB. Published policies have 0.1 to 20 MiB, or up to 100 MiB with an image encoder."""
 
 
 def max_network_size() -> int:
-    """Return the size of the largest policy network that is read, byte."""
+    """Return the largest allowed size of a policy network file, byte."""
     text = os.environ.get(NETWORK_LIMIT, "")
     number = int(text) if text.isascii() and text.isdigit() and len(text) < 10 else 0
     return (number or _NETWORK_MIB) * 2**20
 
 
 def read_bytes(path: Path, limit: int = MAX_TEXT_SIZE) -> bytes:
-    """Return the content of the file at `path`; raise OSError unless it is regular and has at most `limit` bytes."""
+    """Return the content of the file at `path`.
+
+    Args:
+        path: The file.
+        limit: Largest size, byte.
+
+    Returns:
+        The content.
+
+    Raises:
+        OSError: The file is missing, not regular, or larger than `limit`.
+    """  # noqa: DOC502 -- `check_file` raises
     check_file(path, limit)
     return path.read_bytes()
 
 
 def check_file(path: Path, limit: int = MAX_DATA_SIZE) -> None:
-    """Check that a file may be read: reading a pipe or a device may never end.
+    """Check that a file is regular and not too large. A pipe or a device is rejected: its reading may never end.
 
     Args:
         path: The file.
         limit: Largest size, byte.
 
     Raises:
-        OSError: It is missing, not regular, or too large.
+        OSError: The file is missing, not regular, or larger than `limit`.
     """
     status = path.stat()
     if not stat.S_ISREG(status.st_mode):
@@ -59,7 +70,7 @@ def check_file(path: Path, limit: int = MAX_DATA_SIZE) -> None:
 
 
 def parse_json(content: bytes | str) -> Any:
-    """Parse JSON. Raises ValueError for invalid JSON, a key that an object has twice, and too deep a nesting."""
+    """Parse JSON. Raises ValueError for invalid JSON, a duplicate key in an object, and too deep a nesting."""
     try:
         return json.loads(content, object_pairs_hook=_unique_keys)
     except RecursionError:
@@ -67,7 +78,7 @@ def parse_json(content: bytes | str) -> Any:
 
 
 def parse_toml(content: bytes | str) -> dict[str, Any]:
-    """Parse TOML. Raises ValueError for invalid TOML, a text that is too large, or a key of too many parts."""
+    """Parse TOML. Raises ValueError for invalid TOML, a text that is too large, or a key with too many parts."""
     if len(content) > MAX_TOML_SIZE:
         raise ValueError(f"it is larger than {MAX_TOML_SIZE // 1024} KiB")
     text = content if isinstance(content, str) else content.decode()
@@ -85,7 +96,7 @@ def parse_toml(content: bytes | str) -> dict[str, Any]:
 
 
 def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object of JSON as a dictionary. Raises ValueError for a key that it has twice."""
+    """Convert the key-value pairs of a JSON object to a dictionary. Raises ValueError for a duplicate key."""
     values: dict[str, Any] = {}
     for name, value in pairs:
         if name in values:

@@ -1,4 +1,4 @@
-"""Texts of others as lines that are safe to print."""
+"""Conversion of untrusted texts, values and exceptions to short texts that are safe to print."""
 
 from itertools import islice
 from traceback import TracebackException
@@ -14,26 +14,27 @@ _MAX_BITS = 200
 
 
 def one_line(text: str) -> str:
-    """Return a text on one line of bounded length, without control characters."""
+    """Return a text as one line without control characters, cut after MAX_LINE_LENGTH characters."""
     plain = " ".join("".join(sign if sign.isprintable() else " " for sign in text).split())
     return plain if len(plain) <= MAX_LINE_LENGTH else f"{plain[:MAX_LINE_LENGTH]} …"
 
 
 def escape_control_characters(text: str) -> str:
-    """Return a text with its control characters, other than line breaks, as escapes like `\\x1b`."""
+    """Return a text with each control character except line breaks replaced by its escape, such as `\\x1b`."""
     return "".join(
         sign if sign.isprintable() or sign == "\n" else sign.encode("unicode_escape").decode("ascii") for sign in text
     )
 
 
 def brief(value: object, depth: int = 2) -> str:
-    """Return a short text of a value for an error, in bounded time: the start of a text, few entries of a collection.
+    """Return a short text that shows a value in an error message.
 
-    A collection of a YAML file can contain itself, or one collection many times, so its `repr` can be endless.
+    A long string is cut, and a collection shows its first entries only. The `repr` of a collection could be endless,
+    because a collection of a YAML file can contain itself.
 
     Args:
         value: The value.
-        depth: Levels of nested collections that are shown.
+        depth: Number of levels of nested collections that are shown.
 
     Returns:
         The text.
@@ -58,8 +59,8 @@ def brief(value: object, depth: int = 2) -> str:
 
 
 def format_exception(error: BaseException) -> str:
-    """`ValueError: its text`, on one line.
+    """Return an exception as one line, such as `ValueError: the message`.
 
-    The `__str__` of a user's exception can fail; then the line says so.
+    The `__str__` method of a user's exception can itself fail; the line says so in this case.
     """
     return one_line(f"{type(error).__name__}: {TracebackException.from_exception(error)}")

@@ -1,4 +1,4 @@
-"""Atomic writing of files, and exclusive locks of folders."""
+"""Atomic writing of files, and locks that reserve a folder for one process."""
 
 import contextlib
 import hashlib
@@ -9,20 +9,20 @@ from pathlib import Path
 
 
 class FolderInUseError(OSError):
-    """Another process writes to the folder; the message is one line with the remedy."""
+    """Error that another process writes to the folder; the message is one line with the remedy."""
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file through a temporary file in the same folder.
+    """Write a temporary file in the same folder and rename it to `path`.
 
-    At any moment, and after a power cut, the file is the old one or the new one, whole.
+    The file at `path` is always complete: it has the old or the new content, even after a power cut.
 
     Args:
         path: The file.
-        content: Its new content.
+        content: New content of the file.
 
     Raises:
-        BaseException: Any error of the writing, once the temporary file is deleted.
+        BaseException: The writing failed; the temporary file has been deleted.
     """  # noqa: DOC502 -- a bare `raise`
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
@@ -38,7 +38,7 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 
 def make_writable_folder(path: Path) -> None:
-    """Make the folder if needed and check that files can be written there. Raises OSError."""
+    """Make the folder at `path` if it is missing. Raises OSError if no file can be written there."""
     path.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=path):
         pass
@@ -46,9 +46,10 @@ def make_writable_folder(path: Path) -> None:
 
 @contextlib.contextmanager
 def exclusive_lock(folder: Path) -> Iterator[None]:
-    """Return a context with sole use of a folder among processes. A missing folder raises OSError.
+    """Return a context in which no other process can lock the same folder. A missing folder raises OSError.
 
-    The lock of the system ends with its process in any case. Network drives without locks exclude no process.
+    The operating system releases the lock when the process ends, even after a crash. A network drive that does not
+    support locks allows several processes at once.
 
     Args:
         folder: The folder.
@@ -57,18 +58,19 @@ def exclusive_lock(folder: Path) -> Iterator[None]:
         Nothing, while the lock is held.
 
     Raises:
-        FolderInUseError: Another process has the folder.
+        FolderInUseError: Another process holds the lock.
     """
     from filelock import FileLock, Timeout
 
     name = hashlib.sha256(os.path.normcase(folder.resolve(strict=True)).encode()).hexdigest()[:16]
-    lock = FileLock(Path(tempfile.gettempdir()) / f"simple_quad-{name}.lock", timeout=0)  # runs want an empty folder
+    # The lock file is outside of the folder because a run requires an empty folder.
+    lock = FileLock(Path(tempfile.gettempdir()) / f"simple_quad-{name}.lock", timeout=0)
     try:
         lock.acquire()
     except Timeout:
         remedy = "wait until it ends, or name another folder with --out"
         raise FolderInUseError(f"{folder} is being written to by another process: {remedy}") from None
-    except OSError:  # no locks here
+    except OSError:  # The file system does not support locks: continue without one.
         pass
     try:
         yield

@@ -1,1 +1,1 @@
-"""Robots: names, geometry, limits and kinematics, and their MJCF and URDF."""
+"""Robots: registry, parameters and kinematics, and the import of MJCF and URDF models."""

@@ -1,4 +1,4 @@
-"""Check for numbers of a compiled model that are not finite, by the names of its parts."""
+"""Check for NaN and infinity in a compiled model; the message names the parts with these numbers."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 _KINDS = {"body_": "body", "jnt_": "joint", "geom_": "geom", "actuator_": "actuator"}
-"""Kind of part by the prefix of a model's field."""
+"""Prefix of a model field -> kind of part that the field describes."""
 _FIELDS = (
     *("body_pos", "body_quat", "body_mass", "body_inertia", "body_ipos", "body_iquat"),
     *("jnt_pos", "jnt_axis", "jnt_range", "jnt_stiffness", "jnt_actfrcrange"),
@@ -14,15 +14,15 @@ _FIELDS = (
     *("actuator_gear", "actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "actuator_ctrlrange"),
     *("jnt_margin", "actuator_armature", "actuator_damping"),
 )
-"""Checked fields of bodies, joints, geoms and actuators."""
+"""Fields of bodies, joints, geoms and actuators that are checked."""
 _JOINT_FIELDS = ("dof_armature", "dof_damping", "dof_frictionloss")
-"""Checked fields with a row per degree of freedom."""
+"""Checked fields that have one row per degree of freedom."""
 _SHOWN = 3
-"""Largest number of parts that a message names."""
+"""Largest number of parts that the message names."""
 
 
 def nonfinite_parts(model: Any) -> Iterator[str]:
-    """Yield the parts with a number that is not finite, as in `pos of body 'FL_calf'`."""
+    """Yield a text for each part with a number that is not finite, such as `pos of body 'FL_calf'`."""
     for field in _FIELDS:
         prefix = next(prefix for prefix in _KINDS if field.startswith(prefix))
         for row in _bad_rows(getattr(model, field)):
@@ -36,7 +36,7 @@ def nonfinite_parts(model: Any) -> Iterator[str]:
 
 
 def nonfinite_line(model: Any) -> str | None:
-    """Return the message that names the first parts with a number that is not finite; None where there are none."""
+    """Return the message that names the first parts with a number that is not finite; None if all are finite."""
     parts = list(dict.fromkeys(nonfinite_parts(model)))
     if not parts:
         return None

@@ -1,4 +1,4 @@
-"""A robot as a value: its parameters, and joint limits, mass and SHA-256 of its compiled model."""
+"""Class of a robot: its parameters, and the joint limits, mass and SHA-256 of its compiled model."""
 
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +17,7 @@ from quad_env.robots.structure import JOINTS_PER_LEG, LEGS
 JOINTS = LEGS * JOINTS_PER_LEG
 """Number of joints of a robot."""
 _SHOWN_LENGTH = 80
-"""Largest number of characters of a wrong value in an error message."""
+"""Largest number of characters of a wrong value that an error message shows."""
 
 
 class Robot(RobotParameters):
@@ -28,26 +28,33 @@ class Robot(RobotParameters):
 
     @classmethod
     def from_mjcf(cls, path: str | Path, name: str | None = None, **figures: Any) -> "Robot":
-        """Return the quadruped of an MJCF or a URDF, with any names of its parts and any order of its legs.
+        """Load a quadruped from an MJCF or URDF file. Names of parts and the order of the legs are arbitrary.
 
-        The robot is the body with the free joint, or a URDF's root link, and all below it. A leg is a chain of three
-        hinges: about the trunk's x axis and twice about the leg's y axis. Its foot is every colliding geom of its last
-        body that can be the lowest in a stance. Lengths, limits, torques and the bend directions of the knees are read
-        from the compiled model. The home pose comes from its keyframe or, without one, from SimpleQuad's proportions.
-        The joints have our servos, scaled from SimpleQuad's by mass and leg length, with the least of the model's
-        largest torques. Other hinges and slides, as of an arm or of wheels on the feet, are locked at the first
-        keyframe or else at `qpos0`, see `locked_joints`. `model_fields` lists the treatment of every other field of
-        the model, and `describe` names the omitted parts.
+        The robot is the body with the free joint, or the root link of a URDF, and all bodies below it. A leg is a chain
+        of three hinges: the first about the trunk's x axis, the others about the leg's y axis. The foot consists of the
+        colliding geoms of the leg's last body that can be the lowest point in a stance.
+
+        Lengths, joint limits, torques and knee directions are read from the compiled model. The home pose is taken from
+        a keyframe of the model. It has SimpleQuad's proportions if the model has no keyframe of a stand.
+
+        The joints are driven by position servos with SimpleQuad's gains, scaled by mass and leg length. The torque
+        limit of all joints is the smallest of the model's joint torque limits.
+
+        All other hinges and slides, such as an arm or wheels on the feet, are locked, see `locked_joints`. They are
+        locked at the first keyframe, or at `qpos0` if the model has none. `model_fields` lists the treatment of every
+        other field of the model, and `describe` names the omitted parts.
+
+        A ModelError, which is a ValueError, says why the file is no quadruped of this kind, or names a parameter that
+        must be given.
 
         Args:
-            path: The MJCF or URDF, or a TOML file of parameters with the MJCF's path from there as `mjcf`, as
-                `python -m quad_env describe` writes it.
-            name: Name of the robot; None for the name of the file, without its ending.
-            **figures: Fields of `Robot` that are given instead of being inferred. A ModelError, which is a ValueError,
-                says in a line why the file is no quadruped of this kind, or names a parameter that must be given.
+            path: The MJCF or URDF file, or a TOML file of parameters as `python -m quad_env describe` writes it. The
+                entry `mjcf` of the TOML is the path of the model, relative to the TOML.
+            name: Name of the robot; None for the name of the file without its ending.
+            **figures: Fields of `Robot` that are given instead of being inferred from the model.
 
         Returns:
-            The quadruped of an MJCF or a URDF, with any names of its parts and any order of its legs.
+            The robot.
         """
         parameters = load_parameters(Path(path), name, **figures)
         robot = cls(**parameters.by_name)
@@ -55,14 +62,16 @@ class Robot(RobotParameters):
         return robot
 
     def with_servo(self, stiffness: ArrayLike | None = None, damping: ArrayLike | None = None) -> "Robot":
-        """Return the robot with servo gains that every controller has to use. Raises ValueError for invalid gains.
+        """Return a copy of the robot with servo gains that every controller has to use.
+
+        Invalid gains raise ValueError.
 
         Args:
-            stiffness: A number or (12,), N·m/rad; None for the robot's own.
-            damping: A number or (12,), N·m·s/rad; None for the robot's own.
+            stiffness: Gain on the joint angle, a number or (12,), N·m/rad; None for the gain of this robot.
+            damping: Gain on the joint speed, a number or (12,), N·m·s/rad; None for the gain of this robot.
 
         Returns:
-            The robot with servo gains that every controller has to use.
+            The robot with these gains.
         """
         own_or_given = (
             self.servo_stiffness if stiffness is None else stiffness,
@@ -74,12 +83,18 @@ class Robot(RobotParameters):
 
     @cached_property
     def with_stiff_servos(self) -> "Robot":
-        """The robot with the gains `stiff_servo`, for controllers that need them; itself if its gains are fixed."""
+        """This robot with the servo gains `stiff_servo`, for controllers that need stiff servos.
+
+        The robot is returned unchanged if `servo_fixed` is True.
+        """
         stiffness, damping = self.stiff_servo
         return self if self.servo_fixed else self._with(servo_stiffness=stiffness, servo_damping=damping)
 
     def _with(self, **figures: Any) -> "Robot":
-        """Return a copy with other parameters that change neither limits nor mass; itself where nothing differs."""
+        """Return a copy with other parameters, or this robot if no parameter differs.
+
+        The copy keeps the joint limits and the mass, so `figures` must not affect them.
+        """
         if all(np.array_equal(getattr(self, name), value) for name, value in figures.items()):
             return self
         copy = self.replace(**figures)
@@ -97,34 +112,34 @@ class Robot(RobotParameters):
 
     @cached_property
     def _key(self) -> tuple[object, ...]:
-        """Parameters that decide equality; cached, since tables are looked up by robot at every step."""
+        """Parameters that are compared for equality; cached, because lookups by robot occur at every control step."""
         compared = [value for name, value in self.by_name.items() if "servo" not in name]
         return tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in compared)
 
     @property
     def joint_lower(self) -> Floats:
-        """Lower joint limits of the model, shape (12,), rad."""
+        """Lower joint limits of the model, (12,), rad."""
         return self._compiled[0]
 
     @property
     def joint_upper(self) -> Floats:
-        """Upper joint limits of the model, shape (12,), rad."""
+        """Upper joint limits of the model, (12,), rad."""
         return self._compiled[1]
 
     @property
     def mass(self) -> float:
-        """Mass of the model, kg."""
+        """Total mass of the model, kg."""
         return self._compiled[2]
 
     @property
     def joint_damping(self) -> Floats:
-        """Damping of the model's joints in addition to the servos', (12,), N·m·s/rad."""
+        """Passive damping of the model's joints, which adds to the damping of the servos, (12,), N·m·s/rad."""
         dofs = [int(self.model.joint(name).dofadr[0]) for name in self.joint_names]
         return read_only_array(self.model.dof_damping[dofs])
 
     @property
     def joint_damping_line(self) -> str:
-        """Share of the joints' own damping relative to the servos', in words; empty where it is zero."""
+        """Sentence about the passive damping of the joints; empty if it is zero."""
         damping = self.joint_damping
         if not damping.any():
             return ""
@@ -132,7 +147,10 @@ class Robot(RobotParameters):
 
     @cached_property
     def sha256(self) -> str:
-        """SHA-256 of the names and, to six digits, the numbers of the compiled model that bind a trained policy."""
+        """SHA-256 of the compiled model; a trained policy is valid only for a robot with the same SHA-256.
+
+        It covers the names of legs and joints, and the model's numbers rounded to six significant digits.
+        """
         return digest((*self.leg_names, *self.joint_names), self.model)
 
     @cached_property
@@ -143,22 +161,22 @@ class Robot(RobotParameters):
 
     @cached_property
     def model(self) -> Any:
-        """Compiled `mujoco.MjModel` on flat ground; read only."""
+        """Compiled `mujoco.MjModel` of the robot on flat ground; it must not be changed."""
         return build_spec(self).compile()
 
 
 def parse_servo_gains(servo: Any, num_robots: int) -> Floats:
-    """Return stiffness and damping of servos, (2, num_robots, 12), N·m/rad and N·m·s/rad.
+    """Check servo gains and broadcast them to all joints of all robots.
 
     Args:
         servo: Pair of stiffness and damping, numbers or arrays that broadcast to (num_robots, 12).
         num_robots: Number of robots.
 
     Returns:
-        Stiffness and damping of servos, (2, num_robots, 12), N·m/rad and N·m·s/rad.
+        Stiffness, N·m/rad, and damping, N·m·s/rad, (2, num_robots, 12).
 
     Raises:
-        ValueError: It is no pair, has another shape, or has values that are not finite and above 0.
+        ValueError: `servo` is no pair, has a wrong shape, or has a gain that is not a finite number above 0.
     """
     try:
         stiffness, damping = (np.array(gains, dtype=np.float64) for gains in servo)
@@ -172,5 +190,5 @@ def parse_servo_gains(servo: Any, num_robots: int) -> Floats:
 
 
 def _shown(value: Any) -> str:
-    """Return the start of a wrong value's `repr`, for an error message."""
+    """Return the first characters of the `repr` of a wrong value, for an error message."""
     return one_line(repr(value))[:_SHOWN_LENGTH]

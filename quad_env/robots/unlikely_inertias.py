@@ -1,4 +1,7 @@
-"""Inertias that are implausible for a link's mass and size: most often a placeholder, as ixx = 1000 for 0.15 kg."""
+"""Detection of inertias that are implausible for the mass and size of a link.
+
+They are most often placeholders, such as ixx = 1000 for a link of 0.15 kg.
+"""
 
 from typing import Any, NamedTuple
 
@@ -10,41 +13,43 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.shapes import Floats, box_corners, descendant_mask, geom_ids, rotation_matrix, welded_bodies
 
 MAX_INERTIA_RATIO = 10.0
-"""Largest plausible ratio of a moment of inertia to mass times squared reach of the link. A point mass at the farthest
-point has 1; the links of the robots of the `robots` extra have at most 0.9.
+"""Largest plausible ratio of a link's moment of inertia to its mass times squared reach.
+
+A point mass at the farthest point of the link has 1. The links of the robots of the `robots` extra have at most 0.9.
 """
 MAX_ARMATURE_RATIO = 0.1
-"""Largest plausible ratio of a joint armature to the robot's mass times squared leg length; the robots of the `robots`
-extra have at most 0.014.
+"""Largest plausible ratio of a joint's armature to the robot's mass times squared leg length.
+
+The robots of the `robots` extra have at most 0.014.
 """
 _MIN_REACH = 0.1
-"""Lower bound on the reach of a link, as a share of the leg's length, for links without a shape."""
+"""Smallest reach that is assumed for a link, as a fraction of the leg length; it applies to links without shapes."""
 _NEGLIGIBLE = 5e-3
-"""Moment of inertia, as a share of the robot's mass times squared leg length, that does not affect the motion."""
+"""Moment of inertia that does not affect the motion, as a fraction of the robot's mass times squared leg length."""
 
 
 class UnlikelyInertia(NamedTuple):
     """Implausible inertia of a link; made by `find_unlikely_inertias`."""
 
     body: int
-    """Id in the robot's model."""
+    """Id of the link's body in the robot's model."""
     name: str
-    """Name in the user's file, else the scene's name."""
+    """Name of the link in the user's file, or in the scene if the file has no name."""
     moment: float
-    """Largest principal moment, kg·m²."""
+    """Largest principal moment of inertia of the link, kg·m²."""
     mass: float
     """Mass of the link, kg."""
     reach: float
-    """Distance from the centre of mass to the farthest point of the link, m."""
+    """Distance from the link's centre of mass to its farthest point, m."""
 
     @property
     def max_moment(self) -> float:
-        """Largest plausible moment at the link's mass and reach, kg·m²."""
+        """Moment of inertia of a point mass with the link's mass, at its reach, kg·m²."""
         return self.mass * self.reach**2
 
 
 def find_unlikely_inertias(robot: Robot) -> list[UnlikelyInertia]:
-    """Return the links with a largest moment of inertia far above the limit by mass and size."""
+    """Return the links with a moment of inertia that is too large for their mass and size."""
     model = robot.model
     root = model.body("base_link").id
     inertias = []
@@ -60,7 +65,7 @@ def find_unlikely_inertias(robot: Robot) -> list[UnlikelyInertia]:
 
 
 def find_unlikely_armatures(robot: Robot) -> list[int]:
-    """Return the ids of the joints with an armature as large as the inertia of whole legs."""
+    """Return the ids of the joints with an armature above the limit by MAX_ARMATURE_RATIO."""
     model = robot.model
     limit = MAX_ARMATURE_RATIO * robot.mass * robot.leg_length**2
     return [int(joint) for joint in model.dof_jntid[model.dof_armature > limit]]
@@ -69,8 +74,8 @@ def find_unlikely_armatures(robot: Robot) -> list[int]:
 def _reach(model: Any, body: int) -> float:
     """Return the distance from a body's centre of mass to the farthest point of its rigid assembly, m.
 
-    The assembly is the body, all bodies welded to it, their shapes, and the origins of the bodies below them. In many
-    files one link carries the mass and the links around it the shapes.
+    The assembly is the body and all bodies welded to it, with their shapes and the origins of their child bodies. It is
+    used because in many files one link has the mass, and links welded to it have the shapes.
     """
     points: list[Floats] = []
     for each in welded_bodies(model, body):
@@ -82,7 +87,7 @@ def _reach(model: Any, body: int) -> float:
 
 
 def _in_assembly(model: Any, body: int, points: Floats) -> Floats:
-    """Transform points of a body's frame, (..., 3), to the frame of the first body of its rigid assembly, m."""
+    """Transform points from a body's frame to the frame of the first body of its rigid assembly, (..., 3), m."""
     first = int(model.body_weldid[body])
     while body != first:
         points = model.body_pos[body] + points @ rotation_matrix(model.body_quat[body]).T
@@ -91,5 +96,5 @@ def _in_assembly(model: Any, body: int, points: Floats) -> Floats:
 
 
 def _name(model: Any, body: int) -> str:
-    """Return the name of a body in its file, or in our naming of links."""
+    """Return the scene name of a body without prefixes."""
     return str(model.body(body).name).removeprefix(ATTACH_PREFIX).removeprefix(RENAMED_PREFIX)

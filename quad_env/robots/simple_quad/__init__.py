@@ -5,4 +5,4 @@ from quad_env.robots.robot import Robot
 
 SIMPLE_QUAD = Robot(**SIMPLE_QUAD_PARAMETERS.by_name)
 JOINT_NAMES = SIMPLE_QUAD.joint_names
-"""Names of SimpleQuad's joints, in the order of actions."""
+"""Names of SimpleQuad's joints, in the order of the actions."""
