@@ -181,8 +181,7 @@ ACTUATORS = {
     "motor": Actuator(TorqueSpeed(), bandwidth=66.0, delay=0.002, thermal=Thermal()),
 }
 """Name -> actuator. The bandwidth of `motor`, 66 Hz, was measured on a quasi-direct drive (Pérez-Díaz et al., 2024).
-The
-delay of `motor`, 2 ms, is one cycle of a 500 Hz field bus."""
+The delay of `motor`, 2 ms, is one cycle of a 500 Hz field bus."""
 
 
 def find_actuator(which: str | Actuator) -> Actuator:

@@ -1,1 +1,1 @@
-"""Physics: the compiled MuJoCo model, n robots stepped together, their state, and pictures of them."""
+"""Physics: the compiled MuJoCo model, the simulation of n robots, the state of the robots, and rendering."""

@@ -1,4 +1,4 @@
-"""Protocol of the simulators' batches: the calls of MuJoCo's batch that the simulation makes."""
+"""Protocol of a batch of simulated robots: the methods of MuJoCo's batch that `Simulation` calls."""
 
 from typing import Any, Protocol
 
@@ -10,35 +10,41 @@ _NONLINEAR_JOINT_FIELDS = ("jnt_stiffness", "jnt_stiffnesspoly", "dof_dampingpol
 
 
 class Batch(Protocol):
-    """n robots of one compiled model. Fields have MuJoCo's names, order, units and frames, one row per robot."""
+    """Batch of n robots of one compiled model.
+
+    Fields have one row per robot, with MuJoCo's names, order, units and frames.
+    """
 
     warning: Any
-    """Warnings of each robot since its reset, (n, kinds of MuJoCo's warnings, 2): last value and count."""
+    """MuJoCo's warnings of each robot since its reset: last value and count per kind, (n, kinds, 2)."""
 
     @property
     def features(self) -> SimulatorFeatures:
         """Features that the simulator of this batch supports."""
 
     def bind(self, field: str) -> Array:
-        """Return the live array of a state or output `field`; writing to a state field moves the robots."""
+        """Return the array that holds a state or output `field`; writing to a state field changes the robots."""
 
     def expand(self, field: str) -> Array:
         """Give every robot its own values of a model `field`, and return them, (n, ...)."""
 
     def sensor(self, name: str) -> Any:
-        """Return the sensor called `name`; its `data`, (n, size), belong to the state before the last physics step."""
+        """Return the sensor called `name`; its attribute `data` holds the readings, (n, size).
+
+        The readings belong to the state before the last physics step.
+        """
 
     def reset(self, ids: EnvIndices, keyframe: int | None = None, *, stage: int) -> None:
-        """Put robots at the start of the model, at rest.
+        """Put robots into the initial state of the model or of a keyframe.
 
         Args:
             ids: Indices of the robots, (k,).
-            keyframe: Index of a keyframe to start from instead.
+            keyframe: Index of the keyframe; None for the initial state of the model.
             stage: Last stage of MuJoCo's forward dynamics to compute, an `mjtStage`.
         """
 
     def forward(self, ids: EnvIndices, *, stage: int = ...) -> None:
-        """Compute the positions of bodies and sites.
+        """Compute the outputs of the present state, such as positions of bodies and sites.
 
         Args:
             ids: Indices of the robots, (k,).
@@ -54,13 +60,13 @@ class Batch(Protocol):
         """
 
     def set_const(self, ids: EnvIndices) -> None:
-        """Recompute the model constants that depend on expanded fields, for the robots `ids`, (k,)."""
+        """Recompute the model constants of the robots `ids`, (k,), after a change of fields from `expand`."""
 
     def get_model(self, robot: int, model: Any) -> None:
-        """Write the expanded fields of one `robot`, an index, into `model`."""
+        """Write the model fields that `expand` has made, for the robot with the index `robot`, into `model`."""
 
     def get_data(self, robot: int) -> Any:
-        """Return a copy of the simulation data of one `robot`, an index."""
+        """Return a copy of the simulation data of the robot with the index `robot`."""
 
 
 def make_batch(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch:
@@ -70,7 +76,7 @@ def make_batch(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch
         simulator: Name of the simulator.
         model: Compiled `mujoco.MjModel` of every robot.
         num_envs: Number of robots.
-        nthread: Threads of the simulation; MuJoCo only.
+        nthread: Number of simulation threads; only MuJoCo uses it.
 
     Returns:
         The batch.
@@ -85,13 +91,13 @@ def make_batch(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch
             "model of the robot has; it supports linear damping; use mujoco instead"
         )
     if simulator == DRAKE:
-        from quad_env.physics.drake.batch import DrakeBatch  # an extra
+        from quad_env.physics.drake.batch import DrakeBatch  # here, because Drake is an optional dependency
 
         return DrakeBatch(model, num_envs)
     if simulator == WARP:
-        from quad_env.physics.warp_batch import WarpBatch  # an extra
+        from quad_env.physics.warp_batch import WarpBatch  # here, because MuJoCo Warp is an optional dependency
 
         return WarpBatch(model, num_envs)
-    from quad_env.physics.mujoco_batch import MujocoBatch  # MuJoCo takes long to import
+    from quad_env.physics.mujoco_batch import MujocoBatch  # here, because MuJoCo takes long to import
 
     return MujocoBatch(model, num_envs, nthread)

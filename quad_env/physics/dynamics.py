@@ -1,4 +1,4 @@
-"""Rigid-body dynamics of a robot in any state, for controllers: inertia, bias forces, feet and their Jacobians.
+"""Rigid-body dynamics of a robot in any state, for controllers: inertia, bias forces, foot positions and Jacobians.
 
 The coordinates are MuJoCo's for a free joint. The generalised velocity, (18), is the trunk's linear velocity in the
 world frame, m/s, its angular velocity in the base frame, rad/s, and the joint speeds, rad/s. The world frame may be any
@@ -19,22 +19,25 @@ from quad_env.robots.scene import build_spec
 Floats = NDArray[np.float64]
 
 _SYMMETRIC = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
-"""Indices of a symmetric matrix's entries in MuJoCo's order xx, yy, zz, xy, xz, yz."""
+"""Index of each entry of a symmetric (3, 3) matrix in MuJoCo's order xx, yy, zz, xy, xz, yz."""
 
 
 class DynamicsTerms(NamedTuple):
-    """Terms of the equations of motion of n robots, each in its state; made by `Dynamics.compute`."""
+    """Terms of the equations of motion of n robots in given states; made by `Dynamics.compute`."""
 
     mass: Floats
     """Total mass, (n,), kg."""
     inertia: Floats
-    """Joint-space inertia matrix with armatures, (n, 18, 18)."""
+    """Joint-space inertia matrix, including the armature (rotor inertia) of the joints, (n, 18, 18)."""
     bias_force: Floats
-    """Generalised forces that keep the acceleration at zero: Coriolis, centrifugal, gravity, joint damping; (n, 18)."""
+    """Generalised forces that give zero acceleration, (n, 18), N and N·m.
+
+    They balance Coriolis and centrifugal forces, gravity and joint damping.
+    """
     feet: Floats
     """Centres of the foot spheres, world frame, (n, 4, 3), m."""
     jacobians: Floats
-    """Jacobians of the feet's velocities, world frame, (n, 4, 3, 18)."""
+    """Jacobians from the generalised velocity to the foot velocities, world frame, (n, 4, 3, 18)."""
     foot_bias_acceleration: Floats
     """Accelerations of the feet at zero generalised acceleration, world frame, (n, 4, 3), m/s²."""
     com_position: Floats
@@ -42,7 +45,7 @@ class DynamicsTerms(NamedTuple):
     com_velocity: Floats
     """Velocity of the centre of mass, world frame, (n, 3), m/s."""
     rotational_inertia: Floats
-    """Rotational inertia of the robot as one rigid body about the centre of mass, world frame, (n, 3, 3), kg·m²."""
+    """Rotational inertia about the centre of mass, with the joints locked, world frame, (n, 3, 3), kg·m²."""
 
     @property
     def leg_jacobians(self) -> Floats:
@@ -52,22 +55,22 @@ class DynamicsTerms(NamedTuple):
 
 
 class _MujocoModel(NamedTuple):
-    """MuJoCo's model and data, with views of the fields that are written and read."""
+    """MuJoCo's model and data, with views of the data fields that `Dynamics` writes and reads."""
 
     mujoco: Any
-    """The package; it is imported when it is needed, since the import takes long."""
+    """The package `mujoco`; it is imported on first use, because the import takes long."""
     model: Any
     data: Any
     mass: float
     feet: list[tuple[int, int]]
-    """Site of each foot, and the body of the site."""
+    """Indices of the site of each foot and of the body with this site."""
     qpos: Any
-    """Written: positions."""
+    """Generalised positions; `Dynamics` writes them."""
     qvel: Any
-    """Written: velocities."""
+    """Generalised velocities; `Dynamics` writes them."""
     site_positions: Any
     composite_inertia: Any
-    """Inertia of the robot as one rigid body, in MuJoCo's order."""
+    """Rotational inertia of the robot with locked joints, in MuJoCo's order xx, yy, zz, xy, xz, yz, (6,), kg·m²."""
     com_position: Any
     com_velocity: Any
     bias_force: Any
@@ -75,7 +78,7 @@ class _MujocoModel(NamedTuple):
 
 
 def _make_mujoco_model(mujoco: Any, model: Any, legs: Sequence[str]) -> _MujocoModel:
-    """Return the data and views of a model, with contacts and sensors switched off."""
+    """Switch off constraints and sensors of a model, and return the model with its data and views."""
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
     data = mujoco.MjData(model)
     trunk = model.body("base_link").id
@@ -99,7 +102,7 @@ def _make_mujoco_model(mujoco: Any, model: Any, legs: Sequence[str]) -> _MujocoM
 
 @dataclass(frozen=True)
 class Dynamics:
-    """Computes the dynamics of a robot with ideal servos, without payload and ground contact."""
+    """Computes the dynamics of a robot; payload and ground contact are not included."""
 
     robot: Robot
     """The robot."""
@@ -109,7 +112,7 @@ class Dynamics:
 
     @cached_property
     def _compiled(self) -> _MujocoModel:
-        """The compiled model, made on first use."""
+        """Compiled MuJoCo model and data, made on first use."""
         import mujoco
 
         return _make_mujoco_model(mujoco, build_spec(self.robot).compile(), self.robot.leg_names)
@@ -141,7 +144,7 @@ class Dynamics:
         return terms
 
     def _allocate(self, num_envs: int, num_joints: int) -> DynamicsTerms:
-        """Return terms with uninitialised arrays."""
+        """Return terms with uninitialised arrays for `num_envs` robots."""
         size = 6 + num_joints
         legs = len(self.robot.leg_names)
         return DynamicsTerms(
@@ -157,7 +160,10 @@ class Dynamics:
         )
 
     def _compute_row(self, terms: DynamicsTerms, jacobian_rates: Floats, row: int, qpos: Floats, qvel: Floats) -> None:
-        """Compute all terms of one robot but the bias acceleration, and the time derivatives of its foot Jacobians."""
+        """Write the terms of one robot into row `row` of `terms`, and its Jacobian derivatives into `jacobian_rates`.
+
+        `foot_bias_acceleration` is not written, because `compute` derives it from the Jacobian derivatives.
+        """
         compiled = self._compiled
         mujoco = compiled.mujoco
         model = compiled.model

@@ -1,4 +1,4 @@
-"""Work, heat, peak values and foot impulses of the motors over a control step, from the torques that joints receive."""
+"""Motor work, heat and peak values, and foot impulses over a control step, measured in every physics step."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -22,19 +22,21 @@ JOINT_READINGS = (
 )
 """Readings of a `MotorMeter` with one value per joint; see `quad_env.task.readings`."""
 AppliedTorqueReader = Callable[[EnvSelection, Array], Array]
-"""Takes k robots and the change of their joint speeds in the last physics step, (k, 12), rad/s; returns the torques
-that their joints received in it, (k, 12), N·m."""
+"""Function that returns the torques that the joints of k robots received in the last physics step, (k, 12), N·m.
+
+The arguments are the selection of the robots and the change of the joint speeds in this physics step, (k, 12), rad/s.
+"""
 
 
 class SubstepSample(NamedTuple):
     """Measurements of k robots in one physics step."""
 
     speed_before: Array
-    """Joint speeds before the step, (k, 12), rad/s."""
+    """Joint speeds before the physics step, (k, 12), rad/s."""
     speed_after: Array
-    """Joint speeds after the step, (k, 12), rad/s."""
+    """Joint speeds after the physics step, (k, 12), rad/s."""
     torque: Array
-    """Torques that the joints received, (k, 12), N·m."""
+    """Torques that the joints received in the physics step, (k, 12), N·m."""
     foot_force: Array
     """Ground force on each foot, (k, 4), N."""
 
@@ -42,9 +44,10 @@ class SubstepSample(NamedTuple):
 class MotorMeter:
     """Measures motors and foot forces of n robots in every physics step of a control step.
 
-    The simulation calls `start` before the physics steps, `record` after each of them and `finish` at the end. The work
-    of a physics step is the torque times the mean of the speeds before and after it. With M (v' − v) for the impulse of
-    all forces, impulse · (v + v') / 2 is the change of ½ vᵀ M v.
+    The simulation calls `start` before the physics steps of a control step, `record` after each physics step, and
+    `finish` at the end. The work of a physics step is the torque times the duration times the mean of the speeds v
+    before and v' after the step. This is exact: the impulse of all forces is M (v' − v), and the product of this
+    impulse with (v + v') / 2 is the change of the kinetic energy ½ vᵀ M v.
     """
 
     def __init__(self, robot: Robot, batch: Batch, model: Any, actuator: Actuator) -> None:
@@ -57,15 +60,15 @@ class MotorMeter:
         self.torque_limit = model.actuator_forcerange[:, 1].copy()
         """Torque limit of each motor, (12,), N·m."""
         self.speed_limit = np.full(robot.num_joints, robot.rated_speed if curve is None else curve.no_load_speed)
-        """No-load speed of each joint, or its rated speed for motors without a curve, (12,), rad/s."""
+        """No-load speed of each joint, (12,), rad/s; the rated speed for motors without a torque-speed curve."""
         self._speed_before = self._speed.copy()
-        """Joint speeds before the coming physics step, of the robots of this control step."""
+        """Joint speeds before the next physics step, of the robots that `start` selected, (k, 12), rad/s."""
         self._samples: list[SubstepSample] = []
-        """Measurements of the physics steps of this control step."""
+        """Measurements in each physics step since `start`."""
         self._mean_torque = np.zeros(self._speed.shape)
-        """Mean of the last control step, (n, 12), N·m."""
+        """Mean torques in the last control step, (n, 12), N·m."""
         self.readings = {name: np.zeros(self._speed.shape) for name in JOINT_READINGS}
-        """Readings of the last control step, name -> (n, ...)."""
+        """Name -> reading of the last control step, (n, ...)."""
         self.readings["foot_impulse"] = np.zeros((len(self._speed), len(robot.leg_names)))
 
     def reset(self, env_ids: EnvSelection) -> None:
@@ -74,7 +77,7 @@ class MotorMeter:
             values[env_ids] = 0.0
 
     def start(self, env_ids: EnvSelection) -> None:
-        """Start a control step of the robots `env_ids`."""
+        """Start the measurement of a control step of the robots `env_ids`."""
         self._samples.clear()
         self._speed_before = self._speed[env_ids].copy()
 
@@ -83,13 +86,13 @@ class MotorMeter:
         before = self._speed_before
         after = self._speed[env_ids].copy()
         force = sum_foot_forces(self._touch, env_ids)
-        with np.errstate(all="ignore"):  # values of a diverged robot, which is reset after this control step
+        with np.errstate(all="ignore"):  # because a diverged robot may have values that are not finite
             torque = self._applied_torque(env_ids, after - before)
         self._samples.append(SubstepSample(before, after, torque, force))
         self._speed_before = after
 
     def finish(self, env_ids: EnvSelection) -> None:
-        """Compute the readings of the control step of the robots `env_ids` from its physics steps."""
+        """Compute the readings of the robots `env_ids` from the physics steps since `start`."""
         before, after, torque, force = (np.array(values) for values in zip(*self._samples, strict=True))
         time = self._timestep
         with np.errstate(all="ignore"):
@@ -112,7 +115,7 @@ class MotorMeter:
 
 
 def touch_sensors(robot: Robot, model: Any) -> list[list[str]]:
-    """Return the names of the force sensors of each foot, one per body of the foot.
+    """Return the names of the force sensors of each foot; a foot has one sensor per body.
 
     Args:
         robot: Robot of the model.
@@ -131,8 +134,8 @@ def sum_foot_forces(touch: Sequence[Sequence[Array]], env_ids: EnvSelection) -> 
     """Sum the forces of the touch sensors of each foot.
 
     Args:
-        touch: Data of the sensors of each foot, (n, 1) each, N.
-        env_ids: Indices of k robots.
+        touch: Readings of the sensors of each foot, (n, 1) per sensor, N.
+        env_ids: Indices of k robots, or a slice.
 
     Returns:
         Ground force on each foot, (k, 4), N.
@@ -143,17 +146,18 @@ def sum_foot_forces(touch: Sequence[Sequence[Array]], env_ids: EnvSelection) -> 
 def make_applied_torque_reader(batch: Batch, model: Any, num_joints: int) -> AppliedTorqueReader:
     """Create the function that returns the torques that joints received in the last physics step.
 
-    MuJoCo's implicit integration solves (M − h D) (v' − v) = h (all forces at v). So the joints receive the explicit
-    torque, `actuator_force`, and D (v' − v). The joints' own damping in D is not the motors'. D, `qDeriv`, leaves out
-    motors that are at their limit.
+    MuJoCo's implicit integration solves (M − h D) (v' − v) = h f(v), with the time step h, the speeds v before and v'
+    after the step, and the derivative D = df/dv. So the joints receive the explicit torque, `actuator_force`, and the
+    implicit torque D (v' − v). D is MuJoCo's field `qDeriv`. It includes the passive damping of the joints, which is
+    removed here because it is no motor torque. It does not include motors that are at their torque limit.
 
     Args:
         batch: Batch of the robots.
         model: Compiled `mujoco.MjModel`.
-        num_joints: Number of joints, the last degrees of freedom of the model.
+        num_joints: Number of joints; they are the last degrees of freedom of the model.
 
     Returns:
-        The reader.
+        Function that returns the torques.
     """
     explicit = batch.bind("actuator_force")
     if not batch.features.implicit_damping:

@@ -1,4 +1,4 @@
-"""Foot contacts of n robots: swing time and touchdown speed of each foot."""
+"""Swing time and touchdown speed of each foot of n robots."""
 
 from collections.abc import Sequence
 
@@ -7,8 +7,10 @@ import numpy as np
 from quad_env.columns import Array, EnvSelection, Mask
 
 MAX_BOUNCE_STEPS = 1
-"""Control steps in a row off the ground that count as a bounce of a landing foot, not as a swing; as in the
-`contact_filt` of legged_gym."""
+"""Largest number of consecutive control steps off the ground that counts as a bounce of a landing foot.
+
+A longer time off the ground is a swing. The rule is the same as `contact_filt` in legged_gym.
+"""
 
 
 class FootContactTracker:
@@ -16,7 +18,7 @@ class FootContactTracker:
 
     Args:
         period: Control period, s.
-        contacts: Data of the contact sensors of each foot, (n, 1) each; see `touching`.
+        contacts: Contact counts of the sensors of each foot, (n, 1) per sensor; see `touching`.
         site_positions: Positions of all sites of the model, world frame, (n, sites, 3), m.
         foot_sites: Indices of the feet among the sites.
     """
@@ -29,22 +31,22 @@ class FootContactTracker:
         self._site_positions = site_positions
         self._foot_sites = list(foot_sites)
         self._air_steps = np.zeros((len(contacts[0][0]), len(contacts)))
-        """Control steps that each foot has been off the ground; a count, so that times are rounded only once."""
+        """Control steps that each foot has been off the ground, (n, 4); counted in steps to avoid rounding errors."""
         self.swing_time = np.zeros_like(self._air_steps)
-        """See `QuadState`, (n, 4), s."""
+        """Duration of the swing that ended in the last control step, (n, 4), s; see `QuadState`."""
         self.touchdown_speed = np.zeros_like(self._air_steps)
-        """See `QuadState`, (n, 4), m/s."""
+        """Downward speed before a touchdown in the last control step, (n, 4), m/s; see `QuadState`."""
         self._height = np.zeros_like(self._air_steps)
         self._descent_speed = np.zeros_like(self._air_steps)
 
     def reset(self, env_ids: EnvSelection) -> None:
-        """Start an episode of the robots `env_ids`: no foot is in a swing."""
+        """Start an episode of the robots `env_ids`, with all feet on the ground."""
         for values in (self._air_steps, self.swing_time, self.touchdown_speed, self._descent_speed):
             values[env_ids] = 0.0
         self._height[env_ids] = self._foot_heights(env_ids)
 
     def update(self, env_ids: EnvSelection) -> None:
-        """Update swings and speeds after a control step of the robots `env_ids`."""
+        """Update swing times and touchdown speeds after a control step of the robots `env_ids`."""
         contact = touching(self._contacts, env_ids)
         air_steps = self._air_steps[env_ids]
         has_landed = contact & (air_steps > MAX_BOUNCE_STEPS)
@@ -60,14 +62,14 @@ class FootContactTracker:
 
 
 def touching(contacts: Sequence[Sequence[Array]], env_ids: EnvSelection) -> Mask:
-    """Return True for each part of a robot that touched the ground.
+    """Return the mask of robot parts that touched the ground.
 
     Args:
-        contacts: Contact counts of the sensors of each part, (n, 1) each.
-        env_ids: Indices of k robots.
+        contacts: Contact counts of the sensors of each part, (n, 1) per sensor.
+        env_ids: Indices of k robots, or a slice.
 
     Returns:
-        Contact of each part, (k, parts).
+        True for each part that touched the ground, (k, parts).
     """
     counts = [sum((count[env_ids] for count in others), first[env_ids]) for first, *others in contacts]
     return np.concatenate(counts, axis=1) > 0

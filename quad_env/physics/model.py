@@ -23,11 +23,11 @@ from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom, Stairs,
 PAYLOAD = "payload"
 """Name of the payload's body."""
 _GROUND = "ground"
-"""Name of the ground plane's geom, and of its material."""
+"""Name of the geom of the ground plane; the material of the plane has the same name."""
 _TERRAIN = "terrain"
-"""Name of the terrain's geoms."""
+"""Name of the height field, and first part of the names of the stairs' geoms."""
 _FLOOR_DEPTH = 1.0
-"""m. Thickness of the solid ground below a height field or a tread."""
+"""Thickness of the solid ground below a height field or a tread of stairs, m."""
 
 
 def compile_model(
@@ -43,11 +43,11 @@ def compile_model(
         robot: The robot.
         scenario: Terrain, ground, payload and motors.
         actuator: Actuator of the joints.
-        timestep: Physics step, s; None: the MJCF's.
-        solver_iterations: Contact-solver iterations per physics step; None: the MJCF's.
+        timestep: Physics step, s; None for the value in the MJCF.
+        solver_iterations: Maximum contact-solver iterations per physics step; None for the value in the MJCF.
 
     Returns:
-        The model.
+        The compiled model.
     """
     log_to_console()
     spec = build_spec(robot)
@@ -59,14 +59,14 @@ def compile_model(
     torque_limit = _set_actuators(spec, scenario.motors, actuator, robot)
     model = _compile_at_home_height(spec)
     model.actuator_forcerange[:] = np.stack((-torque_limit, torque_limit), axis=-1)
-    model.jnt_actfrclimited[:] = False  # the motors' limit is the only one, for every peak torque and strength
+    model.jnt_actfrclimited[:] = False  # because only the motors limit the torque, at any strength
     if scenario.ground != Ground() or scenario.randomisation is not None:
         _set_ground(model, scenario.ground, robot)
     return model
 
 
 def _add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
-    """Add the terrain; flat ground is the plane of the specification."""
+    """Add the terrain; flat ground needs no change, because the specification has a plane."""
     if isinstance(terrain, SmoothRandom | HeightField):
         _add_height_field(spec, terrain)
     elif isinstance(terrain, Stairs):
@@ -91,10 +91,10 @@ def _set_actuators(spec: mujoco.MjSpec, motors: Motors, actuator: Actuator, robo
 
 
 def _compile_at_home_height(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile with the trunk at the height of the home pose, and return the model with its own `qpos0`.
+    """Compile with the trunk at the height of the home pose, then restore the start height in `qpos0`.
 
-    MuJoCo derives constants, for example inverse weights, at `qpos0`, and their last bits depend on its height. So they
-    are the same at any start height in the MJCF.
+    MuJoCo computes constants, for example inverse weights, at `qpos0`, and the last bits of the constants depend on the
+    trunk height. With the fixed height they do not depend on the start height in the MJCF.
     """
     trunk = spec.body("base_link")
     start_height = float(trunk.pos[2])
@@ -105,22 +105,22 @@ def _compile_at_home_height(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def contact_sensors(model: mujoco.MjModel, part: str) -> list[str]:
-    """Return the names of the sensors of ground contacts of a part.
+    """Return the names of the sensors that count ground contacts of a robot part.
 
     Args:
         model: Compiled model.
         part: Name of the part, for example `trunk` or `fl_foot`.
 
     Returns:
-        Names.
+        Names of the sensors.
     """
     return names_of_part(f"{part}_ground", (model.sensor(number).name for number in range(model.nsensor)))
 
 
 def trunk_corners(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """Return the corners of the boxes around the collision geoms of the trunk, base frame, (k, 3), m.
+    """Return the corners of the bounding boxes of the trunk's collision geoms, base frame, (k, 3), m.
 
-    Bodies that are welded to the trunk belong to it.
+    Geoms of bodies that are welded to the trunk are included.
     """
     data = mujoco.MjData(model)
     root = model.body("base_link").id
@@ -136,9 +136,10 @@ def trunk_corners(model: mujoco.MjModel) -> NDArray[np.float64]:
 
 
 def make_stepping_model(model: mujoco.MjModel, sensors: Sequence[str] | None = None) -> mujoco.MjModel:
-    """Return a copy of a model that steps faster, to the same bits.
+    """Return a copy of a model that steps faster, with bit-identical results.
 
-    It evaluates only the sensors that are read. It does not search for islands of constraints; one robot has only one.
+    The copy evaluates only the sensors that are read. It does not search for constraint islands, because one robot has
+    only one island.
 
     Args:
         model: Compiled model.
@@ -151,20 +152,20 @@ def make_stepping_model(model: mujoco.MjModel, sensors: Sequence[str] | None = N
     sensors = contact_sensors(model, "trunk") if sensors is None else sensors
     unread = np.setdiff1d(np.arange(model.nsensor), [model.sensor(name).id for name in sensors])
     stepping.sensor_needstage[unread] = mujoco.mjtStage.mjSTAGE_NONE
-    stepping.qpos0[2] = stepping.key("home").qpos[2]  # for `mj_setConst`, see `_compile_at_home_height`
+    stepping.qpos0[2] = stepping.key("home").qpos[2]  # because `mj_setConst` reads it, see `_compile_at_home_height`
     stepping.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     return stepping
 
 
 Mounting = tuple[tuple[float, float, float], tuple[float, float, float]]
-"""Position on the trunk, base frame, (3), m, and roll, pitch and yaw from the base frame, (3), rad."""
+"""Place of the IMU on the trunk: position, base frame, (3), m, and roll, pitch, yaw from the base frame, (3), rad."""
 
 
 def mount_imu(model: mujoco.MjModel, mounting: Mounting) -> None:
-    """Move the IMU of a model.
+    """Move the IMU of a model to another place.
 
     Args:
-        model: Compiled model; it is changed.
+        model: Compiled model; this function changes it.
         mounting: New place of the IMU.
     """
     position, rotation = mounting
@@ -175,12 +176,15 @@ def mount_imu(model: mujoco.MjModel, mounting: Mounting) -> None:
 
 
 def slope_quaternion(slope: Slope) -> tuple[float, float, float, float]:
-    """Return the quaternion that rotates the vertical onto the normal of a `slope`: −angle about the world's y axis."""
+    """Return the quaternion (w, x, y, z) that rotates the vertical onto the normal of a `slope`.
+
+    The rotation is `-slope.angle` about the y axis of the world.
+    """
     return math.cos(slope.angle / 2), 0.0, -math.sin(slope.angle / 2), 0.0
 
 
 def _add_height_field(spec: mujoco.MjSpec, terrain: SmoothRandom | HeightField) -> None:
-    """Add a height field around the origin, and lower the plane around it to its lowest point."""
+    """Add a height field at the origin, and lower the ground plane to the lowest point of the height field."""
     heights = terrain.heights
     rows, columns = heights.normalized.shape
     spec.add_hfield(
@@ -196,7 +200,7 @@ def _add_height_field(spec: mujoco.MjSpec, terrain: SmoothRandom | HeightField) 
 
 
 def _add_stairs(spec: mujoco.MjSpec, stairs: Stairs) -> None:
-    """Add a box per step, and lower the plane to the level below the last step."""
+    """Add a box for each step of the stairs, and lower the ground plane to the level at the end of the stairs."""
     spec.geom(_GROUND).pos = (0.0, 0.0, -stairs.steps * stairs.rise)
     half_height = (stairs.rise + _FLOOR_DEPTH) / 2
     for number, ((start, end), top) in enumerate(stairs.boxes()):
@@ -217,13 +221,13 @@ def _add_ground(spec: mujoco.MjSpec, **geometry: object) -> None:
 
 
 def _add_payload(spec: mujoco.MjSpec, payload: Payload, robot: Robot) -> None:
-    """Add a cube on top of the trunk."""
+    """Add the payload, a cube on top of the trunk that does not collide."""
     moment = payload.mass * payload.edge**2 / 6
     height = robot.trunk_centre[2] + (robot.trunk_size[2] + payload.edge) / 2
     cube = spec.body("base_link").add_body(
         name=PAYLOAD,
         pos=(0.0, 0.0, height),
-        ipos=(0.0, 0.0, 0.0),  # else MuJoCo's specification takes `pos` for it, and the mass sits twice as high
+        ipos=(0.0, 0.0, 0.0),  # because MuJoCo's default is `pos`, which would place the mass twice as high
         mass=payload.mass,
         inertia=(moment, moment, moment),
         explicitinertial=True,
@@ -250,8 +254,8 @@ def _add_actuator_filter(spec: mujoco.MjSpec, time_constant: float, robot: Robot
 def _convert_to_dc_motors(spec: mujoco.MjSpec, curve: ResolvedTorqueSpeed, robot: Robot) -> None:
     """Replace the servos by DC motors with the same gains.
 
-    Their supply voltage is ±1 V. In these units the motor constant is 1 / no_load_speed, and the resistance is the
-    motor constant / stall_torque. The current limit is the actuator's force range.
+    The supply voltage is normalised to ±1 V. So the motor constant is 1 / no_load_speed, and the resistance is the
+    motor constant / stall_torque. The force range of the actuator is the current limit.
     """
     stall_torques = curve.stall_torque.tolist()
     no_load_speeds = curve.no_load_speed.tolist()
@@ -272,30 +276,32 @@ def _convert_to_dc_motors(spec: mujoco.MjSpec, curve: ResolvedTorqueSpeed, robot
 
 
 def servo_fields(model: mujoco.MjModel, expand: Callable[[str], Array]) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
-    """Return the model fields of n robots that hold the servo gains, with either sign, (n, 12) each.
+    """Return views of the model fields of n robots that hold the servo gains, (n, 12) each.
+
+    A field holds the gain or the negative gain.
 
     Args:
         model: Compiled model.
-        expand: Gives every robot its own values of a model field, and returns them.
+        expand: Function that gives every robot its own values of a model field, and returns the values, (n, ...).
 
     Returns:
-        stiffness: Fields with the stiffness.
-        damping: Fields with the damping.
+        stiffness: Views of the fields with ± the stiffness.
+        damping: Views of the fields with ± the damping.
     """
     gain = expand("actuator_gainprm")
     bias = expand("actuator_biasprm")
     if model.actuator_gaintype[0] == mujoco.mjtGain.mjGAIN_DCMOTOR:
-        return (gain[:, :, 4],), (gain[:, :, 6],)  # gains of the motor's controller
+        return (gain[:, :, 4],), (gain[:, :, 6],)  # stiffness and damping of the controller of a DC motor
     return (gain[:, :, 0], bias[:, :, 1]), (bias[:, :, 2],)
 
 
 def give_servo_gains(model: mujoco.MjModel, expand: Callable[[str], Array], servo: Array) -> None:
-    """Set servo gains that differ between robots.
+    """Set the servo gains of each robot.
 
     Args:
         model: Compiled model.
-        expand: Gives every robot its own values of a model field, and returns them.
-        servo: Stiffness, N·m/rad, and damping, N·m·s/rad, (2, n, 12).
+        expand: Function that gives every robot its own values of a model field, and returns the values, (n, ...).
+        servo: Stiffness, N·m/rad, and damping, N·m·s/rad, of each robot, (2, n, 12).
     """
     for gains, fields in zip(servo, servo_fields(model, expand), strict=True):
         for field in fields:
@@ -311,14 +317,14 @@ def _set_actuator_delay(spec: mujoco.MjSpec, delay: float) -> None:
 
 
 def initial_actuator_history(model: mujoco.MjModel, targets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return MuJoCo's actuator history for constant past targets.
+    """Return the content of MuJoCo's actuator history if all past targets were the same.
 
     Args:
         model: Compiled model with delayed actuators.
         targets: Past joint targets, (12,), rad.
 
     Returns:
-        Field `history` of the data.
+        Values for the data field `history`.
     """
     data = mujoco.MjData(model)
     for servo, target in enumerate(targets):
@@ -330,7 +336,7 @@ def initial_actuator_history(model: mujoco.MjModel, targets: NDArray[np.float64]
 def _set_ground(model: mujoco.MjModel, ground: Ground, robot: Robot) -> None:
     """Set friction and softness of the ground.
 
-    On soft ground the time constant of the contacts follows from the sink depth under the load of one foot.
+    On soft ground, the time constant of the contacts is computed from the sink depth under a quarter of the weight.
     """
     geoms = np.flatnonzero(model.geom_bodyid == 0)
     model.geom_priority[geoms] = 1
@@ -346,7 +352,7 @@ def _set_ground(model: mujoco.MjModel, ground: Ground, robot: Robot) -> None:
 
 
 def _disable_shin_contacts(model: mujoco.MjModel, ground: NDArray[np.intp], robot: Robot) -> None:
-    """Disable contacts between ground and shins: the ground gets a collision bit of its own, see `GROUND_BIT`."""
+    """Disable contacts between the ground and the shins, by a separate collision bit for the ground, `GROUND_BIT`."""
     model.geom_contype[(model.geom_bodyid != 0) & collision_mask(model)] |= GROUND_BIT
     shins = model.body_weldid[[model.body(f"{leg}_calf_link").id for leg in robot.leg_names]]
     is_shin = np.isin(model.body_weldid[model.geom_bodyid], shins)

@@ -23,20 +23,20 @@ def ideal_sensor_names(robot: Robot, model: Any) -> list[str]:
         model: Compiled `mujoco.MjModel`.
 
     Returns:
-        Names.
+        Names of the sensors.
     """
     return [*_IMU_SENSORS, *chain(*touch_sensors(robot, model))]
 
 
 class IdealSensors:
-    """Reads the present state of a batch; its model evaluates the sensors of `ideal_sensor_names`.
+    """Reads noise-free sensor values of n robots at the present state.
 
-    After a step MuJoCo's outputs belong to the state before the last physics step. The outputs of the present state are
-    computed here; readers of the last physics step get copies from `copy`.
+    After a step MuJoCo's outputs belong to the state before the last physics step. `read` computes the outputs again
+    for the present state, and so overwrites them. Code that needs the outputs of the last physics step uses `copy`.
 
     Args:
         robot: Robot of the model.
-        batch: Batch of the robots.
+        batch: Batch of the robots; its model must evaluate the sensors of `ideal_sensor_names`.
         model: Compiled `mujoco.MjModel`.
         dt: Control period, s.
     """
@@ -55,28 +55,29 @@ class IdealSensors:
         self._rotation = np.zeros((num_envs, 3, 3))
         """Rotation from the axes of each IMU to the world frame at its last sample, (n, 3, 3)."""
         self._copies: list[tuple[Array, Array]] = []
-        """Outputs of the batch and their copies."""
+        """Pairs of an output of the batch and its copy, which `refresh` updates."""
 
     def read(self, env_ids: EnvIndices, clock: NDArray[np.int64], period: int) -> dict[str, Array]:
-        """Return the values of perfect sensors at the present state; call it once per control step.
+        """Return noise-free sensor values at the present state; call this method once per control step.
 
         `accelerometer` is the mean specific force since its last sample: the change of the IMU's velocity divided by
-        the time, minus gravity. So the impact of a foot, which takes one or two physics steps, is neither missed nor
-        taken for the whole period. The first reading is MuJoCo's own accelerometer. In a trot that one differs from the
-        trunk's motion by 2.4 m/s² (rms, vertical) because of implicit integration.
+        the time, minus gravity. The impact of a foot takes only one or two physics steps. A mean includes the impact
+        with its correct weight, but a single value would miss it or count it for the whole period. Only the first
+        reading is MuJoCo's own accelerometer. Later readings are not, because implicit integration makes MuJoCo's
+        accelerometer differ from the motion of the trunk, in a trot by 2.4 m/s² (rms, vertical).
 
         Args:
             env_ids: Indices of the robots, (k,).
-            clock: Control steps since their start, (k,).
+            clock: Control steps of these robots since the start of their episodes, (k,).
             period: Control steps between two samples of the accelerometer.
 
         Returns:
             gyro: Angular velocity, IMU axes, (k, 3), rad/s.
             accelerometer: Specific force, IMU axes, (k, 3), m/s².
             up: Unit vector of the vertical, IMU axes, (k, 3).
-            joint_position: (k, 12), rad.
+            joint_position: Joint angles, (k, 12), rad.
             foot_contact: Ground force on each foot, (k, 4), N.
-            joint_torque: (k, 12), N·m.
+            joint_torque: Joint torques of the servos, (k, 12), N·m.
         """
         self._batch.forward(env_ids)
         gyro, acceleration, velocity, orientation = (data[env_ids] for data in self._imu)
@@ -103,12 +104,12 @@ class IdealSensors:
         return ordered_sum((mean_rotation * force_world[:, :, None]).transpose(1, 0, 2))
 
     def copy(self, output: Array) -> Array:
-        """Return a copy of an `output` of the batch; every `refresh` updates it."""
+        """Return a copy of an `output` of the batch; every call of `refresh` updates the copy."""
         copy = output.copy()
         self._copies.append((output, copy))
         return copy
 
     def refresh(self, env_ids: slice | EnvIndices) -> None:
-        """Update the copies of the robots `env_ids` to the outputs of their last physics step."""
+        """Update all arrays from `copy`, for the robots `env_ids`, to the outputs of the last physics step."""
         for output, copy in self._copies:
             copy[env_ids] = output[env_ids]

@@ -1,4 +1,4 @@
-"""Domain randomisation: model parameters of n robots that differ from robot to robot."""
+"""Domain randomisation: writes randomised model parameters for each of n robots."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -10,14 +10,15 @@ from quad_env.scenarios.randomisation import RandomizationSample
 
 
 class RandomisedModels:
-    """Writes the randomised parameters of an episode into the model of each robot; call `set_const` afterwards.
+    """Writes the randomised parameters of an episode into the model of each robot.
 
-    The trunk is the heaviest of the bodies welded to the one with the free joint, without the payload.
+    Call `Batch.set_const` after `reset`, because constants of the model depend on the parameters. Trunk mass and centre
+    of mass are changed on the heaviest body that is welded to the body with the free joint, except the payload.
 
     Args:
         model: Compiled `mujoco.MjModel`.
-        expand: Gives every robot its own values of a model field, and returns them.
-        limits: Torque limits to scale, (n, 12, 2), N·m; None for MuJoCo's.
+        expand: Function that gives every robot its own values of a model field, and returns the values, (n, ...).
+        limits: Torque limits to scale, (n, 12, 2), N·m; None for the model field `actuator_forcerange`.
     """
 
     def __init__(self, model: Any, expand: Callable[[str], Array], limits: Array | None = None) -> None:
@@ -36,16 +37,16 @@ class RandomisedModels:
         self._scaled = [
             (factor, field, field.copy()) for factor, fields in fields_by_factor.items() for field in fields
         ]
-        """Factor, the field that it scales, and the field's nominal values."""
+        """Name of each factor, the model field that the factor scales, and the nominal values of the field."""
         self._centre_of_mass = expand("body_ipos")[:, trunk]
         self._nominal_centre_of_mass = self._centre_of_mass.copy()
 
     def reset(self, env_ids: EnvIndices, randomization: Sequence[RandomizationSample]) -> None:
-        """Set the parameters of robots.
+        """Set the randomised parameters of the robots `env_ids`.
 
         Args:
             env_ids: Indices of the robots, (k,).
-            randomization: Their parameters, k.
+            randomization: Parameters of each of these robots, k samples.
         """
         for row, sample in zip(env_ids, randomization, strict=True):
             for factor, field, nominal in self._scaled:

@@ -1,4 +1,4 @@
-"""Frames and windows of a simulated robot."""
+"""Rendering of a simulated robot: frames of an off-screen camera, and a window."""
 
 import copy
 import ctypes
@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from quad_env.physics.arrows import Arrow, Ball, draw_marks
 
 DRAWN_HALF_WIDTH = 6.0
-"""m. Half the side of the square of terrain that is drawn; a whole height field is a million triangles."""
+"""Half the side of the drawn square of terrain, m. A whole height field would have a million triangles."""
 MAX_TARGET_OFFSET = 2.5
-"""m. Maximum distance of the target from the centre of the square along an axis, before the square is moved."""
+"""Distance of the camera target from the centre of the drawn square, along x or y, above which the square moves, m."""
 
 
 @dataclass(frozen=True)
@@ -28,23 +28,24 @@ class Viewpoint:
     """Place of a free camera, on a sphere around its target."""
 
     azimuth: float = 120.0
-    """Viewing direction, about the vertical from world x, degrees."""
+    """Angle of the viewing direction about the vertical, from the x axis of the world, degrees."""
     elevation: float = -18.0
-    """Viewing direction above the horizontal, degrees; negative looks down."""
+    """Angle of the viewing direction above the horizontal, degrees; negative if the camera looks down."""
     distance: float = 2.2
-    """Distance from the target, m."""
+    """Distance of the camera from the target, m."""
     target: tuple[float, float, float] = (0.0, 0.0, 0.3)
-    """Target, world frame, (3), m."""
+    """Point at which the camera looks, world frame, (3), m."""
 
 
 class Camera:
     """Off-screen renderer of one of the model's cameras, or of a free camera that is placed for each frame.
 
-    The thread that makes it must draw with it and close it. Without EGL and without a display a RuntimeError is raised.
+    The thread that makes the camera must also call `draw` and `close`. RuntimeError is raised if there is neither a
+    display nor EGL.
 
     Args:
-        model: Model of the simulation. A free camera draws a copy without shadows and smooth edges, which slow down a
-            processor three to six times.
+        model: Model of the simulation. A free camera draws a copy of the model, without shadows and anti-aliasing,
+            because these make drawing on a processor three to six times slower.
         width: Width of a frame, pixels.
         height: Height of a frame, pixels.
         camera: Name of a camera of the model; None for a free camera.
@@ -67,7 +68,8 @@ class Camera:
             model.vis.quality.offsamples = 0
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         self._size = height, width
-        # The renderer of a free camera is made with the first frame, from the cropped terrain: all of it takes seconds.
+        # The first frame makes the renderer of a free camera, because the terrain must be cropped before: uploading
+        # the whole terrain takes seconds.
         self._renderer = None if camera is None else _Renderer(model, *self._size)
 
     def draw(
@@ -78,7 +80,7 @@ class Camera:
         Args:
             data: Snapshot of the robot.
             arrows: Arrows and balls to draw into the frame.
-            viewpoint: Place of a free camera.
+            viewpoint: Place of a free camera; None for the default viewpoint.
 
         Returns:
             Frame, (height, width, 3) uint8.
@@ -99,7 +101,7 @@ class Camera:
             self._renderer.close()
 
     def _place_free_camera(self, data: mujoco.MjData, viewpoint: Viewpoint) -> mujoco.MjvCamera:
-        """Return the camera at a viewpoint, after moving the drawn terrain to its target."""
+        """Move the drawn terrain to the target of the viewpoint, and return the camera at the viewpoint."""
         assert self._ground is not None
         is_cut = self._ground.recenter(viewpoint.target)
         if self._renderer is None:
@@ -116,16 +118,16 @@ class Camera:
 
 
 class TerrainPatch:
-    """Copy of a model with its height field, if it has one, cropped to a square around a point.
+    """Copy of a model in which the height field, if there is one, is cropped to a square around a point.
 
     Args:
-        model: The whole model.
+        model: Model with the whole height field.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._whole = model
         self.model: mujoco.MjModel = copy.copy(model)
-        """The copy."""
+        """Copy of the model with the cropped height field."""
         fields = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD)
         self._geom = int(fields[0]) if len(fields) else None
         self._centre: NDArray[np.float64] | None = None
@@ -136,7 +138,10 @@ class TerrainPatch:
         return int(self.model.geom_dataid[self._geom])
 
     def recenter(self, target: tuple[float, float, float]) -> bool:
-        """Crop the terrain around the `target`, world frame, m, if it is far from the centre; True if cropped."""
+        """Crop the terrain around the `target` if the target is far from the present centre.
+
+        `target` is a point in the world frame, (3), m. The result is True if the terrain was cropped.
+        """
         if self._geom is None:
             return False
         target_xy = np.array(target[:2])
@@ -146,14 +151,14 @@ class TerrainPatch:
         return True
 
     def move(self, data: mujoco.MjData) -> None:
-        """Put the cropped terrain at its place in `data`, a snapshot of the whole model."""
+        """Move the cropped terrain to its place in `data`, which is simulation data of the whole model."""
         if self._geom is not None:
             data.geom_xpos[self._geom, :2] = self._centre
 
     def _crop(self, target: NDArray[np.float64]) -> None:
-        """Keep the samples of the height field around a point, world frame, (2), m.
+        """Crop the height field around `target`, a point in the world frame, (2), m.
 
-        Rows of the height field lie along y, columns along x.
+        The rows of the height field are along y, the columns along x.
         """
         whole = self._whole
         field = self.height_field
@@ -171,7 +176,11 @@ class TerrainPatch:
     def _write_samples(
         self, field: int, counts: NDArray[np.int_], first: NDArray[np.int_], kept: NDArray[np.int_]
     ) -> None:
-        """Write `kept` samples along x and y from the `first` on into the height field of the copy, of `counts`."""
+        """Copy a rectangle of the whole height field into the cropped one.
+
+        `first` and `kept` are the index of the first sample and the number of samples, along x and y. `counts` are the
+        numbers of samples of the whole height field `field`.
+        """
         whole = self._whole
         cropped = self.model
         start = int(whole.hfield_adr[field])
@@ -185,17 +194,17 @@ class TerrainPatch:
 
 
 class _Renderer(mujoco.Renderer):  # type: ignore[misc]
-    """MuJoCo's renderer, for models with a height field that changes."""
+    """MuJoCo's renderer with a method that updates a changed height field."""
 
     def upload(self, field: int) -> None:
-        """Upload the height field with the index `field` again, after it has changed in the model."""
+        """Upload the height field with the index `field` again, because it has changed in the model."""
         if self._gl_context:
             self._gl_context.make_current()
         mujoco.mjr_uploadHField(self.model, self._mjr_context, field)
 
 
 class Window:
-    """Window of MuJoCo's passive viewer; needs a display.
+    """Window of MuJoCo's passive viewer; it needs a display.
 
     Args:
         model: Model of the simulation.
@@ -219,7 +228,7 @@ class Window:
         self._threads = set(threading.enumerate()) - other_threads
 
     def draw(self, data: mujoco.MjData) -> None:
-        """Show `data`, a snapshot of the robot."""
+        """Show the robot in the state of `data`."""
         with self._viewer.lock():
             self._shown.qpos[:] = data.qpos
             self._shown.qvel[:] = data.qvel
@@ -228,7 +237,7 @@ class Window:
         self._viewer.sync()
 
     def close(self) -> None:
-        """Close the window and wait for its threads; a process that ends before them would crash."""
+        """Close the window and wait for its threads, because a process that ends before its threads would crash."""
         self._viewer.close()
         for thread in self._threads:
             thread.join()
@@ -240,9 +249,9 @@ def has_display() -> bool:
 
 
 def select_backend() -> None:
-    """Let MuJoCo draw with EGL if there is no display, unless MUJOCO_GL names another backend.
+    """Select EGL for MuJoCo's rendering if there is no display; the variable MUJOCO_GL takes precedence.
 
-    MuJoCo reads MUJOCO_GL only when it is imported, so its module is reloaded.
+    MuJoCo's module `gl_context` is reloaded, because it reads MUJOCO_GL only on import.
 
     Raises:
         RuntimeError: EGL is not installed.

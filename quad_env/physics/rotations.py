@@ -1,4 +1,4 @@
-"""Quaternions (w, x, y, z) of n robots, (n, 4), and matrices of cross products."""
+"""Quaternions (w, x, y, z) from roll, pitch and yaw, cross products, and cross-product matrices."""
 
 import numpy as np
 
@@ -14,9 +14,9 @@ def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
     """Return the quaternions of intrinsic yaw-pitch-roll rotations.
 
     Args:
-        roll: (n,), rad.
-        pitch: (n,), rad.
-        yaw: (n,), rad.
+        roll: Roll angles, (n,), rad.
+        pitch: Pitch angles, (n,), rad.
+        yaw: Yaw angles, (n,), rad.
 
     Returns:
         Quaternions (w, x, y, z), (n, 4).
@@ -32,12 +32,15 @@ def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Return the vectors `a` × `b`, (..., 3); same bits as `np.cross`, seven times faster for a few vectors."""
+    """Return the cross products `a` × `b`, (..., 3).
+
+    The bits are the same as with `np.cross`, which takes seven times as long for a few vectors.
+    """
     product: Array = a.take(_NEXT, -1) * b.take(_LAST, -1) - a.take(_LAST, -1) * b.take(_NEXT, -1)
     return product
 
 
 def skew(vectors: Array) -> Array:
-    """Return the cross-product matrices v × of `vectors` v, (..., 3); (..., 3, 3)."""
+    """Return the cross-product matrices, (..., 3, 3), of `vectors`, (..., 3)."""
     matrices: Array = np.matmul(vectors, _SKEW).reshape(*vectors.shape, 3)
     return matrices

@@ -1,4 +1,4 @@
-"""n robots in one batch of a simulator: joint targets in, state out."""
+"""Simulation of n robots: a batch of a simulator with actuators, sensors and disturbances."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -54,41 +54,46 @@ from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom
 
 ALL = slice(None)
-"""Selection of every robot."""
+"""Selection of all robots."""
 _DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
-"""MuJoCo's consecutive warnings of a bad position, velocity, acceleration or control."""
+"""Slice of MuJoCo's warnings of a bad position, velocity, acceleration or control."""
 _LINKS = ("thigh", "calf")
 _SPAWN_HEIGHT = 10.0
-"""Height, in leg lengths, from which imported robots are lowered onto bumpy ground. If a trunk of many geoms starts in
-the ground, MuJoCo finds more contacts than it has memory for."""
+"""Height from which a robot of a user's model is lowered onto uneven ground, in leg lengths.
+
+A trunk of many geoms must not start in the ground, because MuJoCo would run out of memory for contacts.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class SimulationConfig:
-    """Options of a `Simulation`, beyond robot and scenario."""
+    """Options of a `Simulation` besides robot and scenario."""
 
     num_envs: int = 1
     """Number of robots."""
     nthread: int = 1
-    """Threads of the simulator; results do not depend on it."""
+    """Number of simulation threads; results do not depend on it."""
     control_rate: float = 100.0
     """Control steps per second, Hz; a control step must be a whole number of physics steps."""
     timestep: float | None = None
-    """Physics step, s; None: the MJCF's."""
+    """Physics step, s; None for the value in the MJCF."""
     solver_iterations: int | None = None
-    """Contact-solver iterations per physics step; None: the MJCF's."""
+    """Maximum contact-solver iterations per physics step; None for the value in the MJCF."""
     simulator: str = MUJOCO
     """Name of the simulator; see `quad_env.physics.simulators`."""
     actuator: Actuator = ACTUATORS["ideal"]
     """Actuator of the joints."""
     servo_gains: Array | None = None
-    """Stiffness, N·m/rad, and damping, N·m·s/rad, of the servos of each robot, (2, n, 12); None: the robot's."""
+    """Stiffness, N·m/rad, and damping, N·m·s/rad, of the servos of each robot, (2, n, 12).
+
+    None for the gains of the robot's model.
+    """
     imu: Mounting | None = None
-    """Place of an IMU; with one, the simulation has a `probe`. None: no simulated sensors."""
+    """Place of the IMU, which adds the simulated sensors `Simulation.probe`; None for no simulated sensors."""
     has_meter: bool = False
-    """True: sense the contacts of feet and legs, see `ground_contacts`, and measure the motors, see `meter`."""
+    """True to measure motors and foot forces, see `MotorMeter`, and contacts of feet and legs."""
     tracks_footsteps: bool = False
-    """True: swing times and touchdown speeds are part of the state."""
+    """True to compute swing times and touchdown speeds in `QuadState`."""
 
 
 class _ContactSensorNames(NamedTuple):
@@ -96,23 +101,24 @@ class _ContactSensorNames(NamedTuple):
 
     trunk: list[str]
     feet: list[list[str]]
-    """One list per foot; empty if foot contacts are not read."""
+    """Sensors of each foot; empty if foot contacts are not read."""
     links: list[str]
     """Sensors of thighs and calves."""
 
 
 class Simulation:
-    """State of n robots that are stepped together; results do not depend on n or the number of threads.
+    """Simulation of n robots that are stepped together.
 
-    An environment makes one. Every simulator has MuJoCo's fields and conventions, see `quad_env.physics.simulators`.
+    Results do not depend on n or the number of threads. Every simulator has MuJoCo's fields and conventions, see
+    `quad_env.physics.simulators`. Each environment has one simulation.
+
+    ValueError is raised if the simulator does not support the scenario or an option. It is also raised if the control
+    period is not a whole number of physics steps.
 
     Args:
         robot: Robot to simulate.
         scenario: Terrain, ground, payload, motors and randomisation.
         config: Further options.
-
-    A request that the simulator does not support, and a control step of no whole number of physics steps, raise
-    ValueError.
     """
 
     def __init__(self, robot: Robot, scenario: Scenario, config: SimulationConfig | None = None) -> None:
@@ -128,8 +134,11 @@ class Simulation:
         self.robot = robot
         self.terrain = scenario.terrain
         self.model = compile_model(robot, scenario, config.actuator, config.timestep, config.solver_iterations)
-        """Model of every robot, except for fields that differ between robots: payload position, torque limits of hot
-        motors, randomised parameters. These are those of the robot of the last `sync_model`."""
+        """Compiled model, without the fields that differ between robots.
+
+        The payload position, torque limits of hot motors, and randomised parameters may differ. In this model they have
+        the values of the robot in the last call of `sync_model`.
+        """
         if config.imu is not None:
             mount_imu(self.model, config.imu)
         self.substeps = _count_substeps(config.control_rate, self.model.opt.timestep)
@@ -139,7 +148,7 @@ class Simulation:
         self._has_threads = config.nthread > 1
         stepping_model = make_stepping_model(self.model, _sensor_names(robot, self.model, config, contact_names))
         self.batch = make_batch(config.simulator, stepping_model, config.num_envs, config.nthread)
-        """The robots as the simulator steps them."""
+        """Batch of the simulator, which steps the robots."""
         self._bind_state(config.num_envs)
         self._bind_sensors(config)
         self._bind_contacts(contact_names)
@@ -150,11 +159,11 @@ class Simulation:
         self._bind_randomisation(scenario)
 
     def _bind_state(self, num_envs: int) -> None:
-        """Bind positions, velocities, targets and torques; create the stored actions."""
+        """Bind positions, velocities, targets and torques of the batch; create the stored actions."""
         self.qpos = self.batch.bind("qpos")
-        """Positions, (n, 19), in MuJoCo's order; writing to it moves the robots."""
+        """Generalised positions in MuJoCo's order, (n, 19); writing to this array moves the robots."""
         self.qvel = self.batch.bind("qvel")
-        """Velocities, (n, 18), in MuJoCo's order; writing to it changes the robots' motion."""
+        """Generalised velocities in MuJoCo's order, (n, 18); writing to this array changes the velocities."""
         self._ctrl = self.batch.bind("ctrl")
         self._filtered_ctrl = self.batch.bind("act") if self.model.na else None
         self._warnings = self.batch.warning[:, _DIVERGENCE, 1]
@@ -168,10 +177,10 @@ class Simulation:
         """Create the motor meter and the noise-free sensors."""
         robot, model = self.robot, self.model
         self.meter = MotorMeter(robot, self.batch, model, config.actuator) if config.has_meter else None
-        """Measures motors and foot forces; None unless requested."""
+        """Meter of motors and foot forces; None unless `SimulationConfig.has_meter` is True."""
         self.probe = None if config.imu is None else IdealSensors(robot, self.batch, model, 1 / config.control_rate)
-        """Noise-free sensor values; None without an IMU."""
-        if self.probe is not None:  # it recomputes the outputs of the last physics step
+        """Noise-free sensors; None if `SimulationConfig.imu` is None."""
+        if self.probe is not None:  # a copy, because the probe overwrites the outputs of the last physics step
             self.torque = self.probe.copy(self.torque)
 
     def _bind_contacts(self, names: _ContactSensorNames) -> None:
@@ -181,12 +190,12 @@ class Simulation:
         self._link_contacts = self._contact_data(names.links)
 
     def _contact_data(self, names: Iterable[str]) -> list[Array]:
-        """Return the contact counts of sensors in the last physics step, (n, 1) each."""
+        """Return an array for each sensor that holds its contact counts in the last physics step, (n, 1)."""
         data = [self.batch.sensor(name).data for name in names]
         return data if self.probe is None else [self.probe.copy(count) for count in data]
 
     def _bind_geometry(self, config: SimulationConfig) -> None:
-        """Bind the places that the spawn height and footsteps depend on."""
+        """Bind the positions of joints and sites that determine the spawn height and the footsteps."""
         robot, model = self.robot, self.model
         self._site_positions = self.batch.bind("site_xpos")
         self._joint_positions = self.batch.bind("xanchor")
@@ -201,15 +210,15 @@ class Simulation:
             self._footsteps = FootContactTracker(period, self._foot_contacts, self._site_positions, self._feet)
 
     def _compute_spawn_clearance(self) -> float:
-        """Return the extra height, m, at which robots are placed before they are lowered onto the ground."""
+        """Return the extra height at which robots are placed before they are lowered onto the ground, m."""
         is_bumpy = isinstance(self.terrain, SmoothRandom | HeightField)
         clearance = _SPAWN_HEIGHT * self.robot.leg_length if self.robot.imported and is_bumpy else 0.0
-        if isinstance(self.terrain, HeightField):  # it may be at any height and have many small cells
+        if isinstance(self.terrain, HeightField):  # because this ground may be at any height and have many small cells
             clearance += self.terrain.heights.min_height + self.terrain.heights.span
         return clearance
 
     def _bind_servo_gains(self, servo_gains: Array | None) -> None:
-        """Give every robot servo gains of its own."""
+        """Write the servo gains of each robot, if they are given, into the models of the robots."""
         if servo_gains is not None:
             give_servo_gains(self.model, self.batch.expand, servo_gains)
         self._has_per_env_models = servo_gains is not None
@@ -218,13 +227,13 @@ class Simulation:
         """Bind the pushing force on the trunk and the position of the payload."""
         self._push = self.batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self._steady_force: Array | None = None
-        """Part of the force that acts at every step of an episode, world frame, (n, 2), N."""
+        """Steady force, which acts on the trunk at every step of an episode, world frame, (n, 2), N."""
         self._payload_position: Array | None = None
         if scenario.payload is not None:
             self._payload_position = self.batch.expand("body_pos")[:, self.model.body(PAYLOAD).id, :2]
 
     def _bind_actuators(self, scenario: Scenario, config: SimulationConfig) -> None:
-        """Create target filter and thermal model, and bind the history of MuJoCo's delayed actuators."""
+        """Create the target filter and the thermal model; bind the history of MuJoCo's delayed actuators."""
         robot, model = self.robot, self.model
         actuator = config.actuator
         self._history = self.batch.bind("history") if model.nhistory else None
@@ -233,7 +242,7 @@ class Simulation:
         self._target_filter = make_target_filter(robot, scenario.motors, actuator, config.num_envs, timestep)
         self._thermal_model = make_thermal_model(robot, actuator, timestep, self.batch.expand)
         self._steps_singly = any((self.meter, self._target_filter, self._thermal_model))
-        """True if something happens between the physics steps of a control step."""
+        """True if the meter, the target filter or the thermal model must be updated after every physics step."""
 
     def _bind_randomisation(self, scenario: Scenario) -> None:
         """Create the randomised models."""
@@ -251,15 +260,15 @@ class Simulation:
         payload_position: Array | None = None,
         randomization: Sequence[RandomizationSample] = (),
     ) -> None:
-        """Start episodes: put robots into their start states, just on the ground.
+        """Start episodes: put robots into their start states, with the lowest point on the ground.
 
         Args:
-            env_ids: Indices of the robots, sorted, (k,).
-            rows: Start rows, (k, 35), see `episode.draw_start`: x, y, yaw, roll, pitch, 12 joint offsets from home, 6
-                trunk and 12 joint velocities.
-            force: Force on the trunk at every step, world frame, (k, 2), N.
-            payload_position: Position of the payload, base frame, (k, 2), m.
-            randomization: Randomised parameters of the episodes, k or none.
+            env_ids: Sorted indices of the robots, (k,).
+            rows: Start state of each robot, (k, 35), from `episode.draw_start`: x, y, yaw, roll, pitch, 12 joint
+                offsets from the home pose, 6 trunk velocities and 12 joint velocities.
+            force: Steady force on the trunk, world frame, (k, 2), N; None for no steady force.
+            payload_position: Position of the payload, base frame, (k, 2), m; None for the centre of the trunk.
+            randomization: Randomised parameters of each episode, k samples; empty if the scenario has none.
         """
         self._check_process()
         self.batch.reset(env_ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
@@ -273,7 +282,10 @@ class Simulation:
         self._reset_readings(env_ids)
 
     def _check_process(self) -> None:
-        """Raise RuntimeError in a forked process: it lacks the threads of the batch, so a step would wait forever."""
+        """Raise RuntimeError in a forked process, where a step would wait forever.
+
+        The reason is that a fork does not have the threads of the batch.
+        """
         if self._has_threads and os.getpid() != self._process:
             raise RuntimeError(
                 f"this batch has threads of process {self._process}, which a fork, {os.getpid()}, does not have: make "
@@ -281,7 +293,7 @@ class Simulation:
             )
 
     def _start_positions(self, rows: Array) -> Array:
-        """Return the positions of start rows, (k, 19), at the home height above z = 0."""
+        """Return the generalised positions of start states, (k, 19), with the trunk at the home height above z = 0."""
         robot = self.robot
         qpos = np.empty((len(rows), self.model.nq))
         qpos[:, 0:2] = rows[:, 0:2]
@@ -312,7 +324,7 @@ class Simulation:
                 part.reset(env_ids)
 
     def _reset_loads(self, env_ids: EnvIndices, force: Array | None, payload_position: Array | None) -> None:
-        """Set steady forces and payloads, and recompute the model constants that depend on the episode."""
+        """Set steady forces and payload positions, and recompute the model constants that depend on the episode."""
         if force is not None:
             if self._steady_force is None:
                 self._steady_force = np.zeros_like(self._push)
@@ -331,7 +343,10 @@ class Simulation:
         self.qpos[env_ids, 2] += self._penetration_correction(env_ids, qpos)
 
     def _penetration_correction(self, env_ids: EnvIndices, qpos: Array) -> Array:
-        """Return the lift that puts robots at `qpos`, (k, 19), on the ground, (k,), m."""
+        """Return the vertical displacement that puts robots with the positions `qpos` on the ground, (k,), m.
+
+        `qpos` are generalised positions, (k, 19).
+        """
         rotation = np.stack([np.stack(row, -1) for row in rotation_matrix(to_components(qpos[:, 3:7]))], 1)  # (k, 3, 3)
         corners = qpos[:, None, :3] + self._corners @ rotation.transpose(0, 2, 1)
         feet = self._site_positions[env_ids][:, self._feet]
@@ -349,7 +364,7 @@ class Simulation:
         return cast("Array", np.concatenate(corrections, axis=1).max(axis=1))
 
     def _reset_readings(self, env_ids: EnvSelection) -> None:
-        """Reset footsteps, meter and probe."""
+        """Reset the footstep tracker, the motor meter and the copies of the probe."""
         if self._footsteps is not None:
             self._footsteps.reset(env_ids)
         if self.meter is not None:
@@ -364,9 +379,9 @@ class Simulation:
 
         Args:
             action: Joint targets of the policies, clipped, (n, 12), rad.
-            push: Forces on the trunks, world frame, (n, 2), N; None keeps the present ones: no push since the reset.
-            env_ids: Robots to advance.
-            delayed_targets: Joint targets that the servos receive, (n, 12), rad; None: the action.
+            push: Pushing forces on the trunks, world frame, (n, 2), N; None to keep the present forces.
+            env_ids: Indices of the robots to advance, or a slice.
+            delayed_targets: Joint targets that the servos receive, (n, 12), rad; None if they receive `action`.
         """
         self._check_process()
         self._previous_action[env_ids] = self._action[env_ids]
@@ -397,29 +412,29 @@ class Simulation:
             self._footsteps.update(env_ids)
 
     def _step_physics(self, env_ids: EnvSelection, count: int) -> None:
-        """Advance robots by `count` physics steps; a failed simulation counts a warning."""
+        """Advance robots by `count` physics steps; record a warning for each robot with a failed simulation."""
         try:
             self.batch.step(None if env_ids is ALL else env_ids, count)
         except SimulationError as error:
             self._warnings[error.ids] += 1
 
     def diverged(self, env_ids: EnvSelection | None = ALL) -> Any:
-        """Return True for robots with a diverged simulation.
+        """Return the mask of robots with a diverged simulation.
 
-        That is a warning of MuJoCo since the reset, or a state that is not finite.
+        A simulation has diverged if MuJoCo has warned since the reset, or if the state is not finite.
 
         Args:
-            env_ids: The robots; None: the only robot of a batch of one.
+            env_ids: Indices of k robots, or a slice; None for the only robot of a batch of one.
 
         Returns:
-            Mask, (k,), or a bool for None.
+            Mask, (k,), or a bool if `env_ids` is None.
         """
         components = component_reader(env_ids)
         has_warning = ordered_sum(components(self._warnings)) > 0
         return has_warning | not_finite(components(self.qpos)) | not_finite(components(self.qvel))
 
     def reset_diverged(self, env_ids: NDArray[np.intp]) -> None:
-        """Put diverged robots into the home pose at the origin, at rest, so that their readings are finite."""
+        """Put diverged robots into the home pose at the origin with zero velocity, so that readings are finite."""
         self._reset_actuator_models(env_ids)
         self.batch.reset(env_ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
         self._reset_readings(env_ids)
@@ -429,7 +444,8 @@ class Simulation:
 
         Args:
             command: Command that the robots tracked in the last step, (3), see `QuadState`.
-            env_ids: The robots; None: the only robot of a batch of one, in floats.
+            env_ids: Indices of k robots, or a slice. None means the only robot of a batch of one; the state then has
+                floats.
 
         Returns:
             The state.
@@ -461,12 +477,12 @@ class Simulation:
 
     @property
     def quaternion(self) -> Array:
-        """Orientation of every trunk in the world frame, (n, 4), w x y z."""
+        """Quaternion (w, x, y, z) of every trunk from the base frame to the world frame, (n, 4)."""
         return self.qpos[:, 3:7].copy()
 
     @property
     def push(self) -> Array:
-        """Pushing force on every trunk during the last step, without the steady force, world frame, (n, 2), N."""
+        """Pushing force on every trunk in the last step, world frame, (n, 2), N; the steady force is not included."""
         return self._push.copy() if self._steady_force is None else self._push - self._steady_force
 
     @property
@@ -479,13 +495,13 @@ class Simulation:
 
         Returns:
             feet: True for each foot on the ground, (n, 4).
-            links: True if a thigh or calf is on the ground, (n,).
+            links: True for robots with a thigh or calf on the ground, (n,).
         """
         links = sum(self._link_contacts, np.zeros((len(self.qpos), 1)))
         return touching(self._foot_contacts, ALL), np.asarray(links[:, 0] > 0)
 
     def sync_model(self, robot: int) -> None:
-        """Copy the fields of one `robot`, an index, that differ between robots into `model`."""
+        """Copy the model fields that differ between robots, for the robot with the index `robot`, into `self.model`."""
         differs = self._payload_position is not None or self._thermal_model is not None or self._has_per_env_models
         if not differs:
             return
@@ -499,7 +515,10 @@ class Simulation:
         model.opt.disableflags = flags
 
     def snapshot(self, robot: int) -> mujoco.MjData:
-        """Return a copy of the data of one `robot`, an index, for `model`, with every derived field current."""
+        """Return a copy of the data of the robot with the index `robot`, with all derived fields up to date.
+
+        `self.model` becomes the model of this robot.
+        """
         self.sync_model(robot)
         data = self.batch.get_data(robot)
         mujoco.mj_forward(self.model, data)
@@ -507,7 +526,7 @@ class Simulation:
 
 
 def _count_substeps(control_rate: float, timestep: float) -> int:
-    """Return the physics steps of `timestep` seconds in a control step; raise ValueError for no whole number."""
+    """Return the number of physics steps in a control step; raise ValueError if it is not a whole number."""
     period = 1 / control_rate
     substeps = round(period / timestep)
     if substeps < 1 or abs(substeps * timestep - period) > 1e-9:

@@ -1,4 +1,4 @@
-"""Simulators by name: the features of the environment that each supports, and the check of a request."""
+"""Simulators and the features of the environment that each simulator supports."""
 
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -12,9 +12,9 @@ MUJOCO = "mujoco"
 DRAKE = "drake"
 WARP = "warp"
 SIMULATORS = (MUJOCO, DRAKE)
-"""Simulators of evaluations. WARP is for training only."""
+"""Simulators for evaluation; WARP is missing because it is for training only."""
 RELATIVE_STEP_TIME = {MUJOCO: 1.0, DRAKE: 12.0}
-"""Time of a control step of one robot, relative to MuJoCo's."""
+"""Simulator -> computing time of a control step of one robot, as a multiple of MuJoCo's time."""
 
 
 @dataclass(frozen=True)
@@ -22,28 +22,30 @@ class SimulatorFeatures:
     """Features of the environment that a simulator supports; the defaults are MuJoCo's."""
 
     package: str | None = None
-    """Python package that the simulator needs beyond this project's own; None: none."""
+    """Python package that must be installed for the simulator; None if the project always installs it."""
     summary: str = ""
     """Supported features in words, for error messages."""
     robot_sensors: bool = True
-    """Simulated sensors on the robot, which read outputs of the present state."""
+    """True if the robot can have simulated sensors, which read outputs of the present state."""
     energy: bool = True
-    """Measurement of work, heat and foot impulse in every physics step."""
+    """True if work, heat and foot impulses can be measured in every physics step."""
     hardware_profile: bool = True
     actuator_models: bool = True
-    """Actuators other than the ideal servo, and motors with a bandwidth."""
+    """True if actuators other than the ideal servo, and motors with a bandwidth, are supported."""
     weak_motors: bool = True
-    """`Motors` of a scenario that differ from the defaults."""
+    """True if the `Motors` of a scenario may differ from the defaults."""
     height_fields: bool = True
     soft_ground: bool = True
     per_env_models: bool = True
-    """Domain randomisation: model fields that differ between robots."""
+    """True if model fields may differ between robots, as domain randomisation requires."""
     per_env_servo_gains: bool = True
     nonlinear_joints: bool = True
-    """Joint springs and quadratic or cubic joint damping."""
+    """True if joint springs and quadratic or cubic joint damping are supported."""
     implicit_damping: bool = True
-    """True if `actuator_force` lacks the implicitly integrated damping, which `qDeriv` holds; False if it is the torque
-    that the joint received."""
+    """True if the field `actuator_force` does not include the damping that the simulator integrates implicitly.
+
+    The field `qDeriv` then gives this damping. False if `actuator_force` is the torque that the joint received.
+    """
 
 
 SIMULATOR_FEATURES = {
@@ -74,7 +76,7 @@ SIMULATOR_FEATURES = {
         implicit_damping=False,
     ),
 }
-"""Features of each simulator, by name."""
+"""Name of each simulator -> features."""
 
 
 def check_simulator(
@@ -85,14 +87,14 @@ def check_simulator(
     readings: bool = False,
     per_env_servo_gains: bool = False,
 ) -> None:
-    """Check that a simulator supports a scenario and a robot's equipment.
+    """Check that a simulator supports a scenario and the requested actuator, sensors and measurements.
 
     Args:
         simulator: Name of the simulator.
         scenario: Scenario to simulate.
         actuator: Actuator of the joints.
         sensors: True if the robot has simulated sensors.
-        readings: True if energy is measured.
+        readings: True if motors and contacts are measured.
         per_env_servo_gains: True if servo gains differ between robots.
 
     Raises:
@@ -115,7 +117,7 @@ def check_simulator(
 def _requested_features(
     scenario: Scenario, actuator: Actuator, sensors: bool, readings: bool, per_env_servo_gains: bool
 ) -> list[tuple[str, str]]:
-    """Return the field of `SimulatorFeatures` and the name, for messages, of every requested feature."""
+    """Return every requested feature: its field of `SimulatorFeatures`, and its name for error messages."""
     motors = f"the motors of {scenario.name!r}"
     candidates = (
         (sensors, "robot_sensors", "sensors of the robot"),

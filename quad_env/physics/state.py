@@ -1,17 +1,18 @@
-"""Named readings of the robots' state, computed from the present positions and velocities."""
+"""State of one robot or of n robots, with named quantities in the frames that the task needs."""
 
 from typing import Generic, NamedTuple
 
 from quad_env.columns import BoolOrMask, Components, ScalarOrBatch, sqrt, sum_of_magnitudes, where
 
 Rotation = tuple[Components[ScalarOrBatch], Components[ScalarOrBatch], Components[ScalarOrBatch]]
-"""Rows of the rotation matrix from the base frame to the world frame."""
+"""Rotation matrix from the base frame to the world frame, as three rows of three components."""
 
 
 class QuadState(NamedTuple, Generic[ScalarOrBatch]):
-    """State of one robot or of n, for observations, rewards, terminations and infos; see `quad_env.columns`.
+    """State of one robot or of n robots, for observations, rewards, terminations and infos.
 
-    A component is a float of one robot or an array (n,). The simulation makes one after every step.
+    Every component is a float for one robot, or an array (n,) for n robots; see `quad_env.columns`. A shape such as (3)
+    gives the number of components. `Simulation.state` makes a state after every step.
     """
 
     position: Components[ScalarOrBatch]
@@ -40,17 +41,21 @@ class QuadState(NamedTuple, Generic[ScalarOrBatch]):
     trunk_contact: BoolOrMask
     """True if the trunk touched the ground in the last physics step."""
     command: Components[ScalarOrBatch]
-    """Command during the step: forward and lateral velocity, heading frame, m/s, and yaw rate, rad/s; (3)."""
+    """Command in the last control step: forward and lateral velocity, heading frame, m/s, and yaw rate, rad/s; (3)."""
     action: Components[ScalarOrBatch]
-    """Joint targets of the step, clipped, (12), rad."""
+    """Joint targets of the last control step after clipping, (12), rad."""
     previous_action: Components[ScalarOrBatch]
-    """Joint targets of the step before, (12), rad."""
+    """Joint targets of the control step before the last one, (12), rad."""
     swing_time: Components[ScalarOrBatch] | None = None
-    """Duration of the swing that each foot ended by touching down in this control step, (4), s; 0 without a touchdown.
-    A foot that leaves the ground for a single control step bounces; that is no swing. None if no term needs it."""
+    """Duration of the swing of each foot that touched down in the last control step, (4), s; 0 for other feet.
+
+    A time of one control step off the ground is a bounce and no swing. None if no reward or observation term needs it.
+    """
     touchdown_speed: Components[ScalarOrBatch] | None = None
-    """Downward speed of each foot in the control step before its touchdown, world frame, (4), m/s; 0 without a
-    touchdown. None if no term needs it."""
+    """Downward speed of each foot before it touched down in the last control step, world frame, (4), m/s.
+
+    The value is 0 for feet that did not touch down. None if no reward or observation term needs it.
+    """
 
     @property
     def projected_gravity(self) -> Components[ScalarOrBatch]:
@@ -60,12 +65,12 @@ class QuadState(NamedTuple, Generic[ScalarOrBatch]):
 
     @property
     def mechanical_power(self) -> ScalarOrBatch:
-        """Σ |torque · joint speed| over the joints, W."""
+        """Mechanical power Σ |torque · joint speed| over the joints, W."""
         return sum_of_magnitudes(self.joint_torque, self.joint_velocity)
 
 
 def rotation_matrix(quaternion: Components[ScalarOrBatch]) -> Rotation[ScalarOrBatch]:
-    """Return the rotation matrix of a `quaternion` (w, x, y, z), which is normalised first."""
+    """Return the rotation matrix of a `quaternion` (w, x, y, z); the quaternion need not be normalised."""
     w, x, y, z = quaternion
     norm = sqrt(w * w + x * x + y * y + z * z)
     w = w / norm
@@ -123,7 +128,7 @@ def to_heading(
 def heading_velocity(
     rotation: Rotation[ScalarOrBatch], linear_world: Components[ScalarOrBatch], angular_body: Components[ScalarOrBatch]
 ) -> Components[ScalarOrBatch]:
-    """Compute the velocity that commands refer to.
+    """Compute the velocity in the heading frame, to which the commands refer.
 
     Args:
         rotation: Rotation from the base frame to the world frame.

@@ -1,4 +1,4 @@
-"""Batch of robots that MuJoCo Warp steps, on a GPU if there is one, with the calls of MuJoCo's batch."""
+"""Batch of robots that MuJoCo Warp steps, on a GPU if there is one, with the interface of MuJoCo's batch."""
 
 import copy
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from quad_env.physics.simulators import SIMULATOR_FEATURES, WARP
 _UPLOADED_FIELDS = ("qpos", "qvel", "ctrl", "xfrc_applied", "act")
 _DOWNLOADED_FIELDS = ("qpos", "qvel", "act", "actuator_force", "xanchor", "site_xpos", "sensordata")
 _DERIVED_FIELDS = ("body_subtreemass", "body_invweight0", "dof_invweight0")
-"""Fields of the model that depend on others."""
+"""Model fields that `mj_setConst` computes from other fields."""
 _MAX_CONTACTS = 32
 """Maximum number of contacts of a robot; more are dropped."""
 _MAX_CONSTRAINT_ROWS = 160
@@ -26,10 +26,10 @@ _MAX_CONSTRAINT_ROWS = 160
 
 
 class WarpBatch(ArrayBatch):
-    """See `quad_env.physics.batch.Batch`. All robots are stepped at once, in single precision, by Newton's method.
+    """Batch of robots in MuJoCo Warp; see `quad_env.physics.batch.Batch`.
 
-    The state lies in host memory, in double precision, and a step copies it to the device and back. The rest of an
-    environment is therefore the same code as for MuJoCo.
+    All robots are stepped at once, in single precision, with the Newton solver. The state is in host memory, in double
+    precision, and a step copies it to the device and back. So the rest of the environment is the same as for MuJoCo.
 
     Args:
         model: Compiled model of every robot.
@@ -48,23 +48,23 @@ class WarpBatch(ArrayBatch):
             self._model, nworld=num_envs, nconmax=_MAX_CONTACTS, njmax=_MAX_CONSTRAINT_ROWS
         )
         self._is_model_stale = True
-        """True while the device lacks the newest expanded fields."""
+        """True if fields from `expand` have changed since they were last copied to the device."""
         self._graphs: dict[int, Any] = {}
         """Number of physics steps -> CUDA graph that makes them."""
 
     def expand(self, field: str) -> Array:
         """Give every robot its own values of a model `field`, and return them, (n, ...).
 
-        They take effect at the next `set_const` or at the first step.
+        Changed values take effect after the next `set_const`, or at the first step.
         """
         for name in _DERIVED_FIELDS:
             super().expand(name)
         return super().expand(field)
 
     def sensor(self, name: str) -> Any:
-        """Return the sensor called `name`; its `data` are (n, size).
+        """Return the sensor called `name`; its attribute `data` holds the readings, (n, size).
 
-        They belong to the state before the last physics step.
+        The readings belong to the state before the last physics step.
         """
         sensor = self._model.sensor(name)
         start = int(sensor.adr[0])
@@ -72,11 +72,11 @@ class WarpBatch(ArrayBatch):
         return SimpleNamespace(data=self._fields["sensordata"][:, start : start + size])
 
     def reset(self, ids: EnvIndices, keyframe: int | None = None, *, stage: int = 0) -> None:
-        """Put robots at the start of the model, at rest; no contacts are computed yet.
+        """Put robots into the initial state of the model or of a keyframe, without computing contacts.
 
         Args:
             ids: Indices of the robots, (k,).
-            keyframe: Index of a keyframe to start from instead.
+            keyframe: Index of the keyframe; None for the initial state of the model.
             stage: Not used.
         """
         super().reset(ids, keyframe, stage=stage)
@@ -93,13 +93,13 @@ class WarpBatch(ArrayBatch):
         """
         if self._is_model_stale:
             self._upload_expanded_fields()
-        run = self._compiled_steps(nstep)  # first: compiling moves the robots
+        run = self._compiled_steps(nstep)  # before the upload, because compiling moves the robots
         self._upload_state()
         run()
         self._download_state(slice(None) if ids is None else ids)
 
     def set_const(self, ids: EnvIndices) -> None:
-        """Recompute the model constants that depend on expanded fields, for the robots `ids`, (k,)."""
+        """Recompute the model constants of the robots `ids`, (k,), after a change of fields from `expand`."""
         for robot in ids:
             self.get_model(int(robot), self._model)
             mujoco.mj_setConst(self._model, self._data)
@@ -108,9 +108,10 @@ class WarpBatch(ArrayBatch):
         self._is_model_stale = True
 
     def _compiled_steps(self, steps: int) -> Callable[[], None]:
-        """Return a function that steps all robots; on a GPU one CUDA graph, which saves launch times.
+        """Return a function that advances all robots by `steps` physics steps.
 
-        Call it before the state is uploaded: compiling a graph moves the robots.
+        On a GPU the function launches a CUDA graph, because a graph saves the launch times of single kernels. Call this
+        method before the state is uploaded, because compiling a graph moves the robots.
         """
         if not warp.get_device().is_cuda:
             return partial(self._run, steps)
@@ -122,7 +123,7 @@ class WarpBatch(ArrayBatch):
         return partial(warp.capture_launch, self._graphs[steps])
 
     def _run(self, steps: int) -> None:
-        """Step all robots on the device."""
+        """Advance all robots on the device by `steps` physics steps."""
         for _ in range(steps):
             mujoco_warp.step(self._device_model, self._device_data)
 
@@ -135,7 +136,7 @@ class WarpBatch(ArrayBatch):
                 getattr(self._device_data, name).assign(rows)
 
     def _download_state(self, selection: EnvSelection) -> None:
-        """Copy state and outputs of some robots from the device."""
+        """Copy the state and outputs of the robots in `selection` from the device."""
         for name in _DOWNLOADED_FIELDS:
             values = self._fields[name]
             if values.size:
@@ -143,9 +144,9 @@ class WarpBatch(ArrayBatch):
                 values[selection] = device_values[selection]
 
     def _upload_expanded_fields(self) -> None:
-        """Copy the fields that differ between robots to the device.
+        """Copy the model fields that differ between robots to the device.
 
-        The memory stays the same, because CUDA graphs read from it.
+        Existing device arrays are overwritten and not replaced, because CUDA graphs read from the same memory.
         """
         for name, values in self._expanded.items():
             device_array = getattr(self._device_model, name)
