@@ -1,14 +1,14 @@
-"""`python -m research COMMAND`: the studies behind the project's own figures, each with its own --help."""
+"""`python -m research COMMAND`: the studies behind the numbers in the documentation. Each command has a --help."""
 
 import sys
 from pathlib import Path
 
-if __name__ == "__main__":  # so that no `evaluate.py` of the user's is imported
+if __name__ == "__main__":  # because a file `evaluate.py` of the user must not hide the package `evaluate`
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from quad_env.cli import launcher
 
-if __name__ == "__main__":  # before the imports that take time
+if __name__ == "__main__":  # here because Ctrl-C must also work during the slow imports below
     launcher.leave_on_interrupt()
 
 from quad_env.cli.program import Command, Program

@@ -1,1 +1,1 @@
-"""Writers of the tables in README and docs."""
+"""Writers of the tables and figures in the README and in docs."""

@@ -1,4 +1,4 @@
-"""Blocks of Markdown files that commands write: lines between `<!-- NAME -->` and `<!-- /NAME -->`."""
+"""Generated blocks of Markdown files: the lines between `<!-- NAME -->` and `<!-- /NAME -->`."""
 
 from pathlib import Path
 
@@ -7,22 +7,22 @@ from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
 
 RESULTS = "results"
-"""Name of the first block of a file."""
+"""Name of the block with the main results of a file."""
 
 
 def insert_block(text: str, lines: list[str], marker: str = RESULTS) -> str:
-    """Insert lines between the markers of a block.
+    """Replace the lines of a block.
 
     Args:
-        text: Markdown.
-        lines: Lines of the block.
+        text: Text of a Markdown file.
+        lines: New lines of the block.
         marker: Name of the block.
 
     Returns:
-        The text with the block.
+        The text with the new lines between the markers of the block.
 
     Raises:
-        UsageError: The text lacks the block.
+        UsageError: The text has no block of that name.
     """
     begin = f"<!-- {marker} -->"
     end = f"<!-- /{marker} -->"
@@ -34,17 +34,17 @@ def insert_block(text: str, lines: list[str], marker: str = RESULTS) -> str:
 
 
 def read_page(page: Path, *places: str) -> str:
-    """Read a page.
+    """Read a Markdown page and check that it has the given blocks.
 
     Args:
-        page: File.
-        *places: Names of the blocks that it must have.
+        page: File of the page.
+        *places: Names of the blocks that the page must have.
 
     Returns:
-        Its text.
+        The text of the page.
 
     Raises:
-        UsageError: The file is unreadable, or lacks a block.
+        UsageError: The file cannot be read, or a block is missing.
     """
     try:
         text = read_bytes(page).decode()
@@ -56,6 +56,6 @@ def read_page(page: Path, *places: str) -> str:
 
 
 def write_block(page: Path | None, lines: list[str], marker: str = RESULTS) -> None:
-    """Write the `lines` into the block `marker` of the `page`, if there is a page."""
+    """Write `lines` into the block `marker` of the file `page`; do nothing if `page` is None."""
     if page is not None:
         write_atomically(page, insert_block(read_page(page), lines, marker).encode())

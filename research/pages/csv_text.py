@@ -1,4 +1,4 @@
-"""Tables as CSV: a line per row, numbers with six digits, empty cells for unknown values."""
+"""Tables as CSV: one line per row, numbers with six significant digits, and empty cells for unknown values."""
 
 import csv
 import io
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def to_csv(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """Format rows as a CSV file in UTF-8; columns are the keys of all rows, in order of first use."""
+    """Format `rows` as a CSV file in UTF-8. The columns are the keys of all rows, in the order of first use."""
     columns = list(dict.fromkeys(name for row in rows for name in row))
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
@@ -18,9 +18,9 @@ def to_csv(rows: Sequence[Mapping[str, Any]]) -> bytes:
 
 
 def flatten_entry(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Flatten an entry of a results.json to a row.
+    """Flatten an entry of a results.json to a row: name of the column -> value.
 
-    An interval `x_ci` becomes `x_low` and `x_high`; dicts and other lists are left out.
+    An interval `x_ci` becomes two columns, `x_low` and `x_high`. Other lists and dictionaries are left out.
     """
     row: dict[str, Any] = {}
     for name, value in entry.items():
@@ -33,7 +33,7 @@ def flatten_entry(entry: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _cell(value: Any) -> Any:
-    """Format a value."""
+    """Format a value for CSV: floats with six significant digits, and None and NaN as an empty cell."""
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.6g}"
     return "" if value is None else value

@@ -1,4 +1,4 @@
-"""A results.json of `python -m evaluate` for README and docs: read, checked, shown as tables."""
+"""Reads and checks a results.json of `python -m evaluate`, and makes tables and figures for README and docs."""
 
 import io
 import math
@@ -35,25 +35,28 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FLAT = "flat"
-"""Scenario with the success of a policy without a score."""
+"""Name of the scenario on which the success of a policy without a score is reported."""
 SCORE_WORDS = (
     "The score is the mean success over the axes, each axis and each of its severities alike; its interval counts "
     "episodes, each with all of its scenarios. p is not corrected. The hardware score is that of the scenarios with "
     "the robot's hardware profile."
 )
-"""Text above the table of scores."""
+"""Explanation above the table of scores."""
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
-"""Alternative text of the figure."""
+"""Alternative text of the figure of success, for readers who cannot see the figure."""
 HARDWARE_SCORES = "hardware_scores"
-"""Key of the scores with the hardware profile."""
+"""Key of a results.json for the scores with the robot's hardware profile."""
 KINDS = "scores", HARDWARE_SCORES
-"""Keys of the scores."""
+"""Keys of a results.json for the scores without and with the robot's hardware profile."""
 _KEYS = "policies", "scores", "baseline", "breaking_points", "versions", "episodes", "seed"
 """Required keys of a results.json."""
 
 
 def read_results(path: Path) -> dict[str, Any]:
-    """Read a results.json, with NaN for null; UsageError if it is missing, unfinished or without scores."""
+    """Read a results.json, with NaN for null.
+
+    Raises UsageError if the file is missing, if its evaluation is unfinished, or if it has no scores.
+    """
     if not path.exists():
         raise UsageError(f"there is no {path}; `python -m evaluate --out {path.parent}` makes it")
     try:
@@ -72,17 +75,20 @@ def read_results(path: Path) -> dict[str, Any]:
 
 
 def scores_of(results: dict[str, Any], kind: str = "scores") -> list[Score]:
-    """Return the scores in the `results` under the key `kind`, the highest first; empty without any."""
+    """Return the scores under the key `kind` of `results`, the highest first; an empty list if there are none."""
     return [Score(**score) for score in results.get(kind, ())]
 
 
 def scenarios_of(results: dict[str, Any]) -> list[str]:
-    """Return the names of the scenarios, in the order of the run."""
+    """Return the names of the scenarios of an evaluation, in the order of the evaluation."""
     return list(dict.fromkeys(name for policy in results["policies"].values() for name in policy["scenarios"]))
 
 
 def made_by(results: dict[str, Any]) -> str:
-    """Return the command of these results, without options at their defaults, and the versions."""
+    """Return a line of Markdown with the command that produced the results, and the versions.
+
+    Options with default values are left out of the command.
+    """
     provenance = results.get("provenance", {})
     versions = results["versions"]
     scenarios = scenarios_of(results)
@@ -101,9 +107,9 @@ def made_by(results: dict[str, Any]) -> str:
 
 
 def overview_lines(results: dict[str, Any]) -> list[str]:
-    """Create a table of scores and effort, a row per policy, with its caption; in lines.
+    """Return the lines of a Markdown table of scores and effort, with one row per policy and a caption.
 
-    The caption has the success on flat ground of policies without a score.
+    The caption also states the success on flat ground of the policies without a score.
     """
     scores = {score.policy: share(score.score, score.ci) for score in scores_of(results)}
     hardware_scores = {score.policy: share(score.score, score.ci) for score in scores_of(results, HARDWARE_SCORES)}
@@ -124,7 +130,7 @@ def overview_lines(results: dict[str, Any]) -> list[str]:
 
 
 def _overview_heads() -> dict[str, str]:
-    """Return the headings of the overview."""
+    """Return the headings of the table of `overview_lines`: name of the column -> heading."""
     heads = {
         "policy": "policy",
         "about": "controller",
@@ -135,26 +141,33 @@ def _overview_heads() -> dict[str, str]:
 
 
 def _effort_cells(effort: Mapping[str, float]) -> dict[str, str]:
-    """Format the main figures of effort; a dash for a missing one."""
+    """Return the main measures of effort as text: name of the measure -> cell. A missing value is a dash."""
     return {name: format_effort(name, effort.get(name, math.nan)) for name in MAIN_EFFORT_TITLES}
 
 
 def _overview_caption(results: dict[str, Any], effort_note: str) -> str:
-    """Describe the figures of the overview."""
+    """Return the caption of the table of `overview_lines`; `effort_note` describes the columns of effort."""
     count = with_count(results["episodes"], "episode")
     axes = len(scores_of(results)[0].axes)
     return f"Success: mean over {axes} axes of disturbance, {count} at each severity{effort_note}."
 
 
 def _with_text_column(lines: list[str], heads: dict[str, str]) -> list[str]:
-    """Align the column `about`, the second, to the left."""
+    """Return the `lines` of a table with its second column aligned to the left, if that is the column `about`."""
     if "about" not in heads:
         return lines
     return [lines[0], lines[1].replace("|---|---:|", "|---|---|", 1), *lines[2:]]
 
 
 def _on_flat_ground(cells_by_policy: dict[str, Any]) -> str:
-    """Return a sentence for each policy without a score: its success on flat ground, and its description."""
+    """Return a sentence for each policy that was evaluated on flat ground: its success there, and its description.
+
+    Args:
+        cells_by_policy: Policy without a score -> scenario -> results on that scenario.
+
+    Returns:
+        The sentences; empty if no policy was evaluated on flat ground.
+    """
     sentences = ""
     for policy, cells in cells_by_policy.items():
         if FLAT in cells:
@@ -164,9 +177,10 @@ def _on_flat_ground(cells_by_policy: dict[str, Any]) -> str:
 
 
 def robots_table(results: Sequence[dict[str, Any]]) -> list[str]:
-    """Create the table of other robots: the score of each policy that all of them have.
+    """Return the lines of the table of other robots, with one row per robot and one column per policy.
 
-    A further row has the scores with the hardware profile, if it was evaluated.
+    The columns are the policies that were evaluated on all robots. A second row of a robot has the scores with its
+    hardware profile, if they exist.
     """
     scores_by_robot = [{score.policy: score for score in scores_of(entry)} for entry in results]
     policies = [name for name in scores_by_robot[0] if all(name in scores for scores in scores_by_robot)]
@@ -183,12 +197,12 @@ def robots_table(results: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _score_texts(scores: Mapping[str, Score], policies: Sequence[str]) -> dict[str, str]:
-    """Format the scores of these policies; a dash for a missing one."""
+    """Return the scores of the given policies as text: policy -> cell. A missing score is a dash."""
     return {name: share(scores[name].score, scores[name].ci) if name in scores else ABSENT for name in policies}
 
 
 def robot_of(results: dict[str, Any]) -> Robot:
-    """Return the robot of the evaluation. Raises UsageError if it is not available here."""
+    """Return the robot of an evaluation. Raises UsageError if the robot cannot be loaded on this computer."""
     name = results.get("provenance", {}).get("hardware", {}).get("robot", HardwareConfig.robot)
     return parse_robot_option(name, "the results' robot").robot_model
 
@@ -199,13 +213,13 @@ def score_table(
     display_names: Mapping[str, str] | None = None,
     hardware_scores: Sequence[Score] = (),
 ) -> list[str]:
-    """Create the table of scores and differences from the baseline.
+    """Create the table of scores and of their differences from the baseline.
 
     Args:
-        scores: Scores without the hardware profile.
-        baseline: Baseline of the differences.
-        display_names: Policy -> name to show instead.
-        hardware_scores: Scores with the hardware profile, for columns on the right.
+        scores: Scores without the robot's hardware profile.
+        baseline: Name of the policy from which the differences are computed.
+        display_names: Policy -> name that the table shows instead of the policy's own.
+        hardware_scores: Scores with the hardware profile, which are shown in the columns on the right.
 
     Returns:
         Lines of Markdown.
@@ -227,7 +241,7 @@ def score_table(
 
 
 def _score_cells(score: Score, baseline: str, name: str) -> dict[str, str]:
-    """Format a score and its difference."""
+    """Return the cells of a score and of its difference from the baseline: name of the column -> text."""
     percent_score = points_with(score.score, score.ci)
     difference = points_with(score.difference, score.difference_ci)
     difference_text = f"{difference.value} [{difference.interval}], {p_value(score.p_value)}"
@@ -238,11 +252,12 @@ def _score_cells(score: Score, baseline: str, name: str) -> dict[str, str]:
 
 
 def draw_figures(results: dict[str, Any], picture: Path) -> None:
-    """Draw the figures of an evaluation.
+    """Draw the figures of an evaluation as PNG files.
 
     Args:
         results: Results of the evaluation.
-        picture: PNG of the success of every policy on every axis. The Pareto front, if any, goes to NAME_pareto.png.
+        picture: File NAME.png for the success of every policy on every axis. The Pareto front, if there is one, is
+            written to NAME_pareto.png.
     """
     front = results.get("pareto", {"front": ()})
     with drawing.plot_settings():
@@ -257,14 +272,14 @@ def draw_figures(results: dict[str, Any], picture: Path) -> None:
 
 
 def picture_links(results: dict[str, Any], path: str) -> str:
-    """Return links to the figures of the `results` in Markdown; `path` is the first one's from the page."""
+    """Return Markdown links to the figures of `results`; `path` is the path from the page to the first figure."""
     has_front = bool(results.get("pareto", {}).get("front"))
     front = f" ![{pareto.ALT}]({path.removesuffix('.png')}_pareto.png)" if has_front else ""
     return f"![{ALT}]({path}){front}"
 
 
 def figure_to_png(figure: "Figure") -> bytes:
-    """Encode a figure on white as a PNG."""
+    """Encode a figure as a PNG with a white background."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=160, facecolor="white", metadata={"Software": None})
     return buffer.getvalue()

@@ -27,7 +27,7 @@ from research.pages.csv_text import flatten_entry, to_csv
 from research.pages.policy_list import PolicyList
 
 SCENARIOS = "flat", "push", "rough", "noise:3", "latency:3"
-"""Default scenarios."""
+"""Default scenarios of a leaderboard."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class LeaderboardOptions:
 
 
 def main(options: LeaderboardOptions) -> int:
-    """Evaluate, write, and return the exit code. Raises UsageError."""
+    """Evaluate the policies, write the page and its CSV files, and return the exit code. Raises UsageError."""
     policies = policy_list.read_list(options.list)
     if options.reference not in (None, *policies.names):
         raise UsageError(f"--reference: {options.reference} is not in the list: {', '.join(policies.names)}")
@@ -87,7 +87,7 @@ def main(options: LeaderboardOptions) -> int:
 
 
 def _made_by(options: LeaderboardOptions, results: Results) -> str:
-    """Return the command and the versions."""
+    """Return a line of Markdown with the command that produced the page, and the versions."""
     words = ["python -m research leaderboard", options.list.as_posix()]
     defaults = LeaderboardOptions(options.list)
     for name in ("reference", "scenarios", "episodes"):
@@ -98,7 +98,10 @@ def _made_by(options: LeaderboardOptions, results: Results) -> str:
 
 
 def _plan(name: str, policy: str, policies: PolicyList, options: LeaderboardOptions) -> Plan:
-    """Create the checked evaluation plan of one policy; a started one is resumed. Raises UsageError."""
+    """Create and check the plan to evaluate one policy. Raises UsageError.
+
+    The plan resumes an evaluation of the policy that was started earlier.
+    """
     out = options.runs / options.list.stem / re.sub(r"[^\w.-]+", "_", name)
     servo = ""
     if name in policies.ours:
@@ -122,7 +125,10 @@ def _plan(name: str, policy: str, policies: PolicyList, options: LeaderboardOpti
 
 
 def _run(plan: Plan) -> Run:
-    """Return the finished evaluation. Raises UsageError, and KeyboardInterrupt after Ctrl-C."""
+    """Run the evaluation of a plan if it is not finished, and return it.
+
+    Raises UsageError, and KeyboardInterrupt after Ctrl-C.
+    """
     out = plan.options.out
     if not plan.options.resume or not read_run(out).complete:
         execute(plan, lambda *_: None)
@@ -130,7 +136,16 @@ def _run(plan: Plan) -> Run:
 
 
 def _results(runs: Mapping[str, Run], ours: Sequence[str], reference: str | None) -> Results:
-    """Compare all policies with the reference, by default the best one of this project."""
+    """Compare all policies with a reference policy.
+
+    Args:
+        runs: Policy -> its finished evaluation.
+        ours: Names of the policies of this project.
+        reference: Name of the reference policy. None for the policy in `ours` with the highest mean success.
+
+    Returns:
+        Results of all policies, as of one evaluation.
+    """
     first = next(iter(runs.values())).manifest
     cells = [replace(cell, policy=name) for name, run in runs.items() for cell in run.cells]
     analyse_cells = partial(analyse, cells, seed=first.seed, episodes=first.episodes, complete=True)

@@ -1,4 +1,4 @@
-"""Page of a leaderboard in Markdown: policies by mean success, figures by scenario, and sources."""
+"""Markdown page of a leaderboard: policies by mean success, results on each scenario, and sources of the files."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -20,13 +20,13 @@ from research.pages.markdown import IN_A_LINE, table
 from research.pages.policy_list import PolicyList
 
 COMPARED = SUCCESS_RATE, "velocity_error"
-"""Metrics with a difference from the reference."""
+"""Names of the metrics for which the page shows differences from the reference policy."""
 COST = "cost_of_transport"
-"""Name of the cost of transport."""
+"""Name of the measure cost of transport."""
 
 
 def mean_success(results: Results) -> dict[str, float]:
-    """Return policy -> mean success over the scenarios, the highest first."""
+    """Return a dictionary: policy -> mean success rate over the scenarios, the highest first."""
     rates = {
         policy: float(
             np.mean([summary.success_rate for (_, name), summary in results.summaries.items() if name == policy])
@@ -37,16 +37,16 @@ def mean_success(results: Results) -> dict[str, float]:
 
 
 def render_page(results: Results, policy_list: PolicyList, robots: Mapping[str, Robot], made_by: str) -> str:
-    """Render the page.
+    """Render the page of a leaderboard.
 
     Args:
         results: Results of all policies.
         policy_list: List of the policies.
-        robots: Policy -> its robot, with the servo gains that it commands.
-        made_by: Command and versions.
+        robots: Policy -> robot with the servo gains of that policy.
+        made_by: Line with the command that makes the page, and the versions.
 
     Returns:
-        Markdown.
+        Text of the page, Markdown.
     """
     robot = next(iter(robots.values()))
     policies = list(mean_success(results))
@@ -73,7 +73,7 @@ def render_page(results: Results, policy_list: PolicyList, robots: Mapping[str, 
 
 
 def _overview(results: Results, robots: Mapping[str, Robot], policies: Sequence[str]) -> Iterator[str]:
-    """Render servo gains, success on every scenario, and effort."""
+    """Yield the lines of the first table: servo gains, success on every scenario, and effort of each policy."""
     scores = {score.policy: share(score.score, score.ci) for score in results.scores}
     effort_on = cost_scenario(results.scenarios) or results.scenarios[0]
     rows = []
@@ -90,13 +90,13 @@ def _overview(results: Results, robots: Mapping[str, Robot], policies: Sequence[
 
 
 def format_gains(robot: Robot) -> str:
-    """Format the distinct stiffnesses and dampings of a robot's servos by joint: `20, 40; 1, 2`."""
+    """Format the different stiffnesses and dampings of a robot's servos, for example `20, 40; 1, 2`."""
     gains = (np.ravel(robot.servo_stiffness), np.ravel(robot.servo_damping))
     return "; ".join(", ".join(dict.fromkeys(f"{value:.4g}" for value in values)) for values in gains)
 
 
 def _scenario(results: Results, scenario: str, policies: Sequence[str]) -> Iterator[str]:
-    """Render figures and differences of every policy on a scenario."""
+    """Yield the lines of the table of a scenario: results of every policy, and differences from the reference."""
     cells = {cell.policy: cell for cell in results.cells if cell.scenario.name == scenario}
     differences = {
         (comparison.a, comparison.metric): comparison
@@ -117,7 +117,14 @@ def _scenario(results: Results, scenario: str, policies: Sequence[str]) -> Itera
 
 
 def _difference(comparison: Comparison | None) -> str:
-    """Format a difference with its interval, for success with its test; for the reference a dash."""
+    """Format a difference from the reference with its interval, and with the result of the test if it is of success.
+
+    Args:
+        comparison: Comparison with the reference; None for the reference itself.
+
+    Returns:
+        The text; a dash for the reference itself.
+    """
     if comparison is None:
         return ABSENT
     if comparison.metric != SUCCESS_RATE:
@@ -130,7 +137,7 @@ def _difference(comparison: Comparison | None) -> str:
 
 
 def _sources(policy_list: PolicyList) -> Iterator[str]:
-    """Render the sources of the published policies' files."""
+    """Yield the lines of the table of the published policies' files: link and SHA-256; nothing if there are none."""
     rows = [
         {ROW_LABEL: policy.name, "file": f"[{path}]({policy.url(path)})", "sha256": f"`{sha256}`"}
         for policy in policy_list.published

@@ -7,18 +7,18 @@ from evaluate.measures.catalogue import BY_NAME
 from evaluate.report.headings import TITLES
 
 IN_A_LINE = {metric: TITLES[metric] + (f", {BY_NAME[metric].unit}" if metric in ERRORS else "") for metric in METRICS}
-"""Metric -> heading with its unit."""
+"""Name of the metric -> heading of its column, with the unit, on one line."""
 
 
 def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]]) -> str:
-    """Format a table.
+    """Format a Markdown table.
 
     Args:
-        heads: Column -> heading; the first column is left-aligned.
-        rows: Rows, each column -> cell.
+        heads: Name of the column -> heading. The first column is left-aligned, all others are right-aligned.
+        rows: Rows of the table, each a dictionary: name of the column -> text of the cell.
 
     Returns:
-        Markdown.
+        The table as text.
     """
     head, *body = (f"| {' | '.join(row[column] for column in heads)} |" for row in (heads, *rows))
     return "\n".join([head, f"|---|{'---:|' * (len(heads) - 1)}", *body])

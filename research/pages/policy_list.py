@@ -1,7 +1,7 @@
-"""List of policies to compare, a TOML file: own policies by name, published ones by their files.
+"""List of policies to compare, read from a TOML file: policies of this project and published policies of others.
 
-An example is docs/leaderboard/go1.toml. A file of another project is looked for at FOLDER/OWNER/REPOSITORY/PATH, its
-place in a clone of its repository.
+An example is docs/leaderboard/go1.toml. A file of a published policy is expected at FOLDER/OWNER/REPOSITORY/PATH, as in
+a clone of its repository.
 """
 
 import hashlib
@@ -23,60 +23,64 @@ from quad_env.files.text import format_exception
 from quad_env.files.writing import write_atomically
 
 _SOURCE = re.compile(r"https://[\w.-]+(/[\w-][\w.-]*){2}")
-"""Matches the URL of a repository."""
+"""Pattern of the URL of a repository."""
 _SHA256 = re.compile("[0-9a-f]{64}")
-"""Matches a SHA-256."""
+"""Pattern of a SHA-256 hash."""
 _OUTSIDE = re.compile(r"[\\:]|^/|(^|/)\.\.(/|$)")
-"""Matches a path that may leave its folder."""
+"""Pattern of a path that may point outside of its folder."""
 _DOWNLOAD_TIMEOUT = 60.0
-"""s. Timeout of a download."""
+"""Timeout of a download, s."""
 
 
 @dataclass(frozen=True)
 class PublishedPolicy:
-    """A policy of another project."""
+    """Published policy of another project."""
 
     name: str
-    """Display name."""
+    """Name of the policy in tables."""
     source: str
-    """URL of its repository."""
+    """URL of the repository of the policy, on GitHub or Hugging Face."""
     revision: str
-    """Commit."""
+    """Commit of the repository."""
     policy: str
-    """The one of `files` that describes it, or a description in the list's folder, which is copied next to the first
-    file."""
+    """Path of the file that describes the policy.
+
+    The path is a key of `files`, or a file in the folder of the list. A file of the list's folder is copied into the
+    folder of the first entry of `files`."""
     files: Mapping[str, str]
-    """Path in the repository -> SHA-256."""
+    """Path of a file in the repository -> SHA-256 of the file."""
 
     def url(self, path: str) -> str:
-        """Return the address of a file at the revision, on GitHub or on Hugging Face."""
+        """Return the URL of the file `path` at the revision, on GitHub or Hugging Face."""
         raw = "resolve" if self.source.startswith("https://huggingface.co/") else "raw"
         return f"{self.source}/{raw}/{self.revision}/{urllib.parse.quote(path)}"
 
     def place(self, folder: Path, path: str) -> Path:
-        """Return the place of the file `path` inside a `folder` of this machine."""
+        """Return the local path of the repository's file `path` in a `folder` of downloads: OWNER/REPOSITORY/PATH."""
         return folder.joinpath(*PurePosixPath(self.source).parts[-2:], path)
 
 
 @dataclass(frozen=True)
 class PolicyList:
-    """Policies for one robot, made by `read_list`."""
+    """List of policies for one robot, made by `read_list`."""
 
     robot: str
-    """Robot, as `--robot` takes it."""
+    """Robot of all policies, as in the option `--robot` of `python -m evaluate`."""
     ours: Sequence[str]
-    """Own policies as `--policies` takes them, also with servo gains of `--servo`: "trot at 35/0.5"."""
+    """Policies of this project, as in the option `--policies` of `python -m evaluate`.
+
+    An entry may end with servo gains as in the option `--servo`, for example "trot at 35/0.5"."""
     published: tuple[PublishedPolicy, ...] = ()
-    """Policies of other projects."""
+    """Published policies of other projects."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the policies, own ones first."""
+        """Names of all policies; the policies of this project come first."""
         return (*self.ours, *(policy.name for policy in self.published))
 
 
 def read_list(path: Path) -> PolicyList:
-    """Read the list in a file. Raises UsageError, one line."""
+    """Read and check the list of policies in a TOML file. Raises UsageError with a message of one line."""
     try:
         content = tomllib.loads(read_bytes(path).decode())
         published = tuple(PublishedPolicy(**entry) for entry in content.pop("published", ()))
@@ -91,7 +95,10 @@ def read_list(path: Path) -> PolicyList:
 
 
 def _check(policy_list: PolicyList) -> None:
-    """Raise ValueError for a path that could leave its folder, or for two policies of one name."""
+    """Check a list of policies.
+
+    Raises ValueError for an empty list, equal names, an invalid source or hash, or a path that may leave its folder.
+    """
     if not policy_list.names or len(set(policy_list.names)) < len(policy_list.names):
         raise ValueError("it names no policy, or one twice")
     for policy in policy_list.published:
@@ -102,16 +109,16 @@ def _check(policy_list: PolicyList) -> None:
 
 
 def resolve_references(policy_list: PolicyList, file: Path, folder: Path, *, fetch: bool = False) -> dict[str, str]:
-    """Find the files of all policies and check their hashes.
+    """Find the files of all policies, and check their hashes.
 
     Args:
         policy_list: List of policies.
         file: File of the list.
-        folder: Folder of the published policies' files.
-        fetch: Whether to download missing files; otherwise they are named on stderr.
+        folder: Folder with the files of the published policies.
+        fetch: True: download missing files. False: print their names on stderr and raise UsageError.
 
     Returns:
-        Name -> policy as `--policies` takes it.
+        Name of the policy -> policy as in the option `--policies` of `python -m evaluate`.
 
     Raises:
         UsageError: A file is missing or has another hash.
@@ -128,7 +135,19 @@ def resolve_references(policy_list: PolicyList, file: Path, folder: Path, *, fet
 
 
 def _missing(published: PublishedPolicy, folder: Path, *, fetch: bool) -> Iterator[str]:
-    """Yield a line for each missing file. Raises UsageError for a wrong file."""
+    """Check the files of a published policy, and yield a line for each one that is missing.
+
+    Args:
+        published: Published policy.
+        folder: Folder with the files of the published policies.
+        fetch: True: download missing files and yield nothing.
+
+    Yields:
+        The file, with the URL and the path for a download.
+
+    Raises:
+        UsageError: A file has a wrong hash, or cannot be read or downloaded.
+    """
     for path, sha256 in published.files.items():
         place = published.place(folder, path)
         url = published.url(path)
@@ -142,7 +161,7 @@ def _missing(published: PublishedPolicy, folder: Path, *, fetch: bool) -> Iterat
 
 
 def _check_or_download(published: PublishedPolicy, place: Path, url: str, sha256: str) -> None:
-    """Check the hash of a file; download the file if it is missing."""
+    """Check the hash of the file `place`; download the file from `url` first if it is missing."""
     exists = place.exists()
     content = read_bytes(place) if exists else _fetched(url)
     digest = hashlib.sha256(content).hexdigest()
@@ -155,7 +174,7 @@ def _check_or_download(published: PublishedPolicy, place: Path, url: str, sha256
 
 
 def _fetched(url: str) -> bytes:
-    """Download an address; OSError if the content is too large."""
+    """Download a URL and return the content. Raises OSError if the content is too large."""
     with urllib.request.urlopen(url, timeout=_DOWNLOAD_TIMEOUT) as reply:
         content: bytes = reply.read(MAX_TEXT_SIZE + 1)
     if len(content) > MAX_TEXT_SIZE:
@@ -164,7 +183,19 @@ def _fetched(url: str) -> bytes:
 
 
 def _described(published: PublishedPolicy, lists: Path, folder: Path) -> Path:
-    """Return the file that describes the policy."""
+    """Return the path of the file that describes a published policy.
+
+    Args:
+        published: Published policy.
+        lists: Folder of the list, with descriptions that the repository does not have. They are copied to `folder`.
+        folder: Folder with the files of the published policies.
+
+    Returns:
+        Path in `folder`.
+
+    Raises:
+        UsageError: The description cannot be copied.
+    """
     if published.policy in published.files:
         return published.place(folder, published.policy)
     place = published.place(folder, next(iter(published.files))).with_name(Path(published.policy).name)

@@ -15,7 +15,7 @@ from research.pages import evaluations
 from research.pages.blocks import insert_block, read_page
 
 ROBOTS = "robots"
-"""Name of the block for the table of other robots."""
+"""Name of the block with the table of other robots."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class ReadmeOptions:
 
 
 def main(options: ReadmeOptions) -> int:
-    """Write the README and return the exit code. Raises UsageError."""
+    """Write the results into the README, and return the exit code. Raises UsageError."""
     text = read_page(options.readme)
     results = evaluations.read_results(options.results)
     results_of_robots = [evaluations.read_results(path) for path in options.robots]

@@ -25,7 +25,7 @@ TABLES = {
     "_hardware_scores": "scores with the robot's hardware profile",
     "_breaking_points": "severities at which half of the episodes fail",
 }
-"""End of a file's name -> its content."""
+"""Suffix of the name of a CSV file -> description of its content."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class ResultsOptions:
 
 
 def main(options: ResultsOptions) -> int:
-    """Write the files and pages, and return the exit code. Raises UsageError."""
+    """Write the CSV files, the figures and the pages, and return the exit code. Raises UsageError."""
     names = [folder.resolve().name for folder in options.folders]
     if not names or len(set(names)) < len(names):
         raise UsageError("name at least one folder, and no two that are called alike")
@@ -68,7 +68,7 @@ def main(options: ResultsOptions) -> int:
 
 
 def csv_tables(results: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
-    """Return the rows of each CSV file, by the end of its name."""
+    """Return the content of all CSV files: suffix of the file's name -> rows, each column -> value."""
     cells = [
         {"scenario": scenario, "policy": policy, **flatten_entry(cell.get("effort", {})), **flatten_entry(cell)}
         for policy, entry in results["policies"].items()
@@ -84,12 +84,12 @@ def csv_tables(results: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
 
 
 def markdown_lines(name: str, results: dict[str, Any], folder: str) -> list[str]:
-    """Create the text of a page on an evaluation.
+    """Create the text of the block of an evaluation in a page.
 
     Args:
-        name: Name of the evaluation.
-        results: Its results.
-        folder: Path of the files from the page.
+        name: Name of the evaluation, with which the names of its files begin.
+        results: Results of the evaluation.
+        folder: Path from the page to the folder of the files.
 
     Returns:
         Lines of Markdown.

@@ -20,9 +20,9 @@ from research.pages.csv_text import to_csv
 from research.pages.markdown import table
 
 PLACE = "simulators"
-"""Name of the table's block in the page."""
+"""Name of the block with the table in the page."""
 ERROR = "mean_velocity_error"
-"""Compared error."""
+"""Name of the error metric that is compared."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class SimulatorsOptions:
 
 
 def main(options: SimulatorsOptions) -> int:
-    """Print and write the table, and return the exit code. Raises UsageError."""
+    """Print and write the table of both runs, and return the exit code. Raises UsageError."""
     a, b = read_rows(options.a), read_rows(options.b)
     names = [manifest.hardware.simulator for manifest, _ in (a, b)]
     rows = list(_rows(a, b))
@@ -55,7 +55,15 @@ def main(options: SimulatorsOptions) -> int:
 
 
 def _rows(a: StoredRun, b: StoredRun) -> Iterator[dict[str, str | float | int]]:
-    """Yield the figures of each cell that both runs have, on their common episodes."""
+    """Yield a row for each cell, one policy on one scenario, that both runs have.
+
+    Args:
+        a: Run in the first simulator.
+        b: Run in the second simulator.
+
+    Yields:
+        Name of the column -> value, computed from the episodes that both runs have.
+    """
     for match in match_runs([(policy, policy) for policy in a[0].policies], a, b):
         means = {contrast.metric: (contrast.a, contrast.b) for contrast in match.contrasts}
         error = next(contrast for contrast in match.contrasts if contrast.metric == ERROR)
@@ -74,12 +82,12 @@ def _rows(a: StoredRun, b: StoredRun) -> Iterator[dict[str, str | float | int]]:
 
 
 def _sides(name: str, figures: Sequence[float]) -> dict[str, float]:
-    """Return the columns of a figure of A and B."""
+    """Return the columns of one quantity in the runs A and B: `name_a` -> value, `name_b` -> value."""
     return {f"{name}_{side}": figure for side, figure in zip("ab", figures, strict=True)}
 
 
 def _heads(names: list[str]) -> dict[str, str]:
-    """Return the headings for the simulators of A and B."""
+    """Return the headings of the table: column -> heading; `names` are the simulators of the runs A and B."""
     a, b = names
     return {
         "cell": "scenario, policy",
@@ -91,7 +99,7 @@ def _heads(names: list[str]) -> dict[str, str]:
 
 
 def _format_row(row: dict[str, str | float | int]) -> dict[str, str]:
-    """Format the figures of a cell."""
+    """Format a row of `_rows` for the Markdown table: column -> text."""
     difference = estimate(float(row["difference"]), (float(row["low"]), float(row["high"])))
     return {
         "cell": f"{row['scenario']}, `{row['policy']}`",
@@ -103,5 +111,5 @@ def _format_row(row: dict[str, str | float | int]) -> dict[str, str]:
 
 
 def _format_pair(row: dict[str, str | float | int], name: str, decimals: int) -> str:
-    """Format a figure of A and B."""
+    """Format the values of one quantity in the runs A and B, separated by a comma."""
     return ", ".join(number(float(row[f"{name}_{side}"]), decimals) for side in "ab")

@@ -44,7 +44,7 @@ The command map converts a velocity command to the input of the gait."""
 MIN_RESPONSE = 0.7
 """Smallest ratio of achieved to commanded velocity without extra cost.
 
-The extra cost prevents that a candidate that stands still has the lowest cost."""
+A candidate that stands still would otherwise have the lowest cost."""
 WEAK_RESPONSE_WEIGHT = 2.0
 """Factor of the extra cost: cost per unit of (`MIN_RESPONSE` - ratio), for each of the three velocities."""
 MIN_INVERTIBLE_RESPONSE = 0.1
