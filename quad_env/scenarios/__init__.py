@@ -1,1 +1,1 @@
-"""Scenarios: terrain, disturbances and commands as values, and the random draws of an episode."""
+"""Scenarios: settings of terrain, disturbances and commands, and the random draws of an episode."""

@@ -1,8 +1,8 @@
-"""Axes of disturbance: scenarios of one disturbance each, from a harmless severity to one at which robots fall.
+"""Disturbance axes: each axis varies one disturbance from a harmless severity to one at which robots fall.
 
-A severity is in the physical unit of its axis. Levels are chosen for SimpleQuad: at the last one every shipped policy
-that walks falls in four of five episodes, or the severity is beyond a physical limit that the axis names. On `slow` no
-robot falls.
+The severity is given in the physical unit of the axis. The levels of an axis are a few severities, chosen for
+SimpleQuad. At the last level every shipped policy that walks falls in four of five episodes, or the severity exceeds a
+physical limit, which the docstring of the axis states. The axis `slow` is an exception: no robot falls on it.
 """
 
 import math
@@ -20,29 +20,32 @@ from quad_env.scenarios.scenario import Scenario, scaled
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 
 AtSeverity = Callable[[float], Scenario]
-"""Function from a severity to its scenario."""
+"""Function that returns the scenario of a severity."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A disturbance with adjustable severity: a scenario for each severity, and named levels."""
+    """A disturbance with adjustable severity: a scenario for each severity, and numbered levels."""
 
     name: str
     at: AtSeverity
-    """Scenario of a severity, without name, axis and severity, which `scenario` fills in."""
+    """Function from a severity to the scenario; `scenario` sets the name, axis and severity of its result."""
     quantity: str
-    """Meaning of the severity in words."""
+    """Description of the quantity that the severity measures, for example `mass on the trunk`."""
     unit: str
     levels: tuple[float, ...]
-    """Severities from the mildest to the hardest; decreasing where less is harder, as with friction."""
+    """Severities from the mildest to the hardest; decreasing if a smaller severity is harder, as with friction."""
     nominal: float
-    """Severity of the scenario that has the axis's bare name."""
+    """Severity of the scenario that is named like the axis, without a level or a severity."""
     sentence: str = ""
-    """Description of its scenarios in one sentence."""
+    """Description of the axis's scenarios, one sentence."""
     scales: bool = True
-    """True if its levels are scaled to another robot; `slow` follows the rule of success, the same for every robot."""
+    """True if the levels are scaled to another robot.
+
+    False for `slow`, because the speed that counts as success is the same for every robot.
+    """
     note: str = ""
-    """Influences on its results besides the policy; shown with the results."""
+    """Influences on the axis's results other than the policy; printed with the results."""
 
     @property
     def harder_when_smaller(self) -> bool:
@@ -75,7 +78,7 @@ class Axis:
         return replace(self.at(severity), name=name, axis=self.name, severity=severity, severity_unit=self.unit)
 
     def for_robot(self, robot: Robot) -> "Axis":
-        """Return the axis with levels that are as hard for `robot`: see `similarity.scale_to_robot`."""
+        """Return the axis with levels that are as hard for `robot` as the present levels are for SimpleQuad."""
         if robot == SIMPLE_QUAD or not self.scales:
             return self
         factor = self.scaled(1.0, robot)
@@ -91,7 +94,7 @@ class Axis:
         return severity * (scale_factor(robot, self.unit) if self.scales and self.unit in ROBOT_SCALED_UNITS else 1.0)
 
     def of(self, robot: Robot) -> "Axis":
-        """Call `for_robot(robot)`. Deprecated name."""
+        """Return `for_robot(robot)`; deprecated name."""
         return self.for_robot(robot)
 
     @property
@@ -101,31 +104,34 @@ class Axis:
 
 
 ROBOT_SCALED_UNITS = ("m/s", "N·s", "m", "N", "kg", "N·m")
-"""Units of severities that grow with the robot; severities of electronics, in s, Hz and rad/s, do not."""
+"""Units of the severities that are scaled with the size of the robot.
+
+Severities of electronics, in s, Hz and rad/s, are the same for every robot.
+"""
 _PUSH_NOTE = (
     "Pushed hard, the feet slide, and falls depend on friction and on how a simulator models it: of 24 episodes at "
     "65 N·s SimpleQuad's trot falls in 16, at friction 0.6 instead of 0.8 in 3 (docs/limits.md)."
 )
-"""Measured by `python -m research sliding`."""
+"""Note on the axis `push`; measured by `python -m research sliding`."""
 AXES: dict[str, Axis] = {}
-"""Built-in axes by name."""
+"""Name -> built-in axis for SimpleQuad."""
 
 
 @lru_cache(maxsize=32)
 def axes_of(robot: Robot) -> dict[str, Axis]:
-    """Return the built-in axes, which batteries consist of, for `robot` by name."""
+    """Return the built-in axes scaled to `robot`: name -> axis. Batteries consist of scenarios on these axes."""
     return {name: axis.for_robot(robot) for name, axis in AXES.items()}
 
 
 @cache
 def extension_axes() -> dict[str, Axis]:
-    """Return the axes of extensions.
+    """Return the axes that installed extensions add.
 
     Returns:
         Name -> axis for SimpleQuad.
 
     Raises:
-        ValueError: An entry is no axis of its name, or has the name of a built-in axis.
+        ValueError: An entry is not an `Axis`, its axis has another name, or its name is the one of a built-in axis.
     """
     axes = check_new("axes", AXES)
     for name, axis in axes.items():
@@ -138,12 +144,12 @@ when_added(extension_axes.cache_clear)
 
 
 def known_axis(name: str) -> Axis | None:
-    """Return the axis of that `name` for SimpleQuad, built-in or of an extension; None without one."""
+    """Return the built-in or extension axis `name` for SimpleQuad; None if there is no axis of this name."""
     return AXES[name] if name in AXES else extension_axes().get(name)
 
 
 def known_axes(robot: Robot) -> dict[str, Axis]:
-    """Return every axis for `robot` by name, built-in ones first, then axes of extensions."""
+    """Return all axes scaled to `robot`: name -> axis, built-in axes first, then axes of extensions."""
     return axes_of(robot) | {name: axis.for_robot(robot) for name, axis in extension_axes().items()}
 
 
@@ -152,8 +158,8 @@ def _axis(
 ) -> Callable[[AtSeverity], AtSeverity]:
     """Return a decorator that registers a function from severity to scenario as an axis.
 
-    The axis takes its name from the scenarios of the function and its sentence from the first sentence of the
-    docstring.
+    The axis is named like the scenarios that the function returns. Its `sentence` is the first sentence of the
+    function's docstring.
     """
 
     def add(at: AtSeverity) -> AtSeverity:
@@ -284,7 +290,7 @@ def _dropout(duration: float) -> Scenario:
 
 
 def _check_positive(quantity: str, value: float) -> None:
-    """Raise ValueError for zero, which is no severity of some axes."""
+    """Raise ValueError unless `value` is above zero, because some axes have no scenario at severity zero."""
     if not value > 0:
         raise ValueError(f"the {quantity} must be more than 0, got {value}")
 

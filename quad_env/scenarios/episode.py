@@ -1,4 +1,4 @@
-"""Random draws of an episode from its seed: start, commands and disturbances."""
+"""Random draws of an episode, which depend on the seed: initial state, commands and disturbances."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,17 +19,20 @@ from quad_env.seeding import EpisodeStreams
 
 @dataclass(frozen=True)
 class PushPlan:
-    """Pushes of one episode, or of n with a leading axis; they never overlap."""
+    """Pushes of one episode, or of n episodes if the arrays have a leading axis; pushes never overlap."""
 
     first_step: NDArray[np.int64]
     """Control step at which each push begins, (…, count)."""
     steps: int
-    """Duration of each push, control steps; 0 without pushes."""
+    """Duration of each push, control steps; 0 if there are no pushes."""
     force: Array
     """Force of each push, world frame, x and y, (…, count, 2), N."""
 
     def force_at(self, step: ArrayLike) -> Array | None:
-        """Return the force on the trunk in `step`, (n,): world frame, (n, 2), N; None without pushes."""
+        """Return the force on each trunk in the control step `step`, (n,): world frame, (n, 2), N.
+
+        The result is None if there are no pushes.
+        """
         if not self.steps:
             return None
         steps_since_start = np.asarray(step)[..., None] - self.first_step
@@ -38,23 +41,26 @@ class PushPlan:
 
 
 class EpisodeSample:
-    """All random draws of one episode, each kind from its own stream, so that they depend on the seed alone.
+    """All random draws of one episode.
+
+    Each kind of draw has its own random stream, so that the draws of one kind do not depend on the other kinds.
 
     Args:
-        robot: The robot.
-        scenario: Start, commands and disturbances to draw.
-        seed: Seed of the robot's episodes.
-        number: Number of this episode after the seed, from 0.
+        robot: Robot of the episode.
+        scenario: Scenario that defines the distributions of initial state, commands and disturbances.
+        seed: Seed of the robot's sequence of episodes.
+        number: Number of this episode in the sequence, from 0.
         dt: Control period, s.
 
     Attributes:
-        streams: Random streams of the episode; noise and sensors draw from theirs later.
-        start: Initial state, see `draw_start`, (35,).
+        streams: Random streams of the episode. Sensor models and noise draw from their streams during the episode.
+        start: Initial state in the order that `draw_start` documents, (35,).
         pushes: Pushes of the episode.
-        force: Steady force on the trunk, world frame, (2,), N; None without.
-        payload_position: Centre of the payload, ahead and to the left of the trunk's centre, (2,), m; None without.
-        dropouts: First control step and joint index of each dropout, (count,) each; None without.
-        randomised: Randomised properties of robot and ground; None without.
+        force: Steady force on the trunk, world frame, (2,), N; None if the scenario has none.
+        payload_position: Centre of the payload relative to the trunk's centre, forward and left, (2,), m; None if the
+            scenario has no payload.
+        dropouts: First control step and joint index of each dropout, (count,) each; None if the scenario has none.
+        randomised: Randomised properties of robot and ground; None if the scenario has no domain randomisation.
         friction: Friction coefficient of the ground.
         action_delay: Delay from the policy to the servos, control steps.
     """
@@ -84,9 +90,9 @@ class EpisodeSample:
             self.action_delay += round(self.randomised.delay / dt)
 
     def next_command(self) -> Array:
-        """Draw the next interval's command, (3,): forward and lateral m/s, yaw rate rad/s.
+        """Draw the command of the next interval: forward and lateral velocity, m/s, and yaw rate, rad/s, (3,).
 
-        It takes four numbers from the stream in any case, so that a zero command shifts nothing.
+        Every call takes four numbers from the stream, so that later commands do not depend on zero commands.
         """
         ranges = self._scenario.commands
         zero_draw, *unit_draws = self.streams.commands.random(4)
@@ -99,13 +105,13 @@ def draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) ->
     """Draw the initial state of one robot.
 
     Args:
-        robot: The robot.
-        scenario: Its start noise and the spawn radius of its terrain apply.
+        robot: Robot that starts.
+        scenario: Scenario that sets the start noise and the spawn radius of the terrain.
         stream: Random stream of the start.
 
     Returns:
-        (35,): x, y, m; yaw, roll, pitch, 12 joint offsets from home, rad; 3 linear, 3 angular and 12 joint velocities,
-        m/s and rad/s.
+        Initial state, (35,), in this order: x and y, m; yaw, roll and pitch, rad; 12 joint offsets from the home pose,
+        rad; 3 linear velocities, m/s; 3 angular and 12 joint velocities, rad/s.
     """
     noise = scenario.start
     radius = scenario.terrain.spawn_radius
@@ -126,9 +132,9 @@ def draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) ->
 
 
 def _draw_any_pose(robot: Robot, start: AnyPose, radius: float, stream: np.random.Generator) -> Array:
-    """Draw a start as `draw_start`, uniform over orientations.
+    """Draw an initial state with a uniformly random orientation and random joint angles, in the order of `draw_start`.
 
-    Yaw, the sine of the pitch, and roll are uniform.
+    Yaw, roll, and the sine of the pitch are uniform. Joint angles are uniform within the joint limits.
     """
     position = radius * stream.uniform(-1, 1, 2)
     yaw, sin_pitch, roll = stream.uniform(-1, 1, 3)
@@ -156,7 +162,7 @@ def _draw_force(steady: SteadyForce, stream: np.random.Generator) -> Array:
 
 
 def control_steps(duration: float, dt: float) -> int:
-    """Return the control steps of period `dt`, s, in a `duration`, s: at least one."""
+    """Return the number of control steps of period `dt`, s, in a `duration`, s; at least 1."""
     return max(1, round(duration / dt))
 
 
@@ -166,13 +172,14 @@ def stack_initial_conditions(
     """Stack the initial conditions of k episodes of one scenario.
 
     Args:
-        episodes: The episodes, k.
+        episodes: The k episodes.
 
     Returns:
         starts: Initial states, (k, 35).
-        forces: Steady forces, (k, 2), N; None without.
-        payload_positions: (k, 2), m; None without.
-        randomised: Randomised properties, k or none.
+        forces: Steady forces, world frame, (k, 2), N; None if the scenario has none.
+        payload_positions: Payload centres relative to the trunk's centre, forward and left, (k, 2), m; None if the
+            scenario has no payload.
+        randomised: Randomised properties of the k episodes; empty if the scenario has no domain randomisation.
     """
     starts = np.stack([episode.start for episode in episodes])
     forces = [episode.force for episode in episodes if episode.force is not None]
@@ -182,7 +189,7 @@ def stack_initial_conditions(
 
 
 def _stratified_start_steps(events: Pushes | Dropouts, stream: np.random.Generator, dt: float) -> NDArray[np.int64]:
-    """Draw the first control step of each event, (count,), one in each equal part of the window."""
+    """Draw the first control step of each event, one event in each equal part of the window, (count,)."""
     edges = np.linspace(*events.window, events.count + 1)
     start = stream.uniform(edges[:-1], edges[1:] - events.duration)
     return np.floor(start / dt).astype(np.int64)

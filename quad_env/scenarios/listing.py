@@ -21,7 +21,7 @@ SYNTAX_EXAMPLES = {
     "quick": "a battery of scenarios; so are default, full and all",
     "my_file.py:NAME": "a quad_env.Scenario of yours, in a file",
 }
-"""Example of each way to write a scenario -> its meaning."""
+"""Example of each way to write a scenario -> meaning of the example."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def main(options: RobotOptions) -> int:
 
 
 def text(robot: Robot = SIMPLE_QUAD) -> str:
-    """Return a line or more for every scenario of `robot`, and the syntax of scenario names."""
+    """Return a text that lists every scenario of `robot` and explains the syntax of scenario names."""
     lines = [f"for {robot.name}: name, its severity, the levels of its axis from mild to hard, and what happens"]
     for axis in known_axes(robot).values():
         lines += [axis_line(axis), *(f"  {'':13}{line}" for line in (axis.sentence, axis.note) if line)]
@@ -51,7 +51,7 @@ def text(robot: Robot = SIMPLE_QUAD) -> str:
 
 
 def axis_line(axis: Axis) -> str:
-    """Return the line with the name, nominal severity, quantity and levels of `axis`."""
+    """Return the line about `axis`: name, nominal severity, quantity and levels."""
     unit = f" {axis.unit}" if axis.unit not in ("", "°") else axis.unit
     levels = " ".join(f"{level:.4g}" for level in axis.levels)
     return f"  {axis.name:13}{f'{axis.nominal:.4g}{unit}':12}{axis.quantity}: {levels}"

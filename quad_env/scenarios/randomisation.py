@@ -1,4 +1,4 @@
-"""Domain randomisation (domain randomization): properties of robot and ground that are drawn for each episode."""
+"""Domain randomisation: properties of robot and ground that are drawn at random for each episode."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -13,52 +13,59 @@ LargeFraction = Annotated[float, Bounds("from 0 to 0.9", 0.0, 0.9)]
 
 
 class RandomizationSample(NamedTuple):
-    """Randomised properties of one episode, which `DomainRandomisation.draw` makes."""
+    """Randomised properties of one episode, drawn by `DomainRandomisation.draw`."""
 
     friction: float
     """Factor on the ground's friction coefficient."""
     trunk_mass: float
     """Factor on the trunk's mass."""
     centre_of_mass: Array
-    """Displacement of the trunk's centre of mass, trunk frame, (3,), m."""
+    """Displacement of the trunk's centre of mass, base frame, (3,), m."""
     stiffness: Array
-    """Factors on the servos' stiffness, (12,)."""
+    """Factor on the stiffness of each joint servo, (12,)."""
     damping: Array
-    """Factors on the servos' damping, (12,)."""
+    """Factor on the damping of each joint servo, (12,)."""
     motor_strength: Array
-    """Factors on the servos' torque limit, (12,)."""
+    """Factor on the torque limit of each joint servo, (12,)."""
     delay: float
-    """Delay of actions, s."""
+    """Delay of actions, added to the delay of the scenario, s."""
     encoder_offset: Array
-    """Offsets of the encoder readings, (12,), rad."""
+    """Offset of each encoder reading, (12,), rad."""
 
 
 @dataclass(frozen=True)
 class DomainRandomisation(Settings):
-    """Ranges of the properties that every robot draws uniformly at every reset; 0, or (1, 1) of friction, is no change.
+    """Ranges of the properties of robot and ground that are drawn uniformly for every robot at every reset.
 
-    The defaults are close to MuJoCo Playground (Go1: friction 0.4 to 1, trunk ± 1 of 5 kg, centre of mass
-    ± 0.05 m), legged_gym (`domain_rand`: friction_range 0.5 to 1.25, added_mass_range ± 1 kg), Isaac Lab (velocity
-    tasks: centre of mass ± 0.05, 0.05 and 0.01 m) and Walk These Ways (Margolis and Agrawal, 2022: motor_strength_range
-    0.9 to 1.1, motor_offset_range ± 0.02 rad); gains ± 20 % and 20 ms are usual in projects built on these.
+    A range of 0 leaves its property unchanged; for `friction`, the range (1, 1) does.
+
+    The defaults are close to four projects:
+
+    - MuJoCo Playground (Go1): friction 0.4 to 1, trunk mass ± 1 of 5 kg, centre of mass ± 0.05 m.
+    - legged_gym (`domain_rand`): friction_range 0.5 to 1.25, added_mass_range ± 1 kg.
+    - Isaac Lab (velocity tasks): centre of mass ± 0.05, 0.05 and 0.01 m.
+    - Walk These Ways (Margolis and Agrawal, 2022): motor_strength_range 0.9 to 1.1, motor_offset_range ± 0.02 rad.
+
+    Projects that build on the four usually have gains ± 20 % and delays up to 20 ms.
     """
 
     friction: tuple[Positive, Positive] = (0.5, 1.25)
     """Range of the factor on the ground's friction coefficient, which applies to everything that touches the ground"""
     trunk_mass: LargeFraction = 0.2
-    """Largest fraction of the trunk's mass that is added or removed; its inertia changes in proportion"""
+    """Largest fraction of the trunk mass that is added or removed; the trunk's inertia changes in proportion"""
     centre_of_mass: tuple[NonNegative, NonNegative, NonNegative] = (0.05, 0.05, 0.01)
-    """m, half-widths of the displacement of the trunk's centre of mass: forward, to the left and up"""
+    """Largest displacement of the trunk's centre of mass along each axis: forward, to the left and up, m"""
     stiffness: LargeFraction = 0.2
-    """Largest fraction by which the stiffness of each joint's servo changes"""
+    """Largest fraction by which the stiffness of each joint servo changes"""
     damping: LargeFraction = 0.2
-    """Largest fraction by which its damping changes"""
+    """Largest fraction by which the damping of each joint servo changes"""
     motor_strength: LargeFraction = 0.1
-    """Largest fraction by which its torque limit changes; the current limit of motors with a torque-speed curve"""
+    """Largest fraction by which the torque limit of each joint servo changes. For motors with a torque-speed curve the
+    current limit changes instead"""
     delay: Delay = 0.02
-    """s, largest delay of actions (the smallest is 0), rounded to control steps; added to the scenario's `Latency`"""
+    """Largest delay of actions, rounded to control steps and added to the scenario's `Latency`, s; the smallest is 0"""
     encoder_offset: NonNegative = 0.02
-    """rad, half-width of the offset of each encoder's readings; servos and rewards use the true angles"""
+    """Largest offset of each encoder's readings, rad; servos and rewards use the true angles"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -68,14 +75,15 @@ class DomainRandomisation(Settings):
     def draw(self, joints: int, stream: np.random.Generator) -> RandomizationSample:
         """Draw the properties of an episode.
 
-        The number of draws does not depend on the settings, so that no property shifts another.
+        The number of random numbers does not depend on the settings, so that the range of one property does not change
+        the draws of other properties.
 
         Args:
             joints: Number of joints.
             stream: Random stream of the episode.
 
         Returns:
-            The drawn properties.
+            Randomised properties of the episode.
         """
         friction, mass, delay, *centre = stream.uniform(-1, 1, 6).tolist()
         stiffness, damping, strength, offset = stream.uniform(-1, 1, (4, joints))

@@ -28,24 +28,24 @@ SYNTAX_HELP = (
     "a terrain of yours such as hill.toml, "
     "any of them with +scan_lost, +randomised, +hardware or several of these, in this order, at its end"
 )
-"""How scenarios without a name of their own are written."""
+"""Syntax of scenario names other than the names in `SCENARIOS`, for error messages and help texts."""
 SEPARATOR = "+"
 EQUALS = "="
 TERRAIN = ".toml"
-"""End of the path of a user's terrain."""
+"""Suffix of the path of a user's terrain."""
 MAX_SEVERITY = 1e6
-"""Upper limit of a severity, in the unit of its axis; no unit of an axis has a meaning beyond it."""
+"""Upper limit of a severity, in the unit of its axis; larger values are meaningless on every axis."""
 STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
-"""Level ground, and 0.5 m/s straight ahead for every robot, where effort is compared. On no axis."""
+"""Scenario for comparing effort: level ground, and 0.5 m/s straight ahead for every robot. It belongs to no axis."""
 _LABELS = ("name", "axis", "severity", "severity_unit")
-"""Fields of a scenario that a combination does not take from its parts."""
+"""Fields that a combination does not take from the scenarios that it combines."""
 _MERGED_BY_FIELD = (Scenario, CommandRanges, Ground, Motors)
-"""Classes of settings in which each axis of a combination may set other fields."""
+"""Classes of settings that are merged field by field, because two axes may set different fields of one object."""
 
 
 @lru_cache(maxsize=32)
 def scenarios_of(robot: Robot) -> dict[str, Scenario]:
-    """Return the named scenarios of `robot`: each axis at its nominal severity, and `STEADY`."""
+    """Return the named scenarios of `robot`, name -> scenario: each axis at its nominal severity, and `STEADY`."""
     return {name: axis.scenario(axis.nominal, name) for name, axis in axes_of(robot).items()} | {STEADY.name: STEADY}
 
 
@@ -53,16 +53,17 @@ SCENARIOS = scenarios_of(SIMPLE_QUAD)
 
 
 def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenario:
-    """Return the scenario of a name.
+    """Return the scenario that a name describes.
 
     Args:
-        which: A name: `push`, a level `push:3`, severities in physical units `push=42` or `payload=15+slope=10`, or a
-            user's terrain `hill.toml`. Each may end with a suffix, for example `push+hardware`. Or a scenario, which is
-            returned unchanged.
-        robot: The robot, or its name. Names and levels are as hard for it as for SimpleQuad.
+        which: Name of a scenario, or a scenario, which is returned unchanged. A name is an axis `push`, a level
+            `push:3`, a severity in physical units `push=42`, a combination `payload=15+slope=10`, or a user's terrain
+            `hill.toml`. A name may end with a suffix, for example `push+hardware`.
+        robot: Robot, or name of a robot. Scenarios of axes and levels are scaled to be as hard for the robot as for
+            SimpleQuad.
 
     Returns:
-        The scenario.
+        The scenario for the robot.
 
     Raises:
         ValueError: The name is unknown; the message lists the valid names.
@@ -80,17 +81,17 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
 
 
 def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
-    """Return the scenario of a name, or None if the name is neither a scenario nor an axis.
+    """Return the scenario that a name describes, or None if the name is neither a scenario nor an axis.
 
     Args:
-        name: A name, as `scenario` takes it.
-        robot: The robot of the scenario.
+        name: Name of a scenario in the syntax of the function `scenario`.
+        robot: Robot of the scenario.
 
     Returns:
-        The scenario, or None.
+        The scenario; None if the name is unknown.
 
     Raises:
-        ValueError: The name is a level, a combination or a terrain, and is invalid.
+        ValueError: The name is an invalid level, combination or terrain.
     """
     base_name, apply_suffix = split(name)
     if apply_suffix is not None:
@@ -111,7 +112,7 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
 
 
 def _extension_scenario(name: str, robot: Robot) -> Scenario | None:
-    """Return an extension's scenario of that name, or its axis at the nominal severity; else None."""
+    """Return the extension scenario `name`, or the extension axis `name` at its nominal severity; else None."""
     scenarios = extension_scenarios()
     if name in scenarios:
         return scaled(scenarios[name], robot)
@@ -123,13 +124,13 @@ def _extension_scenario(name: str, robot: Robot) -> Scenario | None:
 
 
 def extension_scenarios() -> dict[str, Scenario]:
-    """Return the scenarios of extensions.
+    """Return the scenarios that installed extensions add.
 
     Returns:
-        Name -> scenario.
+        Name -> scenario for SimpleQuad.
 
     Raises:
-        ValueError: An entry is no scenario of its name, or has a built-in name.
+        ValueError: An entry is not a `Scenario`, its scenario has another name, or its name is built-in.
     """
     scenarios = check_new("scenarios", SCENARIOS)
     for name, entry in scenarios.items():
@@ -139,46 +140,52 @@ def extension_scenarios() -> dict[str, Scenario]:
 
 
 def split(name: str) -> tuple[str, Callable[[Scenario, Robot], Scenario] | None]:
-    """Split the last suffix off a scenario's name.
+    """Split the last suffix off the name of a scenario.
 
     Args:
-        name: A name, as `scenario` takes it.
+        name: Name of a scenario in the syntax of the function `scenario`.
 
     Returns:
         base_name: The name without its last suffix.
-        apply_suffix: Function that applies the suffix to a robot's scenario; None without a suffix.
+        apply_suffix: Function of scenario and robot that returns the scenario with the suffix; None if there is none.
     """
     suffix = next(filter(name.endswith, SUFFIXES), "")
     return name.removesuffix(suffix), SUFFIXES.get(suffix)
 
 
 def _terrain_scenario(path: Path, robot: Robot) -> Scenario:
-    """Return the undisturbed scenario on a user's terrain, named after the file, without scaling."""
+    """Return a scenario on a user's terrain, named after the file and without disturbances.
+
+    Commands are scaled to the robot; the terrain is not.
+    """
     if path.stem in SCENARIOS or ":" in path.stem or is_combination(path.stem):
         raise ValueError(f"{path}: a scenario of quad_env is written {path.stem}; call the file differently")
     return scaled(Scenario(path.stem, HeightField.from_toml(path)), robot)
 
 
 def is_combination(name: str) -> bool:
-    """Return True if `name` is written as severities; no other scenario's name may be."""
+    """Return True if `name` has the syntax of severities, `axis=severity`, or of a combination.
+
+    Names of other scenarios must not have this syntax.
+    """
     return EQUALS in name or SEPARATOR in name
 
 
 def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """Return the scenario of severities `axis=severity` that are joined by +.
+    """Return the scenario of a name that consists of severities, `axis=severity`, joined by +.
 
-    Severities are absolute: they are not scaled to the robot. Its commands and other settings are the robot's own. A
-    single severity is a scenario of its axis. A combination is on no axis and has no level.
+    Severities are not scaled to the robot; commands and all other settings are. A single severity gives a scenario of
+    its axis. A combination of several severities belongs to no axis.
 
     Args:
-        name: The severities, each in the unit of its axis.
-        robot: The robot of the scenario.
+        name: Severities, each in the unit of its axis, for example `payload=15+slope=10`.
+        robot: Robot of the scenario.
 
     Returns:
         The scenario.
 
     Raises:
-        ValueError: The name is invalid, in one line.
+        ValueError: The name is invalid; the message is one line.
     """
     severities = _parse_severities(name, known_axes(robot))
     axis_names = [axis.name for axis, _ in severities]
@@ -195,7 +202,10 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 
 def scaled_name(name: str, robot: Robot) -> str:
-    """Return the scenario name that is as hard for `robot` as `name` for SimpleQuad, to three digits."""
+    """Return the name of the scenario that is as hard for `robot` as the scenario `name` is for SimpleQuad.
+
+    Severities in the name are scaled and rounded to three digits.
+    """
     base_name, apply_suffix = split(name)
     if apply_suffix is not None:
         return scaled_name(base_name, robot) + name.removeprefix(base_name)
@@ -206,12 +216,12 @@ def scaled_name(name: str, robot: Robot) -> str:
 
 
 def _format_severities(severities: list[tuple[Axis, float]]) -> str:
-    """Return the shortest name that parses to exactly these severities."""
+    """Return the shortest name that `_parse_severities` parses to exactly the given severities."""
     return SEPARATOR.join(f"{axis.name}{EQUALS}{repr(severity).removesuffix('.0')}" for axis, severity in severities)
 
 
 def _parse_severities(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
-    """Return the axes and severities of a combination's name."""
+    """Parse the name of a combination to pairs of axis and severity; raise ValueError for an invalid name."""
     severities = []
     for part in name.split(SEPARATOR):
         axis_name, equals, number = (word.strip() for word in part.partition(EQUALS))
@@ -225,7 +235,7 @@ def _parse_severities(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, floa
 
 
 def _parse_severity(name: str, axis: Axis, number: str, *, has_number: bool) -> float:
-    """Return the severity that is written after an axis in a combination's name."""
+    """Parse the severity that follows an axis in the name of a combination; raise ValueError if it is invalid."""
     try:
         severity = float(number)
     except ValueError:
@@ -233,32 +243,35 @@ def _parse_severity(name: str, axis: Axis, number: str, *, has_number: bool) -> 
         raise ValueError(f"{name}: {fact}; write {axis.name}{EQUALS}{axis.nominal:g} for {axis.quantity}") from None
     if not 0 <= severity <= MAX_SEVERITY:
         raise ValueError(f"{name}: {axis.quantity} is a number from 0 to {MAX_SEVERITY:g}, got {number}")
-    return severity + 0.0  # turns -0 into 0
+    return severity + 0.0  # because -0 must become 0
 
 
 @dataclass(frozen=True)
 class _AxisSetting:
-    """One setting of a scenario as one axis of a combination gives it."""
+    """Value of one setting of a scenario on one axis of a combination."""
 
     axis: str
     """Name of the axis."""
     value: Any
-    """Setting at the severity of the combination."""
+    """Value at the severity of the combination."""
     level_values: list[Any]
-    """Setting at each level of the axis."""
+    """Value at each level of the axis."""
 
     def is_set(self, default: Any) -> bool:
-        """Return True if the axis sets it at any severity; at the given one it may equal the `default`."""
+        """Return True if the value differs from the `default` at any level or at the severity of the combination.
+
+        At the severity of the combination alone, an axis may happen to set the default value.
+        """
         return any(value != default for value in (self.value, *self.level_values))
 
     def of_field(self, name: str) -> "_AxisSetting":
-        """Return the field `name` of the setting as the axis gives it."""
+        """Return the value of the field `name` of this setting on the same axis."""
         level_values = [getattr(value, name) for value in self.level_values]
         return _AxisSetting(self.axis, getattr(self.value, name), level_values)
 
 
 def _combine(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
-    """Return one scenario with the settings of scenarios on different axes."""
+    """Return a scenario that combines the settings of `parts`, scenarios on different axes."""
     axes = known_axes(robot)
     settings = []
     for part in parts:
@@ -269,19 +282,21 @@ def _combine(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
 
 
 def _merge(default: Any, settings: list[_AxisSetting], name: str, path: str = "") -> Any:
-    """Merge one setting over the axes of a combination, field by field if axes may share it.
+    """Merge the values of one setting on all axes of a combination.
+
+    Objects of the classes `_MERGED_BY_FIELD` are merged field by field.
 
     Args:
-        default: Setting without any disturbance.
-        settings: The same setting by axis.
-        name: Name of the combination, for errors.
-        path: Words for the setting, for errors; each begins with a space.
+        default: Value of the setting if there are no disturbances.
+        settings: Value of the setting on each axis.
+        name: Name of the combination, for error messages.
+        path: Description of the setting for error messages, empty or with a leading space.
 
     Returns:
-        The merged setting.
+        The merged value.
 
     Raises:
-        ValueError: Two axes set it differently.
+        ValueError: Two axes set different values.
     """
     if isinstance(default, _MERGED_BY_FIELD):
         merged = {}

@@ -1,4 +1,4 @@
-"""Scenario: complete definition of an episode except its seed, and its scaling to another robot."""
+"""Scenario: complete definition of an episode except the seed, and the scaling of a scenario to another robot."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -14,18 +14,18 @@ from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.terrain import Flat, SmoothRandom, Stairs, Terrain
 
 HARDWARE = "+hardware"
-"""Suffix of the names of scenarios on the hardware profile."""
+"""Name suffix of scenarios with the robot's hardware profile: motors, delays, sensors and estimator."""
 RANDOMISED = "+randomised"
-"""Suffix of the names of scenarios with domain randomisation."""
+"""Name suffix of scenarios with domain randomisation."""
 SCAN_LOST = "+scan_lost"
-"""Suffix of the names of scenarios with a height scan that shows nothing."""
+"""Name suffix of scenarios in which the height scan shows nothing."""
 SUFFIX_FIELDS = {SCAN_LOST: "scan_lost", RANDOMISED: "randomisation", HARDWARE: "hardware"}
-"""Suffix of a name -> the field of the scenario that it sets, in the order in which suffixes are written."""
+"""Name suffix -> field of the scenario that the suffix sets, in the order in which suffixes are written."""
 
 
 @dataclass(frozen=True)
 class Scenario(Settings):
-    """Terrain, disturbances, commands and start of an episode; None is the absence of a disturbance."""
+    """Terrain, disturbances, commands and initial state of an episode; None means that a disturbance is absent."""
 
     name: str
     terrain: Terrain = field(default_factory=Flat)
@@ -33,10 +33,10 @@ class Scenario(Settings):
     commands: CommandRanges = field(default_factory=CommandRanges)
     start: StartNoise | AnyPose = field(default_factory=StartNoise)
     severity: float = 0.0
-    """Severity on the scenario's axis, in `severity_unit`; 0 without an axis."""
+    """Severity on the scenario's axis, in `severity_unit`; 0 if the scenario belongs to no axis."""
     severity_unit: str = ""
     axis: str = ""
-    """Name of the axis of `quad_env.scenarios.axes` that contains the scenario; empty without."""
+    """Name of the axis of `quad_env.scenarios.axes` that contains the scenario; empty if there is none."""
     force: SteadyForce | None = None
     ground: Ground = field(default_factory=Ground)
     motors: Motors = field(default_factory=Motors)
@@ -45,37 +45,37 @@ class Scenario(Settings):
     noise: SensorNoise | None = None
     dropouts: Dropouts | None = None
     hardware: bool = False
-    """True if the robot has its hardware profile, see `quad_env.actuation.hardware`, instead of ideal motors, no delay
-    and observations of its true state."""
+    """True if the robot has its hardware profile, which `quad_env.actuation.hardware` defines. False for ideal motors,
+    no delays, and observations of the true state."""
     randomisation: DomainRandomisation | None = None
-    """Properties of robot and ground that are drawn for each episode; None for none."""
+    """Ranges of the properties of robot and ground that are drawn for each episode; None to draw nothing."""
     scan_lost: bool = False
-    """True if a height scan shows nothing: each of its points reads -2 m, as unseen ground does."""
+    """True if the height scan is lost: every point of the scan reads -2 m, the value of unseen ground."""
 
     @property
     def suffix(self) -> str:
-        """Suffixes that the name of the scenario has by its fields."""
+        """Name suffixes that belong to the fields of the scenario, joined; empty if there are none."""
         return "".join(end for end, field in SUFFIX_FIELDS.items() if getattr(self, field))
 
 
 def with_hardware_profile(scenario: Scenario) -> Scenario:
-    """Return the `scenario` on the hardware profile, with the suffix HARDWARE; unchanged if it has it."""
+    """Return the `scenario` with the hardware profile and the name suffix HARDWARE; unchanged if it has both."""
     return _with_settings(scenario, hardware=True)
 
 
 def _with_randomisation(scenario: Scenario, robot: Robot) -> Scenario:
-    """Return the scenario with domain randomisation, by default the usual one scaled to the robot."""
+    """Return the scenario with domain randomisation: its own, or else the default ranges scaled to the robot."""
     default = scaled(Scenario("default", randomisation=DomainRandomisation()), robot).randomisation
     return _with_settings(scenario, randomisation=scenario.randomisation or default)
 
 
 def _without_scan(scenario: Scenario, _: Robot) -> Scenario:
-    """Return the scenario with a height scan that shows nothing."""
+    """Return the scenario with a lost height scan."""
     return _with_settings(scenario, scan_lost=True)
 
 
 def _with_settings(scenario: Scenario, **settings: Any) -> Scenario:
-    """Return the scenario with other settings and their suffixes; unchanged if it has them."""
+    """Return the scenario with changed settings and the name suffixes of the settings; unchanged if nothing differs."""
     changed = replace(scenario, **settings)
     name = scenario.name.removesuffix(scenario.suffix) + changed.suffix
     return scenario if changed == scenario else replace(changed, name=name)
@@ -86,19 +86,19 @@ SUFFIXES: dict[str, Callable[[Scenario, Robot], Scenario]] = {
     RANDOMISED: _with_randomisation,
     SCAN_LOST: _without_scan,
 }
-"""Suffix of a name -> function that applies it to a robot's scenario."""
+"""Name suffix -> function of scenario and robot that returns the scenario with the suffix."""
 
 
 def scaled(scenario: Scenario, robot: Robot) -> Scenario:
     """Scale a scenario of SimpleQuad to another robot by dynamic similarity.
 
-    Commands scale by Froude number, pushes by the speed change that they cause, forces and loads by weight, ground by
-    leg length, torques by weight times leg length. Times, noise, friction, angles and the severity do not change. No
-    motor gets a larger torque limit than its own.
+    Commands are scaled at equal Froude number, and pushes at equal speed change relative to the commands. Forces and
+    loads are scaled by weight, terrain by leg length, and torques by weight times leg length. Times, noise, friction,
+    angles and the severity do not change. The torque limit is at most the robot's rated torque.
 
     Args:
-        scenario: A scenario of SimpleQuad.
-        robot: The other robot.
+        scenario: Scenario of SimpleQuad.
+        robot: Robot to scale the scenario to.
 
     Returns:
         The scaled scenario.
@@ -122,7 +122,7 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
 
 
 def _scaled_motors(motors: Motors, robot: Robot) -> Motors:
-    """Return the motors with their torque limit scaled, at most the robot's rated torque."""
+    """Return the motors with a scaled torque limit, at most the robot's rated torque."""
     if motors.torque_limit is None:
         return motors
     torque_limit = scale_factor(robot, "N·m") * motors.torque_limit
@@ -130,7 +130,7 @@ def _scaled_motors(motors: Motors, robot: Robot) -> Motors:
 
 
 def _scaled_payload(payload: Payload | None, robot: Robot) -> Payload | None:
-    """Return the payload with mass and lengths scaled."""
+    """Return the payload with scaled mass and lengths."""
     if payload is None:
         return None
     length_factor = scale_factor(robot, "m")
@@ -144,7 +144,7 @@ def _scaled_payload(payload: Payload | None, robot: Robot) -> Payload | None:
 
 
 def _scaled_randomisation(randomisation: DomainRandomisation | None, factor: float) -> DomainRandomisation | None:
-    """Return the randomisation with lengths scaled."""
+    """Return the domain randomisation with scaled lengths."""
     if randomisation is None:
         return None
     forward, left, up = randomisation.centre_of_mass
@@ -152,9 +152,9 @@ def _scaled_randomisation(randomisation: DomainRandomisation | None, factor: flo
 
 
 def _scaled_terrain(terrain: Terrain, factor: float) -> Terrain:
-    """Return the terrain with lengths scaled; a user's height field keeps its size."""
+    """Return the terrain with scaled lengths; a user's height field keeps its size."""
     if isinstance(terrain, Stairs):
-        landing = max(1.0, factor) * terrain.landing  # small robots need the same landing
+        landing = max(1.0, factor) * terrain.landing  # because smaller robots need as much room at the start
         lengths = {name: factor * getattr(terrain, name) for name in ("rise", "run", "half_width")}
         return replace(terrain, landing=landing, **lengths)
     if isinstance(terrain, SmoothRandom):

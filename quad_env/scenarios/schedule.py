@@ -1,4 +1,4 @@
-"""Schedule of the present episodes of n robots: seeds, commands, pushes and elapsed steps."""
+"""Present episodes of n robots: seeds, commands, pushes and elapsed control steps."""
 
 from collections.abc import Sequence
 
@@ -13,18 +13,21 @@ from quad_env.seeding import assign_seeds, fresh_seeds
 
 
 class EpisodeSchedule:
-    """Episodes of n robots; episode k after a seed is the k-th of that seed, independent of the other robots.
+    """Present episodes of n robots.
+
+    Each seed defines a sequence of episodes. A robot that gets a seed goes through the sequence of the seed, whatever
+    the other robots do.
 
     Args:
-        robot: The robots.
+        robot: Robot of all episodes.
         scenario: Scenario of all episodes.
         num_envs: Number of robots.
         dt: Control period, s.
 
     Attributes:
-        pushes: Pushes of every robot's present episode.
+        pushes: Pushes in the present episode of each robot.
         step_count: Control steps since the start of each robot's episode, (n,).
-        command: Command of the coming step: forward and lateral m/s, yaw rate rad/s, (n, 3).
+        command: Command of the next control step: forward and lateral velocity, m/s, and yaw rate, rad/s, (n, 3).
     """
 
     def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> None:
@@ -43,16 +46,16 @@ class EpisodeSchedule:
         self.command = np.zeros((num_envs, 3))
         self._has_fixed_command = np.zeros(num_envs, bool)
         self._manual_force: Array | None = None
-        """Force of the last `apply_push`, world frame, (n, 2), N."""
+        """Force of the last call of `apply_push`, world frame, (n, 2), N."""
         self._manual_push_end = np.zeros(num_envs, np.int64)
-        """Control step at which it ends, (n,)."""
+        """Control step at which the push of the last call ends, (n,)."""
 
     def reseed(self, seed: int | Sequence[int] | None, mask: Mask) -> None:
         """Set the seeds of the next episodes.
 
         Args:
-            seed: Seeds, see `seeding.assign_seeds`; None changes nothing.
-            mask: Robots that get a seed, (n,).
+            seed: Seeds of the robots, as `seeding.assign_seeds` accepts them; None changes nothing.
+            mask: True for the robots that get a new seed, (n,).
         """
         if seed is None:
             return
@@ -70,7 +73,7 @@ class EpisodeSchedule:
             fixed_command: Commands of all robots for the whole episode, (n, 3); None to draw commands.
 
         Returns:
-            The new episodes, k.
+            New episodes of the k robots.
         """
         for i in env_ids:
             episode = EpisodeSample(self._robot, self._scenario, self._seeds[i], self._next_number[i], self._dt)
@@ -85,7 +88,7 @@ class EpisodeSchedule:
         return [self._episodes[i] for i in env_ids]
 
     def resample_commands(self, env_ids: EnvSelection) -> None:
-        """Draw new commands for the robots among `env_ids` that begin a command interval."""
+        """Draw a new command for each robot in `env_ids` that begins a command interval and has no fixed command."""
         begins_interval = self.step_count[env_ids] % self._interval == 0
         if np.count_nonzero(begins_interval):
             is_due = begins_interval & ~self._has_fixed_command[env_ids]
@@ -93,7 +96,7 @@ class EpisodeSchedule:
                 self.command[i] = self._episodes[i].next_command()
 
     def fix_commands(self, commands: Array) -> None:
-        """Fix the commands of all robots, (n, 3), to the end of their episodes; no more are drawn."""
+        """Hold the `commands` of all robots, (n, 3), until the end of each episode, and draw no new commands."""
         self.command[:] = commands
         self._has_fixed_command[:] = True
 
@@ -101,16 +104,16 @@ class EpisodeSchedule:
         """Push the trunks in addition to the planned pushes.
 
         Args:
-            forces: World frame, (n, 2), N.
-            steps: Duration, control steps.
+            forces: Force on each trunk, world frame, (n, 2), N.
+            steps: Duration of the pushes, control steps.
         """
         self._manual_force = forces
         self._manual_push_end = self.step_count + steps
 
     def push_force(self) -> Array | None:
-        """Return the pushing force on every trunk in the coming step, world frame, (n, 2), N.
+        """Return the pushing force on each trunk in the next control step, world frame, (n, 2), N.
 
-        None if the scenario has no pushes and `apply_push` was never called.
+        The result is None if the scenario has no pushes and `apply_push` was never called.
         """
         planned = self.pushes.force_at(self.step_count)
         if self._manual_force is None:

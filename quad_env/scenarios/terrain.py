@@ -1,4 +1,4 @@
-"""Terrains as values: height of the ground at a point, and centre height of a ball on it, for example a foot."""
+"""Terrains: each gives the ground height at a point and the centre height of a ball, such as a foot, on the ground."""
 
 import math
 import sys
@@ -16,42 +16,42 @@ from quad_env.scenarios import height_file
 from quad_env.scenarios.height_file import Heights
 
 Length = Annotated[float, Bounds("more than 0 m and at most 1e6 m", sys.float_info.min, 1e6)]
-"""A length, m."""
+"""A positive length of at most 1000 km, m."""
 MIN_START_CLEARANCE = 0.7
-"""m. Radius of level ground around the trunk's centre that a robot's legs need at the start, at any heading."""
+"""Radius of level ground around the trunk's centre that a robot's legs need at the start, at any heading, m."""
 
 
 @dataclass(frozen=True)
 class Flat(Settings):
-    """Plane z = 0."""
+    """Level ground, the plane z = 0."""
 
     spawn_radius: NonNegative = 0.0
-    """m; half-side of the square in which robots start"""
+    """Half of the side of the square in which robots start, m"""
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the ground height, m, at `x` and `y`, world frame, m."""
+        """Return the ground height, m, at the point `x`, `y`, world frame, m."""
         return 0.0 * x
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Return the centre height, m, of a ball of `radius`, m, on the ground at `x` and `y`, world frame, m."""
+        """Return the centre height, m, of a ball of `radius`, m, that rests on the ground at the point `x`, `y`, m."""
         return self.height(x, y) + radius
 
 
 @dataclass(frozen=True)
 class Slope(Settings):
-    """Infinite plane through the origin that rises along the world's x axis; robots start aligned with it."""
+    """Infinite plane through the origin that rises along the world's x axis; robots start parallel to the plane."""
 
     angle: Annotated[float, Bounds("from 0 to 80° (1.396 rad)", 0.0, math.radians(80.0))] = math.radians(15.0)
-    """rad above the horizontal"""
+    """Angle of the plane above the horizontal, rad"""
     spawn_radius: NonNegative = 0.0
-    """m; half-side of the square in which robots start"""
+    """Half of the side of the square in which robots start, m"""
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the ground height, m, at `x` and `y`, world frame, m."""
+        """Return the ground height, m, at the point `x`, `y`, world frame, m."""
         return math.tan(self.angle) * x
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Return the centre height, m, of a ball of `radius`, m, on the ground at `x` and `y`, world frame, m."""
+        """Return the centre height, m, of a ball of `radius`, m, that rests on the ground at the point `x`, `y`, m."""
         return self.height(x, y) + radius / math.cos(self.angle)
 
 
@@ -59,22 +59,21 @@ class Slope(Settings):
 class Stairs(Settings):
     """Stairs with vertical risers, up towards the world's +x and down towards −x from a landing at z = 0.
 
-    Each step is a box 2·`half_width` wide, so that edges and risers are exact. Beyond the last steps the ground is
-    level.
+    Each step is a box, so that edges and risers are exact. The ground is level beyond the last steps.
     """
 
     rise: Length = 0.1
-    """m per step"""
+    """Height of each step, m"""
     run: Length = 0.3
-    """m per step"""
+    """Depth of each step along the world's x axis, m"""
     steps: Annotated[int, Bounds("from 1 to 1000", 1, 1000)] = 60
     """Number of steps in each direction; at the top commanded speed no robot leaves the stairs within 10 s"""
     landing: float = 0.75
-    """m; half-length of the landing"""
+    """Half of the landing's length along the world's x axis, m"""
     half_width: Length = 22.0
-    """m; half-width of each step along the world's y axis"""
+    """Half of the width of each step along the world's y axis, m"""
     spawn_radius: NonNegative = 0.0
-    """m; half-side of the square in which robots start"""
+    """Half of the side of the square in which robots start, m"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -82,26 +81,34 @@ class Stairs(Settings):
             raise ValueError(f"the landing must be longer than the spawn_radius by {MIN_START_CLEARANCE} m, got {self}")
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the ground height, m, at `x` and `y`, world frame, m; on a riser the height of its tread."""
+        """Return the ground height, m, at the point `x`, `y`, world frame, m.
+
+        The height at a riser is the height of the tread of the same step.
+        """
         steps = (abs(x) - self.landing) / self.run + 1.0
         climbed = self.rise * clipped_index(clip(steps, 0.0, float(self.steps)), self.steps)
         return cast("ScalarOrBatch", where(x > 0.0, climbed, -climbed))
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Return the centre height of a ball on the tread at a point; wrong within a radius of a riser.
+        """Return the centre height of a ball that rests on the tread at a point.
+
+        The result is wrong if the point is closer to a riser than the radius.
 
         Args:
-            x: World frame, (n,), m.
-            y: World frame, (n,), m.
+            x: X coordinate of the point, world frame, (n,), m.
+            y: Y coordinate of the point, world frame, (n,), m.
             radius: Radius of the ball, m.
 
         Returns:
-            Height, world frame, (n,), m.
+            Height of the ball's centre, world frame, (n,), m.
         """
         return self.height(x, y) + radius
 
     def boxes(self) -> list[tuple[tuple[float, float], float]]:
-        """Return the x range and the top z, m, of the landing and of each step above the lowest level."""
+        """Return the range along x and the height of the top of the landing and of each step, world frame, m.
+
+        The ground at the lowest level has no box.
+        """
         low = [-self.landing - k * self.run for k in range(self.steps)]
         high = [self.landing + k * self.run for k in range(self.steps)]
         down = [((low[k], low[k - 1]), -k * self.rise) for k in range(1, self.steps)]
@@ -114,25 +121,26 @@ class Stairs(Settings):
 class SmoothRandom(Settings):
     """Random height field: Gaussian-smoothed white noise with a uniform distribution of heights.
 
-    With uniform heights a robot meets the whole range within a few correlation lengths, while a scaled Gaussian field
-    is nearly flat in most places. The surface lies between z = 0 and z = `peak_to_valley`; around it is z = 0.
+    The heights are uniformly distributed, so that a robot crosses the whole range within a few correlation lengths.
+    Gaussian heights would leave the field nearly flat in most places. The surface lies between z = 0 and
+    z = `peak_to_valley`. The ground outside the field is at z = 0.
 
-    Each episode uses another part of the field, around a start up to `spawn_radius` from the centre, because MuJoCo's
-    height data are shared by all simulations of a batch.
+    All simulations of a batch share one field, because MuJoCo stores height data in the model. Episodes differ in the
+    start, which is drawn within `spawn_radius` of the centre.
     """
 
     peak_to_valley: Length = 0.12
-    """m; height difference from the lowest to the highest point"""
+    """Height difference between the lowest and the highest point, m"""
     correlation_length: Length = 0.3
-    """m; the autocorrelation of the smoothed noise falls to 1/e at this distance"""
+    """Distance at which the autocorrelation of the smoothed noise falls to 1/e, m"""
     half_size: Length = 34.0
-    """m; half-side of the field, which no robot leaves within 10 s at the top commanded speed"""
+    """Half of the side of the field, m; at the top commanded speed no robot leaves the field within 10 s"""
     spawn_radius: NonNegative = 16.0
-    """m; half-side of the square in which robots start"""
+    """Half of the side of the square in which robots start, m"""
     cell: Length = 0.1
-    """m between grid points"""
+    """Distance between grid points, m"""
     seed: Annotated[int, Bounds("at least 0", 0)] = 0
-    """Seed that alone determines the whole field"""
+    """Seed of the field; it does not depend on the seeds of the episodes"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -146,21 +154,24 @@ class SmoothRandom(Settings):
 
     @property
     def half(self) -> tuple[float, float]:
-        """Half-sizes along x and y, m."""
+        """Half of the field's size along x and along y, m."""
         return self.half_size, self.half_size
 
     @property
     def heights(self) -> Heights:
-        """Heights of the whole field, (points, points); fields that differ in amplitude alone share one grid."""
+        """Heights of the whole field, (points, points).
+
+        Fields that differ only in `peak_to_valley` share the normalized grid in memory.
+        """
         normalized = _normalized_surface(self.points, self.correlation_length / 2 / self.cell, self.seed)
         return Heights(normalized, 0.0, self.peak_to_valley)
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the surface height, linear on the two triangles of each cell as in MuJoCo's collisions.
+        """Return the surface height, interpolated on two triangles per cell as in MuJoCo's collision detection.
 
         Args:
-            x: World frame, m.
-            y: World frame, m.
+            x: X coordinate of the point, world frame, m.
+            y: Y coordinate of the point, world frame, m.
 
         Returns:
             Height, world frame, m.
@@ -172,17 +183,18 @@ class SmoothRandom(Settings):
         return cast("ScalarOrBatch", where(inside, surface, 0.0))
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Return the centre height of a ball that touches the ground at a point.
+        """Return the centre height of a ball that rests on the ground at a point.
 
-        Cells wider than the ball are assumed to be level. On finer ground, points a third of a radius apart are tested.
+        If the cells are wider than the ball, the ground under the ball is assumed to be level. Otherwise ground points
+        a third of a radius apart are tested.
 
         Args:
-            x: World frame, (n,), m.
-            y: World frame, (n,), m.
+            x: X coordinate of the point, world frame, (n,), m.
+            y: Y coordinate of the point, world frame, (n,), m.
             radius: Radius of the ball, m.
 
         Returns:
-            Height, world frame, (n,), m.
+            Height of the ball's centre, world frame, (n,), m.
         """
         return self.height(x, y) + radius if self.cell > 2 * radius else _highest_touching(self, x, y, radius)
 
@@ -191,20 +203,21 @@ class SmoothRandom(Settings):
 class HeightField(Settings):
     """Terrain of a user: heights on a grid around the world's origin, from a picture or an array.
 
-    The first row of samples, the top of the picture, lies at the largest y; the first column, its left, at the smallest
-    x. Around the field the ground is level, at the height of the field's lowest point.
+    The first row of samples, the top of the picture, lies at the largest y. The first column, the left of the picture,
+    lies at the smallest x. The ground around the field is level, at the height of the field's lowest point.
     """
 
     file: str = field(compare=False)
-    """Path of a grey picture, .png of 8 or 16 bit, or of an array of rows and columns, .npy"""
+    """Path of a grey picture, .png with 8 or 16 bits, or of an array of rows and columns, .npy"""
     sha256: str
     """SHA-256 of the file, hexadecimal"""
     size: tuple[Length, Length]
-    """m; distance between the outermost samples along x and y"""
+    """Distance between the outermost samples along x and along y, m"""
     peak: Length | None = None
-    """m; height of the largest value, with value 0 at height 0; None for an array of heights in m"""
+    """Height to which the largest value is scaled, m; value 0 is at height 0. None for an array of heights in m"""
     start: tuple[float, float] | None = None
-    """m from the middle along x and y; start of all robots. None for a start that the episode's seed draws"""
+    """Start of all robots relative to the middle of the field, along x and y, m. None to draw the start of each
+    episode"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -216,13 +229,13 @@ class HeightField(Settings):
         """Load the terrain that a TOML file describes.
 
         Args:
-            path: TOML file with `file`, `size` and perhaps `height` (the `peak`) and `start`.
+            path: TOML file with the keys `file` and `size`, and optionally `height` (the field `peak`) and `start`.
 
         Returns:
             The terrain.
 
         Raises:
-            ValueError: The file or its heights are invalid, in one line.
+            ValueError: The TOML file or the height file is invalid; the message is one line.
         """
         file, size, height, start = height_file.parse_terrain_toml(path)
         heights_path = str(path.parent / str(file))
@@ -230,30 +243,33 @@ class HeightField(Settings):
             terrain = cls(heights_path, height_file.sha256_of(heights_path), size, height, start)
         except ValueError as error:
             raise ValueError(one_line(f"{path}: {error}; it wants lines such as {height_file.EXAMPLE_LINES}")) from None
-        height_file.read(heights_path, terrain.sha256, height)  # raises ValueError for invalid heights
+        height_file.read(heights_path, terrain.sha256, height)  # because invalid heights must raise ValueError here
         return terrain
 
     @property
     def half(self) -> tuple[float, float]:
-        """Half-sizes along x and y, m."""
+        """Half of the field's size along x and along y, m."""
         return self.size[0] / 2, self.size[1] / 2
 
     @property
     def spawn_radius(self) -> float:
-        """Half-side of the central square in which robots start, m: half the distance to the nearest edge."""
+        """Half of the side of the central square in which robots start, m; 0 if `start` is given.
+
+        The value is half of the distance from the middle to the nearest edge.
+        """
         return min(self.half) / 2 if self.start is None else 0.0
 
     @property
     def heights(self) -> Heights:
-        """Heights of the file; ValueError, one line, if the file is gone or has changed."""
+        """Heights in the file; reading raises ValueError if the file is missing or has changed."""
         return height_file.read(self.file, self.sha256, self.peak)
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the surface height, linear on the two triangles of each cell as in MuJoCo's collisions.
+        """Return the surface height, interpolated on two triangles per cell as in MuJoCo's collision detection.
 
         Args:
-            x: World frame, m.
-            y: World frame, m.
+            x: X coordinate of the point, world frame, m.
+            y: Y coordinate of the point, world frame, m.
 
         Returns:
             Height, world frame, m.
@@ -268,18 +284,18 @@ class HeightField(Settings):
         return cast("ScalarOrBatch", min_height + where(inside, surface, 0.0))
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Return the centre height, m, of a ball of `radius`, m, on the ground at `x` and `y`, world frame, m."""
+        """Return the centre height, m, of a ball of `radius`, m, that rests on the ground at the point `x`, `y`, m."""
         return _highest_touching(self, x, y, radius)
 
 
 def _interpolate_height(grid: Array, span: float, column: ScalarOrBatch, row: ScalarOrBatch) -> ScalarOrBatch:
-    """Return `span` times the grid's height, linear on the two triangles of each cell.
+    """Return `span` times the height of the grid at a position, interpolated on two triangles per cell.
 
     Args:
-        grid: Heights, (rows, columns).
+        grid: Normalized heights, (rows, columns).
         span: Factor on the heights, m.
-        column: Position along the columns, cells from the first sample.
-        row: Position along the rows, cells from the first sample.
+        column: Position along the columns, as a number of cells from the first sample.
+        row: Position along the rows, as a number of cells from the first sample.
 
     Returns:
         Height, m.
@@ -298,15 +314,23 @@ def _interpolate_height(grid: Array, span: float, column: ScalarOrBatch, row: Sc
 
 
 def _interpolate_triangle(start: Any, side: Any, end: Any, near: Any, far: Any) -> Any:
-    """Interpolate in a triangle of a cell: its first sample, a neighbour and the opposite sample.
+    """Interpolate linearly in one of the two triangles of a cell.
 
-    `near` and `far` are the smaller and the larger of both offsets in the cell, 0 … 1.
+    Args:
+        start: Height at the cell's first corner, where both offsets are 0.
+        side: Height at the third corner of the triangle, where one offset is 1 and the other is 0.
+        end: Height at the corner opposite to the first, where both offsets are 1.
+        near: Smaller of the two offsets of the position from the first corner, 0 to 1.
+        far: Larger of the two offsets, 0 to 1.
+
+    Returns:
+        Height at the position.
     """
     return start + (side - start) * (far - near) + (end - start) * near
 
 
 def _highest_touching(terrain: SmoothRandom | HeightField, x: Array, y: Array, radius: float) -> Array:
-    """Return the lowest centre height of a ball that no tested point of the ground penetrates, (n,), m.
+    """Return the lowest centre height at which no tested ground point is inside the ball, (n,), m.
 
     The tested points under the ball are a third of a radius apart.
     """
@@ -325,12 +349,12 @@ def _normalized_surface(points: int, width: float, seed: int) -> Array:
     White noise convolved with exp(-2 r²/l²) has the autocorrelation exp(-r²/l²); `ndtr` makes the heights uniform.
 
     Args:
-        points: Grid points along each side.
-        width: l/2, cells.
+        points: Number of grid points along each side.
+        width: Standard deviation of the Gaussian kernel, half of the correlation length l, cells.
         seed: Seed of the noise.
 
     Returns:
-        Heights, read-only.
+        Heights from 0 to 1, a read-only array, (points, points).
     """
     from scipy.ndimage import gaussian_filter
     from scipy.special import ndtr
@@ -339,7 +363,8 @@ def _normalized_surface(points: int, width: float, seed: int) -> Array:
     smooth = gaussian_filter(noise, width, mode="wrap")
     unit: Array = ndtr((smooth - smooth.mean()) / smooth.std())
     unit = (unit - unit.min()) / (unit.max() - unit.min())
-    # MuJoCo keeps height fields in single precision; both must see the same surface.
+    # The heights are rounded to single precision because MuJoCo stores height fields so, and both surfaces must be
+    # equal.
     grid: Array = unit.astype(np.float32).astype(np.float64)
     grid.flags.writeable = False
     return grid
