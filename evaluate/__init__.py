@@ -1,1 +1,1 @@
-"""Paired comparison of policies: scenarios -> rollout -> metrics -> statistics -> table, files and report."""
+"""Paired comparison of policies: scenarios -> rollout -> measures -> statistics -> table and report."""

@@ -25,7 +25,7 @@ class LabelledPolicy:
 
     label: str
     policy: Policy
-    """Policy for scenarios without the hardware profile, or for all scenarios if `hardware_policy` is None."""
+    """Policy for every scenario, except the ones with the hardware profile if `hardware_policy` exists."""
     only_on: tuple[str, ...] = ()
     """Names of the scenarios that the policy runs on; empty for all scenarios."""
     hardware_policy: Policy | None = None
@@ -168,5 +168,5 @@ def apply_success_rule(cell: PolicyScenarioResult, rule: SuccessRule) -> PolicyS
 
 
 def evaluation_seeds(seed: int, count: int) -> NDArray[np.int64]:
-    """Return the seeds of `count` evaluation episodes for a run's `seed`, (count,); training never uses them."""
+    """Return the seeds of `count` evaluation episodes by a run's `seed`, (count,); not used in training."""
     return episode_seeds("evaluation", seed, count)

@@ -19,14 +19,17 @@ from quad_env.scenarios.scenario import Scenario
 
 _FILE = Path(__file__).with_name("thresholds.json")
 THRESHOLDS: dict[str, tuple[float, str, str]] = json.loads(_FILE.read_text(encoding="utf-8"))
-"""Name -> value, unit and reason of every threshold of the rules."""
+"""Threshold name -> value, unit and reason, for all thresholds of the cause rules."""
 SHANK_SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])
-"""Sample positions on a shank, from the knee, 0, to the foot, 1."""
+"""Sample positions on a shank, as fractions of its length from the knee (0) to the foot (1)."""
 
 
 @dataclass(frozen=True)
 class EpisodeSignals:
-    """Signals of episode `number` of `episodes`, with one row a control step up to its end."""
+    """Signals of one failed episode, with one row for each control step until the episode's end.
+
+    The episode has the index `number` in `episodes`.
+    """
 
     episodes: Episodes
     scenario: Scenario
@@ -35,7 +38,10 @@ class EpisodeSignals:
 
     @cached_property
     def end(self) -> int:
-        """Control step of the fall, from which on signals have no meaning; the time limit without a fall."""
+        """Control step of the fall, or the time limit if the robot did not fall.
+
+        Signals have no meaning from this step on.
+        """
         return int(self.episodes.fall_step[self.number])
 
     @property
@@ -44,21 +50,21 @@ class EpisodeSignals:
         return self.end < self.episodes.steps
 
     def signal(self, name: str) -> Floats:
-        """Return the signal `name` of `Episodes`, (end, …)."""
+        """Return the recorded signal `name` of the episode until its end, (end, …)."""
         return np.asarray(getattr(self.episodes, name)[: self.end, self.number], np.float64)
 
     def threshold(self, name: str) -> float:
-        """Return the threshold `name`; lengths, times and speeds are scaled to the robot's legs."""
+        """Return the value of the threshold `name`; lengths, times and speeds are scaled to the robot's legs."""
         value, unit, _ = THRESHOLDS[name]
         return value * (scale_factor(self.episodes.robot, unit) if unit in ("m", "s", "m/s") else 1.0)
 
     def steps(self, name: str) -> int:
-        """Return the threshold `name`, s, in control steps, at least 1."""
+        """Convert the threshold `name`, a time in s, to control steps, at least 1."""
         return max(1, round(self.threshold(name) / self.episodes.dt))
 
     @cached_property
     def sampled(self) -> EpisodeSample:
-        """Random quantities of the episode, drawn again from its seed."""
+        """Random quantities of the episode, sampled again from the episode's seed."""
         seed = int(self.episodes.seeds[self.number])
         return EpisodeSample(self.episodes.robot, self.scenario, seed, 0, self.episodes.dt)
 
@@ -69,7 +75,7 @@ class EpisodeSignals:
 
     @cached_property
     def velocity(self) -> Floats:
-        """Velocity of the trunk, world frame, (end, 2), m/s."""
+        """Horizontal velocity of the trunk, world frame, (end, 2), m/s."""
         yaw = np.arctan2(self.rotation[:, 1, 0], self.rotation[:, 0, 0])
         rotation_world_from_heading = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
         return np.asarray(np.einsum("ijt,tj->ti", rotation_world_from_heading, self.signal("heading_velocity")[:, :2]))
@@ -87,9 +93,10 @@ class EpisodeSignals:
 
     @cached_property
     def shank(self) -> tuple[Floats, Floats]:
-        """Points of the shanks, the last one of the foot, and their velocities over the step before.
+        """Positions of the sample points on the shanks, and velocities of these points.
 
-        World frame, (end, 4, 4, 3) each, m and m/s.
+        The last point of each shank is the foot. A velocity is the mean over the control step before. Both arrays are
+        in the world frame, (end, 4, 4, 3), m and m/s.
         """
         to_knees = replace(self.episodes.robot, calf_length=0.0)
         knee = feet_in_world(to_knees, self.signal("position"), self.rotation, self.signal("joint_position"))[
@@ -104,7 +111,7 @@ class EpisodeSignals:
 
     @cached_property
     def onset(self) -> int:
-        """First step after the last one in which tilt, height and capture point were ordinary."""
+        """First step after the last step in which tilt, height and capture point were all ordinary."""
         offset = planar(self.capture_point_offset) - planar(self.signal("command")) * self.time_constant
         depth = -self.signal("height") / self.episodes.robot.home_height
         is_unusual = (
@@ -115,7 +122,10 @@ class EpisodeSignals:
         return int(np.flatnonzero(np.append(True, ~is_unusual)).max())
 
     def _exceeds_usual(self, signal: Floats, limit: float) -> Bools:
-        """Return True where a signal exceeds `limit` and, if it is known, its usual range."""
+        """Return the mask of the steps in which a signal exceeds `limit` and its own usual range.
+
+        The usual range is computed from earlier steps; only `limit` counts if there are too few of them.
+        """
         usual = signal[self.steps("start") : max(0, self.end - self.steps("before the fall"))]
         if len(usual) > self.steps("stride"):
             quantile = np.quantile(usual, self.threshold("usual share"))
@@ -125,7 +135,10 @@ class EpisodeSignals:
 
     @cached_property
     def window(self) -> slice:
-        """Steps that are searched: around the onset, or after the first second without a fall."""
+        """Steps that the rules search.
+
+        They are the steps around the onset, or all steps after the first second if the robot did not fall.
+        """
         if not self.fell:
             return slice(self.episodes.settling, self.end)
         end = min(self.end, self.onset + self.steps("look on"))

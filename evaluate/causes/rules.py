@@ -1,7 +1,7 @@
-"""Rules of causes: each searches a failed episode for one cause and yields possible events.
+"""Cause rules: each rule searches a failed episode for one cause and yields possible events.
 
-An instantaneous event, for example a blow, has a time; a lasting one, for example low friction or noise, begins with
-the window that is searched.
+An instantaneous event, for example a blow, happens in one control step. A lasting event, for example low friction or
+noise, begins within the searched window.
 """
 
 from collections.abc import Iterator
@@ -32,15 +32,15 @@ STALLED = "stalled"
 POLICY = "policy_error"
 UNCLEAR = "unclear"
 CAUSES = (TRIP, SLIP, PUSH, MOTOR, REACH, ESTIMATE, SIGNAL, GAIT, SLOW, STALLED, POLICY, UNCLEAR)
-"""Every cause; a failed episode has exactly one."""
+"""All causes; a failed episode has exactly one."""
 CAUSE_RULE = "causes/1"
-"""Version of these rules, written into every manifest."""
+"""Version of the cause rules, written into every manifest."""
 TRIP_WINDOW_STEPS = 3
-"""Control steps of the mean speed of a leg before a blow."""
+"""Number of control steps over which a leg's speed before a blow is averaged."""
 SATURATION_WINDOW_STEPS = 5
-"""Control steps of the mean torque that is compared with its limit."""
+"""Number of control steps over which a torque is averaged before the comparison with its limit."""
 MIN_TRIP_SCORE = 0.5
-"""Score below which a blow is no event."""
+"""Minimum score of a blow that counts as an event."""
 
 
 class Event(NamedTuple):
@@ -51,20 +51,20 @@ class Event(NamedTuple):
     step: int
     """Control step in which the event began."""
     score: float
-    """Deciding quantity over its threshold; the event counts from 1 on."""
+    """Deciding quantity divided by its threshold; an event with a score of 1 or more can be the cause."""
     description: str
     is_instantaneous: bool = False
 
 
 def trips(record: EpisodeSignals, window: slice | None = None) -> Iterator[Event]:
-    """Find swinging legs that lose speed where the ground rises: the strongest blow of each step.
+    """Find trips: swing legs that lose speed where the ground rises.
 
     Args:
         record: Signals of the episode.
         window: Steps to search; None for the window of the record.
 
     Yields:
-        A trip for each step with a blow.
+        The strongest blow of each control step that has one.
     """
     window = window or record.window
     steps = np.arange(max(window.start, TRIP_WINDOW_STEPS), min(window.stop, record.end - 1))
@@ -83,7 +83,7 @@ def trips(record: EpisodeSignals, window: slice | None = None) -> Iterator[Event
 
 
 def _shank_blows(record: EpisodeSignals, steps: Ints) -> tuple[Floats, Floats, Floats]:
-    """Return quantities of a blow to each point of the shanks.
+    """Compute speed, lost speed and ground rise at each sample point of the shanks.
 
     Args:
         record: Signals of the episode.
@@ -91,8 +91,8 @@ def _shank_blows(record: EpisodeSignals, steps: Ints) -> tuple[Floats, Floats, F
 
     Returns:
         speed: Mean horizontal speed before the step, (len(steps), 4, len(SHANK_SAMPLES)), m/s.
-        speed_lost: Decrease of the speed in its direction, of the same shape, m/s.
-        rise: Rise of the ground in this direction, of the same shape, m.
+        speed_lost: Decrease of the speed along the direction before the step, same shape, m/s.
+        rise: Rise of the ground along this direction, same shape, m.
     """
     points, velocity = record.shank
     before = _running_mean(velocity[..., :2], TRIP_WINDOW_STEPS)[steps - 1]
@@ -104,11 +104,11 @@ def _shank_blows(record: EpisodeSignals, steps: Ints) -> tuple[Floats, Floats, F
 
 
 def _rise_ahead(record: EpisodeSignals, points: Floats, direction: Floats) -> Floats:
-    """Return the rise of the ground from behind to ahead of points.
+    """Return the ground height just ahead of points minus the ground height just behind them.
 
     Args:
         record: Signals of the episode.
-        points: World frame, (…, 2), m.
+        points: Positions, world frame, (…, 2), m.
         direction: Unit vector of motion, world frame, (…, 2).
 
     Returns:
@@ -119,7 +119,7 @@ def _rise_ahead(record: EpisodeSignals, points: Floats, direction: Floats) -> Fl
 
 
 def _touching(record: EpisodeSignals, steps: Ints) -> Bools:
-    """Return True where a swinging foot or a shank touches something, (len(steps), 4, len(SHANK_SAMPLES))."""
+    """Return the mask of swing-leg points that touch something, (len(steps), 4, len(SHANK_SAMPLES))."""
     contact = record.signal("foot_contact") > 0
     touching = np.repeat(contact[steps, :, None], len(SHANK_SAMPLES), axis=2)
     touching[..., :-1] = record.signal("leg_contact")[steps, None, None] > 0
@@ -128,7 +128,7 @@ def _touching(record: EpisodeSignals, steps: Ints) -> Bools:
 
 
 def trunk_blow(record: EpisodeSignals) -> Iterator[Event]:
-    """Find a trunk in an ordinary posture that hits rising ground."""
+    """Find a collision of the trunk with rising ground while the trunk's posture is ordinary."""
     last = record.end - 1
     episodes = record.episodes
     is_ordinary = record.signal("tilt")[last] <= 2 * record.threshold("tilt") and record.onset >= last - record.steps(
@@ -148,7 +148,7 @@ def trunk_blow(record: EpisodeSignals) -> Iterator[Event]:
 def slides(record: EpisodeSignals) -> Iterator[Event]:
     """Find stance feet that slide.
 
-    The score is lower on ground with high friction, since there the controller makes them slide.
+    The score is reduced on ground with high friction, because the controller then causes the sliding.
     """
     window = record.window
     friction = record.sampled.friction
@@ -165,9 +165,9 @@ def slides(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def pushes(record: EpisodeSignals) -> Iterator[Event]:
-    """Find pushes shortly before the onset, and a steady force to which the robot gives way.
+    """Find pushes shortly before the onset, and a steady force that moves the robot along its direction.
 
-    The score of a push is the displacement of the capture point over its threshold.
+    The score of a push is the displacement of the capture point divided by the threshold.
     """
     if not record.fell:
         return
@@ -191,7 +191,7 @@ def pushes(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def motor_saturation(record: EpisodeSignals) -> Iterator[Event]:
-    """Find motors that stay at their limit, or servos of limited bandwidth far behind their targets."""
+    """Find motors that stay at a limit, and servos of limited bandwidth that lag behind their targets."""
     yield _saturation(record)
     bandwidth = record.scenario.motors.bandwidth
     if bandwidth is not None:
@@ -221,9 +221,9 @@ def _saturation(record: EpisodeSignals) -> Event:
 
 
 def limits(record: EpisodeSignals) -> Iterator[Event]:
-    """Find stance legs at a joint limit, or stretched.
+    """Find stance legs that are at a joint limit or stretched.
 
-    Targets do not count, since crouching gaits usually have targets beyond a limit.
+    Joint targets are not checked, because crouching gaits usually have targets beyond a limit.
     """
     window = record.window
     robot = record.episodes.robot
@@ -241,7 +241,10 @@ def limits(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def estimation_error(record: EpisodeSignals) -> Iterator[Event]:
-    """Find errors of the observed tilt and velocity against the true state, shifted by the known delay."""
+    """Find errors of the observed tilt and velocity.
+
+    The observation is compared with the true state at the time before the known delay.
+    """
     if record.episodes.observed is None:
         return
     steps = np.maximum(np.arange(record.end) - _observation_delay_steps(record), 0)
@@ -258,7 +261,7 @@ def estimation_error(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def delay_or_dropout(record: EpisodeSignals) -> Iterator[Event]:
-    """Find a delay of readings and actions, and servos without targets shortly before the onset."""
+    """Find delayed readings and actions, and servos that received no targets shortly before the onset."""
     if delay_steps := record.sampled.action_delay + _observation_delay_steps(record):
         delay = delay_steps * record.episodes.dt
         description = f"readings and actions are {1000 * delay_steps * record.episodes.dt:.0f} ms late together"
@@ -268,7 +271,10 @@ def delay_or_dropout(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def _dropouts(record: EpisodeSignals) -> Iterator[Event]:
-    """Find servos without targets shortly before the onset, by the change of the targets that they missed."""
+    """Find servos that received no targets shortly before the onset.
+
+    The score measures the largest change of the targets that a servo missed.
+    """
     window = record.window
     dt = record.episodes.dt
     action_delay = record.sampled.action_delay
@@ -288,13 +294,13 @@ def _dropouts(record: EpisodeSignals) -> Iterator[Event]:
 
 
 RULES = (trips, trunk_blow, slides, pushes, motor_saturation, limits, estimation_error, delay_or_dropout)
-"""Rules of a fall."""
+"""Rules for episodes that ended by a fall."""
 UPRIGHT_RULES = (motor_saturation, slides, estimation_error, delay_or_dropout, limits)
-"""Rules of an upright failure; the first triggered event decides."""
+"""Rules for failures of upright robots; the first rule with a triggered event decides."""
 
 
 def _can_rise(record: EpisodeSignals) -> bool:
-    """Return True for terrain that can rise before a foot."""
+    """Return True if the terrain can have steps or rises, which a leg can hit."""
     return not isinstance(record.scenario.terrain, Flat | Slope)
 
 
@@ -312,28 +318,31 @@ def _joint_name(record: EpisodeSignals, joint: int) -> str:
 
 
 def _rise_text(record: EpisodeSignals, height: float) -> str:
-    """Return a text of an obstacle with that height, m."""
+    """Return the description of an obstacle with the given height, m."""
     obstacle = "the edge of a step" if isinstance(record.scenario.terrain, Stairs) else "a rise"
     return f"{obstacle} ({height:.2f} m)"
 
 
 def _observation_delay_steps(record: EpisodeSignals) -> int:
-    """Return the scenario's delay of observations in control steps."""
+    """Return the delay of the scenario's observations in control steps; 0 if there is no delay."""
     latency = record.scenario.latency
     return 0 if latency is None else round(latency.observation / record.episodes.dt)
 
 
 def _running_mean(values: Floats | Bools, length: int) -> Floats:
-    """Return the mean of the last `length` rows, (rows, …)."""
+    """Return the mean over each row of `values` and the `length - 1` rows before, (rows, …)."""
     sums = np.cumsum(np.concatenate((np.zeros((length, *values.shape[1:])), values)), axis=0)
     return np.asarray((sums[length:] - sums[:-length]) / length)
 
 
 def _root_mean_square(values: Floats) -> float:
-    """Return the root mean square of (steps,)."""
+    """Return the root mean square of `values`, (steps,)."""
     return float(np.sqrt((values**2).mean()))
 
 
 def _first_step(window: slice, mask: Bools) -> int:
-    """Return the first step of a window with a true entry in `mask`, (steps, k); its start without one."""
+    """Return the first step of a window with a true entry in `mask`, (steps, k).
+
+    Return the start of the window if all entries are false.
+    """
     return int(window.start + np.argmax(mask.any(axis=1)))

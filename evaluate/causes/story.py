@@ -1,4 +1,4 @@
-"""Timeline of an episode: at most five events in the order of time, from those that decide its cause."""
+"""Timeline of an episode: at most five events, sorted by time, that explain the outcome."""
 
 from collections.abc import Iterable
 
@@ -19,16 +19,16 @@ MAX_CAUSES = 3
 def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tuple[float, str]]:
     """Return the main events of an episode.
 
-    These are the deciding event, the strongest events of two other causes, the departure from the ordinary gait, and
-    the outcome, which comes last.
+    The events are the deciding event, the strongest events of two other causes, and the departure from the ordinary
+    gait. The outcome comes last.
 
     Args:
         episodes: Recorded episodes.
-        measures: Their measures.
+        measures: Measures of the recorded episodes.
         number: Index of the episode.
 
     Returns:
-        Pairs of time, s, and description, as in `front left foot hits the edge of a step (0.15 m) at 0.9 m/s`.
+        Pairs of time (s) and description, such as `front left foot hits the edge of a step (0.15 m) at 0.9 m/s`.
     """
     outcome = str(measures.outcome[number]).replace("_", " ")
     if outcome == SUCCEEDED or episodes.scenario is None:
@@ -68,5 +68,5 @@ def _departure(record: EpisodeSignals) -> tuple[int, str]:
 
 
 def in_lines(moments: Iterable[tuple[float, str]]) -> list[str]:
-    """Return a line for each event: `2.41 s  front left foot hits the edge of a step (0.15 m) at 0.9 m/s`."""
+    """Format each event as a line, such as `2.41 s  front left foot hits the edge of a step (0.15 m)`."""
     return [f"{time:.2f} s  {description}" for time, description in moments]

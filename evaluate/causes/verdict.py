@@ -17,13 +17,13 @@ from quad_env.robots.similarity import scale_factor
 from quad_env.scenarios.scenario import Scenario
 
 TRIGGERED = 1.0
-"""Score from which an event can be a cause."""
+"""Minimum score of an event that can be the cause."""
 MAX_FAILURE_LENGTH = 120
 """Maximum number of characters of a policy's failure in a description."""
 
 
 class Verdict(NamedTuple):
-    """Cause of a failed episode: deciding event, certainty, and all triggered events by time."""
+    """Cause of a failed episode: the deciding event, whether it is certain, and all triggered events."""
 
     event: Event
     certain: bool
@@ -36,7 +36,7 @@ class Verdict(NamedTuple):
 
 
 def with_causes(measures: Measures, episodes: Episodes) -> Measures:
-    """Return the `measures` of `episodes` with causes of failures; unchanged without a scenario."""
+    """Add the causes of failures to the `measures` of `episodes`; no change if the scenario is not known."""
     if episodes.scenario is None:
         return measures
     cause = np.full(episodes.count, None, dtype=object)
@@ -55,10 +55,10 @@ def verdict(record: EpisodeSignals, measures: Measures) -> Verdict:
 
     Args:
         record: Signals of the episode.
-        measures: Measures of all episodes of the record.
+        measures: Measures of all episodes in `record.episodes`.
 
     Returns:
-        The cause.
+        The cause of the episode's failure.
     """
     number = record.number
     if measures.outcome[number] == outcomes.POLICY_ERROR:
@@ -69,7 +69,11 @@ def verdict(record: EpisodeSignals, measures: Measures) -> Verdict:
 
 
 def _verdict_on_fall(record: EpisodeSignals) -> Verdict:
-    """Choose the first instantaneous event, else the strongest lasting one, joint limits last."""
+    """Choose the cause of a fall: the first instantaneous event, else the strongest lasting event.
+
+    Joint limits are chosen only if no other event is triggered. The cause is unclear if the scenario starts in any pose
+    or the robot falls in its first steps.
+    """
     if isinstance(record.scenario.start, AnyPose) or record.end <= rules.TRIP_WINDOW_STEPS:
         return Verdict(Event(rules.UNCLEAR, 0, 1.0, "it never came to an ordinary gait"), False)
     events = sorted((event for rule in rules.RULES for event in rule(record)), key=lambda event: event.step)
@@ -86,26 +90,34 @@ def _verdict_on_fall(record: EpisodeSignals) -> Verdict:
 
 
 def _is_certain(record: EpisodeSignals, first: Event, triggered_events: tuple[Event, ...]) -> bool:
-    """Return True if the first event is strong, without a competing cause and not usual before."""
+    """Return True if the event `first` is certainly the cause of a fall.
+
+    Its score must be high, no event of another cause may begin earlier or at the same time, and a trip must not have
+    happened before without a fall.
+    """
     has_competing_cause = any(
         event.step <= first.step for event in triggered_events if event.cause not in (first.cause, rules.REACH)
     )
     is_usual = False
-    if first.cause == rules.TRIP and first.step < record.end:  # its legs may have been hit as hard without a fall
+    if (
+        first.cause == rules.TRIP and first.step < record.end
+    ):  # the legs may have been hit as hard before without a fall
         is_usual = any(event.score >= TRIGGERED for event in trips(record, slice(0, record.window.start)))
     is_strong = first.score >= record.threshold("certain") and first.cause != rules.REACH
     return is_strong and not has_competing_cause and not is_usual
 
 
 def _verdict_without_event(record: EpisodeSignals, max_score: float) -> Verdict:
-    """Blame the controller, unless an event was nearly triggered or the simulation diverged.
+    """Choose the cause of a fall if no event is triggered: the gait, or unclear.
+
+    The cause is unclear if an event was nearly triggered or the simulation diverged.
 
     Args:
         record: Signals of the episode.
-        max_score: Largest score of an event, below TRIGGERED.
+        max_score: Largest score of all events, which is below TRIGGERED.
 
     Returns:
-        The cause, certain in an undisturbed scenario.
+        The cause. It can be certain only if the scenario is undisturbed.
     """
     if max_score >= record.threshold("nearly") or record.episodes.diverged[record.number]:
         return Verdict(Event(rules.UNCLEAR, record.onset, 1.0, "no rule decides"), False)
@@ -118,7 +130,10 @@ def _verdict_without_event(record: EpisodeSignals, max_score: float) -> Verdict:
 
 
 def _verdict_on_upright(record: EpisodeSignals, measures: Measures) -> Verdict:
-    """Blame a lasting event of motors, ground or signals, else the deviation from the command."""
+    """Choose the cause of a failure of an upright robot: the first triggered event by UPRIGHT_RULES.
+
+    The cause is the deviation from the command if no event is triggered.
+    """
     events = [event for rule in rules.UPRIGHT_RULES for event in rule(record)]
     if triggered_events := tuple(event for event in events if event.score >= TRIGGERED):
         first = triggered_events[0]
@@ -137,7 +152,7 @@ def _verdict_on_upright(record: EpisodeSignals, measures: Measures) -> Verdict:
 
 
 def worst_interval(measures: Measures, number: int) -> int:
-    """Return the command interval with the largest deviation, a stalled one before others.
+    """Return the index of the command interval with the largest deviation; stalled intervals come first.
 
     Args:
         measures: Measures of n episodes.
@@ -153,11 +168,11 @@ def worst_interval(measures: Measures, number: int) -> int:
 
 
 def _off_command(record: EpisodeSignals, measures: Measures, interval: int) -> tuple[str, str, bool]:
-    """Determine the cause of a deviation from the command without an event.
+    """Determine the cause of a deviation from the command that no event explains.
 
     Args:
         record: Signals of the episode.
-        measures: Measures of all episodes of the record.
+        measures: Measures of all episodes in `record.episodes`.
         interval: Index of the worst command interval.
 
     Returns:
@@ -189,5 +204,5 @@ def _off_command(record: EpisodeSignals, measures: Measures, interval: int) -> t
 
 
 def _velocity_text(velocity: np.ndarray) -> str:
-    """Return a text of a velocity, (3,), m/s, m/s, rad/s."""
+    """Format a velocity, (3,), m/s, m/s, rad/s, as text."""
     return f"{velocity[0]:.2f} m/s forward, {velocity[1]:.2f} m/s left, {velocity[2]:.2f} rad/s"

@@ -9,9 +9,9 @@ from evaluate.measures.averages import Bools, Floats, Recorded, count, quotient,
 from evaluate.measures.episodes import Episodes
 
 ENERGY_RULE = "energy/2"
-"""Version of the energy measures: they use every physics step, with the torques that the joints received."""
+"""Version of the energy measures, which use every physics step and the torques that joints received."""
 MIN_DISTANCE = 1.0
-"""Distance below which an episode has no cost of transport, because the quotient would be arbitrary, m."""
+"""Minimum distance for a cost of transport, because the quotient of a shorter one is arbitrary, m."""
 LIMIT_MARGIN = 0.01
 """Distance from a joint limit within which the joint counts as at the limit, rad."""
 SUMS = ("positive_work", "regeneration", "joule_heat")

@@ -65,7 +65,7 @@ class Episodes:
     seeds: NDArray[np.int64]
     """Seeds, (n,); `env.reset(seed=seeds[i])` reproduces the start of episode i."""
     command: Recorded
-    """Commanded forward velocity, lateral velocity and yaw rate, heading frame, (steps, n, 3), m/s, m/s, rad/s."""
+    """Command: forward and lateral velocity, yaw rate, heading frame, (steps, n, 3), m/s, m/s, rad/s."""
     heading_velocity: Recorded
     """Velocity of the trunk, heading frame, (steps, n, 3), m/s, m/s, rad/s."""
     position: Recorded
@@ -120,7 +120,7 @@ class Episodes:
     torque_limit: Limits
     """Largest torque of each joint, N·m."""
     speed_limit: Limits
-    """No-load speed of each joint's motor, or the rated speed if the motor has no torque-speed curve, rad/s."""
+    """No-load speed of each joint's motor, or rated speed if it has no torque-speed curve, rad/s."""
     failure: NDArray[np.object_]
     """Reason for the policy's failure before a fall, (n,); None if the policy did not fail."""
     failure_step: NDArray[np.int64]

@@ -11,7 +11,10 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import Footfalls, footfalls
 
 TOUCHDOWN_TIME = 0.02
-"""Duration of a touch-down from the control step in which the foot lands, rounded to whole control steps, s."""
+"""Duration of a touch-down, s; it starts in the control step in which the foot lands.
+
+It is rounded to whole control steps, at least one.
+"""
 
 
 def gait(episodes: Episodes, upright: Bools) -> dict[str, Floats]:

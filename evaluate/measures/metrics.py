@@ -61,9 +61,9 @@ class Measures:
     duty_factor: Floats
     """Duty factor of each foot, (n, 4)."""
     commands: Floats
-    """Commands of the k command intervals, (n, k, 3); NaN if the robot was not upright at the interval's start."""
+    """Commands of the k intervals, (n, k, 3); NaN if the robot was not upright at the interval's start."""
     mean_velocities: Floats
-    """Mean velocities of the command intervals, (n, k, 3); NaN if the robot was not upright at the interval's end."""
+    """Mean velocities of the intervals, (n, k, 3); NaN if the robot was not upright at the interval's end."""
     push_time: Floats
     """Start time of each of k pushes, (n, k), s."""
     push_impulse: Floats
@@ -71,7 +71,7 @@ class Measures:
     push_fell: Floats
     """1 if a fall is attributed to the push, else 0, (n, k)."""
     cause: NDArray[np.object_]
-    """Cause of each failure, one of `evaluate.causes.rules.CAUSES`, (n,); None for a success or an unknown cause."""
+    """Cause of each failure, one of `evaluate.causes.rules.CAUSES`, (n,); None if unknown or a success."""
     cause_time: Floats
     cause_detail: NDArray[np.object_]
     extra: Mapping[str, Floats] = field(default_factory=dict)

@@ -1,6 +1,7 @@
-"""`episodes.parquet`: one row an episode, from which cells are read back to the bit.
+"""`episodes.parquet`: a table with one row for each episode, which restores cells bit for bit.
 
-The columns are policy, scenario, severity, episode, seed and the fields of `Measures`.
+The columns are policy, scenario, severity, episode, seed and the fields of `Measures`. A cell holds the episodes of one
+policy on one scenario.
 """
 
 from collections.abc import Sequence
@@ -18,29 +19,29 @@ from evaluate.records import parquet
 from quad_env.scenarios.registry import Scenario
 
 FIRST = ("outcome", "fell", "fall_reason", "failure", "fall_time", "diverged")
-"""Columns before the other measures."""
+"""Columns that precede the other measures."""
 REQUIRED = {"policy", "scenario", "episode", "seed", "outcome", "fell", "diverged", "fall_reason", "failure"}
-"""Columns that identify an episode and its outcome; a file without one of them cannot be read."""
+"""Columns that identify an episode and its outcome; a file that lacks one of them cannot be read."""
 RUN = b"run"
-"""Key of the table's metadata: fingerprint of the run."""
+"""Metadata key of the table: fingerprint (hash of all inputs) of the run."""
 _WIDTH = b"width"
-"""Key of a column's metadata: length of the vectors in its lists."""
+"""Metadata key of a column: length of the vectors in the column's lists."""
 _EXTRA = b"extension"
-"""Key of a column's metadata: the measure is of an extension."""
+"""Metadata key of a column: marks a measure that an extension defines."""
 _MISSING = b"missing"
-"""Key of a column's metadata: the file lacks the column."""
+"""Metadata key of a column: marks a measure that the file lacks."""
 
 
 @dataclass(frozen=True)
 class _ListColumn:
-    """Layout of a measure with several values an episode."""
+    """Layout of a measure with several values for each episode."""
 
     length: int
-    """Number of entries if the file has no column of `siblings`."""
+    """Number of list entries if the file has none of the `siblings`."""
     siblings: tuple[str, ...] = ()
-    """Columns whose lists have the same number of entries."""
+    """Other columns with lists of the same number of entries."""
     width: int = 0
-    """Length of each entry; 0 if the entries are numbers."""
+    """Length of each entry if the entries are vectors; 0 if they are numbers."""
 
 
 _LIST_COLUMNS = {
@@ -55,16 +56,17 @@ _TEXT_COLUMNS = {"cause", "cause_detail"}
 
 
 def table(cell: PolicyScenarioResult, episodes: NDArray[np.int64] | None = None) -> pa.Table:
-    """Return a cell's rows, with null for NaN.
+    """Convert a cell to table rows, with null in place of NaN.
 
-    Measures of an interval are lists: `commands` and `mean_velocities` hold forward m/s, lateral m/s, yaw rate rad/s.
+    Measures with several values are lists. The vectors in `commands` and `mean_velocities` are forward velocity,
+    lateral velocity and yaw rate, m/s, m/s, rad/s.
 
     Args:
-        cell: Cell or chunk of a cell.
+        cell: All or some episodes of a cell.
         episodes: Indices of the episodes in the cell, (n,); by default 0 … n - 1.
 
     Returns:
-        A table with one row an episode.
+        A table with one row for each episode.
     """
     values = {name: getattr(cell.measures, name) for name in MEASURE_NAMES}
     values["fall_reason"] = cell.fall_reason
@@ -88,10 +90,10 @@ def table(cell: PolicyScenarioResult, episodes: NDArray[np.int64] | None = None)
 
 
 def cell_of(rows: pa.Table, scenario: Scenario) -> PolicyScenarioResult:
-    """Return the cell of a table's rows, which are of one policy and this scenario.
+    """Convert the table rows of one policy on one scenario to a cell.
 
     Args:
-        rows: Rows with every measure.
+        rows: Rows with a column for every measure.
         scenario: Scenario of all rows.
 
     Returns:
@@ -116,12 +118,12 @@ def cell_of(rows: pa.Table, scenario: Scenario) -> PolicyScenarioResult:
 
 
 def extra_columns(rows: pa.Table) -> list[str]:
-    """Return the names of the columns that are measures of extensions."""
+    """Return the names of the columns with extension measures."""
     return [field.name for field in rows.schema if _EXTRA in (field.metadata or {})]
 
 
 def concatenate(tables: Sequence[pa.Table]) -> pa.Table:
-    """Concatenate tables; a measure of an extension that some of them lack is null there."""
+    """Concatenate tables; the value is null where a table lacks an extension measure."""
     extra = {name: table.schema.field(name) for table in tables for name in extra_columns(table)}
     if all(name in table.column_names for table in tables for name in extra):
         return pa.concat_tables(tables)
@@ -130,7 +132,7 @@ def concatenate(tables: Sequence[pa.Table]) -> pa.Table:
 
 
 def _add_null_columns(rows: pa.Table, columns: dict[str, pa.Field]) -> pa.Table:
-    """Add the missing ones of the columns, as null."""
+    """Add the columns that the rows lack, filled with null."""
     for name, column in columns.items():
         if name not in rows.column_names:
             rows = rows.append_column(column, pa.nulls(rows.num_rows, column.type))
@@ -138,13 +140,13 @@ def _add_null_columns(rows: pa.Table, columns: dict[str, pa.Field]) -> pa.Table:
 
 
 def add_missing_measures(rows: pa.Table) -> pa.Table:
-    """Add the measures that a file of an older version lacks, as null.
+    """Add the measures that a file of an older version lacks, filled with null.
 
     Args:
         rows: Rows of a file.
 
     Returns:
-        Rows with every measure.
+        Rows with a column for every measure.
 
     Raises:
         ValueError: A required column is missing.
@@ -167,7 +169,7 @@ def missing_measures(rows: pa.Table) -> list[str]:
 
 
 def _null_column(rows: pa.Table, name: str) -> pa.Array:
-    """Return a column of NaN or no text, with the list lengths of its siblings."""
+    """Return a column filled with null; its lists have the lengths of the sibling columns."""
     if name in _TEXT_COLUMNS:
         return pa.nulls(rows.num_rows, pa.string())
     if name not in _LIST_COLUMNS:
@@ -192,7 +194,7 @@ def write_parquet(cells: Sequence[PolicyScenarioResult], path: Path, run: str = 
 
 
 def write_table(rows: pa.Table, path: Path, run: str) -> None:
-    """Write rows into a file, completely or not at all.
+    """Write rows into a file atomically: the file is complete, or unchanged after an error.
 
     Args:
         rows: Rows of a run.
@@ -207,13 +209,13 @@ def read_table(path: Path, run: str | None = None) -> pa.Table:
 
     Args:
         path: File to read.
-        run: Fingerprint that the file must have; None for any.
+        run: Fingerprint of the run that the file must have; None for any run.
 
     Returns:
         The rows as they were written.
 
     Raises:
-        ValueError: The file is damaged, changed or of another run.
+        ValueError: The file is damaged, has been changed, or belongs to another run.
     """
     rows = parquet.read(path)
     if run is not None and (rows.schema.metadata or {}).get(RUN) != run.encode():
@@ -222,7 +224,7 @@ def read_table(path: Path, run: str | None = None) -> pa.Table:
 
 
 def _to_arrow(values: NDArray[Any]) -> pa.Array:
-    """Convert a measure of n episodes, (n,) numbers, bools or texts, (n, k) or (n, k, m) numbers."""
+    """Convert a measure to a column: numbers, bools or texts, (n,), or numbers, (n, k) or (n, k, m)."""
     if values.dtype == object:
         return pa.array(values.tolist(), pa.string())
     if values.ndim == 1:
@@ -234,7 +236,7 @@ def _to_arrow(values: NDArray[Any]) -> pa.Array:
 
 
 def _nullable(values: NDArray[Any]) -> Any:
-    """Return nested lists with None for NaN, and for a vector of a matrix that is NaN throughout."""
+    """Convert to nested lists with None for each NaN, and for each vector of a matrix that has only NaN."""
     if values.ndim > 1:
         return [None if np.isnan(entry).all() else _nullable(entry) for entry in values]
     return [None if np.isnan(value) else float(value) for value in values]

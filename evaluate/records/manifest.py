@@ -1,4 +1,7 @@
-"""`manifest.json`: the inputs that a run's results depend on, written at its start for --resume."""
+"""`manifest.json`: all inputs that the results of a run depend on, written when the run starts.
+
+`--resume` reads the file and checks that the inputs are still the same.
+"""
 
 import hashlib
 import json
@@ -21,21 +24,27 @@ from quad_env.serialisation import from_json_values, to_json_values
 
 NAME = "manifest.json"
 FILES = ("results.json", "episodes.parquet", "report.html", NAME)
-"""Files of a finished run."""
+"""Names of the files of a finished run."""
 CHUNKS = "parts"
-"""Folder of the finished chunks of an unfinished run."""
+"""Name of the folder with the finished chunks (parts of cells) of an unfinished run."""
 SCHEMA = 1
-"""Version of the file's keys."""
+"""Version of the keys in manifest.json."""
 LAST_COMPATIBLE_REVISION = "revision 02bbde28"
-"""Last version that reads results by success/1 and energy/1 (0.2.0 and before) and results without causes."""
+"""Last revision that can read old results.
+
+Old results are by the rules success/1 and energy/1 (version 0.2.0 and before), or have no causes of failures.
+"""
 _SHA256 = "sha256"
-"""Key of the hash of all other entries of the file."""
+"""Key of the hash of all other entries in manifest.json."""
 _NOT_PROVENANCE = ("options", "date", "fingerprint")
-"""Fields that no result depends on."""
+"""Fields of the manifest that no result depends on."""
 _NOT_COMPARED = {"git_revision"}
-"""Versions that do not affect the results by themselves; the code's digest shows a change of the code."""
+"""Versions that are not compared, because the code digest already shows every change of the code."""
 _NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
-"""Versions that may differ between runs with the same bytes; `compare` reports a difference."""
+"""Versions that do not enter the fingerprint, because runs that differ in them can have the same bytes.
+
+The command `compare` reports a difference of all but the git revision.
+"""
 
 
 @dataclass(frozen=True)
@@ -48,27 +57,27 @@ class Manifest:
     seed: int
     """Evaluation seed."""
     episodes: int
-    """Episodes of each policy on each scenario; in a run --until settled those of its latest interim analysis."""
+    """Number of episodes in each cell; the number at the latest interim analysis if run --until settled."""
     steps: int
     """Control steps of an episode."""
     versions: Mapping[str, str | None]
     """Name -> version of each package, rule and library."""
     code: str
-    """Digest of the packages that the results depend on."""
+    """SHA-256 of the packages that the results depend on."""
     cpu: str
     """Name of the processor."""
     options: Mapping[str, Any]
     """Options of the command line by name; --resume reads them from here."""
     threads: int
-    """Threads of the simulation; no result depends on it."""
+    """Threads of the simulation; no result depends on their number."""
     hardware: HardwareConfig = IDEAL
     """Hardware of the robots."""
     only_on: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    """Label -> names of the scenarios, for policies that do not run on all scenarios."""
+    """Label -> names of the scenarios to run, only for policies that do not run on all scenarios."""
     limit: int = 0
-    """Maximum number of episodes of a run --until settled; 0 for other runs."""
+    """Maximum number of episodes in each cell of a run --until settled; 0 for other runs."""
     ended: str = ""
-    """Reason for the end of a run --until settled; empty before its end and for other runs."""
+    """Reason for the end of a run --until settled; empty before the end and for other runs."""
     date: str = ""
     """Start date of the run, UTC; empty if it was not recorded."""
     fingerprint: str = ""
@@ -90,15 +99,18 @@ class Manifest:
         return bool(self.limit) and not self.ended
 
     def with_fingerprint(self) -> "Manifest":
-        """Return a copy with its fingerprint."""
+        """Return a copy of the manifest, with the fingerprint computed."""
         return replace(self, fingerprint=_fingerprint(self.provenance()))
 
     def until_settled(self) -> "Manifest":
-        """Return the manifest of a run --until settled with the episodes as limit, at its first analysis."""
+        """Return the manifest of a run --until settled at the first interim analysis.
+
+        The number of episodes of this manifest becomes the limit.
+        """
         return replace(self, limit=self.episodes, episodes=looks(self.episodes)[0]).with_fingerprint()
 
     def as_json(self) -> dict[str, Any]:
-        """Return the contents of the file."""
+        """Return the contents of manifest.json: key -> JSON value."""
         contents = {
             "schema": SCHEMA,
             "fingerprint": self.fingerprint,
@@ -109,12 +121,12 @@ class Manifest:
         return {**contents, _SHA256: _digest(contents)}
 
     def provenance(self) -> dict[str, Any]:
-        """Return all fields except options, date and fingerprint, as JSON values."""
+        """Return field name -> JSON value, for all fields except options, date and fingerprint."""
         values = {name: value for name, value in vars(self).items() if name not in _NOT_PROVENANCE}
         return values | {"hardware": asdict(self.hardware), "scenarios": to_json_values(self.scenarios)}
 
     def write(self, folder: Path) -> None:
-        """Write the file into a folder."""
+        """Write manifest.json into a folder."""
         write_atomically(folder / NAME, (json.dumps(self.as_json(), indent=2) + "\n").encode())
 
 
@@ -129,7 +141,7 @@ def manifest(
     threads: int,
     hardware: HardwareConfig = IDEAL,
 ) -> Manifest:
-    """Make the manifest of a run on this machine with this code.
+    """Make the manifest of a run that starts now on this machine.
 
     Args:
         policies: Policies in the order of the run.
@@ -171,7 +183,7 @@ def read(folder: Path) -> Manifest:
         The manifest.
 
     Raises:
-        UsageError: There is no manifest of this version, it was changed, or its robot file is not here. One line.
+        UsageError: There is no manifest of this version, it has been changed, or the robot file of the run is missing.
     """
     path = folder / NAME
     if not path.is_file():
@@ -186,7 +198,7 @@ def read(folder: Path) -> Manifest:
 
 
 def _parse(path: Path) -> Manifest:
-    """Parse a manifest file; UsageError if it is by other rules or was changed."""
+    """Parse a manifest file; raise UsageError if it has other rule versions or has been changed."""
     contents = parse_json(read_bytes(path))
     if type(contents["schema"]) is not int or contents["schema"] != SCHEMA:
         raise ValueError("it is of another schema")
@@ -204,7 +216,10 @@ def _parse(path: Path) -> Manifest:
 
 
 def _check_robot_file(path: Path, robot: str) -> None:
-    """Raise UsageError, one line with the folder to change to, if the robot file of a run is not here."""
+    """Raise UsageError if the robot file of a run does not exist relative to the current folder.
+
+    The message names the folder to change to.
+    """
     if Path(robot).suffix not in SUFFIXES or Path(robot).is_file():
         return
     here = next((folder for folder in path.resolve().parents if (folder / robot).is_file()), None)
@@ -214,7 +229,7 @@ def _check_robot_file(path: Path, robot: str) -> None:
 
 
 def _is_changed(contents: dict[str, Any]) -> bool:
-    """Return True if the contents of a file do not match its fingerprint and its hash."""
+    """Return True if the contents of manifest.json do not match the stored fingerprint and hash."""
     hashed = {name: value for name, value in contents.items() if name != _SHA256}
     provenance = {name: value for name, value in hashed.items() if name not in ("schema", *_NOT_PROVENANCE)}
     digest = _digest(hashed)
@@ -230,7 +245,7 @@ def _fingerprint(provenance: Mapping[str, Any]) -> str:
 
 
 def _digest(values: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of JSON values, whatever the order of their keys."""
+    """Return the SHA-256 of JSON values, independent of the order of the keys."""
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
@@ -240,9 +255,9 @@ def differences(then: Manifest, now: Manifest) -> list[str]:
 
 
 def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
-    """Yield a description of each difference."""
+    """Yield a description of each difference between two manifests."""
     for name, version in then.versions.items():
-        new = now.versions.get(name, version)  # older results do not name all that newer ones do
+        new = now.versions.get(name, version)  # older manifests do not have all versions
         if name not in _NOT_COMPARED and new != version:
             yield f"{name} was {version} and is {new}"
     if then.code != now.code:

@@ -1,4 +1,4 @@
-"""Parquet files with a content hash: written atomically, and refused if they were changed."""
+"""Parquet files with a content hash: written atomically, and rejected if they have been changed."""
 
 import hashlib
 import io
@@ -14,7 +14,7 @@ from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
 
 SHA256 = b"sha256"
-"""Key of a table's metadata: hash of its content."""
+"""Metadata key of a table: hash of the table's content."""
 
 
 def write(rows: pa.Table, path: Path, metadata: Mapping[bytes, bytes]) -> None:
@@ -27,7 +27,7 @@ def write(rows: pa.Table, path: Path, metadata: Mapping[bytes, bytes]) -> None:
 
 
 def read(path: Path) -> pa.Table:
-    """Read a file's rows; ValueError if it is damaged or was changed, OSError if it cannot be read."""
+    """Read the rows of a file; raise ValueError if it is damaged or changed, OSError if it is unreadable."""
     content = read_bytes(path, MAX_DATA_SIZE)
     try:
         rows = pq.ParquetFile(pa.py_buffer(content), page_checksum_verification=True).read()
@@ -42,7 +42,7 @@ def read(path: Path) -> pa.Table:
 
 
 def content_hash(rows: pa.Table) -> str:
-    """Return the SHA-256 of a table's metadata, names, types and values, whatever the layout of the file."""
+    """Return the SHA-256 of a table's metadata, names, types and values; the file layout does not count."""
     digest = hashlib.sha256(repr(_hashed_metadata(rows.schema.metadata)).encode())
     for field, column in zip(rows.schema, rows.columns, strict=True):
         digest.update(repr((field.name, _hashed_metadata(field.metadata))).encode())
@@ -51,12 +51,12 @@ def content_hash(rows: pa.Table) -> str:
 
 
 def _hashed_metadata(metadata: Mapping[bytes, bytes] | None) -> list[tuple[bytes, bytes]]:
-    """Return the sorted metadata without the hash and without entries of the Parquet format."""
+    """Return the sorted metadata entries, except the hash and the entries that the Parquet format adds."""
     return sorted(pair for pair in (metadata or {}).items() if pair[0] != SHA256 and not pair[0].startswith(b"PARQUET"))
 
 
 def _add_values(digest: Any, values: pa.Array) -> None:
-    """Add validity bits and bytes of the values to the digest; for lists lengths and flat values."""
+    """Add the values to the digest: validity bits and bytes, or the lengths and flat values of lists."""
     values = values.combine_chunks() if isinstance(values, pa.ChunkedArray) else values
     digest.update(np.packbits(values.is_valid().to_numpy(zero_copy_only=False)).tobytes())
     if isinstance(values, pa.ListArray):

@@ -24,17 +24,20 @@ from quad_env.config import FallRule
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SOURCES = ("quad_env", "policies", "evaluate")
-"""Packages that the results depend on."""
+"""Packages of this project that the results depend on."""
 RULES = {"success_rule": SUCCESS_RULE, "energy_rule": ENERGY_RULE, "cause_rule": CAUSE_RULE}
-"""Versions of the rules; results by other rules cannot be read."""
+"""Rule -> version; results that were computed by another version cannot be read."""
 DIGEST = "3-"
-"""Prefix of every policy digest: the version of the digest's rule."""
+"""Prefix of every policy digest: version of the algorithm that computes the digest."""
 _SOURCE_SUFFIXES = {".py", ".xml", ".json"}
-"""Suffixes of the files that the code's digest includes."""
+"""Suffixes of the files that enter the code digest."""
 
 
 def versions() -> dict[str, str | None]:
-    """Return the versions that the results depend on, and the git revision (None without git)."""
+    """Return name -> version of everything that the results depend on, and the git revision.
+
+    A version is None if it is not known, for example the git revision outside a repository.
+    """
     return {
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
@@ -50,13 +53,16 @@ def versions() -> dict[str, str | None]:
 
 
 def blas() -> str:
-    """Return NumPy's BLAS with the processor kernel of OpenBLAS, which `OPENBLAS_CORETYPE` overrides."""
+    """Return name and version of NumPy's BLAS, and the processor kernels that OpenBLAS has selected.
+
+    The environment variable `OPENBLAS_CORETYPE` overrides the selection.
+    """
     library = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
     return " ".join((library["name"], library["version"], *sorted(_openblas_kernels())))
 
 
 def _openblas_kernels() -> set[str]:
-    """Return the kernels of this process's OpenBLAS libraries; empty if they cannot be listed."""
+    """Return the processor kernels of this process's OpenBLAS libraries; empty if they cannot be listed."""
     try:
         lines = Path("/proc/self/maps").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -71,7 +77,7 @@ def _openblas_kernels() -> set[str]:
 
 
 def hardware_versions(hardware: HardwareConfig) -> dict[str, str]:
-    """Return the SHA-256 of a robot and the version of a simulator that are not the default."""
+    """Return name -> version of the robot (its SHA-256) and the simulator, if they are not the default."""
     versions = {}
     if hardware.robot != HardwareConfig.robot:
         versions["robot"] = hardware.robot_model.sha256
@@ -81,7 +87,7 @@ def hardware_versions(hardware: HardwareConfig) -> dict[str, str]:
 
 
 def git_revision(folder: Path) -> str | None:
-    """Return a checkout's commit, with `-dirty` if tracked files differ; None without a repository."""
+    """Return the commit of a repository, with `-dirty` if tracked files differ; None outside a repository."""
     revision = _git(folder, "rev-parse", "HEAD")
     if revision is None:
         return None
@@ -89,7 +95,7 @@ def git_revision(folder: Path) -> str | None:
 
 
 def cpu_model() -> str:
-    """Return the processor's name; another processor may round the last bit of a function differently."""
+    """Return the name of the processor, because processors can differ in the last bit of a function."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -100,9 +106,9 @@ def cpu_model() -> str:
 
 @cache
 def code_digest() -> str:
-    """Return the SHA-256 of the packages that the results depend on: file names, statements and data.
+    """Return the SHA-256 of the packages in SOURCES: file names, Python statements and data files.
 
-    Comments, docstrings and the layout of Python files do not count, since no result depends on them.
+    Comments, docstrings and the layout of Python files do not count, because no result depends on them.
     """
     digest = hashlib.sha256()
     for path in (path for package in SOURCES for path in sorted((REPOSITORY / package).rglob("*"))):
@@ -116,7 +122,7 @@ def code_digest() -> str:
 
 
 def _statements(source: bytes) -> bytes:
-    """Return the syntax tree of Python source as text without docstrings, or invalid source as it is."""
+    """Return the syntax tree of Python source as text without docstrings; invalid source is not changed."""
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError):
@@ -127,9 +133,9 @@ def _statements(source: bytes) -> bytes:
 
 
 def _add_syntax(node: ast.AST, add: Callable[[str], None]) -> None:
-    """Add a node, its fields and its children, without texts that are statements: docstrings.
+    """Add a node, its fields and its children as text, without docstrings.
 
-    Absent and empty fields are left out, so that the text does not depend on the Python version as `ast.dump` does.
+    Absent and empty fields are left out. The text therefore does not depend on the Python version, unlike `ast.dump`.
     """
     add(type(node).__name__)
     for name in node._fields:
@@ -151,12 +157,12 @@ def _add_syntax(node: ast.AST, add: Callable[[str], None]) -> None:
 
 
 def _is_docstring(node: Any) -> bool:
-    """Return True for a statement that is a text, of a module, class, function or attribute."""
+    """Return True for a docstring of a module, class, function or attribute: a statement that is a string."""
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
 def policy_digest(*policies: Policy) -> str:
-    """Return the SHA-256 of fresh policies: classes and attributes, with parameters and weights."""
+    """Return the SHA-256 of policies that have not run yet: classes, parameters, weights and attributes."""
     digest = hashlib.sha256()
     for piece in chain.from_iterable(_pieces(policy, ()) for policy in policies):
         digest.update(piece + b"\n")
@@ -168,20 +174,20 @@ def _pieces(value: Any, ancestors: tuple[int, ...]) -> Iterator[bytes]:
 
     Args:
         value: A policy or a value within it.
-        ancestors: `id` of the values that contain it, for references of a value to itself.
+        ancestors: `id` of each value that contains the value, to detect references of a value to itself.
 
     Yields:
-        Parts of the text to hash. Modules are not among them, so policies keep their digests when files move.
+        Parts of the text to hash. They contain no module names, so a policy keeps its digest when its file moves.
     """
     kind = type(value).__qualname__
     if isinstance(value, np.ndarray) and value.dtype == object:
-        yield from _pieces(value.tolist(), ancestors)  # its bytes are the addresses of its entries
+        yield from _pieces(value.tolist(), ancestors)  # because the bytes of an object array are addresses
     elif isinstance(value, np.ndarray | np.generic):
         yield f"{value.dtype} {value.shape}".encode() + value.tobytes()
     elif value is None or isinstance(value, bool | int | float | str | bytes):
         yield f"{kind} {value!r}".encode()
     elif isinstance(value, Path):
-        yield value.name.encode()  # a file of the packages, whose contents are in the code's digest
+        yield value.name.encode()  # name only, because the code digest contains the file's contents
     elif callable(value) and hasattr(value, "__qualname__"):
         yield value.__qualname__.encode()
     elif id(value) in ancestors:
@@ -195,12 +201,12 @@ def _pieces(value: Any, ancestors: tuple[int, ...]) -> Iterator[bytes]:
 
 
 def _contents(value: Any) -> list[tuple[Any, Any]]:
-    """Return pairs of name, key or index and the entry."""
+    """Return the contents of a value as pairs: attribute name, key or index, and the entry."""
     if isinstance(value, Mapping):
         return sorted(value.items(), key=lambda item: repr(item[0]))
     if isinstance(value, list | tuple):
         return list(enumerate(value))
-    if is_dataclass(value):  # which may cache values outside its fields
+    if is_dataclass(value):  # fields only, because a dataclass may cache other attributes
         return sorted((field.name, getattr(value, field.name)) for field in fields(value))
     slots = {name: getattr(value, name) for name in getattr(type(value), "__slots__", ()) if hasattr(value, name)}
     return sorted((slots | getattr(value, "__dict__", {})).items())

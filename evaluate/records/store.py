@@ -1,4 +1,7 @@
-"""A results folder: saves the chunks of a run that is not finished, and reads a run back."""
+"""Results folder: saves the chunks of a running evaluation, and reads a run back.
+
+A chunk is a subset of the episodes of a cell, which is one policy on one scenario.
+"""
 
 import re
 import sys
@@ -28,11 +31,11 @@ from quad_env.scenarios.registry import Scenario
 
 EPISODES = "episodes.parquet"
 _CHUNK = re.compile(r"\d{5}-\d{7}(-[0-9a-f]{8})?\.parquet")
-"""Name of a chunk's file: cell index, index of the first episode, and first digits of the run's fingerprint."""
+"""Name of a chunk's file: cell index, index of its first episode, start of the run's fingerprint."""
 _FIRST_EPISODE = slice(6, 13)
-"""Part of a chunk's file name that is the index of its first episode."""
+"""Characters of a chunk's file name that are the index of its first episode."""
 _TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, FILES))}|{_CHUNK.pattern})\..{{8}}")
-"""Name of a file that a killed run left half written."""
+"""Name of a temporary file that a killed run left behind."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +46,9 @@ class Run:
     cells: tuple[PolicyScenarioResult, ...]
     """Finished cells, in the order of the run."""
     stored: bool = False
-    """True if all cells come from the folder's episodes.parquet."""
+    """True if all cells were read from the folder's episodes.parquet."""
     missing_measures: tuple[str, ...] = ()
-    """Measures that the folder's episodes.parquet lacks; they are NaN or None in the cells."""
+    """Names of the measures that episodes.parquet lacks; they are NaN or None in the cells."""
 
     @property
     def complete(self) -> bool:
@@ -54,24 +57,27 @@ class Run:
 
 
 class ChunkStore:
-    """Chunks of a run that is not finished, in files that are written completely or not at all."""
+    """Store of the chunks of a run that is not finished: one file for each chunk, written atomically."""
 
     def __init__(self, folder: Path, manifest: Manifest, resumed: bool = False) -> None:
         self.folder = folder
         self.manifest = manifest
         self.begun = resumed
-        """True if the folder belongs to this run. Before the first chunk it belongs to an earlier run."""
+        """True if the folder belongs to this run.
+
+        False before the first chunk of a new run is saved, when the folder can still hold an earlier run.
+        """
         self._policies = list(manifest.policies)
 
     def load(self, policy: str, scenario: Scenario) -> Sequence[EpisodeChunk]:
-        """Return the finished chunks of a cell, without damaged files and files of other runs or seeds.
+        """Return the finished chunks of a cell; damaged files and files of other runs or seeds are skipped.
 
         Args:
             policy: Label of the policy.
             scenario: Scenario of the cell.
 
         Returns:
-            Chunks without a common episode.
+            Chunks; no two of them share an episode.
         """
         if not self.begun:
             return ()
@@ -85,7 +91,10 @@ class ChunkStore:
         return chunks
 
     def save(self, chunk: EpisodeChunk) -> None:
-        """Write a chunk, and before the first one of a run replace the earlier run; OSError if that fails."""
+        """Write a `chunk`; raise OSError if that fails.
+
+        The first chunk of a run replaces the earlier run in the folder.
+        """
         cell_index = self._cell_index(chunk.cell.policy, chunk.cell.scenario)
         name = f"{cell_index:05d}-{chunk.episode_indices[0]:07d}-{self.manifest.fingerprint[:8]}.parquet"
         (self.folder / CHUNKS).mkdir(exist_ok=True)
@@ -96,11 +105,11 @@ class ChunkStore:
             self.begun = True
 
     def _cell_index(self, policy: str, scenario: Scenario) -> int:
-        """Return the index of a cell in the order of the run."""
+        """Return the index of the cell of a `policy` and a `scenario` in the order of the run."""
         return self.manifest.scenarios.index(scenario) * len(self._policies) + self._policies.index(policy)
 
     def _read(self, path: Path, scenario: Scenario) -> EpisodeChunk | None:
-        """Read a chunk; None if it is damaged or of another run or another seed."""
+        """Read a chunk; return None if the file is damaged or belongs to another run or seed."""
         try:
             rows = read_table(path, self.manifest.fingerprint)
             chunk = EpisodeChunk(rows.column("episode").to_numpy(), cell_of(rows, scenario))
@@ -111,7 +120,7 @@ class ChunkStore:
 
 
 def read_run(folder: Path) -> Run:
-    """Read the run in a folder, finished or not; UsageError, one line, or OSError if it cannot be read."""
+    """Read the finished or unfinished run in a folder; raise UsageError or OSError if it cannot be read."""
     manifest, rows, stored = _read(folder)
     try:
         return Run(manifest, tuple(_cells(manifest, rows)), stored, tuple(missing_measures(rows)))
@@ -120,13 +129,16 @@ def read_run(folder: Path) -> Run:
 
 
 def read_rows(folder: Path) -> tuple[Manifest, pa.Table]:
-    """Read the manifest and the rows of the finished cells in a folder; errors as for `read_run`."""
+    """Read the manifest and the rows of the finished cells in a folder; raise errors as `read_run` does."""
     manifest, rows, _ = _read(folder)
     return manifest, rows
 
 
 def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
-    """Read the manifest, the rows, and whether they come from episodes.parquet; errors as for `read_run`."""
+    """Return the manifest, the rows, and True if the rows were read from episodes.parquet.
+
+    It raises the same errors as `read_run`.
+    """
     manifest = manifests.read(folder)
     has_chunks = is_unfinished(folder)
     try:
@@ -142,19 +154,19 @@ def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
 
 
 def _stored_rows(path: Path, manifest: Manifest) -> pa.Table:
-    """Read episodes.parquet; empty if there is no file.
+    """Read the rows of episodes.parquet; return an empty table if the file does not exist.
 
-    A measure that the file lacks is added as missing values and named on stderr.
+    Measures that the file lacks are added as missing values, and their names are printed on stderr.
 
     Args:
-        path: The file.
-        manifest: Manifest of its run.
+        path: Path of episodes.parquet.
+        manifest: Manifest of the run.
 
     Returns:
         Rows of complete cells in the order of the run; an interrupted run may lack cells.
 
     Raises:
-        ValueError: The rows are not as the run wrote them, or a required column is missing.
+        ValueError: The rows differ from the rows that the run wrote, or a required column is missing.
     """
     if not path.exists():
         return pa.table({})
@@ -171,21 +183,21 @@ def _stored_rows(path: Path, manifest: Manifest) -> pa.Table:
 
 
 def rows_of(rows: pa.Table, policy: str, scenario: str) -> pa.Table:
-    """Return the rows of one cell, by policy and scenario."""
+    """Return the part of the `rows` that belongs to the cell of a `policy` and a `scenario`."""
     return rows.filter((pc.field("policy") == policy) & (pc.field("scenario") == scenario))
 
 
 def is_unfinished(folder: Path) -> bool:
-    """Return True if the folder holds a manifest and chunks, as an unfinished run does."""
+    """Return True if the folder holds an unfinished run: a manifest and chunks."""
     return (folder / manifests.NAME).is_file() and any(_chunk_files(folder))
 
 
 def remove_chunks(folder: Path, but: str = "") -> None:
-    """Remove a run's chunks and the files that a killed run left half written.
+    """Remove the chunks of all runs, and temporary files that a killed run left behind.
 
     Args:
-        folder: Results folder; other files stay.
-        but: File name of a chunk that stays.
+        folder: Results folder; other files in it are kept.
+        but: File name of one chunk to keep; empty to remove all.
     """
     for path in _chunk_files(folder):
         if path.name != but:
@@ -196,17 +208,17 @@ def remove_chunks(folder: Path, but: str = "") -> None:
                 path.unlink(missing_ok=True)
     try:
         (folder / CHUNKS).rmdir()
-    except OSError:  # there is no such folder, or it has other files
+    except OSError:  # the folder does not exist or contains other files
         return
 
 
 def _chunk_files(folder: Path) -> Iterator[Path]:
-    """Yield the files of chunks, of any run."""
+    """Yield the paths of all chunk files, which can belong to any run."""
     return (path for path in (folder / CHUNKS).glob("*.parquet") if _CHUNK.fullmatch(path.name))
 
 
 def _from_chunks(store: ChunkStore) -> Iterator[PolicyScenarioResult]:
-    """Yield the cells with all their chunks, and report unusable files on stderr."""
+    """Yield each cell with a complete set of stored chunks, and report unusable files on stderr."""
     files = [path for path in _chunk_files(store.folder) if int(path.name[_FIRST_EPISODE]) < store.manifest.episodes]
     file_count = len(files)
     used = 0
@@ -224,7 +236,7 @@ def _from_chunks(store: ChunkStore) -> Iterator[PolicyScenarioResult]:
 
 
 def _cells(manifest: Manifest, rows: pa.Table) -> Iterator[PolicyScenarioResult]:
-    """Yield the cells of a run's rows, in the order of the run."""
+    """Convert the rows of a run to cells, and yield the cells in the order of the run."""
     if not rows.num_rows:
         return
     for scenario, policy in manifest.cells:

@@ -1,1 +1,1 @@
-"""Simulation of episodes side by side, batteries of scenarios, and worker processes."""
+"""Simulation of many episodes together, batteries of scenarios, and worker processes."""

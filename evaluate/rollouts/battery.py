@@ -1,4 +1,4 @@
-"""Batteries of scenarios, and the scenarios of a name on the command line."""
+"""Batteries (named lists of scenarios), and the scenarios that a name on the command line selects."""
 
 import runpy
 from collections.abc import Callable, Iterable
@@ -26,15 +26,15 @@ from quad_env.scenarios.scenario import Scenario, with_hardware_profile
 from quad_env.serialisation import from_json_values, to_json_values
 
 NOMINAL = ("flat", "push", "rough")
-"""First scenarios of the quick battery."""
+"""Names of the first scenarios in the quick battery."""
 QUICK_LEVELS: dict[str, tuple[int, ...]] = {"push": (4,), "rough": (4,)}
-"""Axis -> levels in the quick battery."""
+"""Axis (kind of disturbance) -> indices of its severity levels in the quick battery."""
 LEVELS_ABOVE_NOMINAL = 2
-"""Number of levels above the nominal one in the default battery: hard, and hardest."""
+"""Number of severity levels above the nominal level in the default battery: hard and hardest."""
 ALL = "all"
-"""Name of the battery of all nominal scenarios, and, as in `push:all`, of all levels of an axis."""
+"""Name of the battery of all nominal scenarios; in `push:all`, all levels of an axis."""
 _FILE_SEPARATOR = ".py:"
-"""Separator of a Python file and a name in it."""
+"""Text between the stem of a Python file and a name in the file, as in `file.py:NAME`."""
 
 
 BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
@@ -51,10 +51,10 @@ BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
     "full": lambda robot: _battery(robot, lambda axis: range(1, len(axis.levels) + 1), tuple(AXES)),
     ALL: lambda robot: tuple(scenarios_of(robot).values()),
 }
-"""Name -> scenarios of a robot.
+"""Battery name -> function that returns the scenarios of the battery for a robot.
 
-- quick: a first impression.
-- default: every axis at its nominal level and the next two, and with the hardware profile at the next one.
+- quick: a few scenarios for a first impression.
+- default: every axis at its nominal level and the next two levels, and with the hardware profile at the next level.
 - full: every axis at every level.
 - all: every axis at its nominal level.
 """
@@ -65,9 +65,9 @@ _VALID = (
 
 
 def resolve(names: tuple[str, ...], robot: Robot = SIMPLE_QUAD) -> tuple[Scenario, ...]:
-    """Return the scenarios of names on the command line.
+    """Return the scenarios that names on the command line select.
 
-    Names are `push`, `push:3`, `push:all`, `payload=15+slope=10`, `full`, `file.py:NAME`.
+    Valid forms are `push`, `push:3`, `push:all`, `payload=15+slope=10`, `full` and `file.py:NAME`.
 
     Args:
         names: Names on the command line.
@@ -77,7 +77,7 @@ def resolve(names: tuple[str, ...], robot: Robot = SIMPLE_QUAD) -> tuple[Scenari
         Scenarios in the order of the names.
 
     Raises:
-        ValueError: No name is given, or a scenario is given twice.
+        ValueError: No name is given, a name is unknown, or a scenario is given twice.
     """
     if not names:
         raise ValueError(f"no scenario given; valid: {_VALID}")
@@ -97,7 +97,7 @@ def resolve(names: tuple[str, ...], robot: Robot = SIMPLE_QUAD) -> tuple[Scenari
 
 
 def resolve_single(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """Return the robot's scenario of a name.
+    """Return the one scenario that a name on the command line selects.
 
     Args:
         name: Name on the command line.
@@ -121,7 +121,7 @@ def is_file_reference(name: str) -> bool:
 
 
 def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
-    """Return the scenarios of one name; ValueError, with the valid names, if it is unknown."""
+    """Return the scenarios of one name; raise ValueError with the valid names if the name is unknown."""
     if name in BATTERIES:
         return BATTERIES[name](robot)
     plain, with_ending = split(name)
@@ -140,7 +140,7 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
 
 
 def _hardware_scenarios(robot: Robot) -> tuple[Scenario, ...]:
-    """Return flat, steady and each axis one level above nominal, all with the hardware profile."""
+    """Return `flat`, `steady` and each axis one level above nominal, all with the hardware profile."""
     levels = (axis.level(min(axis.nominal_level + 1, len(axis.levels))) for axis in axes_of(robot).values())
     return with_profile((scenarios_of(robot)[NOMINAL[0]], STEADY, *levels))
 
@@ -173,7 +173,7 @@ def _battery(
 
 
 def _from_file(reference: str) -> tuple[Scenario, ...]:
-    """Return the scenarios of a reference `file.py:NAME`; ValueError, one line, if there are none."""
+    """Return the scenarios of a reference `file.py:NAME`; raise ValueError if there are none."""
     file, _, name = reference.rpartition(":")
     contents = _run_file(Path(file))
     if name not in contents:
@@ -188,7 +188,7 @@ def _from_file(reference: str) -> tuple[Scenario, ...]:
 
 
 def _run_file(file: Path) -> dict[str, Any]:
-    """Run a Python file and return its names; ValueError if it fails."""
+    """Run a Python file and return its global names -> values; raise ValueError if the file fails."""
     if not file.is_file():
         raise ValueError(f"there is no file {file}")
     try:
@@ -199,13 +199,13 @@ def _run_file(file: Path) -> dict[str, Any]:
 
 
 def _as_scenarios(value: Any) -> tuple[Scenario, ...]:
-    """Return a scenario or a sequence of scenarios as a tuple; empty for other values."""
+    """Return a scenario or a sequence of scenarios as a tuple, or an empty tuple for another value."""
     scenarios = tuple(value) if isinstance(value, list | tuple) else (value,)
     return scenarios if all(isinstance(scenario, Scenario) for scenario in scenarios) else ()
 
 
 def _check(scenario: Scenario, file: str) -> None:
-    """Raise ValueError for a scenario of a file that cannot be stored in results."""
+    """Raise ValueError if a scenario of a user's file cannot be stored in results."""
     if not isinstance(scenario.name, str) or not scenario.name:
         raise ValueError(f"a scenario in {file} needs a name, not {scenario.name!r}")
     if scenario.name in SCENARIOS or ":" in scenario.name or is_combination(scenario.name):

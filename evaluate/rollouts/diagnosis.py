@@ -1,4 +1,4 @@
-"""Diagnosis of external policies that do not walk: the common mistake that explains the failure."""
+"""Diagnosis of external policies that do not walk: search for a common mistake as the explanation."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,31 +20,34 @@ from quad_env.sensing.height_scan import table_with
 
 STAND = "to stand"
 COMMANDS = {STAND: (0.0, 0.0, 0.0), "forward": (0.5, 0.0, 0.0), "in a curve": (0.5, 0.0, 0.8)}
-"""Name -> command of SimpleQuad, m/s and rad/s; only in a curve do the world frame and the base frame differ."""
+"""Command name -> command for SimpleQuad, m/s and rad/s.
+
+The walk in a curve is needed because the world frame and the base frame differ only there.
+"""
 SEEDS = episode_seeds("search", 0, 2)
 SCREENING_COMMANDS = {"in a curve": COMMANDS["in a curve"]}
-"""Command of the short walk that selects corrections."""
+"""Command of the short walk that selects the corrections for the full tests."""
 SCREENING_SPEEDUP = 2.0
-"""Divisor of the duration of the short walk."""
+"""Duration of a full walk divided by the duration of the short walk."""
 MAX_FULL_TESTS = 10
 """Maximum number of corrections that are tested on all commands."""
 NUM_COMBINED_CORRECTIONS = 2
-"""Number of best corrections that are combined with a second one."""
+"""Number of best corrections that are combined with a second correction."""
 
 
 @dataclass(frozen=True)
 class ServosByRow(HardwareConfig):
-    """Hardware with servo gains per robot."""
+    """Hardware with different servo gains for each robot."""
 
     gains: Any = None
     """Stiffness and damping, (2, n, 12), N·m/rad and N·m·s/rad."""
 
     def env_kwargs(self, robot: Robot) -> dict[str, Any]:
-        """Return the keyword arguments of an environment of this hardware, for the policy's `robot`."""
+        """Return keyword argument -> value of an environment with these gains, for the policy's `robot`."""
         return super().env_kwargs(robot) | {"servo": tuple(self.gains)}
 
     def mean_robot(self) -> Robot:
-        """Return the environment's robot with mean gains."""
+        """Return the robot with the mean of all servo gains."""
         is_uniform = (self.gains == self.gains[:, :1]).all()
         return self.robot_model.with_servo(*(self.gains[:, 0] if is_uniform else self.gains.mean(axis=1)))
 
@@ -64,32 +67,31 @@ def run_walk_tests(policy: Policy, robot: str, copies: int = 1) -> list[Walk]:
 
 
 def failure_messages(walks: Sequence[Walk]) -> dict[str, str]:
-    """Return the description of the worst walk for each command that was not followed, by command name."""
+    """Return command name -> description of the worst walk, for each command that was not followed."""
     worst = {walk.command_name: walk for walk in sorted(walks, key=lambda walk: walk.deviation)}
     return {name: worst[name].description for name in COMMANDS if name in worst and worst[name].deviation > 1.0}
 
 
 def has_policy_failure(walks: Sequence[Walk]) -> bool:
-    """Return True if the policy itself failed, other than by values that are not finite.
+    """Return True if the policy raised an error or gave no answer.
 
-    A network overflows if its description is wrong.
+    Actions that are not finite do not count, because a wrong description can make a correct network overflow.
     """
     return any(walk.failure and "not finite" not in walk.failure for walk in walks)
 
 
 def diagnose(policy: ExternalPolicy, robot: str) -> str:
-    """Search the mistake in a policy's description that explains its failure.
+    """Search for the mistake in a policy's description that explains the policy's failure.
 
-    The search undoes one mistake, then several in the order of the joints, then a second one on top of the best
-    corrections. Each correction is tried on a short walk first, and the best of them on all commands, all in this
-    process.
+    The search first corrects one mistake, then several mistakes in the order of the joints. Last it combines the best
+    corrections with a second one. All corrections are tested on a short walk, and the best ones on all commands.
 
     Args:
         policy: A policy with a description.
         robot: Name or path of the robot.
 
     Returns:
-        The correction with the best walk, or the list of mistakes that were tried, as a sentence.
+        A sentence with the correction that walks best, or with the list of mistakes that were tried.
     """
     assert policy.spec is not None
     robot_model = HardwareConfig(robot=robot).robot_model
@@ -106,13 +108,13 @@ def diagnose(policy: ExternalPolicy, robot: str) -> str:
 
 
 def _rank(scored: tuple[float, Correction]) -> float:
-    """Return the deviation of a correction plus its penalty."""
+    """Return the sort key of a correction: its deviation plus its penalty."""
     deviation, correction = scored
     return deviation + correction.penalty
 
 
 def _explain(scored: Sequence[tuple[float, Correction]]) -> str:
-    """Return a sentence on the best correction; empty if the policy walks with none."""
+    """Return a sentence on the best correction; empty if the policy does not walk with any correction."""
     walking = [pair for pair in scored if pair[0] <= 1.0]
     if not walking:
         return ""
@@ -121,7 +123,7 @@ def _explain(scored: Sequence[tuple[float, Correction]]) -> str:
 
 
 def _deviations(policy: ExternalPolicy, robot: str, candidates: Iterable[Correction]) -> list[tuple[float, Correction]]:
-    """Return the largest deviation of a policy with each of the corrections that screen best.
+    """Test the corrections that are best on the short walk, and return the policy's largest deviation.
 
     Args:
         policy: A policy with a description.
@@ -129,7 +131,7 @@ def _deviations(policy: ExternalPolicy, robot: str, candidates: Iterable[Correct
         candidates: Corrections of the description.
 
     Returns:
-        Pairs of deviation and correction, best in screening first.
+        Pairs of largest deviation and correction, sorted by the result of the short walk.
     """
     robot_model = HardwareConfig(robot=robot).robot_model
     tested = list(candidates)
@@ -155,11 +157,11 @@ def _largest_deviations(
     """Return the largest deviation of each policy from its commands.
 
     Args:
-        policies: Policies, which walk side by side with their own servo gains.
+        policies: Policies to test together, each with its own servo gains.
         robot: Name or path of the robot.
-        commands: Name -> command of SimpleQuad, m/s and rad/s.
+        commands: Name -> command for SimpleQuad, m/s and rad/s.
         seeds: Seeds of the episodes.
-        shortened_by: Divisor of the duration of a walk.
+        shortened_by: Duration of a full walk divided by the duration of these walks.
 
     Returns:
         Deviations, (len(policies),); see `Walk.deviation`.
@@ -175,13 +177,13 @@ def _largest_deviations(
 
 
 def remarks(policy: Policy) -> tuple[str, ...]:
-    """Return the remarks on incomplete fields of an external policy's file, a line each."""
+    """Return a line for each incomplete field in an external policy's file."""
     return tuple(getattr(getattr(policy, "policy", policy), "remarks", ()))
 
 
 def warning(policy: Policy, robot: str) -> str | None:
-    """Return a line if an external policy does not stand or walk on the `robot`, a name or path."""
-    inner: Any = getattr(policy, "policy", policy)  # within a safety layer
+    """Return a warning if an external `policy` fails to stand or walk on the `robot`, a name or path."""
+    inner: Any = getattr(policy, "policy", policy)  # a safety layer holds the external policy as `policy`
     is_described = getattr(inner, "spec", None) is not None
     if not is_described and not isinstance(inner, ExternalPolicy):
         return None
@@ -197,7 +199,7 @@ def warning(policy: Policy, robot: str) -> str | None:
 
 
 def suggest_description(policy: ExternalPolicy) -> str:
-    """Return the observation that a policy received, and how to describe another one."""
+    """Return a text on the observation that the policy received, and on describing another observation."""
     table = table_with(policy.robot, policy.height_scan)
     names = ", ".join(f"{name} {part.stop - part.start}" for name, part in table.slices.items())
     given = f"it was given this environment's {table.size} numbers ({names})"

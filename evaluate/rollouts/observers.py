@@ -19,23 +19,23 @@ _REASONS = np.array([None, *FALL_REASONS[1:]], dtype=object)
 
 @dataclass(frozen=True)
 class Step:
-    """One control step of n robots, or the start of their episodes."""
+    """One control step of n robots, or the start of the robots' episodes as step 0."""
 
     number: int
     """Number of finished control steps; 0 at the start."""
     env: "SimpleQuadVectorEnv"
     action: Actions
-    """Joint targets of the step, (n, 12), rad; at the start the home pose."""
+    """Joint targets of the step, or the home pose at the start, (n, 12), rad."""
     observation: NDArray[np.float32]
-    """Next observation of the policy, (n, k)."""
+    """Observation after the step, the input of the policy's next action, (n, k)."""
     infos: dict[str, Any]
-    """Infos of the environment with its readings; see `quad_env.task.readings`."""
+    """Infos of the environment, with the readings that `quad_env.task.readings` describes."""
 
 
 Observer = Callable[[Step], bool | None]
-"""Receives the start and every control step in order, and returns True to end the rollout.
+"""Function that receives the start and every control step, and returns True to end the rollout.
 
-Its changes of the policy take effect with the next action.
+An observer may change the policy; the change takes effect with the next action.
 """
 
 
@@ -44,15 +44,15 @@ class FallRecorder:
 
     def __init__(self, count: int, steps: int) -> None:
         self.step = np.full(count, steps, dtype=np.int64)
-        """Index of the first control step after which the robot had fallen or diverged, (n,); `steps` without one."""
+        """First control step after which the robot had fallen or diverged, (n,); `steps` if it did not fall."""
         self.reason = np.full(count, None, dtype=object)
-        """Name of `FALL_REASONS`, or `diverged`, (n,); None without a fall."""
+        """Name of the fall rule in `FALL_REASONS`, or `diverged`, (n,); None if the robot did not fall."""
         self.divergence_step = np.full(count, steps, dtype=np.int64)
-        """Index of the first control step after which the simulation had diverged, (n,); `steps` without one."""
+        """First control step after which the simulation had diverged, (n,); `steps` if it did not diverge."""
         self._steps = steps
 
     def __call__(self, step: Step) -> None:
-        """Record the falls of a control step; the time limit is no fall."""
+        """Record the falls of a control step; reaching the time limit is not a fall."""
         fall = step.infos["fall"]
         diverged = step.infos["diverged"]
         index = step.number - 1

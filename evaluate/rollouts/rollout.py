@@ -1,6 +1,6 @@
 """The rollout loop: a policy controls n robots for one episode each, and observers receive every step.
 
-Each environment runs exactly one episode, so that short episodes are not over-counted.
+Each robot runs exactly one episode, because a robot that restarted would count its short episodes more often.
 """
 
 from collections.abc import Callable, Generator
@@ -39,17 +39,17 @@ def roll_out(
     terminate_on_fall: bool = True,
     hardware: HardwareConfig = IDEAL,
 ) -> None:
-    """Run one episode for each seed, side by side, until no robot moves or an observer ends it.
+    """Run one episode for each seed, all together, until all episodes end or an observer stops them.
 
     Args:
         policy: Policy of all robots.
         scenario: Scenario or its name.
         seeds: Seeds of the episodes, (n,).
-        *observers: Receive the start and every control step.
+        *observers: Functions that receive the start and every control step.
         steps: Maximum number of control steps.
         nthread: Threads of the simulation.
         command: Command for the whole episode, (3,) or (n, 3), m/s, m/s, rad/s; None for the scenario's commands.
-        terminate_on_fall: True to freeze a robot when it falls. The steps before the fall are the same bits either way.
+        terminate_on_fall: True to freeze a robot when it falls. The steps before the fall do not depend on it.
         hardware: Hardware of the robots.
 
     Raises ValueError if the policy was made for another robot or control period.
@@ -121,7 +121,7 @@ def make_env(
     terminate_on_fall: bool = True,
     hardware: HardwareConfig = IDEAL,
 ) -> "SimpleQuadVectorEnv":
-    """Make an environment with the policy's observations and with the readings of the observers.
+    """Make an environment with the observations of the policy and the readings that observers record.
 
     Args:
         policy: Policy that will control the robots.
@@ -133,7 +133,7 @@ def make_env(
         hardware: Hardware of the robots.
 
     Returns:
-        An environment without autoreset.
+        An environment that does not reset robots automatically.
     """
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
@@ -157,10 +157,10 @@ def reset_episodes(env: "SimpleQuadVectorEnv", seeds: NDArray[np.int64], command
     Args:
         env: Environment with one robot for each seed.
         seeds: Seeds, (n,).
-        command: Command for the whole episode, (3,) or (n, 3); None for the scenario's commands.
+        command: Command for the whole episode, (3,) or (n, 3), m/s, m/s, rad/s; None for the scenario's commands.
 
     Returns:
-        The start of the episodes.
+        The start of the episodes, as step 0.
     """
     options = None if command is None else {"command": command}
     observation, infos = env.reset(seed=seeds.tolist(), options=options)
@@ -171,12 +171,12 @@ def advance(step: Step, action: Actions) -> tuple[Step, bool]:
     """Simulate one control step.
 
     Args:
-        step: The step before.
+        step: The previous step.
         action: Joint targets, (n, 12), rad.
 
     Returns:
         step: The next step.
-        is_finished: True if no robot moves any more.
+        is_finished: True if every robot's episode has ended.
     """
     observation, _, terminated, truncated, infos = step.env.step(action)
     return Step(step.number + 1, step.env, action, observation, infos), bool((terminated | truncated).all())
@@ -200,7 +200,7 @@ def run(
         seeds: Seeds of the episodes, (n,).
         nthread: Threads of the simulation.
         steps: Control steps of an episode.
-        progress: Receives the finished fraction.
+        progress: Function that receives the finished fraction.
         hardware: Hardware of the robots.
 
     Returns:
@@ -218,7 +218,7 @@ def run(
 
 
 class EpisodeRecorder:
-    """Observer that records the signals of n episodes, in arrays with one row a control step."""
+    """Observer that records the signals of n episodes, in arrays with one row for each control step."""
 
     def __init__(self, policy: Policy | None, seeds: NDArray[np.int64], steps: int) -> None:
         self._policy = policy
@@ -230,7 +230,7 @@ class EpisodeRecorder:
         self._failure_step = np.full(len(seeds), steps, np.int64)
 
     def __call__(self, step: Step) -> None:
-        """Record a control step; the start only sets up the arrays."""
+        """Record a control step, or allocate the arrays if the step is the start."""
         if step.number == 0:
             self._allocate(step)
             return
@@ -256,7 +256,7 @@ class EpisodeRecorder:
         }
 
     def _record_failure(self, step: Step) -> None:
-        """Record the policy's failure of robots that had not fallen before the step."""
+        """Record failures of the policy for robots that had not fallen before the step."""
         if (failure := getattr(self._policy, "failure", None)) is None:
             return
         self._failure = np.where(self.falls.fell, self._failure, failure)
@@ -264,7 +264,7 @@ class EpisodeRecorder:
         np.minimum(self._failure_step, step.number - 1, out=self._failure_step, where=has_failed)
 
     def episodes(self) -> Episodes:
-        """Return the recorded episodes; the signals of steps that were not simulated are zero."""
+        """Return the recorded episodes, with zeros in the signals of steps that were not simulated."""
         env = self._env
         falls = self.falls
         meter = env.simulation.meter

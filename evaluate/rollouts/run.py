@@ -20,23 +20,23 @@ from quad_env.scenarios.registry import Scenario
 
 
 class StoreError(OSError):
-    """A failure of the store to save a chunk that was simulated."""
+    """The store could not save a simulated chunk (a subset of a cell's episodes)."""
 
 
 class EpisodeStore(Protocol):
     """Store of finished chunks, from which an interrupted run continues."""
 
     def load(self, policy: str, scenario: Scenario) -> Sequence[EpisodeChunk]:
-        """Return the stored chunks of the cell of policy and scenario; no episode is in two of them."""
+        """Return the stored chunks of a `policy` on a `scenario`; no two chunks share an episode."""
 
     def save(self, chunk: EpisodeChunk) -> None:
-        """Save a chunk that was simulated."""
+        """Save a simulated chunk."""
 
 
 TaskProgress = Callable[[int, float], None]
-"""Progress callback: index of the task in the list, and its finished fraction, below 1."""
+"""Progress callback with two arguments: index of the task in the list, and finished fraction, below 1."""
 Executor = Callable[[Sequence[Task], TaskProgress], Generator[tuple[int, EpisodeChunk]]]
-"""Runs a list of tasks in any order; yields the index of each task and its chunk when the task is finished."""
+"""Function that runs tasks in any order, and yields the index and the chunk of each finished task."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,10 @@ class RunSettings:
     """Threads of the simulation if `executor` is None."""
     progress: CellProgress
     chunk_size: int = 256
-    """Maximum number of episodes of a chunk. They are simulated side by side, so it bounds the memory of a run."""
+    """Maximum number of episodes in a chunk.
+
+    The limit bounds the memory of a run, because all episodes of a chunk are simulated together.
+    """
     store: EpisodeStore | None = None
     steps: int = field(default_factory=lambda: rollout.STEPS)
     """Control steps of an episode."""
@@ -60,9 +63,9 @@ class RunSettings:
 def run_cells(
     policies: Sequence[LabelledPolicy], scenarios: Sequence[Scenario], seeds: NDArray[np.int64], settings: RunSettings
 ) -> Iterator[PolicyScenarioResult]:
-    """Simulate and measure every cell that is not stored.
+    """Simulate and measure every cell (one policy on one scenario), except the stored parts.
 
-    All policies of one scenario come before the next scenario, so that the cells of an interrupted run are comparable.
+    All policies run a scenario before the next scenario starts, so that an interrupted run has comparable cells.
 
     Args:
         policies: Policies to compare.
@@ -115,7 +118,7 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Epi
     Args:
         task: Episodes to simulate.
         nthread: Threads of the simulation.
-        progress: Receives the finished fraction, below 1.
+        progress: Function that receives the finished fraction, below 1.
 
     Returns:
         The measured episodes.
@@ -141,14 +144,14 @@ def measure_cell(label: str, scenario: Scenario, episodes: Episodes) -> PolicySc
         episodes: Recorded signals.
 
     Returns:
-        The cell of these episodes.
+        The measured episodes as a cell.
     """
     measures = with_causes(measure(episodes), episodes)
     return PolicyScenarioResult(label, scenario, episodes.seeds, episodes.fall_reason, measures, episodes.failure)
 
 
 def _save(store: EpisodeStore, chunk: EpisodeChunk) -> None:
-    """Save a chunk; raise StoreError if the operating system fails to."""
+    """Save a chunk; raise StoreError if the operating system cannot write it."""
     try:
         store.save(chunk)
     except OSError as error:
@@ -156,7 +159,7 @@ def _save(store: EpisodeStore, chunk: EpisodeChunk) -> None:
 
 
 class _PendingCell:
-    """A cell with the chunks that are finished, and the tasks for the missing ones."""
+    """A cell that is not finished: its finished chunks, and the tasks for the missing episodes."""
 
     def __init__(
         self, policy: LabelledPolicy, scenario: Scenario, seeds: NDArray[np.int64], settings: RunSettings
@@ -167,10 +170,10 @@ class _PendingCell:
         self.settings = settings
         self.chunks = list(settings.store.load(policy.label, scenario)) if settings.store else []
         self.running_episodes: dict[int, float] = {}
-        """Finished episodes of each running task, as a fractional number, by the task's first episode index."""
+        """First episode index of each running task -> number of finished episodes, with fractions."""
 
     def tasks(self) -> Iterator[Task]:
-        """Yield a task for each contiguous run of missing episodes, of at most `chunk_size` episodes."""
+        """Yield tasks for the missing episodes: contiguous index ranges of at most `chunk_size` episodes."""
         stored = [np.arange(0), *(chunk.episode_indices for chunk in self.chunks)]
         missing = np.setdiff1d(np.arange(len(self.seeds)), np.concatenate(stored))
         for episode_indices in _contiguous_runs(missing, self.settings.chunk_size):
@@ -184,7 +187,7 @@ class _PendingCell:
             )
 
     def report(self, task: Task, fraction: float) -> None:
-        """Report the progress of the cell, with that fraction of the task finished."""
+        """Report the progress of the cell after a `fraction` of the `task` is finished."""
         self.running_episodes[int(task.episode_indices[0])] = fraction * len(task.episode_indices)
         finished = self.finished_episodes + sum(self.running_episodes.values())
         self.settings.progress(self.policy.label, self.scenario.name, finished / len(self.seeds))
@@ -196,7 +199,7 @@ class _PendingCell:
 
     @property
     def finished_episodes(self) -> int:
-        """Number of episodes of the finished chunks."""
+        """Number of episodes in the finished chunks."""
         return sum(len(chunk.episode_indices) for chunk in self.chunks)
 
     @property
@@ -211,7 +214,7 @@ class _PendingCell:
 
 
 def _contiguous_runs(indices: NDArray[np.int64], max_length: int) -> Iterator[NDArray[np.int64]]:
-    """Split ascending indices into contiguous runs of at most `max_length`."""
+    """Split ascending indices into contiguous ranges of at most `max_length` indices."""
     for stretch in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1):
         if len(stretch):
             yield from np.array_split(stretch, -(-len(stretch) // max_length))

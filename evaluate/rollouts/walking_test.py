@@ -1,4 +1,4 @@
-"""Walking test: robots side by side, each with a constant command on flat ground for a few seconds."""
+"""Walking test: several robots, each with a constant command on flat ground for a few seconds."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ from quad_env.config import FALL_REASONS
 from quad_env.robots.similarity import scale_factor
 
 Command = tuple[float, float, float]
-"""Forward m/s, lateral m/s, yaw rate rad/s."""
+"""Commanded forward velocity, lateral velocity and yaw rate, m/s, m/s, rad/s."""
 UNITS = ("m/s", "m/s", "rad/s")
 AXES = ("forward", "to the left", "of yaw rate")
 WALK_TIME = 4.0
-"""s. Duration of a walk."""
+"""Duration of a walk, s."""
 SETTLING_TIME = 2.0
-"""s. Start of a walk that does not count."""
+"""Time at the start of a walk that does not count, s."""
 
 
 @dataclass(frozen=True)
@@ -35,20 +35,23 @@ class Walk:
     velocity: Floats
     """Mean velocity, heading frame, (3,), m/s and rad/s."""
     fall: str
-    """Name of the fall rule; empty without a fall."""
+    """Name of the fall rule; empty if the robot did not fall."""
     failure: str | None
-    """Reason of the policy's failure; None without a failure."""
+    """Reason for the policy's failure; None if the policy did not fail."""
     errors: Floats
-    """Velocity errors over the tolerances of the success rule, (3,); the yaw error at command zero does not count."""
+    """Velocity errors divided by the tolerances of the success rule, (3,).
+
+    The yaw-rate error is 0 if the robot is commanded to stand.
+    """
 
     @property
     def deviation(self) -> float:
-        """Largest of the errors, at most 1 if the robot follows its command; infinite after a fall."""
+        """Largest error, at most 1 if the robot follows its command; infinite after a fall or a failure."""
         return np.inf if self.fall or self.failure else float(self.errors.max())
 
     @property
     def description(self) -> str:
-        """Text in the form `forward 0.49 of 0.50 m/s`."""
+        """Description of the walk, for example `forward 0.49 of 0.50 m/s`."""
         if self.failure:
             return f"commanded {self.command_name} it {self.failure}"
         if self.fall:
@@ -79,13 +82,14 @@ def run_walks(
     Args:
         policy: Policy of all robots.
         hardware: Hardware of the robots.
-        commands: Name -> command of SimpleQuad, m/s and rad/s, scaled to the size of the robot.
+        commands: Name -> command for SimpleQuad, m/s and rad/s. It is scaled to the size of the robot.
         seeds: Seeds of the episodes, (k,).
         copies: Number of repetitions of all walks, one for each policy of a stack.
         shortened_by: Divisor of WALK_TIME and SETTLING_TIME.
 
     Returns:
-        Walks by copy, then command, then seed. ValueError if the policy does not fit the environment.
+        Walks, sorted by copy, then by command, then by seed. Raises ValueError if the policy was made for another
+        robot or control period.
     """
     scale = np.array([scale_factor(policy.robot, unit) for unit in UNITS])
     command = np.tile(np.repeat(scale * np.array(list(commands.values())), len(seeds), axis=0), (copies, 1))
@@ -116,15 +120,15 @@ def run_walks(
 
 
 def _relative_errors(command: Floats, velocity: Floats, scale: Floats) -> Floats:
-    """Return the errors of mean velocities over the tolerances of the success rule, (n, 3)."""
+    """Return the errors of mean velocities divided by the tolerances of the success rule, (n, 3)."""
     planar = np.linalg.norm(command[:, :2], axis=1, keepdims=True)
     rule = RULES[SUCCESS_RULE]
     tolerance = rule.linear * scale + rule.share * np.hstack((planar, planar, np.abs(command[:, 2:])))
     errors = np.abs(velocity - command) / tolerance
-    errors[:, 2] *= command.any(axis=1)  # many policies turn a little while they stand
+    errors[:, 2] *= command.any(axis=1)  # 0 at command zero, because many policies turn a little while standing
     return errors
 
 
 def _format(value: float) -> str:
-    """Format with two decimals, without a negative zero."""
+    """Format a number with two decimals; a negative zero becomes `0.00`."""
     return f"{round(float(value), 2) + 0.0:.2f}"

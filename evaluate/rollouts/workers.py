@@ -1,4 +1,4 @@
-"""Executor of worker processes, one for each core, so that policies run in parallel too."""
+"""Executor that runs tasks in worker processes, so that policies run in parallel too."""
 
 import contextlib
 import multiprocessing
@@ -23,15 +23,21 @@ from quad_env.files.text import format_exception
 from quad_env.physics.simulators import RELATIVE_STEP_TIME
 
 POLL_PERIOD = 0.1
-"""s between two checks for an interrupt by the user, and between two progress messages of a worker."""
+"""Time between two checks for Ctrl-C, and between two progress messages of a worker, s."""
 SHUTDOWN_TIMEOUT = 2.0
-"""s. Time for all workers together to end by themselves before they are killed."""
+"""Time in which all workers must end by themselves before they are killed, s."""
 MAX_WORKERS = 30 if sys.platform == "win32" else 1024
-"""Windows waits for at most 63 objects before Python 3.13, and each worker is two."""
+"""Maximum number of workers.
+
+Windows waits for at most 63 objects before Python 3.13, and each worker has two: its pipe and its process.
+"""
 MIN_PARALLEL_STEPS = 100_000
-"""Control steps in MuJoCo, of all robots together, below which starting workers takes longer than it saves."""
+"""Minimum number of control steps in MuJoCo, over all robots, for which starting workers saves time."""
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
-"""Environment variable, set to 1 in workers: their matrices are small, and the other cores have their own workers."""
+"""Environment variable that is set to 1 in workers.
+
+The matrices are small, and the other cores are used by other workers.
+"""
 
 
 class WorkerDiedError(UsageError):
@@ -39,17 +45,17 @@ class WorkerDiedError(UsageError):
 
 
 def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Executor:
-    """Return an executor of worker processes; no result depends on their number.
+    """Return an executor that runs tasks in worker processes; results do not depend on the `count`.
 
-    Workers end with the process that started them, however it ends, and after an exception in it. There is no thread
-    and no lock: if a process dies, no other process waits for it.
+    The workers end when the process that started them ends for any reason or raises an exception. The processes use no
+    threads and no locks, so no process waits for another one that has died.
 
     Args:
         count: Maximum number of processes.
-        check: Called while the executor waits; it may raise.
+        check: Function that is called while the executor waits; an exception of it ends the execution.
 
     Returns:
-        An executor, which raises WorkerDiedError if a worker dies, and any exception of a task.
+        The executor. It raises WorkerDiedError if a worker dies, and passes on any exception of a task.
     """
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, EpisodeChunk]]:
@@ -65,7 +71,7 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
 def _distribute(
     tasks: Sequence[Task], workers: list["_Worker"], progress: TaskProgress, check: Callable[[], None]
 ) -> Generator[tuple[int, EpisodeChunk]]:
-    """Yield the index and the chunk of each finished task, and send the next task to its worker."""
+    """Yield the index and the chunk of each finished task, and send the worker its next task."""
     remaining = iter(enumerate(tasks))
     while workers:
         check()
@@ -87,12 +93,12 @@ def _distribute(
 
 
 def estimated_steps(task: Task) -> float:
-    """Return the number of control steps of one robot in MuJoCo that take as long as a task."""
+    """Estimate the duration of a task, as a number of control steps of one robot in MuJoCo."""
     return len(task.episode_indices) * task.steps * RELATIVE_STEP_TIME[task.hardware.simulator]
 
 
 class _Worker:
-    """A worker process as its parent sees it: the process, the pipe to it and its current task."""
+    """The parent's handle of a worker process: the process, the pipe to it, and its current task."""
 
     def __init__(self, context: SpawnContext) -> None:
         self.task_index = -1
@@ -103,7 +109,7 @@ class _Worker:
             self.process.start()
 
     def submit(self, task_index: int, task: Task) -> None:
-        """Send the task with index `task_index` to the idle worker; WorkerDiedError if it has died."""
+        """Send the `task` with index `task_index` to the idle worker; raise WorkerDiedError if it has died."""
         self.task_index = task_index
         try:
             self.pipe.send(task)
@@ -111,8 +117,9 @@ class _Worker:
             raise self._death() from None
 
     def receive(self) -> Any:
-        """Return a message: None at first, then finished fractions of the task and its chunk or exception.
+        """Return the next message of the worker.
 
+        The first message is None. The messages of a task are finished fractions, then its chunk or its exception.
         Raises WorkerDiedError if the worker has died.
         """
         try:
@@ -123,7 +130,7 @@ class _Worker:
         raise self._death()
 
     def _death(self) -> WorkerDiedError:
-        """Return the error with the signal or the exit code of the process."""
+        """Return the WorkerDiedError with the signal or the exit code of the process."""
         self.process.join(SHUTDOWN_TIMEOUT)
         code = self.process.exitcode
         ending = f"was killed ({signal.Signals(-code).name})" if code and code < 0 else f"has ended (exit code {code})"
@@ -131,7 +138,7 @@ class _Worker:
 
 
 def _ready_workers(workers: Sequence[_Worker]) -> list[_Worker]:
-    """Return the workers with a message and those that have died; empty after POLL_PERIOD without either."""
+    """Wait at most POLL_PERIOD, and return the workers that have sent a message or have died."""
     objects = [each for worker in workers for each in (worker.pipe, worker.process.sentinel)]
     ready = connection.wait(objects, POLL_PERIOD)
     return [worker for worker in workers if worker.pipe in ready or worker.process.sentinel in ready]
@@ -139,7 +146,7 @@ def _ready_workers(workers: Sequence[_Worker]) -> list[_Worker]:
 
 @contextlib.contextmanager
 def _workers(count: int) -> Iterator[list[_Worker]]:
-    """Context with `count` workers, which are ended after it; WorkerDiedError if they cannot be started."""
+    """Start `count` workers, and end them when the context ends; raise WorkerDiedError if a start fails."""
     _check_extensions()
     context = multiprocessing.get_context("spawn")
     started: list[_Worker] = []
@@ -156,7 +163,7 @@ def _workers(count: int) -> Iterator[list[_Worker]]:
 
 
 def _end(workers: Sequence[_Worker]) -> None:
-    """Close the workers' pipes, which ends them, and kill the remaining ones after SHUTDOWN_TIMEOUT."""
+    """Close the workers' pipes so that the workers end; kill the remaining ones after SHUTDOWN_TIMEOUT."""
     for worker in workers:
         worker.pipe.close()
     deadline = time.monotonic() + SHUTDOWN_TIMEOUT
@@ -170,7 +177,7 @@ def _end(workers: Sequence[_Worker]) -> None:
 
 @contextlib.contextmanager
 def _worker_environment() -> Iterator[None]:
-    """Context in which new processes have one BLAS thread and ignore Ctrl-C, which their parent handles."""
+    """In the context, start new processes with one BLAS thread that ignore Ctrl-C; the parent handles it."""
     before = os.environ.get(BLAS_THREADS)
     os.environ[BLAS_THREADS] = "1"
     try:
@@ -184,7 +191,7 @@ def _worker_environment() -> Iterator[None]:
 
 
 def _check_extensions() -> None:
-    """Raise UsageError if an extension of this process cannot be sent to another."""
+    """Raise UsageError if an extension of this process cannot be pickled for a worker process."""
     try:
         pickle.dumps(added_extensions())
     except (AttributeError, TypeError, pickle.PicklingError) as error:
@@ -194,7 +201,7 @@ def _check_extensions() -> None:
 
 
 def _work(pipe: Connection, extensions: Sequence[Extension]) -> None:
-    """Request tasks and send the result of each until the parent closes the pipe."""
+    """Run in a worker: request tasks and send the result of each, until the parent closes the pipe."""
     exit_with_parent()
     for extension in extensions:
         add_extension(extension)
@@ -205,7 +212,7 @@ def _work(pipe: Connection, extensions: Sequence[Extension]) -> None:
 
 
 def _run_task(task: Task, pipe: Connection) -> EpisodeChunk | BaseException:
-    """Return the chunk of a task or its exception; send the finished fraction every POLL_PERIOD."""
+    """Simulate a task, report its progress every POLL_PERIOD, and return the chunk or the exception."""
     next_report = 0.0
 
     def report(fraction: float) -> None:
@@ -213,7 +220,7 @@ def _run_task(task: Task, pipe: Connection) -> EpisodeChunk | BaseException:
         if (now := time.monotonic()) < next_report:
             return
         next_report = now + POLL_PERIOD
-        pipe.send(float(fraction))  # raises, and so ends the task, once the parent has closed the pipe
+        pipe.send(float(fraction))  # raises and thereby ends the task if the parent has closed the pipe
 
     try:
         return simulate(task, 1, report)
