@@ -1,1 +1,1 @@
-"""Films and pages of episodes."""
+"""Films of episodes, and HTML pages that show a film with curves."""

@@ -1,4 +1,4 @@
-"""Captions of frames: text that is made smaller, then shorter, until it fits into its frame."""
+"""Captions of frames. A text that is too wide gets a smaller font, and is then cut, until it fits."""
 
 from dataclasses import dataclass
 
@@ -8,45 +8,45 @@ from quad_env.columns import Array
 from quad_env.physics.arrows import Colour
 
 Ink = tuple[int, int, int]
-"""Red, green and blue, 0 to 255."""
+"""Colour as red, green and blue, each 0 … 255."""
 DARK: Ink = (30, 34, 38)
-"""Background of captions."""
+"""Background colour of captions."""
 WHITE: Ink = (255, 255, 255)
 """Default text colour."""
 MIN_FONT_SIZE = 10
-"""pixels. Smallest readable font size."""
+"""Smallest readable font size, pixels."""
 _MARGIN = 8
-"""pixels. Margin around a text."""
+"""Margin around a text, pixels."""
 
 
 @dataclass(frozen=True)
 class Text:
-    """Style of text on images, with the methods that write it."""
+    """Text style, with methods that write text on images in this style."""
 
     size: int
-    """pixels. Font size."""
+    """Font size, pixels."""
     edge: int = 0
-    """pixels. Width of the dark edge around the letters."""
+    """Width of the dark edge around the letters, pixels."""
 
     def height(self, lines: int) -> int:
-        """Return the height of a bar with that number of lines, pixels."""
+        """Return the height of a bar that holds the given number of `lines`, pixels."""
         return lines * round(1.35 * self.size) + _MARGIN
 
     def write(
         self, image: Image.Image, text: str, line: int, ink: Ink = WHITE, *, right: bool = False, taken: int = 0
     ) -> int:
-        """Write one line on an image, smaller or shorter if it does not fit.
+        """Write one line on an image. A text that does not fit gets a smaller font, and is then cut.
 
         Args:
             image: Image to write on.
-            text: Text.
-            line: Line counted from the top, from 0; negative from the bottom, from −1.
-            ink: Colour.
-            right: Whether the line ends at the right margin.
-            taken: Width that other text takes on the line, pixels.
+            text: Text of the line.
+            line: Index of the line: 0 is the first from the top, −1 the first from the bottom.
+            ink: Text colour.
+            right: True to align the text with the right margin, False to align it with the left margin.
+            taken: Width that other text on the line occupies, pixels.
 
         Returns:
-            Width that the text takes with its margins, pixels.
+            Width that the text occupies with its margins, pixels.
         """
         draw = ImageDraw.Draw(image)
         size = self.size
@@ -62,11 +62,11 @@ class Text:
         return width + 2 * _MARGIN
 
     def write_banner(self, image: Image.Image, text: str, ground: Ink) -> None:
-        """Write a line on a coloured bar along the bottom.
+        """Write a line of text on a coloured bar along the bottom of an image.
 
         Args:
             image: Image to write on.
-            text: Text.
+            text: Text of the line.
             ground: Colour of the bar.
         """
         bar = (0, image.height - self.height(1), image.width, image.height)
@@ -75,11 +75,11 @@ class Text:
 
 
 def format_velocity(velocity: Array) -> str:
-    """Format forward and left velocity, m/s, and yaw rate, rad/s, (3,)."""
-    forward, left, turning = velocity.round(2) + 0.0  # no negative zero
+    """Format a planar velocity: forward, m/s, left, m/s, and yaw rate, rad/s, (3,)."""
+    forward, left, turning = velocity.round(2) + 0.0  # adds 0 because −0 would be printed with its sign
     return f"{forward:+.2f} m/s forward, {left:+.2f} m/s left, {turning:+.2f} rad/s"
 
 
 def text_colour(colour: Colour) -> Ink:
-    """Convert the colour of a mark to a text colour."""
+    """Convert the colour of an arrow or ball, components 0 … 1, to a text colour, 0 … 255."""
     return round(255 * colour[0]), round(255 * colour[1]), round(255 * colour[2])

@@ -1,4 +1,4 @@
-"""Curves and events of an episode, as JSON values, for the page that shows them with its film."""
+"""Curves and events of an episode, as JSON types, for the HTML page of the episode."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -11,19 +11,20 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures
 
 SIGNALS = "foot_contact", "tilt", "height", "heading_velocity", "command", "foot_height"
-"""Fields of `Episodes` that the page draws."""
+"""Fields of `Episodes` that the page draws as curves."""
 
 
 def curves(episodes: Episodes, end: int) -> dict[str, Any]:
-    """Return the signals of the first episode.
+    """Return the curves of the first episode.
 
     Args:
         episodes: Recorded episodes.
         end: Number of control steps to return.
 
     Returns:
-        Signal -> a list for each of its columns, one value per control step, from the reading after it. `torque_share`
-        is the largest of each leg's joints, `given` is from `estimated_state`.
+        Signal -> columns; a column is a list with one value for the end of each control step. `torque_share` is the
+        largest torque over torque limit among the joints of each leg. `given` is the motion of the robot in the
+        observation of the policy, from `estimated_state`; it is missing if no observation is recorded.
     """
     signals = {name: np.asarray(getattr(episodes, name)[:end, 0], np.float64) for name in SIGNALS}
     torque_share = episodes.peak_torque[:end, 0].astype(np.float64) / np.asarray(episodes.torque_limit)
@@ -35,13 +36,16 @@ def curves(episodes: Episodes, end: int) -> dict[str, Any]:
 
 
 def estimated_state(observed: Floats) -> Floats:
-    """Compute the robot's motion from the policy's observation; its vertical is the observed gravity.
+    """Compute tilt and velocity from the observation of a policy, which may be noisy or biased.
+
+    The heading frame follows from the observed gravity.
 
     Args:
-        observed: Observed gravity, angular velocity, rad/s, and linear velocity, m/s, base frame, (steps, 9).
+        observed: Observed gravity direction, angular velocity, rad/s, and linear velocity, m/s, each in the base frame,
+            (steps, 9).
 
     Returns:
-        Tilt, rad, forward and left velocity, m/s, and yaw rate, rad/s, (steps, 4).
+        Tilt, rad, forward and left velocity, heading frame, m/s, and yaw rate, rad/s, (steps, 4).
     """
     gravity, angular_velocity, velocity = np.split(observed, 3, axis=1)
     up = -gravity / np.maximum(np.linalg.norm(gravity, axis=1), 1e-9)[:, None]
@@ -61,15 +65,15 @@ def estimated_state(observed: Floats) -> Floats:
 
 
 def events(episodes: Episodes, measures: Measures, end: int) -> Iterator[dict[str, Any]]:
-    """Yield pushes, new commands, the cause and the fall of the first episode.
+    """Yield the events of the first episode: pushes, new commands, cause of failure, and fall.
 
     Args:
         episodes: Recorded episodes.
-        measures: Their measures.
-        end: Number of control steps.
+        measures: Measures of the episodes.
+        end: Number of control steps; later pushes and commands are left out.
 
     Yields:
-        Kind, time, s, and words of an event, as JSON values.
+        An event as JSON types: `kind`, `time` (s) and `words`; a push also has the time `until` it ends, s.
     """
     dt = episodes.dt
     for step, impulse in zip(episodes.push_step[0].tolist(), episodes.push_impulse[0], strict=True):

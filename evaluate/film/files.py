@@ -1,4 +1,7 @@
-"""Files of films: MP4, WebP, GIF, or a strip of frames in a PNG; written completely or not at all."""
+"""Film files: MP4, WebP, GIF, or a strip (some frames side by side in a PNG).
+
+A film file is written completely or not at all.
+"""
 
 import io
 import tempfile
@@ -14,26 +17,30 @@ from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.files.writing import write_atomically
 
 STRIP_SUFFIX = ".png"
-"""Suffix of a strip of frames."""
+"""File suffix of a strip."""
 FILM_SUFFIXES = (".mp4", ".webp", ".gif", STRIP_SUFFIX)
-"""Suffixes of all formats."""
+"""File suffixes of all film formats."""
 STRIP_FRAMES = 12
 """Number of frames in a strip."""
 STRIP_WIDTH = 2560
-"""pixels. Width of the rows of a strip."""
+"""Largest width of a row of frames in a strip, pixels."""
 LAST_FRAME_TIME = 1.5
-"""s. Additional display time of the last frame."""
+"""Additional display time of the last frame, s."""
 
 MAX_PIXELS = 500_000_000
-"""Largest number of pixels in all frames of a format that is encoded in memory, 4 bytes each; MP4 is not."""
+"""Largest number of pixels in all frames of a WebP, GIF or strip together.
+
+These formats are encoded in memory, with 4 bytes per pixel. MP4 has no limit, because its frames are encoded one by
+one.
+"""
 
 
 def check_film_path(path: Path, option: str = "--video") -> None:
-    """Raise an error unless a film can be written.
+    """Check that a film can be written to `path`, and make the folder of the file.
 
     Args:
         path: File of the film; its suffix selects the format.
-        option: Option that names the file, for the message.
+        option: Command-line option that names the file, for the error message.
 
     Raises:
         UsageError: The suffix is unknown, an encoder is missing, or the folder cannot be made.
@@ -54,14 +61,14 @@ def check_film_path(path: Path, option: str = "--video") -> None:
 
 
 def check_pixels(path: Path, pixels: int) -> None:
-    """Raise an error if a film is too long for its format.
+    """Check that a film is not too long for its format.
 
     Args:
         path: File of the film.
         pixels: Number of pixels in all frames.
 
     Raises:
-        UsageError: The format is encoded in memory, and there are more than MAX_PIXELS.
+        UsageError: The format is encoded in memory, and the film has more than MAX_PIXELS pixels.
     """
     if path.suffix.lower() != ".mp4" and pixels > MAX_PIXELS:
         raise UsageError(
@@ -71,11 +78,11 @@ def check_pixels(path: Path, pixels: int) -> None:
 
 
 def write_film(images: Iterable[Image.Image], path: Path, period: float) -> None:
-    """Write a film; the last image is shown longer.
+    """Write a film; the last frame is shown longer, by LAST_FRAME_TIME.
 
     Args:
         images: Frames of equal size.
-        path: File; its suffix selects the format.
+        path: File to write; its suffix selects the format.
         period: Display time of a frame, s.
     """
     suffix = path.suffix.lower()
@@ -93,14 +100,14 @@ def write_film(images: Iterable[Image.Image], path: Path, period: float) -> None
 def encode_animation(
     images: Sequence[Image.Image], kind: str, period: float, end: float = 0.0, quality: int = 80
 ) -> bytes:
-    """Encode a WebP or GIF animation that repeats.
+    """Encode a WebP or GIF animation that repeats forever.
 
     Args:
         images: Frames of equal size.
         kind: `webp` or `gif`.
         period: Display time of a frame, s.
         end: Additional display time of the last frame, s.
-        quality: Quality of WebP, out of 100.
+        quality: Quality of WebP, 0 … 100.
 
     Returns:
         Contents of the file.
@@ -112,14 +119,14 @@ def encode_animation(
         "duration": durations,
         "loop": 0,
         "quality": quality,
-        "method": 4,  # a third smaller than with Pillow's default of 0
+        "method": 4,  # because files are a third smaller than with method 0
     }
     images[0].save(buffer, kind, save_all=True, append_images=images[1:], **settings)
     return buffer.getvalue()
 
 
 def _strip(images: list[Image.Image]) -> bytes:
-    """Encode STRIP_FRAMES images, evenly over the film, in rows of a PNG."""
+    """Encode STRIP_FRAMES images, evenly spaced over the film, as a PNG with rows of frames."""
     indices = np.linspace(0, len(images) - 1, min(STRIP_FRAMES, len(images))).round().astype(int)
     rows = -(-len(indices) // max(1, STRIP_WIDTH // images[0].width))
     columns = -(-len(indices) // rows)
@@ -129,7 +136,7 @@ def _strip(images: list[Image.Image]) -> bytes:
 
 
 def tile_images(images: Sequence[Image.Image], columns: int) -> Image.Image:
-    """Arrange `images` of equal size in rows of at most `columns`."""
+    """Arrange `images` of equal size in one image, in rows of at most `columns` images."""
     width, height = images[0].size
     columns = min(columns, len(images))
     rows = -(-len(images) // columns)
@@ -140,7 +147,18 @@ def tile_images(images: Sequence[Image.Image], columns: int) -> Image.Image:
 
 
 def _encode(images: Iterable[Image.Image], path: Path, period: float) -> None:
-    """Encode an MP4 with even width and height, as its colours need; OSError if it is incomplete."""
+    """Encode an MP4 in a temporary folder, and move it to `path` if it is complete.
+
+    Odd frame sizes are padded by one pixel, because the colour format of MP4 needs even width and height.
+
+    Args:
+        images: Frames of equal size.
+        path: File to write.
+        period: Display time of a frame, s.
+
+    Raises:
+        OSError: The encoder did not write all frames.
+    """
     import imageio_ffmpeg
 
     remaining = iter(images)

@@ -1,4 +1,7 @@
-"""Page of an episode: film and curves under one cursor, for one or more policies, in one offline file."""
+"""HTML page of an episode: film and curves with a common cursor, for one or more policies.
+
+The page is one file that works offline.
+"""
 
 import io
 import json
@@ -19,20 +22,20 @@ from quad_env.config import FallRule
 from quad_env.files.writing import write_atomically
 
 PAGE_RENDER_OPTIONS = RenderOptions((480, 300), camera=None, rate=20.0)
-"""Size and rate of the film on a page."""
+"""Image size and frame rate of the film on a page."""
 QUALITY = 70
-"""Quality of the WebP images, out of 100."""
+"""Quality of the WebP images, 0 … 100."""
 LEAD = 1.0
-"""s. Time before the first cause or fall at which the page opens."""
+"""Time between the start of playback and the first cause of failure or fall, s."""
 
 
 def write_page(spec: FilmSpec, path: Path, progress: Progress) -> None:
     """Simulate, film and write the page of an episode.
 
     Args:
-        spec: Episode to film; the film ends as `render_frames` does.
+        spec: Episode to film. The film ends shortly after the fall, or after `spec.steps` control steps.
         path: File to write.
-        progress: Receives the completed part, 0 … 1.
+        progress: Function that receives the completed fraction of the work, 0 … 1.
     """
     count = len(spec.policies)
     episodes = [
@@ -44,25 +47,25 @@ def write_page(spec: FilmSpec, path: Path, progress: Progress) -> None:
 
 
 def partial_progress(progress: Progress, done: int, count: int) -> Progress:
-    """Return the progress of one of several equal parts.
+    """Return a function that reports the progress of one of several equal parts.
 
     Args:
-        progress: Receives the completed part of the whole.
+        progress: Function that receives the completed fraction of all parts together, 0 … 1.
         done: Number of completed parts.
-        count: Number of parts.
+        count: Number of all parts.
 
     Returns:
-        Receives the completed part, 0 … 1, of the next one.
+        Function that receives the completed fraction of the next part, 0 … 1.
     """
     return lambda share: progress((done + share) / count)
 
 
 def render_page(title: str, episodes: list[dict[str, Any]]) -> str:
-    """Render the page of the same episode of several policies.
+    """Render the page of one episode, with the film and the curves of each policy.
 
     Args:
         title: Title of the page.
-        episodes: Content of each policy's episode, from `_episode_json`.
+        episodes: Content for each policy, from `_episode_json`.
 
     Returns:
         HTML.
@@ -79,7 +82,7 @@ def render_page(title: str, episodes: list[dict[str, Any]]) -> str:
 
 
 def _episode_json(policy: LabelledPolicy, spec: FilmSpec, progress: Progress) -> dict[str, Any]:
-    """Simulate and film one policy's episode; return the content of the page as JSON values."""
+    """Simulate and film the episode of one policy; return the content of the page as JSON types."""
     frames = []
     with closing(EpisodeView(policy, spec, PAGE_RENDER_OPTIONS)) as view:
         for step in view:

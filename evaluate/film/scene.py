@@ -1,4 +1,4 @@
-"""Marks in the frames of an episode: arrows at the trunk, and balls at the feet by contact."""
+"""Marks in the frames of a film: arrows above the trunk, and balls at the feet that show contact."""
 
 import math
 from collections import deque
@@ -13,39 +13,39 @@ from quad_env.physics.state import rotation_matrix
 from quad_env.robots.similarity import scale_to_robot
 
 COMMAND: Colour = (0.25, 0.95, 0.35, 1.0)
-"""Colour of the arrow of the command."""
+"""Colour of the arrow that shows the commanded velocity."""
 VELOCITY: Colour = (1.0, 0.8, 0.1, 1.0)
-"""Colour of the arrow of the velocity."""
+"""Colour of the arrow that shows the velocity of the robot."""
 PUSH: Colour = (0.9, 0.15, 0.15, 1.0)
-"""Colour of the arrow of a push."""
+"""Colour of the arrow that shows a push."""
 CONTACT: Colour = (0.1, 0.6, 1.0, 1.0)
-"""Colour of a foot in contact."""
+"""Colour of the ball at a foot in contact."""
 SWING: Colour = (1.0, 1.0, 1.0, 1.0)
-"""Colour of a foot in the air."""
+"""Colour of the ball at a foot in the air."""
 VELOCITY_WINDOW = 0.5
-"""s. Averaging time of the displayed velocity, because a trot sways within a stride."""
+"""Averaging time of the displayed velocity, s. The mean removes the sway of the trot within a stride."""
 PUSH_DISPLAY_TIME = 0.2
-"""s. Additional display time of a push, which is otherwise too short to see."""
+"""Time for which the arrow of a push stays after the push, s. The push alone is too short to see."""
 AHEAD = 0.5
-"""s. Length of a velocity arrow over the velocity, on SimpleQuad."""
+"""Length of a velocity arrow per velocity, for SimpleQuad (scaled to other robots), m per m/s."""
 _FORCE = 0.2
-"""m. Length of a push arrow for a force of one body weight, on SimpleQuad."""
+"""Length of a push arrow for a force of one body weight, for SimpleQuad, m."""
 _RADIUS = 0.018
-"""m. Radius of the arrows, on SimpleQuad."""
+"""Radius of the arrows, for SimpleQuad, m."""
 _ABOVE = 0.22
-"""m. Height of the arrows above the trunk, on SimpleQuad."""
+"""Height of the arrows above the trunk, for SimpleQuad, m."""
 _FOOT = 0.03
-"""m. Radius of the balls at the feet, on SimpleQuad."""
+"""Radius of the balls at the feet, for SimpleQuad, m."""
 
 
 def heading_angles(step: Step) -> Array:
-    """Return the yaw of every robot's heading frame in the world, rad, (n,)."""
+    """Return the yaw angle of the heading frame of every robot in the world frame, (n,), rad."""
     rotation = rotation_matrix(to_components(step.infos["quaternion"]))
     return np.arctan2(rotation[1][0], rotation[0][0])
 
 
 def heading_angle(step: Step) -> float:
-    """Return the yaw of the first robot's heading frame in the world, rad."""
+    """Return the yaw angle of the heading frame of the first robot in the world frame, rad."""
     return float(heading_angles(step)[0])
 
 
@@ -54,13 +54,13 @@ class Scene:
 
     def __init__(self, start: Step) -> None:
         self._velocities: deque[Array] = deque(maxlen=max(1, round(VELOCITY_WINDOW / start.env.dt)))
-        self._push = np.zeros(2)  # N, world frame, the latest
-        self._push_until = 0  # control step
+        self._push = np.zeros(2)  # force of the latest push, world frame, horizontal, N
+        self._push_until = 0  # number of the control step at which the display of the push ends
         self.step = start
         """Latest control step."""
 
     def advance(self, step: Step) -> None:
-        """Update the marks with a control step."""
+        """Update the marks to the state after a control step."""
         self.step = step
         self._velocities.append(step.infos["heading_velocity"][0].copy())
         push = step.infos["push"][0]
@@ -70,16 +70,19 @@ class Scene:
 
     @property
     def velocity(self) -> Array:
-        """Mean over VELOCITY_WINDOW: forward and left, heading frame, m/s, and yaw rate, rad/s, (3,)."""
+        """Mean over VELOCITY_WINDOW of forward and left velocity, m/s, and yaw rate, rad/s, (3,)."""
         return np.mean(self._velocities, axis=0) if self._velocities else np.zeros(3)
 
     @property
     def is_push_shown(self) -> bool:
-        """True while a push is displayed."""
+        """True if the arrow of a push is displayed at the current control step."""
         return self.step.number < self._push_until
 
     def marks(self) -> list[Arrow | Ball]:
-        """Return the arrows, and a ball at each foot with the leg's name: blue in contact, white in the air."""
+        """Return the arrows, and a ball at each foot: blue in contact, white in the air.
+
+        Each ball has the name of its leg as label.
+        """
         infos = self.step.infos
         robot = self.step.env.robot
         radius = max(scale_to_robot(robot, _FOOT, "m"), 1.1 * robot.foot_radius)
@@ -91,7 +94,7 @@ class Scene:
         return [*self.arrows(), *balls]
 
     def arrows(self) -> list[Arrow]:
-        """Return the arrows of command, velocity, and push if one is displayed."""
+        """Return the arrows of command and velocity, and of the push if a push is displayed."""
         robot = self.step.env.robot
         trunk = self.step.infos["position"][0]
         payload = self.step.env.scenario.payload
@@ -109,7 +112,17 @@ class Scene:
         return arrows
 
     def _velocity_arrow(self, trunk: Array, velocity: Array, colour: Colour, height: float) -> Arrow:
-        """Return the arrow of a velocity in the heading frame, m/s, at that height above the trunk, m."""
+        """Return the arrow of a velocity.
+
+        Args:
+            trunk: Trunk position, world frame, (3,), m.
+            velocity: Forward and left velocity, heading frame, m/s, and yaw rate (not drawn), rad/s, (3,).
+            colour: Colour of the arrow.
+            height: Height of the arrow above the trunk, m.
+
+        Returns:
+            The arrow.
+        """
         forward, left, _ = velocity
         yaw = heading_angle(self.step)
         cos = math.cos(yaw)
@@ -119,6 +132,6 @@ class Scene:
         return self._arrow(trunk + np.array([0.0, 0.0, height]), displacement, colour)
 
     def _arrow(self, start: Array, displacement: Array, colour: Colour, thickness: float = 1.0) -> Arrow:
-        """Return an arrow from a start by a displacement, world frame, m."""
+        """Return an arrow from the point `start` to `start + displacement`, world frame, (3,), m."""
         radius = thickness * scale_to_robot(self.step.env.robot, _RADIUS, "m")
         return Arrow(tuple(start.tolist()), tuple((start + displacement).tolist()), radius, colour)

@@ -1,4 +1,4 @@
-"""Frames of a film: one episode of one or more policies next to each other, with captions and marks."""
+"""Rendering of films: one episode of one or more policies side by side, with captions and marks."""
 
 import math
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -27,30 +27,31 @@ from quad_env.robots.similarity import scale_to_robot
 from quad_env.scenarios.scenario import Scenario
 
 POST_FALL_TIME = 1.0
-"""s. Time that is shown after a fall."""
+"""Time that a film shows after a fall, s."""
 FREE_CAMERA_DISTANCE = 1.8
-"""m. Distance of a free camera from SimpleQuad's trunk."""
+"""Distance of the free camera from the trunk, for SimpleQuad (scaled to other robots), m."""
 RENDERING_SHARE = 0.8
-"""Part of the work of a film for simulation and rendering; the rest writes the file."""
+"""Fraction of the progress bar for simulation and rendering; the rest is for writing the file."""
 STRIP_RATE = 5.0
-"""Frames per second from which the frames of a strip are chosen."""
+"""Frame rate at which the film of a strip is rendered before its frames are chosen, 1/s."""
 ALARM = (200, 30, 30)
-"""Colour of a fall."""
+"""Caption and border colour of a fall, and caption colour of a push."""
 GOOD = (0, 130, 90)
-"""Colour of a success."""
+"""Caption colour of a success."""
 BAD = (190, 110, 0)
-"""Colour of a failure without a fall."""
+"""Caption colour of a failure in which the robot stays upright."""
 Progress = Callable[[float], None]
-"""Receives the completed part of the work, 0 … 1."""
+"""Function that receives the completed fraction of the work, 0 … 1."""
 
 
 @dataclass(frozen=True)
 class FilmSpec:
-    """Content of a film: policies next to each other in the same episode of a scenario."""
+    """Content of a film: policies side by side in the same episode of a scenario."""
 
     policies: tuple[LabelledPolicy, ...]
-    """Policies, one view each."""
+    """Policies; each has its own part of the frame."""
     scenario: Scenario
+    """Scenario of the episode."""
     seed: int
     """Seed of the episode."""
     steps: int
@@ -58,8 +59,9 @@ class FilmSpec:
     title: str
     """Title above the frames."""
     hardware: HardwareConfig = IDEAL
+    """Hardware of the robot."""
     command: tuple[float, float, float] | None = None
-    """Command of the whole episode, m/s, m/s, rad/s; None: the scenario draws commands."""
+    """Constant command: forward, m/s, left, m/s, yaw rate, rad/s; None for the commands of the scenario."""
 
 
 @dataclass(frozen=True)
@@ -67,19 +69,22 @@ class RenderOptions:
     """Appearance of a film."""
 
     size: tuple[int, int] = (640, 480)
-    """Width and height of each robot's frames, pixels."""
+    """Width and height of the frame of each robot, pixels."""
     camera: str | None = "track"
-    """Camera of the model; None: a free one near the robot's left side, faster and without shadows."""
+    """Name of a camera in the model.
+
+    None selects a free camera near the left side of the robot. The free camera renders faster, without shadows.
+    """
     speed: float = 1.0
-    """Film time over real time: 1 is real time, less is slow motion."""
+    """Playback speed: 1 is real time, less than 1 is slow motion."""
     rate: float = 25.0
-    """Approximate frames per second; a whole number of control steps lies between two frames."""
+    """Approximate frame rate, 1/s; it is rounded so that a frame takes a whole number of control steps."""
     arrows: bool = True
-    """True if arrows are drawn."""
+    """True to draw the arrows, and the balls at the feet."""
 
     @property
     def steps_per_frame(self) -> int:
-        """Number of control steps from one frame to the next."""
+        """Number of control steps between two frames."""
         return max(1, round(self.speed / (self.rate * CONTROL_PERIOD)))
 
     @property
@@ -94,15 +99,16 @@ class RenderOptions:
 
 
 def film(spec: FilmSpec, path: Path, progress: Progress, options: RenderOptions = RenderOptions()) -> None:
-    """Film an episode into a file, see `files`.
+    """Film an episode, and write the film to a file in one of the formats of `files`.
 
-    A ValueError says that the camera does not exist or a policy is for another robot; a UsageError that nothing can be
-    rendered here or the film is too long for its format; an OSError that the file cannot be written.
+    Called functions raise a ValueError if the camera does not exist or if a policy is for another robot. They raise a
+    UsageError if this machine cannot render or if the film is too long for its format. They raise an OSError if the
+    file cannot be written.
 
     Args:
         spec: Episode to film.
-        path: File; its suffix selects the format.
-        progress: Receives the completed part, 0 … 1.
+        path: File to write; its suffix selects the format.
+        progress: Function that receives the completed fraction of the work, 0 … 1.
         options: Appearance of the film.
     """
     if path.suffix.lower() == files.STRIP_SUFFIX:
@@ -115,14 +121,15 @@ def film(spec: FilmSpec, path: Path, progress: Progress, options: RenderOptions 
 
 
 def render_frames(spec: FilmSpec, options: RenderOptions, progress: Progress) -> Generator[Image.Image]:
-    """Render the frames of a film, until shortly after the last robot's fall.
+    """Render the frames of a film until all robots have fallen, or until the end of the episode.
 
-    The last frame shows the outcome of each policy. Errors are the same as for `film`.
+    The film goes on for POST_FALL_TIME after the last fall. The last frame shows the outcome of each policy. Called
+    functions raise the same errors as for `film`.
 
     Args:
         spec: Episode to film.
         options: Appearance of the film.
-        progress: Receives the completed part, 0 … 1.
+        progress: Function that receives the completed fraction of the work, 0 … 1.
 
     Yields:
         Frames of equal size.
@@ -145,7 +152,7 @@ def render_frames(spec: FilmSpec, options: RenderOptions, progress: Progress) ->
 
 
 def _add_header(tiles: Image.Image, spec: FilmSpec, options: RenderOptions, step: Step, number: int) -> Image.Image:
-    """Put title, time and command, which all policies share, above the tiles."""
+    """Return the tiles with a header: title, time and command, which are the same for all policies."""
     text = captions.Text(options.font_size)
     frame = Image.new("RGB", (tiles.width, text.height(2) + tiles.height), captions.DARK)
     frame.paste(tiles, (0, text.height(2)))
@@ -158,7 +165,10 @@ def _add_header(tiles: Image.Image, spec: FilmSpec, options: RenderOptions, step
 
 
 class EpisodeView:
-    """One policy's part of a film, step by step, with its marks and captions; to be closed after use."""
+    """One policy in a film: its simulation step by step, with marks and captions.
+
+    Call `close` after use.
+    """
 
     def __init__(self, policy: LabelledPolicy, spec: FilmSpec, options: RenderOptions) -> None:
         self._label = policy.label
@@ -177,14 +187,14 @@ class EpisodeView:
         self._has_outcome = spec.steps > round(SETTLING_TIME / self.step.env.dt)
 
     def __iter__(self) -> Iterator[Step]:
-        """Iterate over the start and the control steps until shortly after the fall."""
+        """Iterate over the start and all control steps of the film; the film ends shortly after a fall."""
         yield self.step
         while not self.is_over and self.step.number < self._num_steps:
             self.advance()
             yield self.step
 
     def advance(self) -> None:
-        """Simulate a control step; a diverged robot keeps its state."""
+        """Simulate one control step; the state stays as it is if the simulation has diverged."""
         step = next(self._steps, None)
         if step is not None:
             self.step = step
@@ -193,7 +203,7 @@ class EpisodeView:
 
     @property
     def is_over(self) -> bool:
-        """True if the episode has nothing more to show."""
+        """True if the simulation has diverged, or if POST_FALL_TIME has passed since the fall."""
         falls = self.recorder.falls
         if not falls.fell[0]:
             return False
@@ -202,7 +212,10 @@ class EpisodeView:
         return bool(self.step.infos["diverged"][0] or is_past_fall)
 
     def picture(self) -> Image.Image:
-        """Render the robot now, with marks if wanted; a fallen robot has a red frame."""
+        """Render the current state of the robot, with marks if `options.arrows` is set.
+
+        An image with marks has a red border after a fall.
+        """
         marks = self._scene.marks() if self._options.arrows else ()
         image = Image.fromarray(self._frame(marks))
         if marks and self.recorder.falls.fell[0]:
@@ -211,7 +224,18 @@ class EpisodeView:
         return image
 
     def _frame(self, marks: Sequence[Arrow | Ball]) -> NDArray[np.uint8]:
-        """Render the robot now, with these arrows and balls. Raises as `film`."""
+        """Render the current state of the robot with the given arrows and balls.
+
+        Args:
+            marks: Arrows and balls to draw.
+
+        Returns:
+            Image, (height, width, 3).
+
+        Raises:
+            ValueError: The camera does not exist.
+            UsageError: This machine cannot render.
+        """
         from quad_env.physics.rendering import Camera, Viewpoint
 
         env = self.step.env
@@ -224,12 +248,12 @@ class EpisodeView:
             frame: NDArray[np.uint8] = self._camera.draw(data, arrows=marks, viewpoint=viewpoint)
         except ValueError:
             raise
-        except Exception as error:  # whatever the graphics driver fails with
+        except Exception as error:  # because a graphics driver may raise any type of error
             raise UsageError(f"nothing can be drawn here ({type(error).__name__}: {error})") from error
         return frame
 
     def draw(self, last: bool) -> Image.Image:
-        """Render the robot now with its captions; the `last` frame has the outcome."""
+        """Render the current state of the robot with captions; if `last`, with the outcome of the episode."""
         image = self.picture()
         text = captions.Text(self._options.font_size, edge=1)
         text.write(image, self._label, 0)
@@ -242,7 +266,10 @@ class EpisodeView:
         return image
 
     def _status_caption(self, last: bool) -> tuple[str, captions.Ink]:
-        """Return the caption on the state of the episode and its colour; a short episode has no outcome."""
+        """Return the caption for the state of the episode, and its colour.
+
+        The caption of the last frame is the outcome. An episode shorter than SETTLING_TIME has no outcome.
+        """
         falls = self.recorder.falls
         outcome = str(metrics.outcome(self.recorder.episodes())[0]) if last and self._has_outcome else None
         if falls.fell[0]:
@@ -253,7 +280,7 @@ class EpisodeView:
         return ("pushed" if self._scene.is_push_shown else ""), ALARM
 
     def close(self) -> None:
-        """End the episode and free the renderer."""
+        """End the simulation and free the renderer."""
         self._steps.close()
         if self._camera is not None:
             self._camera.close()

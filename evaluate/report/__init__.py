@@ -1,1 +1,1 @@
-"""Tables on the terminal, and the HTML report."""
+"""Display of the results of a run: tables on the terminal, and the HTML report."""

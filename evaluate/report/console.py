@@ -1,4 +1,4 @@
-"""Tables on a terminal: in columns, or in lines if the terminal is too narrow."""
+"""Tables for a terminal: with columns, or as lines of text if the terminal is too narrow."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,34 +14,38 @@ from rich.table import Table
 from quad_env.cli.format import NO_BREAK, break_name
 
 NAME_WIDTH = 20
-"""Characters of a name in one line at the head of a row; the rest continues below."""
+"""Width to which names in the first column are broken into lines, characters."""
 _BREAK = "\u200b\n"
-"""Line break in a name; a table drops the first character."""
+"""Marked line break inside a name.
+
+The zero-width space distinguishes this line break from others. A table replaces the mark by a line break; text in lines
+joins the parts of the name.
+"""
 UNLIMITED_WIDTH = 10_000
-"""Characters. More than any table needs; measures the natural width of a table."""
+"""Width larger than every table, characters; the natural width of a table is measured with it."""
 
 
 def format_row_name(name: str) -> str:
-    """Format a name for the head of a row, as markup."""
+    """Format a name for the first column of a table, as rich markup."""
     return f" {escape(wrap_name(name, NAME_WIDTH, ' '))}"
 
 
 def wrap_name(name: str, width: int, indent: str = "") -> str:
-    """Break a name at the ends of its words; text in lines joins it again.
+    """Break a name into lines at the ends of its words.
 
     Args:
-        name: Name.
-        width: Characters of a line.
-        indent: Text before each further line.
+        name: Name to break.
+        width: Largest number of characters in a line.
+        indent: Text at the start of the second and every further line.
 
     Returns:
-        The name with line breaks.
+        The name with marked line breaks, which `FittedTable` removes if it prints lines instead of columns.
     """
     return f"{_BREAK}{indent}".join(break_name(name, width))
 
 
 def break_long_words(text: str, width: int) -> str:
-    """Break words of a `text` that are longer than `width` characters at the ends of their parts."""
+    """Break every word of a `text` with more than `width` characters into lines, at its separators."""
 
     def break_word(match: re.Match[str]) -> str:
         word = match[0]
@@ -52,14 +56,17 @@ def break_long_words(text: str, width: int) -> str:
 
 @dataclass(frozen=True)
 class FittedTable:
-    """Table in the common style; a console that is too narrow for it gets the cells in lines."""
+    """Table in the common style; if the console is too narrow, the cells are printed as lines of text."""
 
     title: str
     """Text above the table."""
     heads: Mapping[str, str]
-    """Column -> heading; the first column is left-aligned."""
+    """Column -> its heading; the first column is left-aligned."""
     groups: Mapping[str, Sequence[Mapping[str, str]]]
-    """Name of a group -> its rows, each column -> cell; the name is a row of its own, unless empty."""
+    """Name of a group -> its rows; a row is a dictionary: column -> cell.
+
+    The name is printed above the rows if it is not empty.
+    """
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
         table = self._table()
@@ -99,7 +106,7 @@ def _table_text(text: str) -> str:
 
 
 def _line_text(text: str, space: str = " ") -> str:
-    """Join the text of a broken cell in one line; a broken name continues without a space."""
+    """Join the lines of a cell; the parts of a broken name are joined without a space."""
     return re.sub(f"{_BREAK} ?", "", text).replace("\n", " ").replace(" ", space)
 
 
@@ -110,10 +117,10 @@ def console_table(
 
     Args:
         title: Text above the table.
-        heads: Column -> heading.
-        groups: Name of a group -> its rows, each column -> cell.
+        heads: Column -> its heading.
+        groups: Name of a group -> its rows; a row is a dictionary: column -> cell.
 
     Returns:
-        The table, to be printed with rich.
+        A table that rich can print.
     """
     return FittedTable(title, heads, {group: [*rows] for group, rows in groups.items()})

@@ -1,6 +1,6 @@
 """Elements of an HTML page: tables, images, collapsible parts.
 
-Arguments named `text` and attributes are escaped here; all other arguments are ready HTML.
+The functions escape arguments named `text` and values of HTML attributes. All other arguments must be valid HTML.
 """
 
 import base64
@@ -10,12 +10,12 @@ from html import escape
 
 
 def section(title: str, *parts: str, anchor: str = "") -> str:
-    """Create a section of the page; empty without parts.
+    """Create a section of the page; the result is empty if all parts are empty.
 
     Args:
         title: Heading, HTML.
         *parts: Contents, HTML.
-        anchor: Identifier for links; by default the words of the title.
+        anchor: Identifier for links; empty to make it from the words of the title.
 
     Returns:
         HTML.
@@ -26,19 +26,19 @@ def section(title: str, *parts: str, anchor: str = "") -> str:
 
 
 def contents(sections: str, label: str = "Contents") -> str:
-    """Create links to all sections in the HTML of `sections`, a navigation called `label`."""
+    """Create a navigation with links to all sections in the HTML of `sections`; `label` is its name."""
     anchors = re.findall(r'<section id="([^"]*)"><h2>(.*?)(?: <small>.*?)?</h2>', sections)
     links = "".join(f'<li><a href="#{identity}">{title}</a></li>' for identity, title in anchors)
     return f'<nav aria-label="{label}"><ul>{links}</ul></nav>\n'
 
 
 def collapsible(summary: str, body: str, *, printed: bool = False) -> str:
-    """Create a part that opens on a click; empty without a body.
+    """Create a part that opens on a click; the result is empty if the body is empty.
 
     Args:
-        summary: Visible line, HTML.
-        body: Contents, HTML.
-        printed: Whether a closed part is printed on paper.
+        summary: Line that is always visible, HTML.
+        body: Contents that a click shows, HTML.
+        printed: True to show the contents on paper even if the part is closed.
 
     Returns:
         HTML.
@@ -48,7 +48,7 @@ def collapsible(summary: str, body: str, *, printed: bool = False) -> str:
 
 
 def note(text: str) -> str:
-    """Create a line in small grey type."""
+    """Create a paragraph of text in small grey type."""
     return f'<p class="note">{escape(text)}</p>'
 
 
@@ -56,9 +56,9 @@ def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]], kind: str
     """Create a table that scrolls within itself if the page is too narrow.
 
     Args:
-        heads: Column -> heading, HTML.
-        rows: Rows, each column -> cell, HTML.
-        kind: Class of the table in the style sheet.
+        heads: Column -> its heading, HTML.
+        rows: Rows; a row is a dictionary: column -> cell, HTML.
+        kind: CSS class of the table; empty for none.
 
     Returns:
         HTML.
@@ -75,22 +75,22 @@ def _table_row(columns: Iterable[str], row: Mapping[str, str]) -> str:
 
 
 def wide(body: str) -> str:
-    """Create an element that scrolls within itself if the page is narrower."""
+    """Create an element that scrolls within itself if the page is too narrow."""
     return f'<div class="wide">{body}</div>'
 
 
 def heading(name: str, unit: str) -> str:
-    """Format the heading of a column: its `name` with its `unit` below."""
+    """Format the heading of a column: the `name` of a quantity, with its `unit` below."""
     return f"{name}<small>{unit}</small>" if unit else name
 
 
 def breakable(text: str) -> str:
-    """Return a text with optional line breaks at the ends of words in names, for narrow screens."""
+    """Escape a text, and allow line breaks at the ends of words in names, for narrow screens."""
     return re.sub(r"(?<=[^\W_][/_:@+-])(?=[^\W_])", "<wbr>", escape(text))
 
 
 def mark(colour: str, glyph: str) -> str:
-    """Create the mark `glyph` of a policy in its `colour`."""
+    """Create a mark: the character `glyph` in the given `colour`."""
     return f'<span class="mark" style="color:{colour}">{glyph}</span>'
 
 
@@ -100,5 +100,5 @@ def image(svg: bytes, description: str) -> str:
 
 
 def grid(images: Iterable[str]) -> str:
-    """Arrange images or other parts in two columns; on a phone in one."""
+    """Arrange images or other parts in two columns, or in one column on a phone."""
     return f'<div class="plots">{"".join(images)}</div>'

@@ -40,27 +40,27 @@ NOTES = (
 )
 """Explanations of the methods, at the end of the page."""
 Origin = tuple[str, str]
-"""Command and day of the start of a run; each is empty if unknown."""
+"""Command that started a run, and the day of the start; either text is empty if unknown."""
 
 
 def write_report(results: Results, path: Path, **about: Any) -> None:
-    """Write the page of a run.
+    """Write the report of a run.
 
     Args:
         results: Results of the run.
-        path: File to write.
-        **about: Further arguments of `render`.
+        path: HTML file to write.
+        **about: Keyword arguments of `render`, except `folder`.
     """
     write_atomically(path, render(results, folder=path.parent, **about).encode())
 
 
 def render(results: Results, *, made_by: Origin = ("", ""), folder: Path = Path()) -> str:
-    """Render the whole page.
+    """Render the whole report.
 
     Args:
         results: Results of the run.
-        made_by: Command and day of the start of the run.
-        folder: Folder of the page, for links to the pages of episodes.
+        made_by: Command that started the run, and the day of the start.
+        folder: Folder of the report, in which pages of episodes are looked up.
 
     Returns:
         HTML.
@@ -86,7 +86,7 @@ def render(results: Results, *, made_by: Origin = ("", ""), folder: Path = Path(
 
 
 def _head(results: Results, made_by: Origin) -> str:
-    """Render title, extent of the run, and warnings."""
+    """Render the head of the report: verdict, extent and origin of the run, and warnings."""
     interrupted = '<p class="warning">Interrupted: this page shows the part of the comparison that was done.</p>'
     warning = "" if results.complete else interrupted
     warning += "".join(f'<p class="warning">{escape(line)}.</p>' for line in list_warnings(results))
@@ -98,7 +98,7 @@ def _head(results: Results, made_by: Origin) -> str:
 
 
 def _about(results: Results) -> str:
-    """Render the description of each policy."""
+    """Render the section with a description of each policy."""
     roles = {results.baseline: " <small>(baseline)</small>"} if len(results.policies) > 1 else {}
     descriptions = {name: f": {escape(text)}" for name, text in shipped_summaries(results.policies).items()}
     entries = [
@@ -109,7 +109,7 @@ def _about(results: Results) -> str:
 
 
 def _notes(results: Results) -> str:
-    """Render the notes on methods, measures and versions."""
+    """Render the last section: notes on methods, definitions of measures, and software versions."""
     notes = "".join(f"<li>{escape(text)}</li>" for text in NOTES)
     made_with = "; ".join(f"{name} {version or 'unknown'}" for name, version in results.versions.items())
     return section(
@@ -122,7 +122,7 @@ def _notes(results: Results) -> str:
 
 
 def list_warnings(results: Results) -> list[str]:
-    """List the warnings at the head of the page: policies with errors, and the end of a run until settled."""
+    """Return the warnings: policies with errors, and the early end of a run with `--until settled`."""
     lines = [
         f"{errors.policy} failed in {errors.failed} of {with_count(errors.episodes, 'episode')}; "
         f"in the first it {errors.first}"
@@ -138,7 +138,7 @@ def list_warnings(results: Results) -> list[str]:
 
 
 def describe_extent(results: Results) -> str:
-    """Describe the extent of a run: `64 episodes of each policy on each of 27 scenarios`."""
+    """Return the extent of a run in words: `64 episodes of each policy on each of 27 scenarios`."""
     scenarios_of = {
         policy: [scenario for scenario, other in results.summaries if other == policy] for policy in results.policies
     }

@@ -1,4 +1,4 @@
-"""Results on the terminal."""
+"""Display of the results of a run on the terminal."""
 
 import re
 from collections.abc import Sequence
@@ -21,16 +21,16 @@ from evaluate.report.verdict import adjacent_pair_lines, best_and_worst, ranking
 from quad_env.cli.format import ABSENT, estimate, number, plus_minus, share, with_count
 
 MAX_DETAILED_SCENARIOS = 6
-"""Number of scenarios up to which every figure is printed."""
+"""Largest number of scenarios for which the table shows all metrics; for more, it shows only success."""
 HEAD_WIDTH = 9
-"""Characters of a name in one line at the head of a column; the rest continues below."""
+"""Width to which policy names above columns are broken into lines, characters."""
 
 
 def print_results(results: Results, console: Console) -> None:
-    """Print the ranking, then a table, on a `console`.
+    """Print the ranking, and then a table of the results, on a `console`.
 
-    A few scenarios are printed with all figures. For many, the table shows success alone, and the verdict is repeated
-    below it, where it is still on the screen.
+    The table shows all metrics for up to MAX_DETAILED_SCENARIOS scenarios. For more scenarios it shows only success.
+    The verdict is then repeated below the table, because the first one may have scrolled off the screen.
 
     Args:
         results: Results of a run.
@@ -45,10 +45,10 @@ def print_results(results: Results, console: Console) -> None:
 
 
 def print_levels(results: Results, console: Console) -> None:
-    """Print the ranking, success at each level of each axis, and the breaking points.
+    """Print the ranking, the success at each severity of each axis, and the breaking points.
 
     Args:
-        results: Results of a run of one or more axes.
+        results: Results of a run with one or more axes (kinds of disturbance).
         console: Terminal.
     """
     _print_answers(results, console)
@@ -61,12 +61,12 @@ def print_levels(results: Results, console: Console) -> None:
 
 
 def print_ranking(ranked: Ranking, console: Console, hardware: Sequence[Score] = ()) -> None:
-    """Print the verdict, the ranking, and a line for each adjacent pair.
+    """Print the verdict, the table of the ranking, and a line for each pair of adjacent policies.
 
     Args:
-        ranked: Ranking.
+        ranked: Ranking of the policies.
         console: Terminal.
-        hardware: Scores with the hardware profile, for a column of their own.
+        hardware: Scores with the hardware profile, for an additional column.
     """
     verdict = escape(break_long_words(ranking_verdict(ranked), console.width))
     console.print(f"[bold]{verdict}[/bold]\n", highlight=False)
@@ -84,7 +84,7 @@ def _print_indented(markup: str, console: Console) -> None:
 
 
 def _print_answers(results: Results, console: Console) -> None:
-    """Print the ranking, and the axes on which each policy is best and worst."""
+    """Print the ranking, the best and worst axes of each policy, and the policies that are not ranked."""
     print_ranking(results.ranking, console, results.hardware_scores)
     width = console.width - 2
     for policy, (best, worst) in best_and_worst(results).items():
@@ -99,11 +99,11 @@ def _print_answers(results: Results, console: Console) -> None:
 
 
 def ranking_table(ranked: Ranking, hardware: Sequence[Score] = ()) -> FittedTable:
-    """Create the table of scores with their intervals, the highest first, and costs of transport.
+    """Create the table of the ranking: scores with intervals, the highest first, and costs of transport.
 
     Args:
-        ranked: Ranking.
-        hardware: Scores with the hardware profile, for a column of their own.
+        ranked: Ranking of the policies.
+        hardware: Scores with the hardware profile, for an additional column.
 
     Returns:
         The table.
@@ -133,7 +133,7 @@ def _print_notes(results: Results, console: Console) -> None:
 
 
 def success_table(results: Results) -> FittedTable:
-    """Create the table of success in per cent: a row per axis with its severities, a column per policy."""
+    """Create the table of success in %: a row for each axis with its severities, a column for each policy."""
     heads = {ROW_LABEL: "axis"} | {name: escape(wrap_name(name, HEAD_WIDTH)) for name in results.policies}
     rows = []
     for axis in severity_axes(results.cells):
@@ -145,7 +145,10 @@ def success_table(results: Results) -> FittedTable:
 
 
 def _success(results: Results, axis: SeverityAxis, policy: str) -> str:
-    """Format success at the levels of an axis, `100/92/46`; empty if the policy did not run."""
+    """Format the success of a policy at the severities of an axis, for example `100/92/46`.
+
+    The text is empty if the policy did not run on the axis.
+    """
     summaries = [results.summaries.get((level.name, policy)) for level in axis.levels]
     if not any(summaries):
         return ""
@@ -153,7 +156,7 @@ def _success(results: Results, axis: SeverityAxis, policy: str) -> str:
 
 
 def summary_table(results: Results) -> FittedTable:
-    """Create the table of figures: a row for each policy on each scenario, intervals below their figures."""
+    """Create the table of all metrics: a row for each policy on each scenario, intervals below the values."""
     title = f"{with_count(results.episodes, 'episode')} each, with 95 % intervals (± half of one)"
     heads = {ROW_LABEL: "policy"}
     for metric in (SUCCESS_RATE, FALL_RATE, "velocity_error", "yaw_rate_error"):
@@ -166,14 +169,14 @@ def summary_table(results: Results) -> FittedTable:
 
 
 def summary_figures(summary: Summary, end: str) -> dict[str, str]:
-    """Format the figures of one row.
+    """Format the metrics and the cost of transport of one table row.
 
     Args:
-        summary: Figures of a policy on a scenario.
-        end: Text between a figure and its interval.
+        summary: Summary of a policy on a scenario.
+        end: Text between a value and its interval.
 
     Returns:
-        Column -> cell.
+        Metric -> text of its value and interval.
     """
     cells = {"cost_of_transport": number(summary.cost_of_transport, 2)}
     for metric in METRICS:

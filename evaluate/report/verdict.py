@@ -1,4 +1,4 @@
-"""Ranking in words: the best policy, and the result of the test of each adjacent pair."""
+"""Ranking in words: the best policy, and the test result of each pair of adjacent policies."""
 
 from collections.abc import Iterator, Sequence
 
@@ -12,17 +12,17 @@ from quad_env.cli.format import join_names, p_value, percent, points_with, share
 MAX_REPORTED_EPISODES = 10_000
 """Largest number of needed episodes that is printed."""
 IDENTICAL_WORDS = "the same to the bit"
-"""Words for policies with bit-identical episodes."""
+"""Printed words for two policies with bit-identical episodes."""
 INDISTINGUISHABLE_WORDS = "cannot be distinguished"
-"""Words for policies without a significant difference in the corrected test."""
+"""Printed words for two policies if the corrected test shows no significant difference."""
 UNCORRECTED_WORDS = "though its interval by itself excludes 0"
-"""Words for a difference that only its own, uncorrected interval shows."""
+"""Printed words for a difference that is not significant although its uncorrected interval excludes 0."""
 MAX_NAMES = 3
-"""Largest number of scenarios or axes that a line names."""
+"""Largest number of scenarios or axes that are named in one list."""
 
 
 def ranking_verdict(ranked: Ranking) -> str:
-    """Name the best policy and its lead, in one sentence."""
+    """Return one sentence with the best policy, its success, and its difference from the second policy."""
     if not ranked.places:
         return "No ranking: no policy has run every scenario"
     best, *others = ranked.places
@@ -39,15 +39,15 @@ def ranking_verdict(ranked: Ranking) -> str:
 
 
 def claim_text(corrected: float, ci: Interval, *, identical: bool) -> str:
-    """Return the result of the corrected test on one difference of success, in words.
+    """Return the result of the corrected test of one difference in success, in words.
 
     Args:
-        corrected: p-value, corrected together with all claims.
-        ci: 95 % interval, not corrected.
-        identical: Whether the episodes are bit-identical.
+        corrected: p-value, corrected together with all other claims.
+        ci: 95 % interval of the difference, not corrected.
+        identical: True if the episodes of the two policies are bit-identical.
 
     Returns:
-        Words with the p-value.
+        Words, with the p-value unless the episodes are identical.
     """
     if identical:
         return IDENTICAL_WORDS
@@ -58,32 +58,32 @@ def claim_text(corrected: float, ci: Interval, *, identical: bool) -> str:
 
 
 def excludes_zero(ci: Interval) -> bool:
-    """Return whether all values of an interval have one sign."""
+    """Return True if all values of an interval have the same sign."""
     return ci[0] > 0.0 or ci[1] < 0.0
 
 
 def unranked_text(results: Results) -> str:
-    """Name the policies without a place in the ranking, and the reason; empty if all have one."""
+    """Return a text that names the policies that are not ranked, and the reason; empty if all are ranked."""
     ranked = {place.policy for place in results.ranking.places}
     policies = [name for name in results.policies if name not in ranked]
     return f"not ranked, for want of scenarios that the others ran: {join_names(policies)}" if policies else ""
 
 
 def adjacent_pair_lines(ranked: Ranking) -> Iterator[str]:
-    """Describe each adjacent pair: the result over all scenarios, and the results on single scenarios."""
+    """Yield a line for each adjacent pair: the results over all scenarios and on single scenarios."""
     for pair in ranked.neighbours:
         yield f"{_overall_text(pair, ranked.episodes)}{_per_scenario_text(pair, ranked)}"
 
 
 def best_and_worst(results: Results) -> dict[str, tuple[str, str]]:
-    """Name the axes on which each ranked policy is best and worst.
+    """Return the axes (kinds of disturbance) on which each ranked policy is best and worst, as text.
 
     Args:
         results: Results of the run.
 
     Returns:
-        Policy -> axes with its highest success, and axes with its lowest success, the lowest first, with the most
-        common cause of failure there. A text without content is empty.
+        Policy -> two texts. The first names the axes with its highest success. The second names the axes with its
+        lowest success, the lowest first, with the most common cause of failure on each axis. A text may be empty.
     """
     policies = [place.policy for place in results.ranking.places] or results.policies
     hardware = results.ranking.hardware
@@ -94,7 +94,16 @@ def best_and_worst(results: Results) -> dict[str, tuple[str, str]]:
 
 
 def _best_and_worst_texts(on_axes: Sequence[Strength]) -> tuple[str, str]:
-    """Return the axes with the highest success, if it differs between axes, and those with the lowest."""
+    """Return the two texts of `best_and_worst` for one policy.
+
+    The first text is empty if there is only one axis, or if all axes have the same success below 100 %.
+
+    Args:
+        on_axes: Success of the policy on each axis, the highest first.
+
+    Returns:
+        Text on the best axes, and text on the worst axes.
+    """
     if not on_axes:
         return "", ""
     top = on_axes[0].success
@@ -107,13 +116,13 @@ def _best_and_worst_texts(on_axes: Sequence[Strength]) -> tuple[str, str]:
 
 
 def _difference_text(pair: AdjacentPair) -> str:
-    """Format the difference of a pair in points, with its interval."""
+    """Format the difference in score of a pair in percentage points, with its interval."""
     difference = points_with(pair.difference, pair.ci)
     return f"{difference.value} points {difference.brackets}".rstrip()
 
 
 def _overall_text(pair: AdjacentPair, episodes: int) -> str:
-    """Describe the result of a pair over all scenarios."""
+    """Return the result of a pair over all scenarios, in words; `episodes` is the number per scenario."""
     if pair.distinguished:
         return f"{pair.better} beats {pair.worse} by {_difference_text(pair)}"
     count = with_count(episodes, "episode")
@@ -127,14 +136,17 @@ def _overall_text(pair: AdjacentPair, episodes: int) -> str:
 
 
 def _needed_text(episodes: float) -> str:
-    """Format a number of needed episodes with two digits."""
+    """Format a number of needed episodes with two significant digits, or as `more than` a maximum."""
     if episodes <= MAX_REPORTED_EPISODES:
         return f"about {float(f'{episodes:.2g}'):.0f}"
     return f"more than {MAX_REPORTED_EPISODES}"
 
 
 def _per_scenario_text(pair: AdjacentPair, ranked: Ranking) -> str:
-    """Describe the results of a pair on single scenarios, which could seem to contradict the overall one."""
+    """Return the results of a pair on single scenarios, in words; empty if there is only one scenario.
+
+    The words are needed because a result on a single scenario may seem to contradict the result over all scenarios.
+    """
     if len(ranked.scenarios) == 1:
         return ""
     clauses = []
@@ -154,6 +166,6 @@ def _per_scenario_text(pair: AdjacentPair, ranked: Ranking) -> str:
 
 
 def _list_scenarios(scenarios: Sequence[str]) -> str:
-    """List up to MAX_NAMES scenarios, and the number of the others."""
+    """Return a list of up to MAX_NAMES scenarios in words, with the number of further scenarios."""
     more = len(scenarios) - MAX_NAMES
     return join_names([*scenarios[:MAX_NAMES], f"{more} more"] if more > 0 else scenarios)

@@ -1,4 +1,4 @@
-"""Plot of the causes of failures: a bar for each axis, divided by cause."""
+"""Plot of the causes of failure: a bar for each axis (kind of disturbance), divided by cause."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -13,24 +13,24 @@ _COLOURS = (
     *("#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#F0E442", "#CC79A7"),
     *("#882255", "#009E73", "#999999", "#555555", "#000000", "#DDDDDD"),
 )
-"""Colours of the causes, in the order of the rules."""
+"""Colours of the causes of failure, in the order of CAUSES."""
 COLOURS = dict(zip(CAUSES, _COLOURS, strict=True))
-"""Cause -> colour, from Okabe and Ito, one from Tol, and greys.
+"""Cause -> colour: from the palette of Okabe and Ito, one from Tol, and greys.
 
-They are distinct to colour-blind readers; longer pieces carry the name of their cause as well.
+Colour-blind readers can distinguish the colours. Segments that are long enough also show the name of their cause.
 """
 ROW_HEIGHT = 0.19
-"""in. Height of a bar with its spacing."""
+"""Height of a bar with its spacing, in."""
 LABEL_SIZE = 6.5
-"""pt. Font size of the labels in a bar."""
+"""Font size of the labels in a bar, pt."""
 
 
 def draw_cause_bars(policy: str, shares: Mapping[str, Mapping[str, float]]) -> "Figure":
-    """Draw the causes of a policy's failures.
+    """Draw the causes of failure of one policy.
 
     Args:
         policy: Name of the policy.
-        shares: Axis -> cause -> proportion of the axis's episodes that failed for it, %.
+        shares: Axis -> cause -> episodes that failed from this cause, in % of the episodes on the axis.
 
     Returns:
         The figure.

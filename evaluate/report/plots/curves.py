@@ -1,4 +1,8 @@
-"""Curves of a rate against severity, one line for each policy."""
+"""Plot of success rate or fall rate against severity, with one line for each policy.
+
+A level is a scenario with one severity of its axis (kind of disturbance). A breaking point is the severity at which the
+rate crosses one half.
+"""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -24,47 +28,50 @@ if TYPE_CHECKING:
     from matplotlib.transforms import Transform
 
 HEIGHT = 2.7
-"""in. Height of the axes with their labels."""
+"""Height of the plot without the legend, in."""
 WIDEST = 2.6
-"""pt. Width of the first line."""
+"""Width of the line of the first policy, pt."""
 NARROWEST = 1.2
-"""pt. Width of the last line: it covers only the middle of those below it."""
+"""Width of the line of the last policy, pt.
+
+Each line is narrower than the lines that it may cover, so that their edges stay visible.
+"""
 DASHES = ("solid", (0, (5, 3)), (0, (2, 2)), (0, (6, 2, 1, 2)))
-"""Line styles, in turn."""
+"""Line styles of successive policies, repeated in this order."""
 STEP = 3.0
-"""pt. Distance of the marks of two policies at one severity."""
+"""Largest horizontal distance between the marks of two successive policies at one severity, pt."""
 SPREAD = 14.0
-"""pt. Largest spread of the marks of all policies at one severity."""
+"""Largest horizontal distance between the marks of the first and the last policy at one severity, pt."""
 BAR = 2.5
-"""pt. Line width of the interval of a breaking point."""
+"""Line width of the interval of a breaking point, pt."""
 
 
 def severity_curves_svg(results: Results, axis: SeverityAxis, metric: str, label: str) -> bytes:
-    """Draw a rate against severity with Wilson bands, and breaking points with their intervals.
+    """Draw a rate against severity with Wilson intervals, and breaking points with their intervals.
 
     Args:
         results: Results of the run.
-        axis: Axis of disturbance.
-        metric: Rate to draw.
+        axis: Axis of disturbance with its levels.
+        metric: Rate to draw: SUCCESS_RATE or FALL_RATE.
         label: Label of the vertical axis.
 
     Returns:
-        SVG.
+        Contents of an SVG file.
     """
     return figure_to_svg(draw_severity_curves(results, axis, metric, label))
 
 
 def draw_severity_curves(results: Results, axis: SeverityAxis, metric: str, label: str) -> "Figure":
-    """Draw the figure of `severity_curves_svg`; equal curves lie next to each other, none hides another.
+    """Draw the figure of `severity_curves_svg`; equal curves are shifted apart so that all are visible.
 
     Args:
         results: Results of the run.
-        axis: Axis of disturbance.
-        metric: Rate to draw.
+        axis: Axis of disturbance with its levels.
+        metric: Rate to draw: SUCCESS_RATE or FALL_RATE.
         label: Label of the vertical axis.
 
     Returns:
-        The figure.
+        The matplotlib figure.
     """
     policies = [
         name for name in results.policies if any((level.name, name) in results.summaries for level in axis.levels)
@@ -85,7 +92,7 @@ def draw_severity_curves(results: Results, axis: SeverityAxis, metric: str, labe
 def _draw_breaking_points(
     axes: "Axes", results: Results, axis: SeverityAxis, metric: str, policies: Sequence[str]
 ) -> None:
-    """Draw the breaking points of a rate with their intervals at one half, next to each other."""
+    """Draw the breaking points of all policies with intervals near the line at 50 %, one above the other."""
     kind = "falls" if metric == FALL_RATE else "success"
     for point in results.breaking_points:
         if (point.axis, point.of, point.found) != (axis.name, kind, "crossed"):
@@ -101,17 +108,17 @@ def _draw_breaking_points(
 def _draw_levels(
     axes: "Axes", results: Results, axis: SeverityAxis, policy: str, metric: str, index: int, count: int
 ) -> None:
-    """Draw the rate of one policy, %, with a band between the ends of its intervals.
+    """Draw the rate of one policy in %, with a band between the ends of its 95 % intervals.
 
-    A policy with one level is an upright line.
+    The interval is a vertical line if the policy has only one level.
 
     Args:
-        axes: Axes to draw on.
+        axes: Matplotlib axes to draw on.
         results: Results of the run.
-        axis: Axis of disturbance.
-        policy: Policy of the curve.
-        metric: Rate to draw.
-        index: Index of the policy among the drawn ones, from 0.
+        axis: Axis of disturbance with its levels.
+        policy: Name of the policy.
+        metric: Rate to draw: SUCCESS_RATE or FALL_RATE.
+        index: Index of the policy among all drawn policies.
         count: Number of drawn policies.
     """
     rows = [
@@ -137,12 +144,12 @@ def _draw_levels(
 
 
 def _mark_offset(index: int, count: int, step: float) -> float:
-    """Return the distance of a policy's marks from the middle of all policies' marks, pt."""
+    """Return the offset of the marks of policy `index` of `count` from the centre of all marks, pt."""
     return (index - (count - 1) / 2) * min(step, SPREAD / max(1, count - 1))
 
 
 def _shifted_data(axes: "Axes", right: float, up: float) -> "Transform":
-    """Return data coordinates shifted on the page, pt."""
+    """Return a transform from data coordinates to a page position, shifted by `right` and `up`, pt."""
     from matplotlib.transforms import ScaledTranslation
 
     return axes.transData + ScaledTranslation(right / 72.0, up / 72.0, axes.figure.dpi_scale_trans)

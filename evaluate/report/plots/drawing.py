@@ -1,4 +1,4 @@
-"""Common parts of the report's plots: size, colours, marks, SVG."""
+"""Common parts of all plots of the report: size, colours, marks, legend, SVG."""
 
 import io
 import re
@@ -14,25 +14,29 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#882255", "#8C8C1A")
-"""Colours from Okabe and Ito, and two from Tol: distinct to colour-blind readers and, with the marks, in grey print."""
+"""Colours of policies: from the palette of Okabe and Ito, and two from Tol.
+
+Colour-blind readers can distinguish the colours. In grey print, the marks distinguish the policies.
+"""
 MARKS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "X": "✖"}
-"""Matplotlib's name of a mark -> the same mark in text."""
+"""Matplotlib name of a mark -> Unicode character of the same mark."""
 FIXED_STYLE_POLICIES = ("document", "document_repaired", "trot", "residual", "trot_feedback", "trot_integral", "robust")
-"""Policies with the same colour in every report, the first of COLOURS; others get theirs by order."""
+"""Policies with the same colour in every report: the first colours of COLOURS, in this order."""
 FONT = "DejaVu Sans"
-"""Font for the measured width of texts."""
+"""Font with which text widths are measured."""
 WIDTH = 3.6
-"""in. Width of a plot: about a phone's at 100 points an inch."""
+"""Width of a plot, in. At 100 points per inch it is about the width of a phone."""
 MAX_NAME_WIDTH = 1.5
-"""in. Largest width of a policy's name in a plot."""
+"""Largest width of the name of a policy in a plot, in."""
 LEGEND_LINE = 0.17
-"""in. Height of a line of a legend."""
+"""Height of a line of a legend, in."""
 
 
 def plot_settings() -> AbstractContextManager[None]:
-    """Apply matplotlib's settings for all plots; a fixed salt gives equal files for equal results.
+    """Return a context manager that applies the matplotlib settings of all plots.
 
-    Text is left to the browser's fonts, which keeps the page small and its plots searchable.
+    A fixed hash salt makes equal results give equal files. Text is stored as text, not as outlines, because this keeps
+    the page small and its plots searchable.
     """
     import matplotlib
 
@@ -51,7 +55,10 @@ def plot_settings() -> AbstractContextManager[None]:
 
 @dataclass(frozen=True)
 class Margins:
-    """Margins around the axes of a plot, in; fixed, because a search for them would draw every plot twice."""
+    """Margins around the axes of a plot, in.
+
+    The margins are fixed, because an automatic layout would draw every plot twice.
+    """
 
     left: float = 0.62
     right: float = 0.18
@@ -60,7 +67,7 @@ class Margins:
 
 
 def make_figure(height: float, width: float = WIDTH, margins: Margins = Margins()) -> "tuple[Figure, Axes]":
-    """Create a figure with one pair of axes.
+    """Create a matplotlib figure with one set of axes.
 
     Args:
         height: Height, in.
@@ -88,7 +95,7 @@ def make_figure(height: float, width: float = WIDTH, margins: Margins = Margins(
 
 
 def figure_to_svg(figure: "Figure") -> bytes:
-    """Return the figure as SVG for the page."""
+    """Return the contents of an SVG file with the figure, on a transparent background."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None}, transparent=True)
     return buffer.getvalue()
@@ -96,10 +103,10 @@ def figure_to_svg(figure: "Figure") -> bytes:
 
 @cache
 def styles(policies: tuple[str, ...]) -> dict[str, tuple[str, str]]:
-    """Assign a colour and a mark to each policy.
+    """Return a dictionary: policy -> colour and matplotlib mark.
 
-    FIXED_STYLE_POLICIES have the first colours, other policies the remaining ones, and further policies all colours
-    again with other marks.
+    FIXED_STYLE_POLICIES have the first colours, and other policies the remaining colours. If there are more policies
+    than colours, the colours repeat with other marks.
     """
     others = [policy for policy in policies if policy not in FIXED_STYLE_POLICIES]
     indices = {policy: FIXED_STYLE_POLICIES.index(policy) for policy in policies if policy in FIXED_STYLE_POLICIES}
@@ -112,7 +119,7 @@ def styles(policies: tuple[str, ...]) -> dict[str, tuple[str, str]]:
 
 
 def style(results: Results, policy: str) -> tuple[str, str]:
-    """Return colour and matplotlib mark of a `policy` of the `results`, the same in every plot."""
+    """Return the colour and the matplotlib mark of a `policy` in all plots of the `results`."""
     return styles(results.policies)[policy]
 
 
@@ -121,7 +128,7 @@ def text_width(text: str, size: float = 9.0, weight: str = "normal") -> float:
     """Compute the width of a text in a plot.
 
     Args:
-        text: Text.
+        text: Text to measure.
         size: Font size, pt.
         weight: Font weight.
 
@@ -136,7 +143,7 @@ def text_width(text: str, size: float = 9.0, weight: str = "normal") -> float:
 
 
 def short_name(policy: str) -> str:
-    """Return the name of a policy, or the end of a long path that fits into a plot."""
+    """Return the name of a policy, shortened to `…` and its end if it is wider than MAX_NAME_WIDTH."""
     word_ends = [match.end() for match in re.finditer(r"[/_\-:@+]", policy) if match.end() < len(policy)]
     starts = (*word_ends, *range(1, len(policy)))
     candidates = (policy, *(f"…{policy[start:]}" for start in starts))
@@ -144,12 +151,15 @@ def short_name(policy: str) -> str:
 
 
 def legend_height(names: int) -> float:
-    """Return the height of a legend of that many names below the axes, in."""
+    """Return the height of the legend below the axes for a number of `names`, two in a line, in."""
     return LEGEND_LINE * -(-names // 2)
 
 
 def add_legend(figure: "Figure") -> None:
-    """Add a legend of the policies below the axes, two in a line; figures leave `legend_height` for it."""
+    """Add a legend of the policies below the axes, two in a line.
+
+    The figure must have `legend_height` of free space at the bottom.
+    """
     figure.legend(
         loc="lower left", ncols=2, fontsize=7.5, frameon=False, handletextpad=0.2,
         columnspacing=1.0, borderpad=0.0, labelspacing=0.35,

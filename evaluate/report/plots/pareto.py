@@ -1,4 +1,4 @@
-"""Plot of success against cost of transport, with the Pareto front as steps."""
+"""Plot of success against cost of transport, with the Pareto front as a step line."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 ALT = "Success against cost of transport of each policy, and the Pareto front"
 """Alternative text of the plot."""
 HEIGHT = 2.5
-"""in. Height of the axes."""
+"""Height of the plot without the legend, in."""
 
 
 def draw_pareto_front(pareto: Pareto, policies: tuple[str, ...]) -> "Figure":
-    """Draw success against cost of transport; filled marks are on the front.
+    """Draw success against cost of transport; policies on the front have filled marks.
 
     Args:
-        pareto: Points and front.
-        policies: All policies of the run, which determine marks and colours.
+        pareto: Points of the policies, and the front.
+        policies: All policies of the run; they determine marks and colours.
 
     Returns:
-        The figure.
+        The matplotlib figure.
     """
     points = {point.policy: point for point in pareto.points if np.isfinite(point.cost)}
     legend = legend_height(len(points))
@@ -44,7 +44,7 @@ def draw_pareto_front(pareto: Pareto, policies: tuple[str, ...]) -> "Figure":
 
 
 def _draw_point(axes: "Axes", point: ParetoPoint, style: tuple[str, str], *, is_on_front: bool) -> None:
-    """Draw a policy with both intervals; `style` is its colour and mark."""
+    """Draw the mark of a policy with both intervals; `style` is its colour and matplotlib mark."""
     colour, mark = style
     cost = np.array([point.cost])
     success = np.array([100.0 * point.success])
@@ -57,13 +57,13 @@ def _draw_point(axes: "Axes", point: ParetoPoint, style: tuple[str, str], *, is_
 
 
 def _error_bar(value: float, interval: ArrayLike) -> NDArray[np.float64]:
-    """Return the distances of the ends of an interval, (2, 1); 0 for an end that is not finite."""
+    """Return the distances from `value` to both interval ends, (2, 1); 0 for an end that is not finite."""
     ends = np.asarray(interval, np.float64)
     return np.where(np.isfinite(ends), np.abs(ends - value), 0.0)[:, None]
 
 
 def _draw_steps(axes: "Axes", corners: Sequence[tuple[float, float]], right: float) -> None:
-    """Draw the front as steps from corner to corner and to the right end."""
+    """Draw the front as a step line through the `corners` and on to the `right` end of the plot."""
     costs = [*(cost for cost, _ in corners), right]
     successes = [*(success for _, success in corners), *(success for _, success in corners[-1:])]
     axes.step(costs, successes, where="post", color="#888888", linewidth=1.0)

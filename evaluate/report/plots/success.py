@@ -1,4 +1,7 @@
-"""Heat map of success by policy and axis."""
+"""Heat map of success: a row for each axis (kind of disturbance), a block of columns for each policy.
+
+A cell of the heat map shows the success of one policy at one severity of one axis.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,33 +18,36 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROW_HEIGHT = 0.22
-"""in. Height of a cell."""
+"""Height of a cell of the heat map, in."""
 COLUMN_WIDTH = 0.3
-"""in. Width of a cell."""
+"""Width of a cell of the heat map, in."""
 POLICY_GAP = 0.24
-"""in. Room between the blocks of two policies."""
+"""Distance between the blocks of two policies, in."""
 HARDWARE_GAP = 0.12
-"""in. Room before the columns with the hardware profile."""
+"""Distance between the columns without and with the hardware profile, in."""
 NAME_WIDTH = 12
-"""Characters of a policy's name in one line above its block."""
+"""Largest number of characters in a line of the policy name above a block."""
 NAME_SIZE = 8.0
-"""pt. Font size of that name."""
+"""Font size of the policy name above a block, pt."""
 NAME_LINE = 0.135
-"""in. Height of a line of that name."""
+"""Height of a line of the policy name above a block, in."""
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """Contents and sizes of a heat map, in."""
+    """Contents of a heat map, and its dimensions in inches.
+
+    A block has one part without the hardware profile and one part with it. A part without data is left out.
+    """
 
     parts: tuple[Mapping[str, Mapping[str, Sequence[float]]], ...]
-    """Policy -> axis -> rates, without the hardware profile and with it."""
+    """For each part: policy -> axis -> success rate at each severity, the mildest first."""
     counts: tuple[int, ...]
     """Number of columns of each part."""
     axis_names: tuple[str, ...]
-    """Names of the axes, a row each."""
+    """Names of the axes, one for each row."""
     policies: tuple[str, ...]
-    """Names of the policies, a block each."""
+    """Names of the policies, one for each block."""
 
     @property
     def heads(self) -> tuple[str, ...]:
@@ -50,18 +56,18 @@ class _Layout:
 
     @property
     def block_width(self) -> float:
-        """Width of the columns of one policy."""
+        """Width of the block of one policy, in."""
         return sum(self.counts) * COLUMN_WIDTH + (len(self.parts) - 1) * HARDWARE_GAP
 
     @property
     def policy_width(self) -> float:
-        """Distance of two policies."""
+        """Distance between the centres of two blocks, in."""
         head_width = max(text_width(line, NAME_SIZE, "bold") for head in self.heads for line in head.splitlines())
         return max(self.block_width, head_width) + POLICY_GAP
 
     @property
     def margins(self) -> Margins:
-        """Margins around the cells."""
+        """Margins around the cells, in."""
         top = 0.15 + NAME_LINE * max(len(head.splitlines()) for head in self.heads)
         return Margins(left=0.15 + max(map(text_width, self.axis_names)), right=0.05, bottom=0.06, top=top)
 
@@ -72,11 +78,11 @@ def draw_heat_map(scores: Sequence[Score], hardware: Sequence[Score] = ()) -> "F
     The mildest severity is on the left.
 
     Args:
-        scores: Scores of the policies.
-        hardware: Scores with the hardware profile, drawn apart on the right of each block.
+        scores: Scores without the hardware profile.
+        hardware: Scores with the hardware profile, drawn on the right of each block.
 
     Returns:
-        The figure.
+        The matplotlib figure.
     """
     layout = _make_layout([part for part in (scores, hardware) if part])
     margins = layout.margins
@@ -94,7 +100,7 @@ def draw_heat_map(scores: Sequence[Score], hardware: Sequence[Score] = ()) -> "F
 
 
 def _make_layout(parts: Sequence[Sequence[Score]]) -> _Layout:
-    """Collect axes and policies of all parts, in their order."""
+    """Collect the axes and policies of all parts, in the order of the scores."""
     rates = [{score.policy: score.axes for score in part} for part in parts]
     axis_names = dict.fromkeys(name for part in rates for axes in part.values() for name in axes)
     policies = dict.fromkeys(policy for part in rates for policy in part)
@@ -103,7 +109,7 @@ def _make_layout(parts: Sequence[Sequence[Score]]) -> _Layout:
 
 
 def _draw_policy(axes: "Axes", layout: _Layout, index: int, policy: str) -> None:
-    """Draw the name and the cells of one policy, of that index among all."""
+    """Draw the name and the cells of one policy; `index` is the index of its block."""
     centre = (index + 0.5) * layout.policy_width
     left = centre - layout.block_width / 2
     for part, count in zip(layout.parts, layout.counts, strict=True):
@@ -116,14 +122,14 @@ def _draw_policy(axes: "Axes", layout: _Layout, index: int, policy: str) -> None
 def _draw_block(
     axes: "Axes", left: float, axis_names: Sequence[str], rates_by_axis: Mapping[str, Sequence[float]]
 ) -> None:
-    """Draw the cells of one policy from that position on, in."""
+    """Draw one part of the block of one policy; `left` is the position of its left edge, in."""
     for name, rates in rates_by_axis.items():
         for column, rate in enumerate(rates):
             _draw_cell(axes, left + column * COLUMN_WIDTH, axis_names.index(name), rate)
 
 
 def _draw_cell(axes: "Axes", left: float, top: float, rate: float) -> None:
-    """Draw one cell with its rate in per cent."""
+    """Draw one cell with its success rate in per cent."""
     from matplotlib import colormaps
     from matplotlib.patches import Rectangle
 

@@ -1,1 +1,1 @@
-"""Sections of the report, as HTML."""
+"""Sections of the HTML report."""

@@ -1,4 +1,7 @@
-"""Section for each axis of the run: curves over its levels, and every figure in collapsible tables."""
+"""Report section for each axis: curves over its levels, and collapsible tables of all measures.
+
+An axis is a kind of disturbance; a level is a scenario with one severity of the axis.
+"""
 
 from collections.abc import Iterator
 from html import escape
@@ -12,7 +15,7 @@ from evaluate.report.sections.figures import comparison_table, figures_table
 from quad_env.scenarios.scenario import Scenario
 
 CURVE_LABELS = {SUCCESS_RATE: "episodes that succeed, %", FALL_RATE: "episodes with a fall, %"}
-"""Drawn metric -> label of its axis."""
+"""Drawn metric -> label of the vertical axis of its plot."""
 LEAD = (
     "Lines join the success or fall rates of the levels, bands their 95 % intervals. Marks on the line at one half: "
     "breaking points with their intervals. Severities are harder to the right. The marks of several policies at one "
@@ -22,25 +25,25 @@ LEAD = (
 
 
 def render_axes(results: Results) -> str:
-    """Render the section of every axis, in the order of the run."""
+    """Render the sections of all axes as HTML, in the order of the run."""
     return "".join(
         section(_title(axis), *_parts(results, axis), anchor=anchor(axis.name)) for axis in severity_axes(results.cells)
     )
 
 
 def anchor(axis: str) -> str:
-    """Return the anchor of an axis in the page."""
+    """Return the HTML identifier of the section of an axis, for links."""
     return f"axis-{axis.replace(' ', '-')}"
 
 
 def _title(axis: SeverityAxis) -> str:
-    """Return the title of an axis with its quantity, or with its severity if it has only one."""
+    """Return the section title: axis and quantity, or axis and severity if it has only one level."""
     at = format_severity(axis.scenarios[0]) if len(axis.levels) == 1 else axis.quantity
     return escape(axis.name) + (f" <small>{escape(at)}</small>" if at != axis.name else "")
 
 
 def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
-    """Render note, curves, tables and differences of an axis."""
+    """Yield the parts of a section as HTML: note, curves, tables of measures, and differences."""
     if axis.note:
         yield note(axis.note)
     if len(axis.levels) > 1:
@@ -55,13 +58,13 @@ def _parts(results: Results, axis: SeverityAxis) -> Iterator[str]:
 
 
 def _figures(results: Results, level: Scenario) -> str:
-    """Render every measure on one scenario."""
+    """Render a heading and the table of all measures on one scenario."""
     heading = f"<h3>{escape(level.name)} <small>{escape(format_severity(level))}</small></h3>"
     return f"{heading}{figures_table(results, level.name)}"
 
 
 def _differences(results: Results, axis: SeverityAxis) -> str:
-    """Render the differences of adjacent policies and from the baseline."""
+    """Render a collapsible table: differences in success between adjacent policies, and from the baseline."""
     names = axis.scenario_names
     comparisons = [
         comparison

@@ -1,4 +1,7 @@
-"""Section on causes of failures: bars by axis for each policy, with and without the hardware profile."""
+"""Report section on causes of failure: a plot for each policy, without and with the hardware profile.
+
+A plot has a bar for each axis (kind of disturbance), divided by cause.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -15,13 +18,13 @@ LEAD = (
     "Failed episodes by the first deciding event, by the rules of docs/causes.md, in % of the episodes of an axis. "
     "python -m evaluate replay FOLDER EPISODE prints the story of one episode."
 )
-"""Note above the bars."""
+"""Note above the plots."""
 TITLES = {False: "The policy is shown the true state", True: "Hardware profile"}
-"""With the hardware profile or not -> heading."""
+"""True with the hardware profile, False without it -> heading above the plots."""
 
 
 def render_causes(results: Results) -> str:
-    """Render the section; empty if no cause is known."""
+    """Render the section as HTML; empty if the run has no known cause of failure."""
     occurring = {cause for summary in results.summaries.values() for cause in summary.causes}
     if not occurring:
         return ""
@@ -30,12 +33,15 @@ def render_causes(results: Results) -> str:
 
 
 def _key_entry(cause: str) -> str:
-    """Render a cause with its colour."""
+    """Render the name of a cause with its colour, for the key above the plots."""
     return f'<span style="white-space:nowrap">{mark(plots.COLOURS[cause], "■")}{cause.replace("_", " ")}</span>'
 
 
 def _cause_plots(results: Results) -> Iterator[str]:
-    """Render a heading and a plot for each policy that failed, in the order of the ranking."""
+    """Yield a heading with a plot for each policy that failed, in the order of the ranking, as HTML.
+
+    The first heading is for scenarios without the hardware profile, the second for scenarios with it.
+    """
     for on_hardware_profile, title in TITLES.items():
         axes = [axis for axis in severity_axes(results.cells) if axis.name.endswith(HARDWARE) == on_hardware_profile]
         order = dict.fromkeys((*(place.policy for place in results.ranking.places), *results.policies))
@@ -46,13 +52,16 @@ def _cause_plots(results: Results) -> Iterator[str]:
 
 
 def _cause_plot(policy: str, shares: Mapping[str, Mapping[str, float]]) -> str:
-    """Render the plot of one policy, as `draw_cause_bars`."""
+    """Render the plot of one policy; `shares` is the argument of `draw_cause_bars`."""
     svg = figure_to_svg(plots.draw_cause_bars(policy, shares))
     return image(svg, f"Causes of failures of {policy} on each axis, in per cent")
 
 
 def _shares(results: Results, policy: str, axes: Iterable[SeverityAxis]) -> Iterator[tuple[str, dict[str, float]]]:
-    """Yield each axis that the policy ran, and its causes with their share of the axis's episodes, %."""
+    """Yield the name of each axis that the policy ran, and a dictionary of its causes of failure.
+
+    The dictionary is: cause -> episodes that failed from this cause, in % of the episodes of the policy on the axis.
+    """
     for axis in axes:
         summaries = [
             summary for level in axis.levels if (summary := results.summaries.get((level.name, policy))) is not None

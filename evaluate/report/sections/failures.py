@@ -1,4 +1,4 @@
-"""Section on failures: the worst and the most typical one of each policy on each axis."""
+"""Report section on failures: the worst and the most typical failure of each policy on each axis."""
 
 import math
 import shlex
@@ -20,18 +20,19 @@ LEAD = (
 )
 """Note above the tables."""
 HEADS = {"axis": "axis", "which": "failure", "where": "scenario", "cause": "cause", "time": "time, s", "page": "page"}
-"""Column -> heading."""
+"""Column -> its heading."""
 
 
 def render_failures(results: Results, folder: Path) -> str:
-    """Render a table for each policy.
+    """Render the section: a table of failures for each policy.
 
     Args:
         results: Results of the run.
-        folder: Folder of the report. A failure with a page in it has a link; any other has the command that makes one.
+        folder: Folder of the report, which may contain pages of episodes. A failure with a page has a link to the page;
+            any other failure has the command that makes the page.
 
     Returns:
-        HTML.
+        HTML; empty if no episode failed.
     """
     tables = []
     by_policy = groupby(analysis.select_failures(results), key=lambda selected: selected[1].policy)
@@ -45,7 +46,7 @@ def render_failures(results: Results, folder: Path) -> str:
 
 
 def _row(kind: str, failure: FailedEpisode, folder: Path) -> dict[str, str]:
-    """Format the row of one failure, which is `worst`, `typical` or both."""
+    """Return the table row of one failure: column -> cell as HTML; `kind` is from `select_failures`."""
     command = f"python -m evaluate replay {shlex.quote(str(folder))} {failure.row} --page {failure.row}.html"
     link = f'<a href="{PAGES_FOLDER}/{escape(failure.page)}">episode {failure.number}</a>'
     return {

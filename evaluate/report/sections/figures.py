@@ -1,4 +1,4 @@
-"""Tables of figures: success, paired differences of success, and every measure."""
+"""HTML tables: paired differences in success, values of all measures, definitions of all measures."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -16,23 +16,23 @@ from evaluate.report.verdict import claim_text
 from quad_env.cli.format import ABSENT, Estimate, four_digits, points_with, share
 
 UNKNOWN = math.nan, math.nan
-"""Interval of a figure without one."""
+"""Interval of a value for which no interval is computed."""
 
 
 def policy_label(results: Results, policy: str) -> str:
-    """Return the name of a `policy` with its mark in the plots of the `results`."""
+    """Return HTML: the mark of a `policy` in the plots of the `results`, and its name."""
     colour, shape = style(results, policy)
     return f"{mark(colour, MARKS[shape])}{breakable(policy)}"
 
 
 def comparison_table(comparisons: Iterable[Comparison]) -> str:
-    """Create the table of differences of success: a row for each pair of policies on each scenario."""
+    """Create the table of differences in success: a row for each pair of policies on each scenario."""
     heads = {ROW_LABEL: "difference", "success": heading("success", "% points"), "p": "p"}
     return table(heads, map(_comparison_row, comparisons))
 
 
 def _comparison_row(comparison: Comparison) -> dict[str, str]:
-    """Format one difference of success."""
+    """Return the table row of one comparison of success: column -> cell as HTML."""
     pair = f"{breakable(comparison.a)} − {breakable(comparison.b)}"
     return {
         ROW_LABEL: f"{pair}<small>{escape(comparison.scenario)}</small>",
@@ -42,7 +42,7 @@ def _comparison_row(comparison: Comparison) -> dict[str, str]:
 
 
 def figures_table(results: Results, scenario: str) -> str:
-    """Create the table of all measures of the `results` on a `scenario`, one column per policy."""
+    """Create the table of all measures on a `scenario`: a row per measure, a column per policy."""
     summaries = {policy: summary for (name, policy), summary in results.summaries.items() if name == scenario}
     rows = [{ROW_LABEL: TITLES[rate]} | _rate_cells(summaries, rate) for rate in RATES]
     for name in (*FIGURES, *_extra_names(summaries.values())):
@@ -56,30 +56,30 @@ def figures_table(results: Results, scenario: str) -> str:
 
 
 def _rate_cells(summaries: Mapping[str, Summary], rate: str) -> dict[str, str]:
-    """Format a rate with its interval, by policy."""
+    """Return a dictionary: policy -> text of its rate with interval."""
     return {
         policy: share(getattr(summary, rate), getattr(summary, f"{rate}_ci")) for policy, summary in summaries.items()
     }
 
 
 def _extra_names(summaries: Iterable[Summary]) -> list[str]:
-    """Return the names of the measures of extensions, in order."""
+    """Return the names of all measures that extensions add, in the order of their first summary."""
     return [*dict.fromkeys(name for summary in summaries for name in summary.figures if name not in FIGURES)]
 
 
 def _figure(summary: Summary, name: str) -> str:
-    """Format a figure with its interval, if any."""
+    """Format the measure `name` of a summary as HTML, with its interval if it has one."""
     ends = getattr(summary, f"{name}_ci", summary.effort_intervals.get(name, UNKNOWN))
     return with_interval_below(four_digits(summary.figures.get(name, math.nan), ends))
 
 
 def with_interval_below(figure: Estimate) -> str:
-    """Format a figure, with its interval, if any, in small type."""
+    """Format a value as HTML, with its interval below in small type if it has one."""
     return figure.value + (f"<small>{figure.interval}</small>" if figure.has_interval else "")
 
 
 def measure_definitions() -> str:
-    """Create the table of all measures with unit, frame, formula and source."""
+    """Create the table that defines all measures: unit, frame, formula and source."""
     rows = [
         {
             "measure": f"{escape(measure.title)}<small>{measure.name}</small>",

@@ -1,4 +1,7 @@
-"""Overview of all axes: success on each as a heat map, and breaking points."""
+"""Report sections on all axes together: heat map of success, and table of breaking points.
+
+An axis is a kind of disturbance. A breaking point is the severity at which half of the episodes no longer succeed.
+"""
 
 from html import escape
 
@@ -28,12 +31,12 @@ BREAKING_LEAD = (
 
 
 def render_overview(results: Results) -> str:
-    """Render the heat map and the breaking points, if the run has them."""
+    """Render the heat map and the breaking points as HTML; a part without data is left out."""
     return f"{_heat_map(results)}{_breaking_points(results)}"
 
 
 def _heat_map(results: Results) -> str:
-    """Render the heat map; empty for a run of one axis."""
+    """Render the heat map; empty if the run has only one axis."""
     scores = (*results.scores, *results.hardware_scores)
     if all(len(score.axes) < 2 for score in scores):
         return ""
@@ -43,7 +46,7 @@ def _heat_map(results: Results) -> str:
 
 
 def _breaking_points(results: Results) -> str:
-    """Render the breaking points of success; empty for a run without any."""
+    """Render the table of breaking points of success; empty if the run has none."""
     points = [point for point in results.breaking_points if point.of == "success"]
     cells = {(point.axis, point.policy): escape(breaking_point_text(point)) for point in points}
     axes = {axis for axis, _ in cells}

@@ -1,4 +1,4 @@
-"""First sections of the page: ranking with Pareto front, and the best and worst axes of each policy."""
+"""First sections of the report: ranking with Pareto front, and best and worst axes of each policy."""
 
 from html import escape
 
@@ -15,7 +15,7 @@ from quad_env.cli.format import estimate, join_names, points_with
 
 
 def render_ranking(results: Results) -> str:
-    """Render scores, the result for each adjacent pair, and success against cost of transport."""
+    """Render the ranking as HTML: scores, Pareto front, and the test result of each adjacent pair."""
     ranked = results.ranking
     items = [
         f'<li class="{"better" if pair.distinguished else "alike"}">{breakable(line)}</li>'
@@ -26,7 +26,7 @@ def render_ranking(results: Results) -> str:
 
 
 def _lead(results: Results) -> str:
-    """Return the note on the figures, and on policies without a place."""
+    """Return the note below the ranking: how the score is computed, and the policies that have no rank."""
     axes = results.ranking.axes
     score = f"Score: mean success over {axes} axes, each axis and each of its severities alike. " if axes > 1 else ""
     unranked = unranked_text(results)
@@ -35,14 +35,14 @@ def _lead(results: Results) -> str:
 
 
 def render_pareto_front(results: Results, *, hardware: bool) -> str:
-    """Render success against cost of transport.
+    """Render the plot of success against cost of transport, with a caption.
 
     Args:
         results: Results of the run.
-        hardware: Whether to show the figures with the hardware profile.
+        hardware: True for the results with the hardware profile, False for the results without it.
 
     Returns:
-        HTML; empty if no policy moves.
+        HTML; empty if no policy has a cost of transport.
     """
     pareto = results.hardware_pareto if hardware else results.pareto
     if not pareto.front:
@@ -54,7 +54,10 @@ def render_pareto_front(results: Results, *, hardware: bool) -> str:
 
 
 def _table(results: Results) -> str:
-    """Create the table of scores: a row per policy, with the hardware profile on the right."""
+    """Create the table of scores: a row for each policy.
+
+    The columns are the scores without and with the hardware profile, and the cost of transport.
+    """
     names = SCORES if results.ranking.axes > 1 else ("success", "success, hardware profile")
     points_by_name = {
         name: pareto.points
@@ -73,7 +76,7 @@ def _table(results: Results) -> str:
 
 
 def render_best_and_worst(results: Results) -> str:
-    """Render the axes on which each policy is best and worst, with the most common cause of failure there."""
+    """Render the table of the axes on which each policy is best and worst, with its causes of failure."""
     heads = {ROW_LABEL: "policy", "best": "best on", "worst": "worst on"}
     rows = (
         {ROW_LABEL: policy_label(results, policy), "best": escape(best), "worst": escape(worst)}
