@@ -1,1 +1,1 @@
-"""Fuzzing of the readers of other people's files by structured mutations of valid ones."""
+"""Fuzzing of the readers of other people's files, by structured mutations of valid files."""

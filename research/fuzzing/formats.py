@@ -1,4 +1,4 @@
-"""Table of the fuzzed formats: the writer of a mutated file and the reader of each."""
+"""Table of the fuzzed formats: each has a writer of mutated files and a reader."""
 
 from policies.base import PolicyError
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -21,6 +21,6 @@ FORMATS: dict[str, tuple[Write, Read]] = {
     "urdf": (xml_writer(SIMPLE_QUAD.mjcf.with_suffix(".urdf"), "robot.urdf"), readers.read_robot),
     "terrain": (writers.write_terrain, readers.read_terrain),
 }
-"""Name -> writer of a mutated file and its reader."""
+"""Name of a format -> function that writes a mutated file, and function that reads the file."""
 OWN_ERRORS = (PolicyError, ValueError, OSError)
-"""Errors of readers for a faulty file: PolicyError, ModelError, other value errors, and system errors."""
+"""Exceptions that a reader may raise for a faulty file; they include `ModelError`, which is a ValueError."""

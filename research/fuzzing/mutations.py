@@ -1,4 +1,4 @@
-"""Mutations of a valid file: changes of its values by key, of its XML elements, and of its bytes."""
+"""Random mutations of a valid file: of nested values, of XML elements, and of bytes."""
 
 import copy
 import math
@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 Tree = Any
-"""Nested dictionaries and lists of texts, numbers and None, as in a YAML file."""
+"""Nested dictionaries and lists that contain texts, numbers and None, as in a YAML file."""
 ODD_VALUES: tuple[Any, ...] = (
     *(None, True, False, 0, 1, -1, 0.0, 1e-300, 1e300, 1e9, -1e9, 1e-9, math.nan, math.inf, 10**30, 10**400),
     *("", "x", "1_0", "５", "1:30", "nan", "1e400", "x" * 5000, "((a*)*)*!", "(", "../..", "/dev/zero", "\x1b[31m"),
@@ -26,7 +26,7 @@ ODD_VALUES: tuple[Any, ...] = (
         [[0, 1]] * 12,
     ),
 )
-"""Values of any kind in place of a valid one."""
+"""Values of several types that replace a valid value."""
 ODD_TEXTS = (
     "",
     "x",
@@ -44,7 +44,7 @@ ODD_TEXTS = (
     "９",
     "a" * 3000,
 )
-"""Values of attributes of an XML file."""
+"""Texts that replace the value of an XML attribute."""
 ODD_BYTES = (
     b"\x00",
     b"\xff",
@@ -60,13 +60,13 @@ ODD_BYTES = (
     b"9" * 400,
     b"(" * 3000,
 )
-"""Bytes that are inserted."""
+"""Byte sequences that are inserted into a file."""
 _SCALES = (0.0, -1.0, 0.1, 10.0, 1e3, 1e6, 1e12)
-"""Factors on a number."""
+"""Factors by which a number is multiplied."""
 
 
 def list_entries(tree: Tree) -> list[tuple[Any, Any]]:
-    """Return all entries of a tree, each as its collection and its key."""
+    """Return the places of all values in a tree, each as its dictionary or list and its key or index."""
     entries = []
     waiting = [tree]
     while waiting:
@@ -79,11 +79,11 @@ def list_entries(tree: Tree) -> list[tuple[Any, Any]]:
 
 
 def mutate_tree(tree: Tree, rng: np.random.Generator, count: int = 1) -> Tree:
-    """Return a copy of a tree with some changes at random places.
+    """Return a copy of a tree with random changes at random places.
 
     Args:
         tree: Valid values.
-        rng: Source of the changes.
+        rng: Random generator.
         count: Number of changes.
 
     Returns:
@@ -120,11 +120,11 @@ def mutate_tree(tree: Tree, rng: np.random.Generator, count: int = 1) -> Tree:
 
 
 def mutate_bytes(content: bytes, rng: np.random.Generator, count: int = 1) -> bytes:
-    """Return bytes with some of them changed, removed, inserted, repeated or cut off.
+    """Return a copy of `content` in which some bytes are changed, removed, inserted, repeated or cut off.
 
     Args:
         content: Valid bytes.
-        rng: Source of the changes.
+        rng: Random generator.
         count: Number of changes.
 
     Returns:
@@ -151,11 +151,11 @@ def mutate_bytes(content: bytes, rng: np.random.Generator, count: int = 1) -> by
 
 
 def mutate_xml(root: ElementTree.Element, rng: np.random.Generator, count: int = 1) -> ElementTree.Element:
-    """Return a copy of an XML tree with some changes of its attributes and elements.
+    """Return a copy of an XML tree with random changes of its attributes and elements.
 
     Args:
-        root: Valid element tree.
-        rng: Source of the changes.
+        root: Root of a valid element tree.
+        rng: Random generator.
         count: Number of changes.
 
     Returns:
@@ -191,7 +191,7 @@ def mutate_xml(root: ElementTree.Element, rng: np.random.Generator, count: int =
 
 
 def _with_odd_number(text: str, rng: np.random.Generator) -> str:
-    """Return a text of numbers with one of them replaced."""
+    """Return a text of numbers, separated by spaces, in which one number is replaced."""
     words = text.split() or [""]
     index = int(rng.integers(len(words)))
     try:
@@ -202,5 +202,5 @@ def _with_odd_number(text: str, rng: np.random.Generator) -> str:
 
 
 def _parent(root: ElementTree.Element, element: ElementTree.Element) -> ElementTree.Element:
-    """Return the parent of an element; the root for the root itself."""
+    """Return the parent of an element; the root itself if the element is the root."""
     return next((candidate for candidate in root.iter() if element in list(candidate)), root)

@@ -1,4 +1,4 @@
-"""Readers of the fuzzed formats with checks of their results: a read robot or policy must be plausible."""
+"""Readers of the fuzzed formats, with checks that the robot, policy or terrain in a file is plausible."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -19,17 +19,20 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.terrain import HeightField
 
 Read = Callable[[Path], None]
-"""Function that reads a file; it raises its own error for a fault and AbsurdError for an implausible result."""
+"""Function that reads a file.
+
+It raises one of `formats.OWN_ERRORS` if the file has a fault, and AbsurdError if the result is implausible.
+"""
 MAX_ADAPTED_WIDTH = 10_000_000
-"""Largest product of an observation's width and its longest history for which an adapter is made."""
+"""Limit on the product of observation width and longest history; `read_spec` makes an observation adapter below it."""
 
 
 class AbsurdError(AssertionError):
-    """Raised for an implausible robot or policy that was read without an error."""
+    """Raised if a robot, policy or terrain is implausible although its file was read without an error."""
 
 
 def read_spec(file: Path) -> None:
-    """Read a specification and derive its values for a robot. An implausible one raises AbsurdError."""
+    """Read a specification, and adapt it to a robot. Raises AbsurdError if the specification is implausible."""
     spec = readers.read(file)
     if spec is None:
         return
@@ -41,7 +44,7 @@ def read_spec(file: Path) -> None:
 
 
 def _check_spec(spec: PolicySpec) -> None:
-    """Raise AbsurdError for gains, scales, rates and widths beyond any robot's."""
+    """Raise AbsurdError if gains, scales, control rate or observation width are implausible for a robot."""
     numbers = np.concatenate([np.ravel(getattr(spec, name)) for name in ("stiffness", "damping", "action_scale")])
     if not (np.isfinite(numbers).all() and np.abs(numbers).max() <= 1e4 and 1.0 <= spec.control_rate <= 1e4):
         raise AbsurdError(f"a description with gains up to {np.abs(numbers).max():g} at {spec.control_rate:g} Hz")
@@ -56,25 +59,28 @@ def read_onnx(file: Path) -> None:
     act: Any = policy()  # type: ignore[operator]
     try:
         act(np.zeros(48, np.float32))
-    except Exception as error:  # the process of a policy reports any exception
+    except Exception as error:  # because the subprocess of a policy reports any exception as an error of the policy
         raise PolicyError(f"it raises {type(error).__name__}") from None
 
 
 def read_bundle(folder: Path) -> None:
-    """Load a bundle. Raises AbsurdError for an implausible authority."""
+    """Load a bundle, which is a policy folder. Raises AbsurdError if the correction's limit is implausible."""
     policy = bundle.load(folder)
     if not (np.isfinite(policy.authority).all() and policy.authority.min() >= 0.0 and policy.authority.max() <= np.pi):
         raise AbsurdError(f"an authority of {policy.authority}")
 
 
 def read_sb3(file: Path) -> None:
-    """Resolve a model of Stable-Baselines3. Raises AbsurdError if this needs no --trust."""
+    """Resolve the reference to a Stable-Baselines3 model. Raises AbsurdError if it is accepted without --trust."""
     resolve_reference(file, trust=False)
     raise AbsurdError("a model of Stable-Baselines3 is taken without --trust")
 
 
 def read_robot(file: Path) -> None:
-    """Read a robot. Raises AbsurdError for numbers that are not finite, and for implausible ones without a warning."""
+    """Read a robot from a model file.
+
+    Raises AbsurdError if a number is not finite, or if the robot is implausible and no warning is given.
+    """
     robot = Robot.from_mjcf(file)
     model = robot.model
     warnings = list(find_warnings(robot))
@@ -91,7 +97,7 @@ def read_robot(file: Path) -> None:
 
 
 def read_terrain(file: Path) -> None:
-    """Read a terrain. Raises AbsurdError for heights that are not finite."""
+    """Read a terrain. Raises AbsurdError if a height is not finite."""
     terrain = HeightField.from_toml(file)
     if not np.isfinite([terrain.heights.min_height, terrain.heights.span]).all():
         raise AbsurdError("heights that are not finite")

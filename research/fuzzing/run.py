@@ -1,8 +1,10 @@
 """Fuzz the readers of other people's files: `python -m research fuzz FORMAT --minutes 30`, or `all`.
 
-Each case is a valid file with a few changes by its number; `--first N --cases 1` repeats it. Findings are
-exceptions of libraries, messages that are not one line, hangs over 10 s, more than 1 GiB, the end of the process, and
-absurd results.
+A case is a valid file with a few random changes. The seed and the number of the case determine the changes, so that
+`--first N --cases 1` repeats case N.
+
+The findings are: an exception of a library, an error message of several lines, a hang of more than 10 s, use of more
+than 1 GiB of memory, an unexpected end of the subprocess, and an implausible result.
 """
 
 import multiprocessing
@@ -28,21 +30,21 @@ from research.fuzzing.formats import FORMATS, OWN_ERRORS
 from research.fuzzing.readers import AbsurdError
 
 HANG_TIME = 10.0
-"""s. Longest run time of a case, without waits for a processor."""
+"""Maximum time of a case, s; time spent waiting for a processor does not count."""
 MAX_MEMORY = 2**30
-"""Bytes. Largest memory of a case."""
+"""Maximum memory that a case may use, bytes."""
 PACKAGES = "quad_env", "policies", "evaluate", "train", "live", "research"
-"""Folders of the clone whose code is the project's."""
+"""Folders that contain the project's own code."""
 MAX_LINE = 3000
-"""Largest number of characters of an error."""
+"""Maximum number of characters of an error message."""
 POLL_PERIOD = 0.2
-"""s. Time between two looks at the clock of a case."""
+"""Time between two checks of the run time of a case, s."""
 REPORT_PERIOD = 10.0
-"""s. Time between two lines of progress."""
+"""Time between two lines of progress, s."""
 READ = "read"
-"""Kind of a case with a plausible result."""
+"""Kind of a result: the file was read and the content is plausible."""
 REFUSED = "refused"
-"""Kind of a case with an error of one line."""
+"""Kind of a result: the file was refused with an error of one line."""
 
 
 @dataclass(frozen=True)
@@ -65,18 +67,18 @@ class FuzzOptions:
 
 @dataclass(frozen=True)
 class CaseResult:
-    """Result of a case, which `run_case` makes."""
+    """Result of a case; `run_case` makes it."""
 
     number: int
     """Number of the case."""
     kind: str
-    """READ, REFUSED, or the finding: traceback, absurd, not one line, memory, hang, end of the process."""
+    """READ, REFUSED, or a finding: traceback, absurd, not one line, memory, hang, end of the process."""
     detail: str = ""
-    """Text of the finding."""
+    """Details of a finding; empty for READ and REFUSED."""
 
 
 def main(options: FuzzOptions) -> int:
-    """Run the cases and print the findings; return 1 if there are any."""
+    """Run the cases and print the findings. Returns the exit code: 1 if there are findings, else 0."""
     check_numbers(options, {"minutes": (0.01, 1e5), "cases": (0, 10**9), "first": (0, 10**9), "seed": (0, 2**31)})
     if options.format == "list":
         print("\n".join(FORMATS))
@@ -117,7 +119,7 @@ def _summarize(counts: Counter[str]) -> str:
 
 
 def _keep_files(name: str, options: FuzzOptions, number: int) -> None:
-    """Write the files of a case into the folder of the options, if there is one."""
+    """Write the files of a case into a subfolder of `options.keep`, unless this is None."""
     if options.keep is not None:
         folder = options.keep / f"{name}-{options.seed}-{number}"
         folder.mkdir(parents=True, exist_ok=True)
@@ -132,7 +134,7 @@ def run_case(name: str, seed: int, number: int) -> CaseResult:
     """Run one case in this process.
 
     Args:
-        name: Format.
+        name: Name of the format.
         seed: Seed of the cases.
         number: Number of the case.
 
@@ -165,15 +167,16 @@ def run_case(name: str, seed: int, number: int) -> CaseResult:
 
 
 def _is_ours(error: Exception) -> bool:
-    """Return True if the project itself raised the error, and no library."""
+    """Return True if the project's own code raised the error, False if a library raised it."""
     frames = traceback.extract_tb(error.__traceback__)
     clone = Path(__file__).parents[2]
     raised = Path(frames[-1].filename)
-    return any(raised.is_relative_to(clone / package) for package in PACKAGES)  # a `.venv` lies in the clone too
+    # The packages are checked one by one because the clone may also contain libraries, in a `.venv`.
+    return any(raised.is_relative_to(clone / package) for package in PACKAGES)
 
 
 def _peak_memory() -> int:
-    """Return the largest memory of this process so far, bytes; 0 on Windows."""
+    """Return the peak memory of this process so far, bytes; 0 on Windows."""
     if sys.platform == "win32":
         return 0
     import resource
@@ -182,7 +185,10 @@ def _peak_memory() -> int:
 
 
 def _run_cases(name: str, options: FuzzOptions) -> Iterator[CaseResult]:
-    """Yield results of cases by number, from a process that is replaced after it has hung or ended."""
+    """Yield the results of cases with rising numbers; the cases run in a subprocess.
+
+    A subprocess that hangs or ends is replaced by a new subprocess.
+    """
     context: Any = multiprocessing.get_context("spawn")
     number = options.first
     while True:
@@ -191,7 +197,7 @@ def _run_cases(name: str, options: FuzzOptions) -> Iterator[CaseResult]:
         process.start()
         child_end.close()
         try:
-            parent_end.recv()  # all modules are imported
+            parent_end.recv()  # waits until the subprocess has imported all modules
             while True:
                 yield _receive_result(parent_end, process)
                 number += 1
@@ -208,7 +214,10 @@ def _run_cases(name: str, options: FuzzOptions) -> Iterator[CaseResult]:
 
 
 def _receive_result(parent_end: Connection, process: Any) -> CaseResult:
-    """Return the result of the next case. Raises EOFError if the process has ended, TimeoutError if it hangs."""
+    """Return the result of the next case.
+
+    Raises EOFError if the subprocess has ended, and TimeoutError if the case takes longer than HANG_TIME.
+    """
     clock = RunClock(process.pid)
     while not parent_end.poll(POLL_PERIOD):
         if clock.elapsed() > HANG_TIME:
@@ -218,7 +227,7 @@ def _receive_result(parent_end: Connection, process: Any) -> CaseResult:
 
 
 def _serve_cases(child_end: Connection, name: str, seed: int, number: int) -> None:
-    """Send the results of all cases from a number on; target function of the process."""
+    """Run the cases from `number` on, without end, and send each result; the subprocess runs this function."""
     child_end.send(None)
     while True:
         child_end.send(run_case(name, seed, number))

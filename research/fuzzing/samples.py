@@ -1,4 +1,4 @@
-"""Valid contents of the fuzzed formats, as nested dictionaries and lists."""
+"""Valid contents of files in the fuzzed formats, as nested dictionaries and lists."""
 
 _LEGS = ("FR", "FL", "RR", "RL")
 _KINDS = ("hip_joint", "thigh_joint", "calf_joint")
@@ -7,7 +7,7 @@ JOINTS = [f"{leg}_{kind}" for leg in _LEGS for kind in _KINDS]
 
 
 def joint_ramp(factor: float) -> list[float]:
-    """Return a different value for each of the twelve joints, from `factor` to nearly twice as much."""
+    """Return twelve different values, one per joint, that rise from `factor` to nearly twice as much."""
     return [factor * (1.0 + number / 16) for number in range(12)]
 
 
@@ -30,7 +30,7 @@ LEGGED_GYM = {
     },
     "sim": {"dt": 0.005},
 }
-"""Settings of legged_gym."""
+"""Content of a settings file of legged_gym."""
 ISAAC_LAB = {
     "sim": {"dt": 0.005},
     "decimation": 4,
@@ -83,7 +83,7 @@ ISAAC_LAB = {
     },
     "commands": {"base_velocity": {"class_type": "isaaclab.envs.mdp:UniformVelocityCommand"}},
 }
-"""Isaac Lab's `params/env.yaml`."""
+"""Content of Isaac Lab's `params/env.yaml`."""
 UNITREE = {
     "joint_ids_map": [3, 0, 9, 6, 4, 1, 10, 7, 5, 2, 11, 8],
     "step_dt": 0.02,
@@ -103,7 +103,7 @@ UNITREE = {
         "gait_phase": {"params": {"period": 0.5}, "clip": None, "scale": None, "history_length": 1},
     },
 }
-"""Unitree's `deploy.yaml`."""
+"""Content of Unitree's `deploy.yaml`."""
 RL_SAR = (
     {
         "go2/lab": {
@@ -127,7 +127,7 @@ RL_SAR = (
     },
     {"go2": {"dt": 0.005, "decimation": 4, "num_of_dofs": 12, "joint_names": JOINTS}},
 )
-"""rl_sar's `config.yaml` and `base.yaml`."""
+"""Contents of rl_sar's `config.yaml` and `base.yaml`."""
 MJLAB = {
     "joint_names": ",".join(JOINTS),
     "joint_stiffness": ",".join(["20.000"] * 12),
@@ -139,7 +139,7 @@ MJLAB = {
     "observation_terms_history_length": ",".join(["1"] * 7),
     "action_scale": ",".join(["0.250"] * 12),
 }
-"""Metadata of mjlab's exporter."""
+"""Metadata that mjlab's exporter writes into an ONNX file."""
 TOML = {
     "network": "exported/policy.onnx",
     "control_rate": 50,
@@ -158,6 +158,6 @@ TOML = {
         {"name": "height_scan", "grid": {"x": [-0.1, 0.0, 0.1], "y": [0.0, 0.1], "offset": 0.5}},
     ],
 }
-"""This project's own TOML."""
+"""Content of a specification in this project's own TOML format."""
 TERRAIN = {"file": "hill.npy", "size": [8.0, 6.0], "height": 0.4, "start": [0.0, 0.0]}
-"""Terrain with a height field."""
+"""Content of a TOML file of a terrain with a height field."""

@@ -1,4 +1,4 @@
-"""Writers of mutated files: each writes one file, with random changes of its values or bytes, into an empty folder."""
+"""Writers of mutated files: each writes a file with random changes of its values or bytes into an empty folder."""
 
 import io
 import json
@@ -21,29 +21,29 @@ Rng = np.random.Generator
 Write = Callable[[Path, Rng], Path]
 """Function that writes a mutated file into an empty folder and returns its path."""
 BYTES_SHARE = 0.2
-"""Share of mutations of the file's bytes; the others change its values."""
+"""Fraction of the files in which bytes are changed."""
 METADATA_BYTES_SHARE = 0.5
-"""Share of ONNX files with changed bytes in an entry of the metadata."""
+"""Fraction of the ONNX files of mjlab in which bytes of a metadata entry are changed."""
 ARRAY_SHARE = 0.4
-"""Share of terrains with changed bytes at the start of the array."""
+"""Fraction of the terrains in which bytes of the header of the height array are changed."""
 MAX_METADATA = 5000
-"""Largest number of characters of a mutated entry of the metadata."""
+"""Maximum number of characters of a mutated metadata entry."""
 _NPY_HEADER = 128
-"""Bytes. Size of the header of an .npy file."""
+"""Size of the header of an .npy file, bytes."""
 _OPERATORS = ("Identity", "RandomNormalLike", "Loop", "Gemm", "Tanh", "Shape", "NoSuch", "Reshape", "Tile", "Exp")
-"""Operators of mutated nodes; one is unknown."""
+"""Names of operators that replace the operator of a node; `NoSuch` does not exist in ONNX."""
 
 
 def settings_writer(tree: Any, name: str, network: str = "exported/policy.onnx") -> Write:
-    """Return the writer of a text file of values, with an empty network where it expects one.
+    """Return a function that writes a mutated text file of values, and an empty file in place of the network.
 
     Args:
         tree: Valid values.
-        name: Path of the file in the folder; its suffix is the format.
-        network: Path of the network in the folder.
+        name: Path of the text file, relative to the folder; the suffix determines the format.
+        network: Path of the network, relative to the folder.
 
     Returns:
-        The writer.
+        Writer of mutated files.
     """
 
     def write(folder: Path, rng: Rng) -> Path:
@@ -61,14 +61,14 @@ def settings_writer(tree: Any, name: str, network: str = "exported/policy.onnx")
 
 
 def xml_writer(source: Path, name: str) -> Write:
-    """Return the writer of an XML file.
+    """Return a function that writes a mutated XML file.
 
     Args:
-        source: Valid file.
-        name: Path of the mutated file in the folder.
+        source: Valid XML file.
+        name: Path of the mutated file, relative to the folder.
 
     Returns:
-        The writer.
+        Writer of mutated files.
     """
 
     def write(folder: Path, rng: Rng) -> Path:
@@ -84,7 +84,7 @@ def xml_writer(source: Path, name: str) -> Write:
 
 
 def write_rl_sar(folder: Path, rng: Rng) -> Path:
-    """Write rl_sar's `config.yaml` and `base.yaml` into `folder`, one of them changed by `rng`."""
+    """Write rl_sar's `config.yaml` and `base.yaml` into `folder`, with random changes in one of them."""
     config, base = samples.RL_SAR
     changed_file = int(rng.integers(3))  # 0: config.yaml, else base.yaml
     file = settings_writer(config, "go2/lab/config.yaml", "go2/lab/policy.onnx")(folder, rng)
@@ -97,7 +97,7 @@ def write_rl_sar(folder: Path, rng: Rng) -> Path:
 
 
 def write_mjlab(folder: Path, rng: Rng) -> Path:
-    """Write an ONNX file with mjlab's metadata, changed by `rng`, into `folder`."""
+    """Write an ONNX file with mjlab's metadata, randomly changed, into `folder`."""
     tree = mutate_tree(samples.MJLAB, rng, _change_count(rng))
     metadata = {str(key): str(value)[:MAX_METADATA] for key, value in tree.items()}
     if rng.random() < METADATA_BYTES_SHARE:
@@ -107,7 +107,7 @@ def write_mjlab(folder: Path, rng: Rng) -> Path:
 
 
 def write_onnx(folder: Path, rng: Rng) -> Path:
-    """Write an ONNX file with a graph that `rng` has changed into `folder`."""
+    """Write an ONNX file with a randomly changed graph into `folder`."""
     model = _make_network({})
     for _ in range(_change_count(rng)):
         _mutate_graph(model.graph, rng)
@@ -115,13 +115,13 @@ def write_onnx(folder: Path, rng: Rng) -> Path:
 
 
 def _write_content(content: bytes, file: Path, rng: Rng) -> Path:
-    """Write bytes, some of them changed in a share of the files."""
+    """Write `content` into `file`, with random changes of bytes in a fraction BYTES_SHARE of the files."""
     file.write_bytes(mutate_bytes(content, rng) if rng.random() < BYTES_SHARE else content)
     return file
 
 
 def _make_network(metadata: dict[str, str]) -> Any:
-    """Return an ONNX model of one layer, from 48 to 12 numbers, with metadata."""
+    """Return an ONNX model with one layer, 48 inputs and 12 outputs, and with metadata."""
     onnx = import_package("onnx")
     kind = onnx.TensorProto.FLOAT
     weights = onnx.numpy_helper.from_array(np.full((48, 12), 0.01, np.float32), "weights")
@@ -140,7 +140,7 @@ def _make_network(metadata: dict[str, str]) -> Any:
 
 
 def _mutate_graph(graph: Any, rng: Rng) -> None:
-    """Change a node, the inputs and outputs, or the weights of an ONNX graph."""
+    """Randomly change a node, the inputs or outputs, or the weights of an ONNX graph, in place."""
     node = graph.node[rng.integers(len(graph.node))]
     match int(rng.integers(9)):
         case 0:
@@ -172,7 +172,7 @@ def _has_shape(graph: Any) -> bool:
 
 
 def write_bundle(folder: Path, rng: Rng) -> Path:
-    """Write a copy of the shipped residual's bundle into `folder`, with a file that `rng` has changed."""
+    """Write a copy of the shipped residual policy's bundle into `folder`, with random changes in one file."""
     shutil.copytree(MODELS / "residual", folder / "policy")
     file = folder / "policy" / (bundle.WEIGHTS if rng.random() < BYTES_SHARE else bundle.DESCRIPTION)
     if file.name == bundle.WEIGHTS or rng.random() < BYTES_SHARE:
@@ -184,7 +184,7 @@ def write_bundle(folder: Path, rng: Rng) -> Path:
 
 
 def write_sb3(folder: Path, rng: Rng) -> Path:
-    """Write a zip archive like a model of Stable-Baselines3, changed by `rng`, into `folder`."""
+    """Write a zip archive that resembles a Stable-Baselines3 model, randomly changed, into `folder`."""
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w") as archive:
         archive.writestr("data", json.dumps(mutate_tree({"policy_class": "x", "observation_space": {"n": 48}}, rng)))
@@ -195,7 +195,7 @@ def write_sb3(folder: Path, rng: Rng) -> Path:
 
 
 def write_terrain(folder: Path, rng: Rng) -> Path:
-    """Write a terrain with its array of heights, changed by `rng`, into `folder`."""
+    """Write a terrain and its array of heights, both with random changes, into `folder`."""
     content = io.BytesIO()
     np.save(content, rng.random((20, 30)))
     array = content.getvalue()
@@ -206,12 +206,12 @@ def write_terrain(folder: Path, rng: Rng) -> Path:
 
 
 def _change_count(rng: Rng) -> int:
-    """Return a random number of changes."""
+    """Return the number of changes of a file, drawn at random."""
     return int(rng.choice([1, 1, 2, 4]))
 
 
 def _to_text(tree: Any, suffix: str) -> bytes:
-    """Return values as JSON, TOML or YAML, by the suffix of the file."""
+    """Format values as JSON, TOML or YAML; the suffix of the file determines the format."""
     if suffix == ".json":
         return json.dumps(tree).encode()
     if suffix == ".toml":
@@ -220,7 +220,7 @@ def _to_text(tree: Any, suffix: str) -> bytes:
 
 
 def _to_toml(value: Any) -> str:
-    """Return a value as TOML, with its infinities and NaN."""
+    """Format a value as TOML, including infinities and NaN."""
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{json.dumps(str(key))} = {_to_toml(each)}" for key, each in value.items()) + " }"
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""Readers of specifications in the files of other projects, and in a short TOML of this project."""
+"""Readers of policy specifications in files of other projects, and in this project's own TOML format."""
 
 from policies.external.readers.detect import check_network_matches, read
 from policies.external.readers.drafts import IncompleteSpecError, write_draft

@@ -1,4 +1,4 @@
-"""Detection of the format of a specification file, by its suffix and its keys."""
+"""Detection of the format of a specification file, by the suffix and the keys of the file."""
 
 from pathlib import Path
 
@@ -21,17 +21,17 @@ from quad_env.files.text import one_line
 
 
 def read(path: Path) -> PolicySpec | None:
-    """Read the specification of a policy from a file and the files next to it. No code of any file runs.
+    """Read the specification of a policy from a file and the files next to it, without running code from the files.
 
     Args:
-        path: File of any suffix.
+        path: File with any suffix.
 
     Returns:
-        The specification; None for an ONNX file without one and for other kinds of files.
+        The specification; None if an ONNX file has no specification, or if the file has an unsupported suffix.
 
     Raises:
-        IncompleteSpecError: The file's kind is known, but fields are missing.
-        PolicyError: Any other fault of the file; one line that names it.
+        IncompleteSpecError: The format of the file is known, but fields are missing.
+        PolicyError: The file has another fault; the message is one line that names the file.
     """
     try:
         match path.suffix.lower():
@@ -51,17 +51,17 @@ def read(path: Path) -> PolicySpec | None:
 
 
 def check_network_matches(spec: PolicySpec, corrected: bool = False) -> PolicySpec:
-    """Check that the network is in one file and has the joints of the specification.
+    """Check that the network is complete in one file, and that its joint names agree with the specification.
 
     Args:
         spec: The specification.
-        corrected: True if a user wrote it; then other joints than the network's are no fault.
+        corrected: True if a user wrote the specification; its joint names may then differ from the network's.
 
     Returns:
         The same specification.
 
     Raises:
-        PolicyError: The network's weights lie in another file, or its joints are others.
+        PolicyError: The network's weights are in another file, or the joint names differ.
     """
     if is_onnx(spec.network):
         names = read_metadata(spec.network).get("joint_names")
@@ -71,7 +71,7 @@ def check_network_matches(spec: PolicySpec, corrected: bool = False) -> PolicySp
 
 
 def _parse_by_keys(settings: FileSettings) -> PolicySpec:
-    """Return the specification by the project that has these keys. Raises PolicyError for unknown keys."""
+    """Parse the settings with the reader of the project that uses these keys. Raises PolicyError for unknown keys."""
     keys = set(settings.values)
     if "joint_ids_map" in keys:
         return unitree_deploy.parse_spec(settings)

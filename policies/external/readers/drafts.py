@@ -1,4 +1,4 @@
-"""Drafts: a TOML with the known fields of an incomplete policy, and the rest as comments to fill in."""
+"""Drafts of incomplete specifications: TOML with the known fields, and comments in place of the missing fields."""
 
 import os
 from pathlib import Path
@@ -18,20 +18,20 @@ EXAMPLES = {
     "terms": '["linear_velocity", "angular_velocity", "projected_gravity", "command", "joint_position", '
     '"joint_velocity", "previous_action"]',
 }
-"""Fields that every specification has, with an example of each, as TOML."""
+"""Name of each required field of a specification -> example of its value as TOML."""
 WRITE_DRAFT = "python -m quad_env doctor --policy FILE --write mine.toml writes the rest of it, to complete"
 HEADER = "# What a policy reads and commands, as far as its files say it: docs/deployment-files.md"
 
 
 class IncompleteSpecError(PolicyError):
-    """Raised for a file of a known kind without a complete policy.
+    """Raised if the format of a file is known but the file lacks fields of the specification.
 
     Args:
         kind: Kind of the file, a noun phrase.
-        known: Fields of a `PolicySpec` that it gives.
-        advice: Facts on the missing fields, a line each.
-        fault: Error text instead of the kind and the missing fields.
-        remedy: Remedy instead of a draft.
+        known: Known fields of the `PolicySpec`: name -> value.
+        advice: Facts about the missing fields, one line each.
+        fault: Error text; empty: the text gives the kind and the missing fields.
+        remedy: Remedy; empty: the remedy is to write a draft.
     """
 
     def __init__(
@@ -50,21 +50,23 @@ class IncompleteSpecError(PolicyError):
         super().__init__(fault or f"it is {kind}, which does not say {missing}", remedy or WRITE_DRAFT)
 
     def arguments_at(self, path: Path) -> tuple[str, dict[str, Any], tuple[str, ...], str, str]:
-        """Return the arguments of the same error with the path of the file."""
+        """Return the constructor arguments of the same error, with the path of the file in fault and remedy."""
         remedy = self.remedy.replace("FILE", str(path))
         return self.kind, self.known, self.advice, f"{path}: {self.fault}", remedy
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return the arguments for pickle: files are read in a limited process."""
+        """Return the class and its arguments for pickle, because a subprocess that reads files sends this error."""
         return IncompleteSpecError, (self.kind, self.known, self.advice, self.fault, self.remedy)
 
 
 def write_draft(incomplete: IncompleteSpecError, file: Path) -> None:
-    """Write the known fields as TOML, and the rest as comments.
+    """Write the known fields as TOML, and a comment with an example for each missing field.
+
+    The path of the network is written relative to the folder of `file`.
 
     Args:
-        incomplete: Known fields and advice. The network is written relative to the file's folder.
-        file: TOML to write.
+        incomplete: Error with the known fields and the advice.
+        file: TOML file to write.
     """
     lines = [HEADER]
     lines += [f"# {advice}" for advice in incomplete.advice]

@@ -1,8 +1,9 @@
-"""Flat settings of deployment scripts: gains, default position and scales by key, without a robot's name above.
+"""Reader of flat settings: gains, default position and scales are top-level keys of a deployment script's YAML file.
 
 Sources: unitreerobotics/unitree_rl_gym `deploy/deploy_mujoco/configs/*.yaml` (`policy_path`, `kps`, `kds`,
-`default_angles`, `simulation_dt`, `control_decimation`); its joints are in the order of its model file and its
-observation is in `deploy_mujoco.py`. Runners after fan-ziqi/rl_sar have the keys of its `config.yaml`.
+`default_angles`, `simulation_dt`, `control_decimation`). The joints of this project are in the order of its model file,
+and its observation is computed in `deploy_mujoco.py`. Scripts derived from fan-ziqi/rl_sar use the keys of rl_sar's
+`config.yaml`.
 """
 
 import os
@@ -22,24 +23,24 @@ KEYS = {
     "default_position": ("default_dof_pos", "default_angles", "default_joint_pos", "default_joint_angles"),
     "action_scale": ("action_scale",),
 }
-"""Keys of the specification's fields with a value per joint."""
+"""Field of the specification with one value per joint -> keys of this field in flat settings."""
 _NETWORK_KEYS = "policy_path", "model_name", "policy_name", "model_path", "onnx_path", "policy"
 _PERIOD_KEYS = ("simulation_dt", "control_decimation"), ("dt", "decimation"), ("sim_dt", "decimation")
-"""Keys of the time step and of the time steps per control step."""
+"""Pairs of keys: the simulation time step, s, and the number of time steps per control step."""
 _SCALE_KEYS = "lin_vel_scale", "ang_vel_scale", "cmd_scale", "commands_scale", "dof_pos_scale", "dof_vel_scale"
 _BLIND = "angular_velocity, projected_gravity, command, joint_position, joint_velocity, previous_action"
 _TERMS_BY_WIDTH = {45: _BLIND, 47: f"{_BLIND}, gait_clock", 48: f"linear_velocity, {_BLIND}"}
-"""Terms of unitree_rl_gym's scripts by the width of their observation, for twelve joints."""
+"""Width of the observation in unitree_rl_gym's scripts -> likely terms, for twelve joints."""
 
 
 def is_flat(settings: FileSettings) -> bool:
-    """Return True if the settings have gains and a default position at the top."""
+    """Return True if gains and default position are top-level keys of the settings."""
     required = KEYS["stiffness"], KEYS["damping"], KEYS["default_position"]
     return all(any(settings.find(key) is not None for key in keys) for keys in required)
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """Return the policy of flat settings with rl_sar's keys.
+    """Parse flat settings with rl_sar's keys; settings with other keys are always incomplete.
 
     Args:
         settings: Flat settings.
@@ -48,7 +49,7 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
         Specification of the policy.
 
     Raises:
-        IncompleteSpecError: The settings lack fields, as all flat settings without rl_sar's keys do.
+        IncompleteSpecError: The settings lack fields.
         PolicyError: A setting is wrong.
     """
     if settings.find("observations") is not None and settings.find("model_name") is not None:
@@ -65,16 +66,16 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
 
 
 def parse_robot_section(settings: FileSettings) -> PolicySpec:
-    """Return the policy of rl_sar's `config.yaml`.
+    """Parse rl_sar's `config.yaml`.
 
     Args:
-        settings: Settings with one section, under the name of the robot.
+        settings: Settings with one section; its key is the name of the robot.
 
     Returns:
         Specification of the policy.
 
     Raises:
-        IncompleteSpecError: The file is of v2.1 or older and does not name the observation.
+        IncompleteSpecError: The file does not name the observation terms, because it is from v2.1 or older.
     """
     ((_, robot_section),) = settings.sections()
     if robot_section.find("observations") is not None:
@@ -88,7 +89,7 @@ def _is_missing_field(error: PolicyError) -> bool:
 
 
 def known_fields(settings: FileSettings) -> dict[str, Any]:
-    """Return the fields of a specification that flat settings give. Raises PolicyError for values of another kind."""
+    """Return the known fields of the specification, name -> value. Raises PolicyError for a value of a wrong type."""
     known: dict[str, Any] = {}
     networks = (_find_network(settings, settings.find(key)) for key in _NETWORK_KEYS)
     network = next((file for file in networks if file is not None), None)
@@ -108,7 +109,11 @@ def known_fields(settings: FileSettings) -> dict[str, Any]:
 
 
 def _find_network(settings: FileSettings, path: object) -> Path | None:
-    """Return the file of a path like `{ROOT}/pre_train/go2/motion.pt`, relative to the settings or next to them."""
+    """Return the absolute path of the network; None if the file does not exist.
+
+    The given path may begin with a placeholder, as in `{ROOT}/pre_train/go2/motion.pt`. It is tried relative to the
+    folder of the settings. Then its last part is tried in this folder.
+    """
     if not isinstance(path, str) or not path:
         return None
     name = path.replace("\\", "/").rpartition("/")[2]
@@ -123,7 +128,7 @@ def _find_network(settings: FileSettings, path: object) -> Path | None:
 
 
 def advice_lines(settings: FileSettings) -> tuple[str, ...]:
-    """Return the settings that concern the observation, a line each."""
+    """Return the settings that help a user to write the observation terms, one line each."""
     lines = []
     for key in ("num_obs", "num_observations"):
         if settings.find(key) is not None:

@@ -1,8 +1,10 @@
-"""Isaac Lab's IO descriptor, which `export_IO_descriptors` writes into `io_descriptors` of a run.
+"""Reader of Isaac Lab's IO descriptor, which `export_IO_descriptors` writes into the folder `io_descriptors` of a run.
 
-Sources: `isaaclab/envs/manager_based_env.py` (`export_IO_descriptors`), `docs/source/policy_deployment`: terms of
-actions and observations in their order, with the joints of each by name; `default_joint_stiffness` and
-`default_joint_damping` are 0 for joints with explicit actuators, which have their gains in `params/env.yaml` alone.
+An IO descriptor lists the terms of the actions and observations in their order, with the joint names of each term.
+`default_joint_stiffness` and `default_joint_damping` are 0 for joints with explicit actuators. The gains of these
+actuators are only in `params/env.yaml`.
+
+Sources: `isaaclab/envs/manager_based_env.py` (`export_IO_descriptors`), `docs/source/policy_deployment`.
 """
 
 from dataclasses import replace
@@ -18,9 +20,9 @@ from policies.external.spec import Numbers, PolicySpec, SpecTerm
 from quad_env.files.text import brief
 
 FOLDER = "io_descriptors"
-"""Folder of the descriptors in a run."""
+"""Name of the folder of a run that contains the descriptors."""
 FILE_PATTERNS = ("*IO_descriptors.yaml", "*IO_descriptor.yaml")
-"""Patterns of the descriptors' names."""
+"""Patterns of the file names of descriptors."""
 
 
 def is_descriptor(settings: FileSettings) -> bool:
@@ -29,7 +31,7 @@ def is_descriptor(settings: FileSettings) -> bool:
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """Return the policy of an IO descriptor.
+    """Parse an IO descriptor.
 
     Args:
         settings: Settings of the descriptor.
@@ -61,7 +63,10 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
 
 
 def _joint_order(action: FileSettings, robot: FileSettings) -> list[int]:
-    """Return the indices of the action's joints in the articulation. Raises PolicyError."""
+    """Return the index in the articulation of each joint of the action.
+
+    Raises PolicyError if the joints are not the 12 joints of the articulation.
+    """
     joints = action.texts("joint_names")
     asset_joints = robot.texts("joint_names")
     if sorted(joints) != sorted(asset_joints) or len(joints) != 12:
@@ -70,7 +75,7 @@ def _joint_order(action: FileSettings, robot: FileSettings) -> list[int]:
 
 
 def _parse_positions(action: FileSettings, robot: FileSettings, order: list[int]) -> dict[str, Any]:
-    """Return the fields of the default position and of the action."""
+    """Return the fields `default_position`, `action_scale` and `action_offset`: name -> value."""
     default_position = tuple(robot.numbers("default_joint_pos")[index] for index in order)
     offset = action.numbers("offset", default=0.0)
     return {
@@ -81,7 +86,10 @@ def _parse_positions(action: FileSettings, robot: FileSettings, order: list[int]
 
 
 def _observation_list(settings: FileSettings) -> list[Any]:
-    """Return the entries of the observation group `policy`, or of the first group. Raises PolicyError."""
+    """Return the entries of the observation group `policy`, or of the first group if this name is missing.
+
+    Raises PolicyError if the group is not a list.
+    """
     groups = dict(settings.section("observations").values)
     policy = groups.get("policy", next(iter(groups.values()), None))
     if not isinstance(policy, list):
@@ -90,14 +98,17 @@ def _observation_list(settings: FileSettings) -> list[Any]:
 
 
 def _parse_observation(observations: list[FileSettings], joints: JointNames) -> dict[str, Any]:
-    """Return the fields of the observation."""
+    """Return the fields `terms` and `observed_joints`: name -> value."""
     terms = {str(index): _parse_term(each) for index, each in enumerate(observations)}
     observed = observed_order(terms, lambda key: observations[int(key)].texts("joint_names"))
     return {"terms": tuple(terms.values()), "observed_joints": observed if observed != joints else None}
 
 
 def joint_order(env: Path) -> JointNames | None:
-    """Return the order of the robot's joints by the IO descriptor of the run of an `env.yaml`; None without one."""
+    """Return the robot's joint names in the order of the IO descriptor that belongs to the same run as an `env.yaml`.
+
+    Returns None unless the run has exactly one IO descriptor.
+    """
     run = env.parent.parent if env.parent.name == "params" else env.parent
     folders = dict.fromkeys((run / FOLDER, run, env.parent))
     files = [file for folder in folders for pattern in FILE_PATTERNS for file in sorted(folder.glob(pattern))]
@@ -108,7 +119,7 @@ def joint_order(env: Path) -> JointNames | None:
 
 
 def _find_robot(settings: FileSettings) -> FileSettings:
-    """Return the only articulation, or the one with the name robot. Raises PolicyError."""
+    """Return the articulation with the name `robot`, or else the only articulation. Raises PolicyError otherwise."""
     articulations = settings.section("articulations")
     groups = dict(articulations.sections())
     if "robot" in groups:
@@ -119,7 +130,7 @@ def _find_robot(settings: FileSettings) -> FileSettings:
 
 
 def _find_action(settings: FileSettings) -> FileSettings:
-    """Return the only action, joint positions. Raises PolicyError."""
+    """Return the settings of the only action. Raises PolicyError unless it is one of joint positions, not clipped."""
     actions = [_entry_settings(each, settings) for each in settings.get("actions")]
     kinds = [_function_name(action) for action in actions]
     if kinds not in (["JointPositionAction"], ["joint_position_action"]):
@@ -132,7 +143,7 @@ def _find_action(settings: FileSettings) -> FileSettings:
 
 
 def _entry_settings(value: object, settings: FileSettings) -> FileSettings:
-    """Return the settings of an entry of a list. Raises PolicyError."""
+    """Return an action or observation as settings. Raises PolicyError if `value` is not a dictionary."""
     if not isinstance(value, dict):
         raise PolicyError(f"an action or observation in {settings.file.name} must be settings by key", WRITE_TOML)
     name = value.get("name", "")
@@ -140,13 +151,19 @@ def _entry_settings(value: object, settings: FileSettings) -> FileSettings:
 
 
 def _function_name(entry: FileSettings) -> str:
-    """Return the last part of the `full_path` of an action or observation, or its `name`. Raises PolicyError."""
+    """Return the function name of an action or observation: the last part of its `full_path`, or else its `name`.
+
+    Raises PolicyError if both are missing.
+    """
     key = "full_path" if entry.find("full_path") is not None else "name"
     return entry.text(key).rpartition(".")[2]
 
 
 def _parse_term(entry: FileSettings) -> SpecTerm:
-    """Return a term by the last part of its `full_path`, with its `overloads`."""
+    """Parse an observation term from its function name; its `overloads` replace its `params`.
+
+    Raises PolicyError if the term is unknown or has another width.
+    """
     function = _function_name(entry)
     overloads = entry.optional_section("overloads")
     extras = entry.optional_section("extras")
@@ -161,7 +178,7 @@ def _parse_term(entry: FileSettings) -> SpecTerm:
 def _parse_gains(
     settings: FileSettings, robot: FileSettings, joints: JointNames, order: list[int]
 ) -> tuple[Numbers, Numbers]:
-    """Return stiffness and damping of the joints, from `params/env.yaml` if the descriptor has zeros."""
+    """Return stiffness and damping of the joints; from `params/env.yaml` if a stiffness in the descriptor is 0."""
     gains = [robot.numbers(f"default_joint_{kind}") for kind in ("stiffness", "damping")]
     stiffness, damping = (tuple(values[index] for index in order) for values in gains)
     run = settings.file.parent.parent if settings.file.parent.name in (FOLDER, "params") else settings.file.parent
@@ -173,7 +190,10 @@ def _parse_gains(
 
 
 def _parse_actuator_gains(actuators: FileSettings, joints: JointNames, kind: str) -> Numbers:
-    """Return a gain of each joint from the first actuator that has the joint. Raises PolicyError."""
+    """Return the gain `kind` of each joint, from the first actuator that matches the joint's name.
+
+    Raises PolicyError if no actuator matches.
+    """
     gains = []
     for joint in joints:
         matching = [

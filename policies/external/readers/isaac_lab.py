@@ -1,4 +1,4 @@
-"""Isaac Lab's `params/env.yaml`: an environment of managers, as `dump_yaml` writes it next to a run's networks.
+"""Reader of Isaac Lab's `params/env.yaml`, which `dump_yaml` writes for a manager-based environment.
 
 Sources: `isaaclab/envs/mdp/actions/joint_actions.py` (target = raw action * scale + offset, then clipped),
 `isaaclab/managers/manager_term_cfg.py`, `isaaclab/sensors/ray_caster/patterns/patterns.py` (order of a height scan),
@@ -16,11 +16,11 @@ from policies.external.readers.settings import WRITE_TOML, FileSettings, load_se
 from policies.external.spec import HeightGrid, Numbers, PolicySpec, Range, SpecTerm
 
 _ACTUATOR_JOINTS = "joint_names_expr"
-"""Key of an actuator's expressions for joint names."""
+"""Key of an actuator's settings that holds regular expressions for joint names."""
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """Return the policy of an `env.yaml`. A fault raises PolicyError."""
+    """Parse an `env.yaml`. Raises PolicyError for a missing, wrong or unsupported setting."""
     robot = settings.section("scene", "robot")
     action = _find_action(settings)
     asset_joints = joint_order(settings.file)
@@ -48,7 +48,7 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
 
 
 def _find_action(settings: FileSettings) -> FileSettings:
-    """Return the only action, joint positions. Raises PolicyError."""
+    """Return the settings of the only action. Raises PolicyError unless it is a JointPositionAction."""
     actions = dict(settings.section("actions").sections())
     kinds = {action.text("class_type").rpartition(":")[2] for action in actions.values()}
     if len(actions) != 1 or kinds != {"JointPositionAction"}:
@@ -58,9 +58,10 @@ def _find_action(settings: FileSettings) -> FileSettings:
 
 
 def _known_robot_joints(robot: FileSettings) -> JointNames | None:
-    """Return the joints of a known robot; None for others.
+    """Return the joint names of a robot of a known family, in Isaac Lab's order; None for an unknown robot.
 
-    The names of its family match all expressions, and the path of its model contains a word of the family.
+    The joint names of the family must match all expressions in the settings. The path of the robot's model must contain
+    a word of the family.
     """
     spawn = robot.section("spawn").values
     path = " ".join(f"{key} {value}" for key, value in spawn.items() if isinstance(value, str)).lower()
@@ -74,12 +75,16 @@ def _known_robot_joints(robot: FileSettings) -> JointNames | None:
 
 
 def _has_matches(patterns: list[str], names: JointNames) -> bool:
-    """Return True if each pattern matches one of the names or more."""
+    """Return True if each pattern matches at least one of the names."""
     return all(any(matches(pattern, name) for name in names) for pattern in patterns)
 
 
 def _select_joints(settings: FileSettings, asset_joints: JointNames | None) -> JointNames:
-    """Return the joints that `joint_names` select, in the asset's order unless `preserve_order`. Raises PolicyError."""
+    """Return the joint names that the patterns in `joint_names` select.
+
+    Their order is the order of `asset_joints`, or of the patterns if `preserve_order` is True. Raises PolicyError if
+    the order of the asset's joints is needed but unknown.
+    """
     if settings.find("joint_names") is None and settings.find("joint_ids") is not None:
         settings.raise_invalid("joint_ids", "absent, with the joints in `joint_names`")
     patterns = settings.texts("joint_names") if settings.find("joint_names") is not None else (".*",)
@@ -96,7 +101,7 @@ def _select_joints(settings: FileSettings, asset_joints: JointNames | None) -> J
 
 
 def _parse_offset(action: FileSettings, joints: JointNames) -> Numbers | None:
-    """Return the targets of zero actions, rad; None for the default position."""
+    """Return the joint targets if all actions are zero, rad; None if they are the default position."""
     if action.find("use_default_offset") is True:
         return None
     return action.joint_values("offset", joints, 0.0)
@@ -105,7 +110,7 @@ def _parse_offset(action: FileSettings, joints: JointNames) -> Numbers | None:
 def _parse_observed_joints(
     group: FileSettings, terms: dict[str, SpecTerm], joints: JointNames, asset_joints: JointNames | None
 ) -> JointNames | None:
-    """Return the order of the observed joints; None for the order of `joints`."""
+    """Return the joint names in the order of the observation; None if it is the order of `joints`."""
 
     def order(name: str) -> JointNames:
         return _select_joints(group.section(name).optional_section("params", "asset_cfg"), asset_joints)
@@ -115,7 +120,10 @@ def _parse_observed_joints(
 
 
 def _parse_term(settings: FileSettings, group: FileSettings, term: FileSettings) -> SpecTerm:
-    """Return an observation term, with the history of its group. Raises PolicyError."""
+    """Parse an observation term; a history length of its group replaces the term's own.
+
+    Raises PolicyError if the term is unsupported.
+    """
     function = _function_name(term)
     if function == "generated_commands":
         name = term.section("params").text("command_name")
@@ -132,7 +140,10 @@ def _function_name(term: FileSettings) -> str:
 
 
 def _parse_grid(settings: FileSettings, params: FileSettings) -> HeightGrid:
-    """Return the points of a height scan: a grid about the sensor, yawed with the trunk. Raises PolicyError."""
+    """Parse the points of a height scan: a grid around the sensor that turns with the trunk's yaw.
+
+    Raises PolicyError if the grid does not turn with the yaw, or has too few or too many points.
+    """
     sensor = settings.section("scene", params.section("sensor_cfg").text("name"))
     if sensor.find("ray_alignment") != "yaw" and sensor.find("attach_yaw_only") is not True:
         sensor.raise_invalid("ray_alignment", "yaw")
@@ -150,7 +161,7 @@ def _parse_grid(settings: FileSettings, params: FileSettings) -> HeightGrid:
 
 
 def _parse_gain(robot: FileSettings, joint: str, kind: str) -> float:
-    """Return the stiffness or damping of a joint's actuator. Raises PolicyError."""
+    """Return the stiffness or damping, named by `kind`, of a joint's actuator. Raises PolicyError if there is none."""
     for _, actuator in robot.section("actuators").sections():
         if any(matches(pattern, joint) for pattern in actuator.texts(_ACTUATOR_JOINTS)):
             return actuator.joint_values(kind, (joint,))[0]
@@ -158,7 +169,10 @@ def _parse_gain(robot: FileSettings, joint: str, kind: str) -> float:
 
 
 def _parse_action_clip(settings: FileSettings) -> Range | None:
-    """Return the range of raw actions of rsl_rl's wrapper, by the `agent.yaml` next to the file."""
+    """Return the range to which rsl_rl's wrapper clips raw actions; None if there are no limits.
+
+    The range is in the file `agent.yaml` next to the settings.
+    """
     file = settings.file.with_name("agent.yaml")
     if not file.is_file():
         return None

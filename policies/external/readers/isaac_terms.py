@@ -1,10 +1,14 @@
-"""Observation terms by Isaac Lab's function names, which mjlab and Unitree share: clipped, then scaled.
+"""Parsing of observation terms with Isaac Lab's function names, which mjlab and Unitree use as well.
 
-Sources: `isaaclab/managers/observation_manager.py`, `isaaclab/envs/mdp/observations.py`; unitree_rl_lab's
-`mdp/observations.py` (gait_phase, a clock that always runs); newer unitree_rl_mjlab, `phase` of its training and
-`gait_phase` of its `deploy/robots/*/src/State_RLBase.cpp` (the same clock, but (0, 0) where the norm of the command is
-below 0.1); robot_lab's `mdp/observations.py` (phase). Histories lie by term, oldest first, and begin with the first
-observation (`CircularBuffer`).
+Terms are clipped and then scaled. A history has the oldest control step first, keeps the control steps of a term
+together, and is filled with the first observation at the start (`CircularBuffer`).
+
+Sources:
+- `isaaclab/managers/observation_manager.py`, `isaaclab/envs/mdp/observations.py`.
+- unitree_rl_lab `mdp/observations.py`: `gait_phase` is a clock that always runs.
+- Newer unitree_rl_mjlab: `phase` in training and `gait_phase` in `deploy/robots/*/src/State_RLBase.cpp` are the same
+  clock, but it is (0, 0) if the norm of the command is below 0.1.
+- robot_lab `mdp/observations.py`: `phase`.
 """
 
 from collections.abc import Callable, Iterable
@@ -35,23 +39,25 @@ TERM_NAMES = {
     "gait_phase_my": "gait_clock",
     "phase": "gait_clock",
 }
-"""Names of this project's terms by function."""
+"""Name of Isaac Lab's function -> name of this project's observation term."""
 _JOINT_TERMS = {"absolute_joint_position", "joint_position", "joint_velocity", "joint_torque"}
 _PERIOD_KEYS = {"gait_phase": "period", "gait_phase_my": "period", "phase": "cycle_time"}
-"""Parameters with the period of a clock, s, by function."""
+"""Name of a clock's function -> key of the parameter that holds the period, s."""
 ZERO_BELOW = 0.1
-"""Norm of a command below which newer unitree_rl_mjlab shows its clock as (0, 0)."""
+"""Norm of the command below which the clock of newer unitree_rl_mjlab is (0, 0)."""
 _THRESHOLD_KEYS = "command_threshold", "zero_below"
-"""Parameters with another threshold."""
+"""Keys of parameters that replace the threshold ZERO_BELOW."""
 
 
 def make_term(function: str, settings: FileSettings, grid: HeightGrid | None = None) -> SpecTerm:
-    """Return a term by the name of its function. An unknown function and modifiers raise PolicyError.
+    """Make an observation term from the name of its function.
+
+    Raises PolicyError if the function is unknown or the term has modifiers.
 
     Args:
         function: Name of the function.
         settings: Settings of the term: `params`, `clip`, `scale`, `history_length`.
-        grid: Points of a height scan.
+        grid: Points of a height scan; None for other terms.
 
     Returns:
         The term.
@@ -69,7 +75,10 @@ def make_term(function: str, settings: FileSettings, grid: HeightGrid | None = N
 
 
 def _parse_clock(function: str, settings: FileSettings) -> tuple[float, float]:
-    """Return the frequency of a clock, Hz, and the norm of a command below which it is zero; 0 for other functions."""
+    """Return the frequency of a clock, Hz, and the norm of the command below which the clock is (0, 0).
+
+    Both are 0 for functions that are not clocks.
+    """
     if function not in _PERIOD_KEYS:
         return 0.0, 0.0
     params = settings.section("params")
@@ -81,7 +90,7 @@ def _parse_clock(function: str, settings: FileSettings) -> tuple[float, float]:
 
 
 def incomplete_remarks(terms: Iterable[tuple[str, FileSettings]]) -> tuple[str, ...]:
-    """Return a line for each term that its file leaves incomplete; `terms` are functions with their settings."""
+    """Return a remark for each clock without a threshold in its file; `terms` are function names with settings."""
     return tuple(
         f"{function} in {settings.file.name} does not say whether it is (0, 0) at commands below {ZERO_BELOW:g}, as in "
         f"newer unitree_rl_mjlab; read as a clock that always runs, else set `zero_below = {ZERO_BELOW:g}` in a TOML"
@@ -91,12 +100,12 @@ def incomplete_remarks(terms: Iterable[tuple[str, FileSettings]]) -> tuple[str, 
 
 
 def with_scale(term: SpecTerm, settings: FileSettings, key: str = "scale") -> SpecTerm:
-    """Return a term with the scale of the settings; one number if all are equal.
+    """Return a term with the scale from its settings; the scale becomes one number if all its numbers are equal.
 
     Args:
         term: The term.
         settings: Settings of the term.
-        key: Key of the scale; the term is unchanged without it.
+        key: Key of the scale; the term is returned unchanged if the settings lack this key.
 
     Returns:
         The scaled term.
@@ -108,22 +117,25 @@ def with_scale(term: SpecTerm, settings: FileSettings, key: str = "scale") -> Sp
 
 
 def history_length(settings: FileSettings) -> int:
-    """Return the number of control steps by `history_length`; its value 0 is the present step alone."""
+    """Return the number of observed control steps.
+
+    This is `history_length`, or 1 if the setting is 0 or missing, because the present step is always observed.
+    """
     return max(1, int(settings.number("history_length", 1)))
 
 
 def observed_order(terms: dict[str, SpecTerm], order: Callable[[str], JointNames]) -> JointNames | None:
-    """Return the order in which the terms observe the joints.
+    """Return the joint names in the order in which the terms observe the joints.
 
     Args:
-        terms: Terms by key.
-        order: Maps the key of a term to the names of its joints.
+        terms: Key of each term -> term.
+        order: Function from the key of a term to the joint names in the order of the term.
 
     Returns:
         Names of the joints; None if no term observes joints.
 
     Raises:
-        PolicyError: The terms have several orders.
+        PolicyError: Two terms observe the joints in different orders.
     """
     orders = {order(key) for key, term in terms.items() if term.name in _JOINT_TERMS}
     if len(orders) > 1:
@@ -134,7 +146,7 @@ def observed_order(terms: dict[str, SpecTerm], order: Callable[[str], JointNames
 
 
 def raise_unknown_term(name: str) -> NoReturn:
-    """Raise PolicyError for an unknown term."""
+    """Raise the PolicyError for an unknown observation term."""
     shown = name if len(name) <= MAX_SHOWN else brief(name)
     valid = ", ".join(TERM_WIDTHS)
     raise PolicyError(f"the observation term {shown} is not known", f"{WRITE_TOML} with terms of {valid}")

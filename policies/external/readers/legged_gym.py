@@ -1,9 +1,12 @@
-"""Settings of legged_gym, its config class as a dictionary in YAML or JSON, and of HIMLoco.
+"""Reader of the settings of legged_gym and HIMLoco: the configuration class as a dictionary in YAML or JSON.
 
-Sources: leggedrobotics/legged_gym `envs/base/legged_robot.py` (`compute_observations`, `_compute_torques`, `step`;
-`_init_buffers`: of the keys of `stiffness` that are part of a joint's name the last one gives both gains),
-`envs/anymal_c/anymal.py` (`use_actuator_network`: torques of a network, without stiffness and damping);
-OpenRobotLab/HIMLoco, the first of these files: `env.num_one_step_observations`, newest step first, zeros at the start.
+Sources:
+- leggedrobotics/legged_gym `envs/base/legged_robot.py`: `compute_observations`, `_compute_torques`, `step`, and
+  `_init_buffers`. The last key of `stiffness` that is part of a joint's name gives both gains of the joint.
+- leggedrobotics/legged_gym `envs/anymal_c/anymal.py`: with `use_actuator_network`, a network computes the torques, and
+  there is no stiffness or damping.
+- OpenRobotLab/HIMLoco `envs/base/legged_robot.py`: `env.num_one_step_observations`. The history has the newest control
+  step first and begins with zeros.
 """
 
 from dataclasses import replace
@@ -15,7 +18,7 @@ from policies.external.spec import HeightGrid, PolicySpec, SpecTerm
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """Return the policy of legged_gym's settings.
+    """Parse the settings of legged_gym or HIMLoco.
 
     Args:
         settings: Settings of the file.
@@ -24,7 +27,7 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
         Specification of the policy.
 
     Raises:
-        PolicyError: A setting is missing, wrong or unsupported, or the order of the joints is unknown.
+        PolicyError: A setting is missing, wrong or unsupported, or the joints belong to no known robot.
     """
     control = settings.section("control")
     normalization = settings.section("normalization")
@@ -55,7 +58,7 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
 
 
 def _check_control(control: FileSettings) -> None:
-    """Raise PolicyError for other actions than joint positions, and for a network of the actuators."""
+    """Raise PolicyError if the actions are not joint positions, or if a network models the actuators."""
     if control.find("control_type") not in (None, "P"):
         control.raise_invalid("control_type", "P, of joint positions")
     if control.find("use_actuator_network") not in (None, False):
@@ -67,9 +70,10 @@ def _check_control(control: FileSettings) -> None:
 
 
 def _parse_gains(control: FileSettings, joint: str) -> tuple[float, float]:
-    """Return stiffness and damping of a joint, by the last key of the stiffness that is part of the joint's name.
+    """Return stiffness, N·m/rad, and damping, N·m·s/rad, of a joint.
 
-    The damping has its own key in the joint's name if it lacks the stiffness's key; legged_gym itself then fails.
+    The last key of `stiffness` that is part of the joint's name gives both. If `damping` lacks this key, its only key
+    in the joint's name gives the damping; legged_gym itself fails in this case.
     """
     stiffness = control.section("stiffness")
     damping = control.section("damping")
@@ -84,7 +88,10 @@ def _parse_gains(control: FileSettings, joint: str) -> tuple[float, float]:
 
 
 def _parse_terms(settings: FileSettings, scales: FileSettings) -> tuple[SpecTerm, ...]:
-    """Return the terms of legged_gym or HIMLoco, if their width is the file's. Raises PolicyError."""
+    """Return the observation terms of legged_gym or HIMLoco.
+
+    Raises PolicyError if their total width differs from the width in the file.
+    """
     env = settings.section("env")
     width = env.number("num_observations")
     velocity_scale = scales.number("lin_vel")
@@ -114,7 +121,7 @@ def _parse_terms(settings: FileSettings, scales: FileSettings) -> tuple[SpecTerm
 
 
 def _parse_heights(settings: FileSettings, scales: FileSettings) -> list[SpecTerm]:
-    """Return the height scan if the terrain is measured, else no term."""
+    """Return a list with the term of the height scan; empty if `terrain.measure_heights` is not set."""
     terrain = settings.section("terrain")
     if terrain.find("measure_heights") is not True:
         return []

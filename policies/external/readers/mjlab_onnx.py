@@ -1,8 +1,10 @@
-"""Specification that mjlab's exporter writes into an ONNX file, as metadata.
+"""Reader of the specification that mjlab's exporter writes into an ONNX file, as metadata.
 
-Sources: mujocolab/mjlab `rl/exporter_utils.py`, unitree_rl_mjlab: lists separated by commas. Older files have no scale,
-clip and history of the terms: in mjlab's tasks these are 1, none and 1. No file has the control rate: in mjlab's
-velocity tasks it is 50 Hz (`velocity_env_cfg.py`, decimation 4 at 0.005 s).
+The metadata has lists separated by commas. Older files lack scale, clip and history of the terms; in mjlab's tasks the
+scale is 1, there is no clip, and the history is one step. All files lack the control rate. In mjlab's velocity tasks it
+is 50 Hz (`velocity_env_cfg.py`: decimation 4, time step 0.005 s).
+
+Sources: mujocolab/mjlab `rl/exporter_utils.py`, unitree_rl_mjlab.
 """
 
 import json
@@ -17,29 +19,29 @@ from policies.external.readers.settings import WRITE_TOML, FileSettings, find_ne
 from policies.external.spec import PolicySpec, SpecTerm
 
 CONTROL_RATE = 50.0
-"""Hz. Control rate of mjlab's velocity tasks."""
+"""Control rate of mjlab's velocity tasks, Hz."""
 _FUNCTIONS = {
     "command": "generated_commands",
     "joint_pos": "joint_pos_rel",
     "joint_vel": "joint_vel_rel",
     "actions": "last_action",
 }
-"""Functions of the terms with another name."""
+"""Name of a term in the metadata -> name of its function in Isaac Lab, for terms with different names."""
 _TERM_LISTS = "scale", "clip", "history_length"
-"""Settings of the terms, each a list `observation_terms_NAME`."""
+"""Names of the settings of terms; the key `observation_terms_NAME` holds a list with one value per term."""
 
 
 def parse_spec(file: Path) -> PolicySpec | None:
-    """Return the policy of a file with mjlab's metadata.
+    """Parse the metadata of mjlab in an ONNX file.
 
     Args:
         file: ONNX file.
 
     Returns:
-        Specification of the policy; None for a file without this metadata.
+        Specification of the policy; None if the file lacks mjlab's metadata.
 
     Raises:
-        PolicyError: The metadata is incomplete, or the policy has other commands than one of velocities.
+        PolicyError: The metadata is incomplete, or the policy's command is not a single velocity command.
     """
     metadata = read_metadata(file)
     if not {"joint_names", "observation_names"} <= metadata.keys():
@@ -62,7 +64,10 @@ def parse_spec(file: Path) -> PolicySpec | None:
 
 
 def _parse_terms(settings: FileSettings) -> tuple[SpecTerm, ...]:
-    """Return the terms in the order of the observation."""
+    """Return the terms in the order of the observation.
+
+    Raises PolicyError if the lists in the metadata differ in length.
+    """
     names = settings.texts("observation_names")
     lists = [settings.find(f"observation_terms_{key}") or [None] * len(names) for key in _TERM_LISTS]
     if any(not isinstance(values, list) or len(values) != len(names) for values in lists):
@@ -77,7 +82,7 @@ def _parse_terms(settings: FileSettings) -> tuple[SpecTerm, ...]:
 
 
 def _parse_entry(key: str, text: str) -> Any:
-    """Return the names, numbers or lists of an entry; the text itself for any other kind."""
+    """Parse the text of a metadata entry as names, numbers or lists; any other text is returned unchanged."""
     if key.endswith("_names"):
         return text.split(",")
     try:

@@ -1,7 +1,8 @@
-"""Regular expressions of other projects' files for joint names, matched in a bounded time.
+"""Matcher of regular expressions for joint names, with bounded time because other people's files contain them.
 
-Python's `re` takes exponential time for some expressions, for example `((a*)*)*`. This matcher follows all paths at
-once. A part of a pattern maps a set of positions in the name, as the bits of an integer, to the set of its ends.
+Python's `re` takes exponential time for some expressions, for example `((a*)*)*`. This matcher follows all possible
+matches at the same time. A part of a pattern is a function from a set of start positions in the name to the set of
+possible end positions. Bit i of an integer represents position i.
 """
 
 import string
@@ -9,26 +10,26 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache
 
 Part = Callable[[str, int], int]
-"""Maps a name and a set of positions, as bits, to the positions where the part may end."""
+"""Function from a name and a set of start positions, as bits, to the set of positions where the part may end."""
 CharacterTest = Callable[[str], bool]
-"""Returns True for the characters that a part takes."""
+"""Function that returns True for the characters that a part of a pattern matches."""
 MAX_PATTERN = 200
-"""Largest number of characters of a pattern; published files have at most 60."""
+"""Maximum number of characters of a pattern; published files have at most 60."""
 MAX_NAME = 100
-"""Largest number of characters of a joint's name."""
+"""Maximum number of characters of a joint's name."""
 MAX_DEPTH = 20
-"""Largest depth of nested groups."""
+"""Maximum depth of nested groups in a pattern."""
 MAX_COUNT = 1000
-"""Largest number in `{m,n}`."""
+"""Maximum of the numbers m and n in a repetition `{m,n}`."""
 SYNTAX = ". [...] (...|...) (?:...) (?=...) (?!...) * + ? {m,n} ^ $ \\w \\d \\s"
 _CLASSES: dict[str, CharacterTest] = {
     "w": lambda character: character.isalnum() or character == "_",
     "d": str.isdecimal,
     "s": str.isspace,
 }
-"""Character classes by the letter of their escape."""
+"""Letter of an escape, for example `d` for `\\d` -> test for the characters of its class."""
 _REPETITIONS: dict[str, tuple[int, int | None]] = {"*": (0, None), "+": (1, None), "?": (0, 1)}
-"""Minimum and maximum of repetitions by their sign; None: no limit."""
+"""Repetition sign -> minimum and maximum number of repetitions; None: no maximum."""
 
 
 class PatternError(ValueError):
@@ -46,7 +47,7 @@ def matches(pattern: str, name: str) -> bool:
         True for a match.
 
     Raises:
-        PatternError: The pattern is invalid, or the name or the pattern too long.
+        PatternError: The pattern is invalid, or the name or the pattern is too long.
     """
     if len(name) > MAX_NAME:
         raise PatternError(f"a name has at most {MAX_NAME} characters, got {len(name)}")
@@ -69,7 +70,7 @@ class _Parser:
         self._depth = 0
 
     def parse(self) -> Part:
-        """Return the part of the whole pattern. Raises PatternError."""
+        """Parse the whole pattern. Raises PatternError if it is invalid."""
         part = self._parse_alternatives()
         if self._position < len(self._text):
             raise self._error("unbalanced `)`")
@@ -79,11 +80,11 @@ class _Parser:
         return PatternError(f"{fault} at character {self._position + 1}; valid: {SYNTAX}")
 
     def _peek(self) -> str:
-        """Return the next character; empty at the end."""
+        """Return the next character without moving; an empty text at the end of the pattern."""
         return self._text[self._position : self._position + 1]
 
     def _take(self, text: str) -> bool:
-        """Step over a text if it comes next; return True then."""
+        """Return True and move behind `text` if it comes next in the pattern."""
         is_next = self._text.startswith(text, self._position)
         self._position += len(text) if is_next else 0
         return is_next
@@ -101,7 +102,7 @@ class _Parser:
         return _in_sequence(parts)
 
     def _parse_atom(self) -> Part:
-        """Return a group, a set, an anchor or a single character. Raises PatternError."""
+        """Parse a group, a set, an anchor or a single character. Raises PatternError if it is invalid."""
         character = self._peek()
         self._position += 1
         if character == "(":
@@ -150,7 +151,7 @@ class _Parser:
         return lambda each: each == character
 
     def _parse_set(self) -> CharacterTest:
-        """Return the test of a set `[...]`, from behind its first bracket. Raises PatternError."""
+        """Parse a set `[...]` after its opening bracket. Raises PatternError if it is invalid."""
         is_negated = self._take("^")
         tests = [self._parse_set_member()]
         while not self._take("]"):
@@ -158,7 +159,7 @@ class _Parser:
         return lambda each: any(test(each) for test in tests) != is_negated
 
     def _parse_set_member(self) -> CharacterTest:
-        """Return the test of an escape, a range or a single character. Raises PatternError."""
+        """Parse an escape, a range or a single character of a set. Raises PatternError if it is invalid."""
         low = self._peek()
         if not low:
             raise self._error("a missing `]`")
@@ -177,13 +178,16 @@ class _Parser:
         counts = self._parse_counts()
         if counts is None:
             return part
-        self._take("?")  # lazy: the same whole names
+        self._take("?")  # ignored, because a lazy repetition matches the same whole names
         if self._peek() in ("*", "+", "?", "{") and self._peek():
             raise self._error("a repetition of a repetition")
         return _repeat(part, *counts)
 
     def _parse_counts(self) -> tuple[int, int | None] | None:
-        """Return the minimum and maximum of repetitions; None without any, and None as a maximum without a limit."""
+        """Parse a repetition and return its minimum and maximum number.
+
+        Returns None if no repetition comes next. A maximum of None means no limit.
+        """
         for sign, counts in _REPETITIONS.items():
             if self._take(sign):
                 return counts
@@ -204,12 +208,12 @@ class _Parser:
 
 
 def _is_count(text: str) -> bool:
-    """Return True for an empty text, and for digits."""
+    """Return True if a text is empty or consists of digits."""
     return text.isascii() and (text.isdigit() or not text)
 
 
 def _one_character(test: CharacterTest) -> Part:
-    """Return a part that takes one character."""
+    """Return a part that matches one character for which `test` is True."""
 
     def find_ends(name: str, starts: int) -> int:
         ends = 0
@@ -222,7 +226,7 @@ def _one_character(test: CharacterTest) -> Part:
 
 
 def _in_sequence(parts: list[Part]) -> Part:
-    """Return a part that takes all parts in this order."""
+    """Return a part that matches all parts, one after another."""
 
     def find_ends(name: str, starts: int) -> int:
         for part in parts:
@@ -233,7 +237,7 @@ def _in_sequence(parts: list[Part]) -> Part:
 
 
 def _any_of(branches: list[Part]) -> Part:
-    """Return a part that takes any of the branches."""
+    """Return a part that matches any of the branches."""
 
     def find_ends(name: str, starts: int) -> int:
         ends = 0
@@ -245,27 +249,30 @@ def _any_of(branches: list[Part]) -> Part:
 
 
 def _lookahead(part: Part) -> Part:
-    """Return a part that takes nothing, at the positions from which the given part matches."""
+    """Return a part that matches the empty text at the positions from which the given part matches."""
     return lambda name, starts: _to_bits(at for at in _positions(starts) if part(name, 1 << at))
 
 
 def _negative_lookahead(part: Part) -> Part:
-    """Return a part that takes nothing, at the positions from which the given part does not match."""
+    """Return a part that matches the empty text at the positions from which the given part does not match."""
     return lambda name, starts: _to_bits(at for at in _positions(starts) if not part(name, 1 << at))
 
 
 def _positions(bits: int) -> list[int]:
-    """Return the positions of a set of bits."""
+    """Return the indices of the bits that are set in an integer."""
     return [position for position in range(bits.bit_length()) if bits >> position & 1]
 
 
 def _to_bits(positions: Iterable[int]) -> int:
-    """Return different positions as a set of bits."""
+    """Return the integer with a set bit at each of the distinct positions."""
     return sum(1 << position for position in positions)
 
 
 def _repeat(part: Part, minimum: int, maximum: int | None) -> Part:
-    """Return a part that repeats another; more repetitions than the name has characters add no positions."""
+    """Return a part that matches repetitions of another part.
+
+    The length of the name limits the number of repetitions, because further ones add no end positions.
+    """
     part = _cache_ends(part)
 
     def find_ends(name: str, starts: int) -> int:
@@ -285,7 +292,10 @@ def _repeat(part: Part, minimum: int, maximum: int | None) -> Part:
 
 
 def _cache_ends(part: Part) -> Part:
-    """Return a part that caches its ends by name and position: nested repetitions stay polynomial."""
+    """Return a part that caches the end positions of another part for the last name.
+
+    The cache keeps the time of nested repetitions polynomial.
+    """
     known: dict[int, int] = {}
     last: list[str] = []
 

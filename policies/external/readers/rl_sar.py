@@ -1,11 +1,21 @@
-"""rl_sar's `config.yaml`, with the `base.yaml` of its robot in the folder above; older ones have no base.
+"""Reader of rl_sar's `config.yaml` and of the robot's `base.yaml` in the folder above, which older versions lack.
 
-Sources: fan-ziqi/rl_sar `library/core/rl_sdk/rl_sdk.cpp` and `observation_buffer.cpp`: joint i of the policy is motor
-`joint_mapping[i]`, observations are scaled, then clipped as a whole; a history starts with zeros, 0 is its newest step.
-From v2.3 on, a history is in the order of `observations_history`. Up to v2.2, `get_obs_vec` walks through that list
-from its end; `hip_scale_reduction` multiplies the actions of `hip_scale_reduction_indices`, also the observed ones;
-vectors of joints are by leg, and with `framework: isaacsim` the policy's are their `rows` x `cols`, transposed
-(`ReadVectorFromYaml`). Files of v2.1 and older do not name the observation.
+All versions:
+- Joint i of the policy is motor `joint_mapping[i]`.
+- Observations are scaled first; then the whole observation is clipped.
+- A history starts with zeros. Step 0 in `observations_history` is the newest step.
+
+Version 2.3 and newer: a history has the order of `observations_history`.
+
+Version 2.2 and older:
+- A history has the reverse order of `observations_history`, because `get_obs_vec` reads the list from its end.
+- `hip_scale_reduction` multiplies the actions, and also the observed actions, of `hip_scale_reduction_indices`.
+- The file has joint values by leg. With `framework: isaacsim`, the policy's order is that of the transposed matrix with
+  `rows` x `cols` entries (`ReadVectorFromYaml`).
+
+Version 2.1 and older: the file does not name the observation terms.
+
+Sources: fan-ziqi/rl_sar `library/core/rl_sdk/rl_sdk.cpp` and `observation_buffer.cpp`.
 """
 
 from dataclasses import replace
@@ -28,20 +38,22 @@ _TERMS = {
     "dof_vel": ("joint_velocity", "dof_vel_scale"),
     "actions": ("previous_action", ""),
 }
-"""Names and scales of the terms. `ang_vel_world` is read in the world frame and turned into the base frame;
-`ang_vel_body` is read in the base frame.
+"""rl_sar's name of a term -> this project's name, and key of the scale (empty: no scale).
+
+rl_sar reads `ang_vel_world` in the world frame and rotates it to the base frame. It reads `ang_vel_body` in the base
+frame. Both are therefore observed in the base frame.
 """
 _KEYS_BEFORE_V2_3 = "hip_scale_reduction", "hip_scale_reduction_indices", "rows", "cols"
-"""Keys of files up to v2.2."""
+"""Keys that only files of version 2.2 and older have."""
 _KEYS_SINCE_V2_3 = "command_mapping", "state_mapping", "joint_mapping", "observations_history_priority"
-"""Keys of files from v2.3 on."""
+"""Keys that only files of version 2.3 and newer have."""
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """Return the policy of a `config.yaml`. A fault raises PolicyError.
+    """Parse a `config.yaml`. Raises PolicyError for a missing, wrong or unsupported setting.
 
     Args:
-        settings: Settings with one section, under the name of the file's folder.
+        settings: Settings with one section; its key names the folder of the file.
 
     Returns:
         Specification of the policy.
@@ -74,7 +86,7 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
 
 
 def _load_base(settings: FileSettings) -> FileSettings | None:
-    """Return the first section of the robot's `base.yaml`; None without this file."""
+    """Return the first section of the robot's `base.yaml`; None if this file does not exist."""
     file = settings.file.parent.parent / "base.yaml"
     if not file.is_file():
         return None
@@ -82,7 +94,7 @@ def _load_base(settings: FileSettings) -> FileSettings | None:
 
 
 def _is_before_v2_3(settings: FileSettings) -> bool:
-    """Return True if a file is of v2.2 or older. Raises PolicyError if it has contradicting keys of both."""
+    """Return True if a file is of version 2.2 or older. Raises PolicyError if its keys contradict each other."""
     newer = [key for key in _KEYS_SINCE_V2_3 if settings.find(key) is not None]
     newer += ["action_scale"] * isinstance(settings.find("action_scale"), list)
     if not newer:
@@ -94,7 +106,7 @@ def _is_before_v2_3(settings: FileSettings) -> bool:
 
 
 def _in_framework_order(spec: PolicySpec, settings: FileSettings) -> PolicySpec:
-    """Return the specification with its joints in the framework's order, as v2.2 and older have it."""
+    """Return the specification of version 2.2 or older with its joints in the order of the learning framework."""
     framework = settings.find("framework")
     if framework not in (None, "isaacgym", "isaacsim"):
         settings.raise_invalid("framework", "isaacgym or isaacsim")
@@ -114,7 +126,10 @@ def _in_framework_order(spec: PolicySpec, settings: FileSettings) -> PolicySpec:
 
 
 def _with_reduced_hips(spec: PolicySpec, settings: FileSettings) -> PolicySpec:
-    """Return the specification with `hip_scale_reduction` in the action scale and in the observed previous action."""
+    """Return the specification with `hip_scale_reduction` applied to the action scale and the term `previous_action`.
+
+    This applies to the joints in `hip_scale_reduction_indices`.
+    """
     reduction = settings.number("hip_scale_reduction", 1.0)
     if reduction == 1.0:
         return spec
@@ -135,9 +150,10 @@ def _raise_contradiction(settings: FileSettings, key: str) -> NoReturn:
 
 
 def _parse_joints(own: FileSettings, base: FileSettings | None, merged: FileSettings) -> JointNames:
-    """Return the names in the policy's order: of the file itself, or of the base by `joint_mapping`.
+    """Return the joint names in the policy's order.
 
-    Raises PolicyError if there are none, or if both disagree.
+    They are the names in the file itself, or the names in `base.yaml` reordered by `joint_mapping`. Raises PolicyError
+    if neither file has names, or if the names of both files disagree.
     """
     names = _joint_names(own)
     motors = _joint_names(base) if base else None
@@ -160,7 +176,7 @@ def _joint_names(settings: FileSettings) -> JointNames | None:
 
 
 def _parse_terms(settings: FileSettings, history: int) -> tuple[SpecTerm, ...]:
-    """Return the terms with that number of control steps each. Raises PolicyError for unknown ones."""
+    """Return the observation terms, each with `history` control steps. Raises PolicyError for an unknown term."""
     terms = []
     for name in settings.texts("observations"):
         if name not in _TERMS:
@@ -173,7 +189,7 @@ def _parse_terms(settings: FileSettings, history: int) -> tuple[SpecTerm, ...]:
 
 
 def _parse_history(settings: FileSettings, is_old: bool) -> tuple[int, Literal["first", "last"]]:
-    """Return the number of observed control steps, and the place of the newest."""
+    """Return the number of observed control steps, and the position of the newest step, `first` or `last`."""
     given: Any = settings.find("observations_history") or [0]
     steps = list(range(len(given))) if isinstance(given, list) else []
     if not steps or given not in (steps, steps[::-1]):
@@ -182,7 +198,7 @@ def _parse_history(settings: FileSettings, is_old: bool) -> tuple[int, Literal["
 
 
 def _parse_action_clip(settings: FileSettings) -> Range | None:
-    """Return the range of raw actions; None without limits. Raises PolicyError for different limits of the joints."""
+    """Return the range of raw actions; None if there are no limits. Raises PolicyError if joints differ in limits."""
     if not settings.find("clip_actions_upper") or not settings.find("clip_actions_lower"):
         return None
     lower = settings.numbers("clip_actions_lower")

@@ -1,4 +1,7 @@
-"""Settings of a YAML, JSON or TOML file: loaded without running code and read by key; errors name key and file."""
+"""Settings in YAML, JSON or TOML files: loading without running code, and access by key with checked types.
+
+Errors name the key and the file.
+"""
 
 import os
 from collections.abc import Callable, Iterator
@@ -15,43 +18,51 @@ from quad_env.files.reading import MAX_TOML_SIZE, parse_json, parse_toml, read_b
 from quad_env.files.text import brief, format_exception
 
 MAX_BYTES = 2**19
-"""Bytes. Largest YAML or JSON file."""
+"""Maximum size of a YAML or JSON file, bytes."""
 MAX_LINES = 20_000
-"""Largest number of lines of a file; deployment files have a few thousand at most."""
+"""Maximum number of lines of a file; deployment files have at most a few thousand."""
 MAX_KEY = 200
-"""Largest number of characters of a key."""
+"""Maximum number of characters of a key."""
 WRITE_TOML = "write a TOML (docs/deployment-files.md)"
-"""Remedy for everything that a file leaves open."""
+"""Remedy in errors about settings that a file lacks or that are not supported."""
 NETWORK_NAMES = ("policy.onnx", "policy.pt", "policies/policy_1.pt", "policies/policy_lstm_1.pt", "policy_1.pt")
-"""Names of exported networks: Isaac Lab, mjlab, Unitree (`exported/policy.*`), legged_gym (`exported/policies/...`)."""
+"""Usual paths of networks in the folder `exported` of a run.
+
+Isaac Lab, mjlab and Unitree write `exported/policy.*`; legged_gym writes into `exported/policies`.
+"""
 ISAAC_SIM_SUFFIXES = "_env", "_policy.pt"
-"""Last part of the names of Isaac Sim's samples, such as `spot_env.yaml` and `spot_policy.pt`."""
+"""Endings of the names of settings and network in Isaac Sim's samples, such as `spot_env.yaml` and `spot_policy.pt`."""
 _PARSERS: dict[str, Callable[[str], Any]] = {".json": parse_json, ".toml": parse_toml}
-"""Parsers by suffix; YAML for all others."""
+"""Suffix -> parser of the file's text; files with other suffixes are parsed as YAML."""
 
 
 @dataclass(frozen=True)
 class FileSettings:
-    """Settings by key and their place in a file; `load_settings` makes it. A wrong value raises PolicyError."""
+    """Settings by key, with their location in a file; `load_settings` makes them.
+
+    The methods raise PolicyError for a value of a wrong type.
+    """
 
     values: dict[Any, Any]
+    """Key -> value."""
     file: Path
+    """File that contains the settings."""
     key_prefix: str = ""
-    """Keys above these settings, with a dot after each."""
+    """Keys of the sections that contain these settings, each followed by a dot."""
 
     def find(self, key: str) -> Any:
-        """Return the value of a key; None without it."""
+        """Return the value of a key; None if the key is missing or null."""
         return self.values.get(key)
 
     def get(self, key: str) -> Any:
-        """Return the value of a key. Raises PolicyError without it, and for null."""
+        """Return the value of a key. Raises PolicyError if the key is missing or null."""
         value = self.values.get(key)
         if value is None:
             raise PolicyError(f"{self.file.name} has no `{self.key_prefix}{key}`", f"add it, or {WRITE_TOML}")
         return value
 
     def section(self, *keys: str) -> "FileSettings":
-        """Return the settings below nested keys. Raises PolicyError if a key holds no settings."""
+        """Return the section at a path of nested keys. Raises PolicyError if the value of a key is not a dictionary."""
         section = self
         for key in keys:
             value = section.get(key)
@@ -61,7 +72,7 @@ class FileSettings:
         return section
 
     def optional_section(self, *keys: str) -> "FileSettings":
-        """Return the settings below nested keys; empty if a key is missing or null."""
+        """Return the section at a path of nested keys; an empty section if a key is missing or null."""
         section = self
         for key in keys:
             if section.find(key) is None:
@@ -70,22 +81,22 @@ class FileSettings:
         return section
 
     def sections(self) -> Iterator[tuple[str, "FileSettings"]]:
-        """Return the keys that hold settings, with these settings, in the order of the file."""
+        """Return pairs of key and section, for all keys with a dictionary as their value, in the order of the file."""
         return ((str(key), self.section(key)) for key, value in self.values.items() if isinstance(value, dict))
 
     def text(self, key: str) -> str:
-        """Return a text. Raises PolicyError for any other value."""
+        """Return the text of a key. Raises PolicyError if the value is not a text."""
         value = self.get(key)
         if not isinstance(value, str):
             self.raise_invalid(key, "a text")
         return value
 
     def number(self, key: str, default: float | None = None) -> float:
-        """Return a finite number. Any other value raises PolicyError.
+        """Return the finite number of a key. Raises PolicyError for any other value.
 
         Args:
             key: Key of the number.
-            default: Number if the key is missing or null; None: the key is required.
+            default: Result if the key is missing or null; None: the key is required.
 
         Returns:
             The number.
@@ -98,12 +109,12 @@ class FileSettings:
         return number
 
     def numbers(self, key: str, count: int | None = 12, default: float | None = None) -> Numbers:
-        """Return several finite numbers; a single number stands for all. Any other value raises PolicyError.
+        """Return the finite numbers of a key; a single number is repeated. Raises PolicyError for any other value.
 
         Args:
             key: Key of the numbers.
-            count: How many; None: any number of them.
-            default: Each number if the key is missing or null; None: the key is required.
+            count: Required count of the numbers; None: any count.
+            default: Number to repeat if the key is missing or null; None: the key is required.
 
         Returns:
             The numbers.
@@ -115,12 +126,12 @@ class FileSettings:
         return tuple(each for each in numbers if each is not None)
 
     def range(self, key: str) -> Range:
-        """Return the minimum and the maximum of a range."""
+        """Return the minimum and maximum of a key. Raises PolicyError for any other value."""
         minimum, maximum = self.numbers(key, 2)
         return minimum, maximum
 
     def texts(self, key: str) -> tuple[str, ...]:
-        """Return a list of texts; a single text is a list of one. Raises PolicyError for any other value."""
+        """Return the texts of a key, which has a text or a list of texts. Raises PolicyError for any other value."""
         value = self.get(key)
         values = [value] if isinstance(value, str) else value
         if not isinstance(values, list) or not all(isinstance(each, str) for each in values):
@@ -128,11 +139,11 @@ class FileSettings:
         return tuple(values)
 
     def permutation(self, key: str, optional: bool = False) -> tuple[int, ...]:
-        """Return the numbers from 0 to 11 in some order. Any other value raises PolicyError.
+        """Return a permutation of the numbers from 0 to 11. Raises PolicyError for any other value.
 
         Args:
             key: Key of the numbers.
-            optional: True: ascending order if the key is missing or null.
+            optional: True: the result is in ascending order if the key is missing or null.
 
         Returns:
             The numbers.
@@ -145,15 +156,15 @@ class FileSettings:
         return tuple(map(int, numbers))
 
     def joint_values(self, key: str, joints: tuple[str, ...], default: float | None = None) -> Numbers:
-        """Return a number for each joint, as Isaac Lab reads it.
+        """Return a number for each joint, with Isaac Lab's rules.
 
-        The value of the key is one number for all joints, one per joint, or numbers by regular expressions over whole
-        joint names.
+        The value of the key is one number for all joints, a list with one number per joint, or a dictionary from
+        regular expressions to numbers. An expression must match the whole name of a joint.
 
         Args:
             key: Key of the numbers.
             joints: Names of the joints.
-            default: Number of joints that no expression matches; None: every joint must match one.
+            default: Number for joints that no expression matches; None: each joint must match an expression.
 
         Returns:
             Numbers in the order of `joints`.
@@ -165,17 +176,17 @@ class FileSettings:
         return tuple(patterns.number(patterns.matching_pattern(joint, is_optional), default) for joint in joints)
 
     def matching_pattern(self, joint: str, optional: bool = False) -> str:
-        """Return the key that matches a joint's whole name as a regular expression.
+        """Return the key that, as a regular expression, matches the whole name of a joint.
 
         Args:
             joint: Name of the joint.
-            optional: True: the result is empty if no key matches.
+            optional: True: the result is an empty text if no key matches.
 
         Returns:
             The key.
 
         Raises:
-            PolicyError: Several keys match, or none although one is required.
+            PolicyError: Several keys match, or no key matches and `optional` is False.
         """
         patterns = [str(key) for key in self.values if matches(str(key), joint)]
         if len(patterns) == 1 or (optional and not patterns):
@@ -184,13 +195,16 @@ class FileSettings:
         raise PolicyError(f"`{self.key_prefix[:-1]}` in {self.file.name} has {several} for {joint}, not one expression")
 
     def network(self) -> Path:
-        """Return the network of these settings: in `exported` of its run, next to the file, or the only .onnx there.
+        """Find the network that belongs to these settings.
+
+        Files with usual names are searched in the folder `exported` of the run, in the run's folder, and next to the
+        file. If there are none, the only .onnx file in these folders is the network.
 
         Returns:
             Absolute path.
 
         Raises:
-            PolicyError: There is no network, or several.
+            PolicyError: There is no network, or there are several.
         """
         file = self.file
         run = file.parent.parent if file.parent.name in ("params", "io_descriptors") else file.parent
@@ -206,13 +220,13 @@ class FileSettings:
         raise PolicyError(fault, f"put it at {run / 'exported/policy.onnx'}")
 
     def raise_invalid(self, key: str, expected: str) -> NoReturn:
-        """Raise PolicyError for a wrong value of `key`, with the `expected` value, a noun phrase."""
+        """Raise the PolicyError for a wrong value of `key`; `expected` is a noun phrase for valid values."""
         name = f"`{self.key_prefix}{key}` in {self.file.name}"
         raise PolicyError(f"{name} must be {expected}, not {brief(self.find(key))}")
 
 
 def matches(pattern: str, name: str) -> bool:
-    """Return True if a regular expression matches a whole name, in bounded time.
+    """Return True if a regular expression matches a whole name; the time is bounded for all expressions.
 
     Args:
         pattern: Regular expression.
@@ -231,7 +245,7 @@ def matches(pattern: str, name: str) -> bool:
 
 
 def find_network(folder: Path, name: str) -> Path:
-    """Return the absolute path of a network.
+    """Return the absolute path of a network, and check that the file exists.
 
     Args:
         folder: Folder of the settings.
@@ -241,7 +255,7 @@ def find_network(folder: Path, name: str) -> Path:
         Absolute path.
 
     Raises:
-        PolicyError: There is no file of this name.
+        PolicyError: The file does not exist.
     """
     try:
         file = folder / name
@@ -253,7 +267,7 @@ def find_network(folder: Path, name: str) -> Path:
 
 
 def load_settings(file: Path) -> FileSettings:
-    """Load the settings of a file, by its suffix. Raises PolicyError, one line."""
+    """Load the settings in a file; the suffix determines the format. Raises PolicyError, one line, for a fault."""
     try:
         content = read_bytes(file, MAX_TOML_SIZE if file.suffix.lower() == ".toml" else MAX_BYTES)
         lines = content.count(b"\n")
@@ -273,7 +287,10 @@ def load_settings(file: Path) -> FileSettings:
 
 
 def _check_keys(settings: Any, file: Path) -> None:
-    """Raise PolicyError for a key that is no short text or number, at any depth; each collection is checked once."""
+    """Raise PolicyError if a key, at any depth, is not a short text, a number or null.
+
+    Each collection is checked only once, because YAML aliases may repeat it many times.
+    """
     seen = set[int]()
     waiting = [settings]
     while waiting:
@@ -291,11 +308,14 @@ def _check_keys(settings: Any, file: Path) -> None:
 
 
 def _parse_number(value: object) -> float | None:
-    """Return a finite number, also from a text like 1e-3, which YAML reads as a text; None for anything else."""
+    """Convert a number or a text to a finite number; None if this is impossible.
+
+    Texts are accepted because YAML reads numbers such as 1e-3 as texts.
+    """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     if isinstance(value, str) and (len(value) > MAX_DIGITS or not DECIMAL_NUMBER.fullmatch(value)):
-        return None  # for example 1_0 and digits of other scripts, which `float` accepts
+        return None  # because `float` would accept texts such as 1_0 and digits of other scripts
     try:
         number = float(value)
     except (ValueError, OverflowError):

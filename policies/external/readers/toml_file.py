@@ -1,4 +1,4 @@
-"""Short TOML of this project: the fields of a `PolicySpec` by name; fields with their default value are left out."""
+"""This project's TOML format of a specification: the fields of a `PolicySpec` that differ from their defaults."""
 
 import json
 import os
@@ -14,11 +14,11 @@ from policies.parameters import is_number
 
 Spec = TypeVar("Spec", PolicySpec, SpecTerm, HeightGrid)
 MAX_LINE = 100
-"""Largest number of characters of a list in one line."""
+"""Maximum number of characters of a list that is written in one line."""
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """Return the policy of a TOML. A fault raises PolicyError."""
+    """Parse a specification in TOML. Raises PolicyError for a missing, unknown or wrong field."""
     values = settings.values
     if "network" in values:
         values["network"] = find_network(settings.file.parent, settings.text("network"))
@@ -36,11 +36,13 @@ def parse_spec(settings: FileSettings) -> PolicySpec:
 
 
 def write_toml(spec: PolicySpec, file: Path) -> None:
-    """Write a specification as TOML; `parse_spec` reads the same value from it.
+    """Write a specification as a TOML file, from which `parse_spec` reads the same specification.
+
+    The path of the network is written relative to the folder of `file`.
 
     Args:
-        spec: Specification; its network is written relative to the file's folder.
-        file: TOML to write.
+        spec: Specification.
+        file: TOML file to write.
     """
     lines = [f"{name} = {value}\n" for name, value in _non_default_fields(spec, file.absolute().parent)]
     remarks = [f"# {remark}\n" for remark in spec.remarks]
@@ -49,11 +51,11 @@ def write_toml(spec: PolicySpec, file: Path) -> None:
 
 
 def as_toml(name: str, value: Any) -> str:
-    """Return a field of a specification as TOML.
+    """Format the value of a specification's field as TOML.
 
     Args:
         name: Name of the field.
-        value: Its value.
+        value: Value of the field.
 
     Returns:
         TOML text of the value.
@@ -62,7 +64,11 @@ def as_toml(name: str, value: Any) -> str:
 
 
 def _expand_joint_values(name: str, value: Any, joints: Any) -> Any:
-    """Return twelve values: one stands for all, and a table gives one for each part of a name, like `hip`."""
+    """Return the value of a field for each joint.
+
+    A single value is repeated twelve times. A table has one value for each part of joint names, such as `hip`. A list
+    is returned unchanged. Raises PolicyError if a joint's name does not contain exactly one key of the table.
+    """
     if isinstance(value, dict) and isinstance(joints, list | tuple):
         values = []
         for joint in joints:
@@ -76,7 +82,7 @@ def _expand_joint_values(name: str, value: Any, joints: Any) -> Any:
 
 
 def _parse_term(given: Any) -> SpecTerm:
-    """Return a term from its name, or from a table of its fields."""
+    """Make an observation term from its name, or from a table of its fields."""
     if not isinstance(given, dict):
         return _make(SpecTerm, {"name": given})
     parsed: dict[str, Any] = {}
@@ -88,7 +94,7 @@ def _parse_term(given: Any) -> SpecTerm:
 
 
 def _make(kind: type[Spec], values: dict[str, Any]) -> Spec:
-    """Return a dataclass with these fields. Raises PolicyError for unknown, missing and wrong ones."""
+    """Make a dataclass from the values of its fields. Raises PolicyError for an unknown, missing or wrong field."""
     is_required = {field.name: field.default is MISSING for field in fields(kind) if field.compare}
     if unknown := [name for name in values if name not in is_required]:
         raise PolicyError(f"`{unknown[0]}` is not known", f"the names are {', '.join(is_required)}")
@@ -102,7 +108,7 @@ def _to_tuples(value: Any) -> Any:
 
 
 def _non_default_fields(spec: Any, folder: Path = Path()) -> list[tuple[str, str]]:
-    """Return the fields other than their defaults, as TOML."""
+    """Return name and TOML text of each field that differs from its default; paths are relative to `folder`."""
     texts = []
     for field in fields(spec):
         value = getattr(spec, field.name)
@@ -112,7 +118,11 @@ def _non_default_fields(spec: Any, folder: Path = Path()) -> list[tuple[str, str
 
 
 def _shorten(name: str, value: Any, folder: Path) -> Any:
-    """Return the short form of a value: one number for all, a term's name, a path relative to a folder."""
+    """Return the short form of a field's value.
+
+    A path becomes relative to `folder`, equal values of all joints become one value, and a term that has only default
+    settings becomes its name.
+    """
     if isinstance(value, Path):
         return Path(os.path.relpath(value, folder)).as_posix()
     if (name in JOINT_FIELDS and len(set(value)) == 1) or (name == "scale" and len(value) == 1):
@@ -123,7 +133,7 @@ def _shorten(name: str, value: Any, folder: Path) -> Any:
 
 
 def _format(value: Any) -> str:
-    """Return a value as TOML; long lists have several lines."""
+    """Format a value as TOML; a list longer than MAX_LINE takes several lines."""
     if isinstance(value, bool | str):
         return json.dumps(value, ensure_ascii=False)
     if is_dataclass(value):

@@ -1,8 +1,10 @@
-"""Unitree's `deploy.yaml`, which unitree_rl_lab and unitree_rl_mjlab export next to a network.
+"""Reader of Unitree's `deploy.yaml`, which unitree_rl_lab and unitree_rl_mjlab export together with a network.
 
-Sources: unitree_rl_lab `utils/export_deploy_cfg.py` and `deploy/include/isaaclab`. Joint i of the policy is motor
-`joint_ids_map[i]` of Unitree's SDK. Gains are in the order of the motors, all else in the policy's order. Terms are
-clipped, then scaled, unless `scale_first`; `use_gym_history` puts a history by time, oldest first.
+Joint i of the policy is motor `joint_ids_map[i]` of Unitree's SDK. The gains are in the order of the motors. All other
+values are in the order of the policy. Terms are clipped and then scaled, or scaled first if `scale_first` is set. With
+`use_gym_history`, all terms of a control step are together in the history, and the oldest step is first.
+
+Sources: unitree_rl_lab `utils/export_deploy_cfg.py` and `deploy/include/isaaclab`.
 """
 
 from dataclasses import replace
@@ -15,7 +17,7 @@ from policies.external.spec import Numbers, PolicySpec, Range, SpecTerm
 
 
 def parse_spec(settings: FileSettings) -> PolicySpec:
-    """Return the policy of a `deploy.yaml`. A fault raises PolicyError."""
+    """Parse a `deploy.yaml`. Raises PolicyError for a missing, wrong or unsupported setting."""
     motors = settings.permutation("joint_ids_map")
     action = _find_action(settings)
     order = action.permutation("joint_ids", optional=True)
@@ -50,7 +52,7 @@ def _in_order(values: Numbers, indices: tuple[int, ...]) -> Numbers:
 
 
 def _find_action(settings: FileSettings) -> FileSettings:
-    """Return the only action, joint positions. Raises PolicyError."""
+    """Return the settings of the only action. Raises PolicyError unless it is a JointPositionAction."""
     actions = settings.section("actions")
     if list(actions.values) != ["JointPositionAction"]:
         settings.raise_invalid("actions", "JointPositionAction alone")
@@ -58,7 +60,7 @@ def _find_action(settings: FileSettings) -> FileSettings:
 
 
 def _observation_group(settings: FileSettings) -> FileSettings:
-    """Return the observations of the only input. Raises PolicyError."""
+    """Return the settings of the observation terms. Raises PolicyError if the network has several inputs."""
     observations = settings.section("observations")
     groups = [group for _, group in observations.sections()]
     if not groups or "params" in groups[0].values:
@@ -71,7 +73,7 @@ def _observation_group(settings: FileSettings) -> FileSettings:
 def _parse_observed_joints(
     group: FileSettings, terms: dict[str, SpecTerm], asset_joints: JointNames
 ) -> JointNames | None:
-    """Return the order of the observed joints; None if no term observes joints."""
+    """Return the joint names in the order of the observation; None if no term observes joints."""
 
     def order(name: str) -> JointNames:
         return _select_joints(asset_joints, group.section(name).optional_section("params", "asset_cfg"))
@@ -80,7 +82,11 @@ def _parse_observed_joints(
 
 
 def _parse_term(name: str, settings: FileSettings, scale_first: bool) -> SpecTerm:
-    """Return an observation term; the clip of a term that is scaled first applies to its unscaled values."""
+    """Parse an observation term.
+
+    A `PolicySpec` clips before it scales. Therefore the clip of a term that is scaled first is divided by the scale.
+    Raises PolicyError if this is impossible.
+    """
     term = make_term(name, settings)
     if not scale_first or term.clip is None:
         return term
@@ -94,7 +100,7 @@ def _select_joints(asset_joints: JointNames, settings: FileSettings) -> JointNam
 
 
 def _parse_target_clip(action: FileSettings) -> tuple[Range, ...] | None:
-    """Return the ranges of the targets, rad; None without limits. Raises PolicyError."""
+    """Return the range of each joint target, rad; None if there are no limits. Raises PolicyError for other values."""
     clip = action.find("clip")
     if clip is None:
         return None

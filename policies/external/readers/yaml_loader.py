@@ -1,7 +1,8 @@
-"""YAML loader for files of other projects: safe, strict and bounded.
+"""YAML loader for files of other projects: safe, strict, and with limits on sizes.
 
-It follows YAML 1.1 with these limits. Dates, digit groups (`1_000`) and base sixty (`1:30`) stay texts. Duplicate keys,
-collections as keys and more than MAX_PAIRS keys are errors. Python tags run no code.
+The loader follows YAML 1.1 with three restrictions. Dates, digit groups (`1_000`) and numbers of base sixty (`1:30`)
+remain texts. Duplicate keys, collections as keys, and mappings of more than MAX_PAIRS keys are errors. Python tags run
+no code.
 """
 
 import re
@@ -13,31 +14,31 @@ from policies.external.packages import import_package
 from quad_env.files.text import brief
 
 MAX_PAIRS = 20_000
-"""Largest number of keys of all mappings of a YAML file, with merged keys (`<<`)."""
+"""Maximum number of keys of a mapping in a YAML file, including merged keys (`<<`)."""
 MAX_DIGITS = 100
-"""Largest number of characters of a number."""
+"""Maximum number of characters of a number."""
 DECIMAL_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
-"""Pattern of a decimal number without infinities."""
+"""Pattern of a finite decimal number."""
 _PYTHON_TAG = "tag:yaml.org,2002:python/"
 _INTEGER = re.compile(r"[-+]?(?:0b[01]+|0[0-7]+|0x[0-9a-fA-F]+|0|[1-9][0-9]*)$")
-"""Integers of YAML 1.1."""
+"""Pattern of the accepted integers of YAML 1.1."""
 _FLOAT = re.compile(
     r"[-+]?(?:[0-9]+\.[0-9]*(?:[eE][-+][0-9]+)?|\.[0-9]+(?:[eE][-+][0-9]+)?|\.(?:inf|Inf|INF))$|\.(?:nan|NaN|NAN)$"
 )
-"""Floats of YAML 1.1."""
+"""Pattern of the accepted floats of YAML 1.1."""
 
 
 def parse_yaml(text: str) -> Any:
-    """Return the content of a YAML text.
+    """Parse a YAML text.
 
     Args:
-        text: The text.
+        text: YAML text.
 
     Returns:
-        Content as lists, mappings and scalars.
+        Content as lists, dictionaries and scalars.
 
     Raises:
-        ValueError: It is no YAML, or exceeds a limit.
+        ValueError: The text is not valid YAML, or exceeds a limit.
     """
     yaml = import_package("yaml")
     base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -59,7 +60,10 @@ def parse_yaml(text: str) -> Any:
 
 
 def _resolvers(base: Any) -> dict[Any, list[tuple[str, Any]]]:
-    """Return YAML's implicit kinds of scalars, restricted to the numbers of `_INTEGER` and `_FLOAT`, without dates."""
+    """Return the resolvers that recognise the types of scalars: first character -> tags and patterns.
+
+    Numbers must match `_INTEGER` or `_FLOAT`, and dates are not recognised.
+    """
     patterns = {"tag:yaml.org,2002:int": _INTEGER, "tag:yaml.org,2002:float": _FLOAT}
     return {
         first: [(tag, patterns.get(tag, pattern)) for tag, pattern in rules if tag != "tag:yaml.org,2002:timestamp"]
@@ -72,7 +76,7 @@ def _scalar_constructor(parse: Callable[[str], Any]) -> Callable[[Any, Any], Any
 
 
 def _parse_integer(text: str) -> int:
-    """Parse an integer of YAML 1.1. Raises ValueError."""
+    """Parse an integer of YAML 1.1. Raises ValueError if the text is not one or is too long."""
     if len(text) > MAX_DIGITS or not _INTEGER.match(text):
         raise ValueError(f"{brief(text)} is no whole number")
     sign = -1 if text[0] == "-" else 1
@@ -83,7 +87,7 @@ def _parse_integer(text: str) -> int:
 
 
 def _parse_float(text: str) -> float:
-    """Parse a float of YAML 1.1. Raises ValueError."""
+    """Parse a float of YAML 1.1. Raises ValueError if the text is not one."""
     plain = text.lower().replace(".inf", "inf").replace(".nan", "nan")
     if plain.lstrip("+-") in ("inf", "nan") or DECIMAL_NUMBER.fullmatch(plain):
         return float(plain)
@@ -91,7 +95,11 @@ def _parse_float(text: str) -> float:
 
 
 def _flatten_mapping(loader: Any, base: Any, node: Any) -> None:
-    """Put the keys that a mapping merges (`<<`) before its own, and record its own. Raises ValueError for too many."""
+    """Insert the keys that a mapping merges (`<<`) before the keys of the mapping itself.
+
+    The mapping's own keys are recorded, because only they are checked for duplicates. Raises ValueError for more than
+    MAX_PAIRS keys.
+    """
     loader.own_keys.setdefault(id(node), {id(key) for key, _ in node.value})
     base.flatten_mapping(loader, node)
     if len(node.value) > MAX_PAIRS:
@@ -99,7 +107,10 @@ def _flatten_mapping(loader: Any, base: Any, node: Any) -> None:
 
 
 def _construct_mapping(loader: Any, node: Any, deep: bool = False) -> dict[Any, Any]:
-    """Return the mapping of a node. Raises ValueError for a duplicate own key and for a collection as a key."""
+    """Return the dictionary of a mapping node.
+
+    Raises ValueError if one of the mapping's own keys is given twice, or if a key is a collection.
+    """
     if not isinstance(node, import_package("yaml").MappingNode):
         raise ValueError(f"line {node.start_mark.line + 1} holds no settings by key")
     loader.flatten_mapping(node)
@@ -119,7 +130,10 @@ def _construct_mapping(loader: Any, node: Any, deep: bool = False) -> dict[Any, 
 
 
 def _construct_python(loader: Any, kind: str, node: Any) -> Any:
-    """Return a list for the tag of a tuple and None for the tag of a slice. Raises PolicyError for other tags."""
+    """Return the value of a node with a Python tag: a list for a tuple, None for a slice.
+
+    Raises PolicyError for other tags.
+    """
     if kind == "tuple":
         return loader.construct_sequence(node, deep=True)
     if kind == "object/apply:builtins.slice":

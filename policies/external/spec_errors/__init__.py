@@ -1,4 +1,4 @@
-"""Common errors in a policy's specification, and the specifications without them."""
+"""Common errors in a policy's specification, and specifications in which such errors are corrected."""
 
 from policies.external.spec_errors.correction import (
     COMMON_ERRORS,

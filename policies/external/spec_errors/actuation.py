@@ -1,4 +1,4 @@
-"""Errors in the actuation: action scale and offset, control rate, signs of joints, servo gains."""
+"""Corrections of the actuation: action scale and offset, control rate, signs of joints, servo gains."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -23,24 +23,30 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
 
 GAIN_FACTORS = 0.2, 0.45, 2.2, 5.0
-"""Factors on both specified servo gains, for policies without known gains."""
+"""Factors on the specified stiffness and damping together; they are tried because many policies lack known gains."""
 SINGLE_GAIN_FACTORS = 0.1, 10.0
-"""Factors on the specified stiffness or damping alone."""
+"""Factors on the specified stiffness alone, and on the specified damping alone."""
 ACTION_FACTORS = 0.25, 0.5, 2.0, 4.0
-"""Factors on the specified action scale."""
+"""Factors on the specified action scale of all joints."""
 HIP_FACTORS = 0.5, 2.0
-"""Factors on the specified action scale of the hips: legged_gym's forks reduce it."""
+"""Factors on the specified action scale of the hips; they are tried because forks of legged_gym reduce it."""
 RATES = 25.0, 100 / 3, 50.0, 100.0
-"""Hz. Usual control rates."""
+"""Usual control rates, Hz."""
 MIRRORED_PENALTY = 0.4
-"""Added if the default position turns with the signs: the same network then walks differently."""
+"""Penalty of a correction that reverses the default position together with the signs of joints.
+
+The reason is that the same network walks differently with such a correction.
+"""
 ROBOT_GAINS_PENALTY = 0.1
-"""Added for the robot's own gains, which often suit a policy as well as its own."""
+"""Penalty of the robot's own gains, because a policy often walks as well with them as with the right gains."""
 _LINKS = "hip", "thigh", "calf"
 
 
 def change_actions(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield other action scales, and actions without the default position as an offset."""
+    """Yield specifications with another action scale or another action offset.
+
+    The offset is the default position or zero.
+    """
     for factor in ACTION_FACTORS:
         scale = tuple(factor * value for value in spec.action_scale)
         changed_setting = f"an action_scale of {numbers_in_words(scale)}"
@@ -56,7 +62,7 @@ def change_actions(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_rate(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield other control rates."""
+    """Yield specifications with another control rate."""
     rates = *RATES, 0.5 * spec.control_rate, min(2.0 * spec.control_rate, RATES[-1])
     for rate in dict.fromkeys(rates):
         changed = replace(spec, control_rate=rate)
@@ -64,7 +70,10 @@ def change_rate(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_signs(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
-    """Yield reversed joints by link, on all legs or on one side; the default position turns with them or stays.
+    """Yield specifications in which some joints have the opposite sign.
+
+    The joints are hips, thighs or calves, or several of these, on all legs or on one side. The default position of the
+    joints is either reversed as well or unchanged.
 
     Args:
         spec: Specification with an error.
@@ -87,20 +96,23 @@ def change_signs(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
 
 
 def _with_turned_signs(spec: PolicySpec, turns: Floats) -> PolicySpec:
-    """Return the specification with signs multiplied by `turns`, (12,)."""
+    """Return the specification with `signs` multiplied by `turns`, 1 or -1, (12,)."""
     signs = turns if spec.signs is None else turns * spec.signs
     return replace(spec, signs=None if (signs == 1.0).all() else tuple(signs.tolist()))
 
 
 def _with_turned_zeros(spec: PolicySpec, turns: Floats) -> PolicySpec:
-    """Return the specification with default position and action offset multiplied by `turns`, (12,)."""
+    """Return the specification with default position and action offset multiplied by `turns`, 1 or -1, (12,)."""
     offset = spec.action_offset and tuple((turns * spec.action_offset + 0.0).tolist())
     default_position = tuple((turns * spec.default_position + 0.0).tolist())
     return replace(spec, default_position=default_position, action_offset=offset)
 
 
 def _sign_choices(is_right: Mask) -> list[tuple[str, NDArray[np.bool_], tuple[int, ...]]]:
-    """Return the choices of reversed joints: legs as text, mask of their joints, (12,), and links."""
+    """Return the sets of joints to reverse: legs as text, mask of the legs' joints, (12,), and indices of the links.
+
+    The mask `is_right` marks the joints of the right legs, (12,).
+    """
     every = np.ones(len(is_right), np.bool_)
     link_choices: tuple[tuple[int, ...], ...] = ((1, 2), (0,), (2,), (1,), (0, 1, 2))
     choices: list[tuple[str, NDArray[np.bool_], tuple[int, ...]]] = [("", every, links) for links in link_choices]
@@ -110,7 +122,9 @@ def _sign_choices(is_right: Mask) -> list[tuple[str, NDArray[np.bool_], tuple[in
 
 
 def change_gains(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
-    """Yield the robot's own gains, the specified gains with both far off, and with one of them far off.
+    """Yield specifications with other servo gains.
+
+    They are the robot's own gains, or the specified gains with stiffness, damping or both multiplied by a factor.
 
     Args:
         spec: Specification with an error.
@@ -129,7 +143,7 @@ def change_gains(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
 
 
 def _scaled_gains(spec: PolicySpec) -> list[Floats]:
-    """Return the specified stiffness and damping, scaled together and one at a time, (2, 12) each."""
+    """Return pairs of stiffness and damping, (2, 12) each: the specified gains, scaled together or one at a time."""
     gains = np.array((spec.stiffness, spec.damping))
     scaled = [factor * gains for factor in GAIN_FACTORS]
     for factor in SINGLE_GAIN_FACTORS:

@@ -1,4 +1,4 @@
-"""Common errors of a specification by name, and the correction of one."""
+"""Names of the common errors of a specification, and the correction of an error."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ CLOCK = "gait clock"
 GAINS = "servo gains"
 
 ORDERS = SIDES, ENDS, GROUPING
-"""Errors in the order of the joints."""
+"""Names of the errors in the order of the joints."""
 COMMON_ERRORS = (
     *ORDERS,
     FRAMES,
@@ -39,7 +39,7 @@ COMMON_ERRORS = (
     CLOCK,
     GAINS,
 )
-"""Settings that users confuse, or take from another project."""
+"""Names of all errors: settings that users often confuse or copy from another project."""
 PENALTIES = {
     ACTIONS: 0.25,
     SIGNS: 0.1,
@@ -51,30 +51,34 @@ PENALTIES = {
     CLOCK: 0.3,
     GAINS: 0.3,
 }
-"""Penalties of corrections by error, added to the deviation of the walk.
+"""Name of an error -> penalty that is added to the deviation of the walk with its correction.
 
-Smaller actions and other servos, rates and clocks improve walks with another cause; so does another order of terms that
-the network hardly needs.
+These corrections can improve a walk although the specification has a different error. Examples are smaller actions,
+other servo gains, rates and clocks, and another order of terms that the network hardly needs.
 """
 
 
 @dataclass(frozen=True)
 class Correction:
-    """Specification without one of the common errors, or without several in the order of the joints."""
+    """Specification in which one or several common errors are corrected."""
 
     error: str
-    """One of COMMON_ERRORS, or several joined by `and`."""
+    """Name of the corrected error, one of COMMON_ERRORS; several names are joined by `and`."""
     changed_setting: str
-    """Setting with which the policy then runs, a noun phrase."""
+    """Setting of the corrected specification, a noun phrase such as `a control rate of 50 Hz`."""
     keys_to_correct: str
     """Keys to correct in the specification's file."""
     spec: PolicySpec
+    """Corrected specification."""
     penalty: float = 0.0
-    """Added to the deviation of its walk before corrections are compared."""
+    """Number that is added to the deviation of the walk with this specification before corrections are compared."""
 
 
 def numbers_in_words(values: Numbers) -> str:
-    """Return numbers as text: one for all, each of a few, or the minimum and the maximum."""
+    """Return numbers as text.
+
+    The text is one number if all are equal, all numbers if there are at most three, else minimum and maximum.
+    """
     if len({*values}) == 1:
         return f"{values[0]:g}"
     if len(values) > 3:

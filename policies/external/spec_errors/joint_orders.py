@@ -1,4 +1,7 @@
-"""Errors in the order of the joints: left and right, fore and hind, by kind or by leg."""
+"""Corrections of the order of the joints: left and right, fore and hind, grouped by leg or by kind.
+
+The kind of a joint is hip, thigh or calf.
+"""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -15,10 +18,10 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
 
 JointOrder = NDArray[np.intp]
-"""Indices of joints among the robot's, (12,)."""
+"""Index of each joint among the robot's joints, (12,)."""
 Names = tuple[str, ...]
 _OTHER_LEG = {SIDES: str.maketrans("lr", "rl"), ENDS: str.maketrans("fh", "hf")}
-"""Letters of a leg's name that each error exchanges."""
+"""Name of an error -> translation table that exchanges letters of a leg's name."""
 
 
 def joint_order_in_words(joints: Names, robot: Robot) -> str:
@@ -29,7 +32,7 @@ def joint_order_in_words(joints: Names, robot: Robot) -> str:
         robot: Robot that has them.
 
     Returns:
-        Order of the legs, and of the joints within.
+        Order of the legs, and `by leg`, `by kind` or `mixed`.
     """
     order = map_joints(joints, robot).joint_ids
     legs = dict.fromkeys(robot.leg_names[joint // JOINTS_PER_LEG] for joint in order.tolist())
@@ -39,12 +42,14 @@ def joint_order_in_words(joints: Names, robot: Robot) -> str:
 
 
 def reorder_joints(spec: PolicySpec, robot: Robot, count: int) -> Iterator[Correction]:
-    """Yield other orders of the joints' names alone, and with their values in the order of their names.
+    """Yield specifications with another order of the joints.
+
+    Either only the names are reordered, or the names together with all values per joint.
 
     Args:
         spec: Specification with an error.
         robot: Robot of the policy.
-        count: Number of ORDERS that are undone together.
+        count: Number of errors in ORDERS that are corrected together.
 
     Yields:
         Corrections of the order.
@@ -63,7 +68,9 @@ def reorder_joints(spec: PolicySpec, robot: Robot, count: int) -> Iterator[Corre
 
 
 def reorder_observed_joints(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
-    """Yield other orders of the observed joints alone: the actions' order, or one without an error.
+    """Yield specifications with another order of the observed joints and the same order of the actions.
+
+    The new order is the order of the actions, or the specified order with one error of ORDERS corrected.
 
     Args:
         spec: Specification with an error.
@@ -80,14 +87,14 @@ def reorder_observed_joints(spec: PolicySpec, robot: Robot) -> Iterator[Correcti
 
 
 def _reordered_values(spec: PolicySpec, joints: Names) -> dict[str, Any]:
-    """Return the fields with a value per joint in another order of the joints."""
+    """Return the fields of JOINT_FIELDS, name -> values, reordered to the joint order of `joints`."""
     order = [spec.joints.index(name) for name in joints]
     fields = {name: getattr(spec, name) for name in JOINT_FIELDS}
     return {name: values and tuple(values[index] for index in order) for name, values in fields.items()}
 
 
 def _undo(joints: Names, errors: Iterable[str], robot: Robot) -> Names:
-    """Return joints in their order without the errors."""
+    """Return joint names in the order that results if the errors are corrected."""
     given = map_joints(joints, robot).joint_ids
     order = given
     for error in errors:
@@ -101,7 +108,10 @@ def _undo(joints: Names, errors: Iterable[str], robot: Robot) -> Names:
 
 
 def _grouped(order: JointOrder) -> tuple[JointOrder, JointOrder]:
-    """Return joints by leg and by kind; legs, and joints of a leg, keep the order of their first appearance."""
+    """Return the joints grouped by leg, and the joints grouped by kind.
+
+    Legs and kinds keep the order of their first appearance.
+    """
     leg_ids, link_ids = np.divmod(order, JOINTS_PER_LEG)
     leg_rank = _rank_of_first(leg_ids)
     link_rank = _rank_of_first(link_ids)
@@ -109,6 +119,6 @@ def _grouped(order: JointOrder) -> tuple[JointOrder, JointOrder]:
 
 
 def _rank_of_first(ids: JointOrder) -> NDArray[np.intp]:
-    """Return for each entry the index of the first entry with the same value, for values from 0."""
+    """Return, for each entry, the index of the first entry with the same value; the values are 0, 1, 2 and so on."""
     first_indices: NDArray[np.intp] = np.unique(ids, return_index=True)[1]
     return first_indices[ids]

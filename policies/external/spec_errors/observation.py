@@ -1,4 +1,4 @@
-"""Errors in the observation: frames, signs, scales, history, conventions and order of the terms."""
+"""Corrections of the observation: frames, signs, scales, history, conventions and order of the terms."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -26,11 +26,11 @@ LEGGED_GYM_SCALES: dict[str, Numbers] = {
     "command": (2.0, 2.0, 0.25),
     "height_scan": (5.0,),
 }
-"""Scales of observation terms in legged_gym; other projects have 1."""
+"""Name of an observation term -> its scale in legged_gym; in other projects the scale is 1."""
 CLOCK_FACTORS = 0.5, 2.0
-"""Factors on the specified frequency of a clock."""
+"""Factors on the specified frequency of a gait clock."""
 CLOCK_THRESHOLD = 0.1
-"""Norm of the command below which clocks of other projects are zero."""
+"""Norm of the command below which the gait clocks of other projects are zero."""
 _JOINT_STATE = "joint_position", "absolute_joint_position", "joint_velocity", "previous_action"
 TERM_ORDERS = (
     ("linear_velocity", "angular_velocity", "projected_gravity", "command", *_JOINT_STATE),
@@ -39,7 +39,10 @@ TERM_ORDERS = (
     ("angular_velocity", "linear_velocity", "projected_gravity", "command", *_JOINT_STATE),
     ("projected_gravity", "angular_velocity", "linear_velocity", "command", *_JOINT_STATE),
 )
-"""Orders of the terms in legged_gym and Isaac Lab, in mjlab and MuJoCo Playground, in HIMLoco, and in others."""
+"""Orders of the observation terms in other projects.
+
+legged_gym and Isaac Lab have the first order, mjlab and MuJoCo Playground the second, and HIMLoco the third.
+"""
 _FRAMES: tuple[Literal["body", "world"], ...] = ("body", "world")
 _OTHER_POSITION = {
     "joint_position": "absolute_joint_position",
@@ -48,7 +51,7 @@ _OTHER_POSITION = {
 
 
 def change_frames(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield the velocities in the body frame and in the world frame, both of them and each alone."""
+    """Yield specifications with the linear velocity, the angular velocity or both in the body or world frame."""
     both = "linear_velocity", "angular_velocity"
     for frame in _FRAMES:
         for names in (both, both[:1], both[1:]):
@@ -60,7 +63,7 @@ def change_frames(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def reverse_gravity(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield the projected gravity with the opposite sign."""
+    """Yield the specification in which the projected gravity has the opposite sign."""
 
     def reverse(term: SpecTerm) -> SpecTerm:
         reversed_term = replace(term, scale=tuple(-factor for factor in term.scale))
@@ -72,7 +75,11 @@ def reverse_gravity(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_scales(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield each scale of an observation as in legged_gym, as 1, or times a factor; and all of them together."""
+    """Yield specifications with other observation scales.
+
+    The scale of one term is legged_gym's scale, 1, or the specified scale multiplied or divided by legged_gym's scale.
+    In two more specifications, all terms in LEGGED_GYM_SCALES have these scales, or all of them have the scale 1.
+    """
     for name, legged_gym_scale in LEGGED_GYM_SCALES.items():
         for term in spec.terms:
             if term.name != name:
@@ -93,7 +100,7 @@ def change_scales(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_history(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield a history in another direction, in another layout, and in both."""
+    """Yield specifications with the history in the opposite direction, in the other layout, and with both changes."""
     if all(term.history == 1 for term in spec.terms):
         return
     newest: Literal["first", "last"] = "last" if spec.history_newest == "first" else "first"
@@ -109,7 +116,10 @@ def change_history(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_conventions(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield the other meaning of the previous action, another zero of joint positions, and other clock settings."""
+    """Yield specifications with another convention of a term.
+
+    They change the meaning of the previous action, the zero of the joint positions, or the settings of a gait clock.
+    """
     names = {term.name for term in spec.terms}
     if "previous_action" in names:
         other: Literal["raw", "scaled"] = "scaled" if spec.previous_action == "raw" else "raw"
@@ -125,7 +135,7 @@ def change_conventions(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def _change_clock(spec: PolicySpec, term: SpecTerm) -> Iterator[Correction]:
-    """Yield another threshold and other frequencies of a clock."""
+    """Yield specifications with another threshold or another frequency of a gait clock."""
     threshold = 0.0 if term.zero_below else CLOCK_THRESHOLD
     gated = f"a clock that is zero below a command of {threshold:g}"
     changed_setting = gated if threshold else "a clock that always runs"
@@ -138,7 +148,7 @@ def _change_clock(spec: PolicySpec, term: SpecTerm) -> Iterator[Correction]:
 
 
 def change_term_order(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield the terms in another project's order, or with two neighbours swapped."""
+    """Yield specifications with the terms in the order of another project, or with two adjacent terms swapped."""
     terms = spec.terms
     orders = [_sort_terms(terms, names) for names in TERM_ORDERS]
     orders += [(*terms[:index], terms[index + 1], terms[index], *terms[index + 2 :]) for index in range(len(terms) - 1)]
@@ -148,29 +158,29 @@ def change_term_order(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def _sort_terms(terms: tuple[SpecTerm, ...], names: tuple[str, ...]) -> tuple[SpecTerm, ...]:
-    """Return the terms with these names in this order, the others at their places."""
+    """Return the terms, sorted by the order of `names`; terms that are not in `names` keep their positions."""
     known = [term for term in terms if term.name in names]
     in_order = iter(sorted(known, key=lambda term: names.index(term.name)))
     return tuple(next(in_order) if term.name in names else term for term in terms)
 
 
 def _map_terms(spec: PolicySpec, change: Callable[[SpecTerm], SpecTerm]) -> PolicySpec:
-    """Return the specification with each of its terms changed."""
+    """Return the specification with the function `change` applied to each term."""
     return replace(spec, terms=tuple(map(change, spec.terms)))
 
 
 def _with_clock(spec: PolicySpec, frequency: float, zero_below: float) -> PolicySpec:
-    """Return the specification with another clock, Hz."""
+    """Return the specification with another `frequency`, Hz, and threshold `zero_below` of the gait clock."""
     change = partial(replace, clock=frequency, zero_below=zero_below)
     return _map_terms(spec, lambda term: change(term) if term.name == "gait_clock" else term)
 
 
 def _scale_setter(scales: dict[str, Numbers]) -> Callable[[SpecTerm], SpecTerm]:
-    """Return a function that gives terms these scales; their limits clip at the same values."""
+    """Return a function that replaces the scale of a term by its scale in `scales`; the clip is unchanged."""
     return lambda term: replace(term, scale=scales[term.name]) if term.name in scales else term
 
 
 def _paired(scale: Numbers, other: Numbers) -> Iterable[tuple[float, float]]:
-    """Return pairs of two scales; one number stands for all."""
+    """Return pairs of corresponding factors of two scales; a scale of one number is repeated."""
     width = max(len(scale), len(other))
     return zip(scale * (width // len(scale)), other * (width // len(other)), strict=True)

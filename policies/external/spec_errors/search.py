@@ -1,4 +1,7 @@
-"""Search space of corrections: one error undone, several in the order of the joints, or two of different kinds."""
+"""Search space of corrections of a specification.
+
+A correction corrects one error, several errors in the order of the joints, or two errors of different kinds.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -10,13 +13,14 @@ from quad_env.robots.robot import Robot
 
 
 def corrections(spec: PolicySpec, robot: Robot, count: int = 1) -> Iterator[Correction]:
-    """Yield corrections of a specification, each with another result.
+    """Yield corrections of a specification; no two of them result in the same specification.
 
     Args:
         spec: Specification with an error.
         robot: Robot of the policy.
-        count: 1: each of COMMON_ERRORS is undone. More: this number of ORDERS is undone together, since Isaac Lab's
-            order differs from Unitree's by several.
+        count: Number of errors in the order of the joints that are corrected together. 1: each of COMMON_ERRORS is
+            corrected alone. More than 1 is useful because Isaac Lab's joint order differs from Unitree's by several
+            errors.
 
     Yields:
         Correction with its penalty.
@@ -29,14 +33,14 @@ def corrections(spec: PolicySpec, robot: Robot, count: int = 1) -> Iterator[Corr
 
 
 def second_corrections(first: Correction, robot: Robot) -> Iterator[Correction]:
-    """Yield a second correction of another kind on top of a first one.
+    """Yield combinations of a first correction with a second correction of another error.
 
     Args:
         first: The first correction.
         robot: Robot of the policy.
 
     Yields:
-        Both corrections as one.
+        Correction that combines both, with the sum of their penalties.
     """
     for second in corrections(first.spec, robot):
         if second.error != first.error:
