@@ -1,8 +1,8 @@
-"""SimpleQuad: a quadruped locomotion environment; importing registers it with Gymnasium and loads next to nothing.
+"""SimpleQuad: a quadruped locomotion environment; the import registers the environment with Gymnasium.
 
-`gym.make("SimpleQuad-v0")` after this import, or `gym.make("quad_env:SimpleQuad-v0")` anywhere, worker processes too.
-The public names are listed in `__init__.pyi` only, as in Scientific Python's SPEC 1. A module is imported on first use
-of one of its names.
+Call `gym.make("SimpleQuad-v0")` after this import. `gym.make("quad_env:SimpleQuad-v0")` works without the import, also
+in worker processes. Only `__init__.pyi` lists the public names, as in Scientific Python's SPEC 1. A module is imported
+on first use of one of its names, so the import of this package is fast.
 """
 
 import re
@@ -20,7 +20,7 @@ register()
 
 
 def __getattr__(name: str) -> Any:
-    """Import the module of a public name, and return the name's value."""
+    """Import the module that defines a public name, and return the object with this name."""
     if name == "__version__":
         return _version()
     if name not in _MODULE_BY_NAME:
@@ -29,15 +29,15 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return all public names, also of modules that are not imported yet."""
+    """Return all public names, including names from modules that are not imported yet."""
     return sorted({*globals(), *__all__, "__version__"})
 
 
 def _version() -> str:
-    """Return the version of the installed distribution."""
+    """Return the version of the installed distribution; `0+unknown` if it is not installed."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:
         return version("simple-quad")
-    except PackageNotFoundError:  # run from a source tree that is not installed
+    except PackageNotFoundError:  # because the code runs from a source tree that is not installed
         return "0+unknown"

@@ -7,10 +7,10 @@ import sys
 
 from quad_env.cli import launcher
 
-if __name__ == "__main__":  # before the imports that take time
+if __name__ == "__main__":  # before the next imports, because they take time
     launcher.leave_on_interrupt()
     if launcher.IS_CLONE:
-        sys.path.insert(0, str(launcher.ROOT))  # so that no `evaluate.py` of the user's is imported
+        sys.path.insert(0, str(launcher.ROOT))  # first, so that a user's `evaluate.py` is not imported
 
 from quad_env.cli.program import Command, Program
 

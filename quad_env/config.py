@@ -1,4 +1,4 @@
-"""Settings of the environment as frozen dataclasses, which are checked when they are made."""
+"""Settings of the environment as frozen dataclasses, with a check of the values in the constructor."""
 
 import sys
 from collections.abc import Iterator
@@ -10,18 +10,18 @@ import numpy as np
 from typeguard import CollectionCheckStrategy, TypeCheckError, check_type
 
 GRAVITY = 9.81
-"""m/s². Gravitational acceleration of every world."""
+"""Gravitational acceleration in all scenarios, m/s²."""
 MIN_TRUNK_HEIGHT_RATIO = 0.2
-"""Height of the trunk's centre, as a fraction of the leg length, below which a robot has fallen."""
+"""Height of the trunk centre below which a robot has fallen, as a fraction of the leg length."""
 COMMAND_BOUND = 100.0
-"""m/s and rad/s. Largest magnitude of a command that the observation can show."""
+"""Largest magnitude of a command component, m/s or rad/s; observations are clipped to this bound."""
 
 
 class Bounds(NamedTuple):
-    """Range of valid numbers of a setting, for its annotation."""
+    """Range of valid numbers of a setting, used in the type annotation of the field."""
 
     description: str
-    """The range in words, after `must be`."""
+    """Range in words, for the error message `<field> must be <description>`."""
     minimum: float
     """Smallest valid number."""
     maximum: float = sys.float_info.max
@@ -38,10 +38,10 @@ def check_settings(settings: Any) -> None:
     """Check the fields of a dataclass against their annotations.
 
     Args:
-        settings: The dataclass instance.
+        settings: Instance of a settings dataclass.
 
     Raises:
-        ValueError: A field has another type, or a number out of its bounds; one line, for the first of them.
+        ValueError: A field has a wrong type or a number out of bounds; the message names the first wrong field.
     """
     settings_class: Any = type(settings)
     for name, (kind, bounds) in _annotations(settings_class).items():
@@ -56,7 +56,7 @@ def check_settings(settings: Any) -> None:
 
 
 def _check_bounds(label: str, value: Any, bounds: tuple[Bounds, ...]) -> None:
-    """Raise ValueError for a number, also in a tuple or array, out of one of the bounds."""
+    """Raise ValueError if the value, or a number in a tuple or array, is outside of one of the bounds."""
     numbers = np.ravel(value).tolist()
     for bound in bounds:
         if any(isinstance(number, bool) or not bound.minimum <= number <= bound.maximum for number in numbers):
@@ -65,20 +65,20 @@ def _check_bounds(label: str, value: Any, bounds: tuple[Bounds, ...]) -> None:
 
 @cache
 def _annotations(settings_class: type) -> dict[str, tuple[Any, tuple[Bounds, ...]]]:
-    """Return the type and the bounds of each field."""
+    """Return the name of each field -> (type, bounds)."""
     annotated = get_type_hints(settings_class, include_extras=True)
     return {name: (kind, tuple(_bounds(annotated[name]))) for name, kind in get_type_hints(settings_class).items()}
 
 
 def _bounds(hint: Any) -> Iterator[Bounds]:
-    """Yield the bounds in an annotation and in its parts."""
+    """Yield all `Bounds` in a type annotation, including the annotations of its type arguments."""
     yield from (item for item in getattr(hint, "__metadata__", ()) if isinstance(item, Bounds))
     for part in get_args(hint):
         yield from _bounds(part)
 
 
 class Settings:
-    """Base of dataclasses that are checked against their annotations when they are made; ValueError otherwise."""
+    """Base class of settings; the constructor raises ValueError if a value does not match the field's annotation."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -86,30 +86,30 @@ class Settings:
 
 @dataclass(frozen=True)
 class CommandRanges(Settings):
-    """Ranges of velocity commands in the heading frame, drawn uniformly at reset and at every interval."""
+    """Ranges of velocity commands, heading frame; commands are drawn uniformly at reset and after every interval."""
 
     forward: tuple[float, float] = (-1.0, 1.5)
-    """m/s"""
+    """Smallest and largest forward velocity, m/s"""
     lateral: tuple[float, float] = (-0.8, 0.8)
-    """m/s, positive to the left"""
+    """Smallest and largest lateral velocity, positive to the left, m/s"""
     yaw_rate: tuple[float, float] = (-1.2, 1.2)
-    """rad/s, positive to the left"""
+    """Smallest and largest yaw rate, positive to the left, rad/s"""
     zero_fraction: Fraction = 0.1
-    """Fraction of draws that are the zero command."""
+    """Probability that a draw gives the zero command"""
     interval: Annotated[float, Bounds("from 0.01 s to 1e6 s", 0.01, 1e6)] = 5.0
-    """s between draws"""
+    """Time between draws, s"""
 
     def steps(self, dt: float) -> int:
-        """Return the duration of a command in control steps of period `dt`, s."""
+        """Return the number of control steps of period `dt`, s, for which a command is kept."""
         return round(self.interval / dt)
 
     @classmethod
     def straight(cls, speed: float) -> "CommandRanges":
-        """Return ranges that always give a command straight ahead at `speed`, m/s."""
+        """Return ranges that give only the command to move straight ahead at `speed`, m/s."""
         return cls((speed, speed), (0.0, 0.0), (0.0, 0.0), zero_fraction=0.0)
 
     def scaled(self, velocity_factor: float, yaw_rate_factor: float) -> "CommandRanges":
-        """Return the ranges with velocities times `velocity_factor` and yaw rates times `yaw_rate_factor`."""
+        """Return a copy with the velocities multiplied by `velocity_factor`, the yaw rates by `yaw_rate_factor`."""
         return replace(
             self,
             forward=_scaled_range(self.forward, velocity_factor),
@@ -129,58 +129,59 @@ class CommandRanges(Settings):
 
 
 def _scaled_range(values: tuple[float, float], factor: float) -> tuple[float, float]:
-    """Return both ends of a range times a factor."""
+    """Return a range with both ends multiplied by a factor."""
     low, high = values
     return factor * low, factor * high
 
 
 @dataclass(frozen=True)
 class StartNoise(Settings):
-    """Uniform noise around the home pose at the start of an episode; each value is a half-width."""
+    """Uniform noise around the home pose at the start of an episode; each value is the half-width of a range."""
 
     yaw: float = 3.141592653589793
-    """rad; the full circle, so that no result depends on equal heading and world frames"""
+    """Yaw angle, rad; the full circle, so that a policy cannot rely on equal heading and world frames"""
     tilt: float = 0.03
-    """rad; of roll and of pitch"""
+    """Roll and pitch angles, rad"""
     joint_position: float = 0.05
-    """rad"""
+    """Offset of each joint angle from the home pose, rad"""
     joint_velocity: float = 0.1
-    """rad/s"""
+    """Joint speeds, rad/s"""
     linear_velocity: float = 0.1
-    """m/s along each world axis"""
+    """Trunk velocity along each axis of the world frame, m/s"""
     angular_velocity: float = 0.1
-    """rad/s about each body axis"""
+    """Trunk angular velocity about each axis of the base frame, rad/s"""
 
 
 @dataclass(frozen=True)
 class AnyPose(Settings):
-    """Starts of a fallen robot, with its lowest point on the ground; each value is the half-width of a velocity.
+    """Start of an episode in any pose, as after a fall, with the lowest point of the robot on the ground.
 
-    Orientations are uniform, and joint angles are uniform within their limits.
+    Orientations are uniform, and joint angles are uniform within the joint limits. Velocities are uniform, and each
+    value is the half-width of a range.
     """
 
     joint_velocity: float = 3.0
-    """rad/s"""
+    """Joint speeds, rad/s"""
     linear_velocity: float = 1.0
-    """m/s along each world axis"""
+    """Trunk velocity along each axis of the world frame, m/s"""
     angular_velocity: float = 3.0
-    """rad/s about each body axis"""
+    """Trunk angular velocity about each axis of the base frame, rad/s"""
 
 
 @dataclass(frozen=True)
 class FallRule(Settings):
-    """Conditions for a fall, besides contact of the trunk with the ground."""
+    """Limits of tilt and height beyond which a robot has fallen; ground contact of the trunk is always a fall."""
 
     name: str = "simple-quad/1"
     """Name of the rule, which is stored with every result"""
     tilt: float = 1.2217304763960306
-    """rad; maximum angle between the trunk's z axis and the vertical, 70 degrees"""
+    """Maximum angle between the trunk's z axis and the vertical, 70 degrees, rad"""
     height: float | None = None
-    """m; minimum height of the trunk's centre above the terrain below it; None for a fifth of the leg length,
-    SimpleQuad's 0.12 m"""
+    """Minimum height of the trunk centre above the terrain below it, m; None for a fifth of the leg length, which is
+    0.12 m for SimpleQuad"""
 
     def min_trunk_height(self, leg_length: float) -> float:
-        """Return the trunk height, m, below which a robot with this `leg_length`, m, has fallen."""
+        """Return the trunk height below which a robot with the leg length `leg_length`, m, has fallen, m."""
         return MIN_TRUNK_HEIGHT_RATIO * leg_length if self.height is None else self.height
 
     def lowest(self, leg_length: float) -> float:
@@ -190,12 +191,12 @@ class FallRule(Settings):
 
 FALL_RULE = FallRule().name
 FALL_REASONS = ("none", "trunk_contact", "tilt", "height")
-"""Name of each code in `info["fall"]`; the first of several reasons counts."""
+"""Reasons of a fall, indexed by the code in `info["fall"]`; the first one counts if several apply."""
 
 
 @dataclass(frozen=True)
 class RewardWeights(Settings):
-    """Weight of each reward term, a function of the same name in `quad_env.task.rewards`."""
+    """Weight of each reward term; the function of a term has the same name in `quad_env.task.rewards`."""
 
     linear_velocity_tracking: float = 1.2
     yaw_rate_tracking: float = 0.8
@@ -215,13 +216,13 @@ class RewardWeights(Settings):
 
 @dataclass(frozen=True)
 class TaskConfig(Settings):
-    """Settings of the task: rates, fall rule and rewards."""
+    """Settings of the task: control rate, physics step, fall rule and reward weights."""
 
     control_rate: float = 100.0
-    """Hz; rate of observations and actions"""
+    """Rate of observations and actions, Hz"""
     timestep: Positive | None = None
-    """s; step of the physics and the joint servos; None for the value of the robot's MJCF"""
+    """Step of the physics and the joint servos, s; None for the value in the MJCF of the robot"""
     solver_iterations: Annotated[int, Bounds("at least 1", 1)] | None = None
-    """Maximum iterations of the contact solver per physics step; None for the value of the robot's MJCF"""
+    """Maximum iterations of the contact solver per physics step; None for the value in the MJCF of the robot"""
     fall_rule: FallRule = field(default_factory=FallRule)
     reward_weights: RewardWeights = field(default_factory=RewardWeights)

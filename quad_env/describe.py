@@ -41,7 +41,7 @@ class DescribeOptions:
 
 
 def main(options: DescribeOptions) -> int:
-    """Run the command and return the exit code. Raises UsageError."""
+    """Run the command and return the exit code; raise UsageError if the robot is invalid or does not stand."""
     try:
         robot = get_robot(options.robot)
         print(escape_control_characters("\n".join(description_lines(robot))))
@@ -65,7 +65,7 @@ def main(options: DescribeOptions) -> int:
 
 
 def description_lines(robot: Robot) -> Iterator[str]:
-    """Yield the lines about the robot's model."""
+    """Yield the lines of the whole description of a robot's model."""
     yield from _size_lines(robot)
     yield from _remark_lines(robot)
     yield from joint_table(robot)
@@ -89,7 +89,7 @@ def _size_lines(robot: Robot) -> Iterator[str]:
 
 
 def _remark_lines(robot: Robot) -> Iterator[str]:
-    """Yield remarks on the user's model, and warnings."""
+    """Yield lines with remarks and warnings about the model of a robot."""
     if robot.locked_joints:
         yield f"joints       held at their reference: {', '.join(robot.locked_joints)}"
     if robot.imported:
@@ -100,7 +100,7 @@ def _remark_lines(robot: Robot) -> Iterator[str]:
 
 
 def _knees(robot: Robot) -> str:
-    """Return the bend directions of the knees in words, leg by leg where they differ."""
+    """Return the bend direction of the knees in words; the directions of all legs are listed if they differ."""
     directions = ["backward" if direction < 0 else "forward" for direction in robot.knee_direction]
     if len(set(directions)) == 1:
         return directions[0]
@@ -108,7 +108,7 @@ def _knees(robot: Robot) -> str:
 
 
 def draw(robot: Robot, picture: Path) -> None:
-    """Write a picture of the standing `robot` to the file `picture`, as PNG."""
+    """Write a picture of the standing `robot` to the PNG file `picture`."""
     from PIL import Image
 
     from quad_env.envs.env import SimpleQuadEnv
@@ -121,12 +121,12 @@ def draw(robot: Robot, picture: Path) -> None:
 
 
 def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:
-    """Write a robot's parameters as TOML.
+    """Write the parameters of a robot to a TOML file.
 
     Args:
-        path: File to write.
-        mjcf: The robot's MJCF or URDF.
-        robot: The robot; None for a file with empty parameters, as comments.
+        path: TOML file to write.
+        mjcf: MJCF or URDF file of the robot.
+        robot: Robot with the parameters; None to write only the names of the parameters, as comments.
     """
     lines = [f"mjcf = {json.dumps(Path(os.path.relpath(mjcf, path.parent)).as_posix())}"]
     lines += [f"# {name} =" for name in GIVEN_PARAMETERS] if robot is None else _parameter_lines(robot)
@@ -134,7 +134,7 @@ def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:
 
 
 def _parameter_lines(robot: Robot) -> Iterator[str]:
-    """Yield the parameters of a robot to the last digit: they give the same robot again."""
+    """Yield the parameters of a robot as TOML lines, with all digits, so that reading them gives the same robot."""
     yield f"name = {json.dumps(robot.name)}"
     for name in GIVEN_PARAMETERS:
         values = np.asarray(getattr(robot, name))

@@ -1,11 +1,11 @@
-"""Extensions: reward terms, observation terms, scenarios, robots, policies and measures of other packages.
+"""Extensions: reward terms, observation terms, axes, scenarios, robots, policies and measures of other packages.
 
-A package that declares an entry point of the group `quad_env` adds its extension to every command once it is installed:
+An installed package with an entry point of the group `quad_env` adds its extension to every command:
 
     [project.entry-points.quad_env]
     my_project = "my_project.quadruped:EXTENSION"
 
-A script adds one with `quad_env.add_extension(extension)`, for its own process.
+A script calls `quad_env.add_extension(extension)` to add an extension to its own process.
 """
 
 import warnings
@@ -16,14 +16,14 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 GROUP = "quad_env"
-"""Entry-point group that is searched for extensions."""
+"""Entry-point group of extensions."""
 
 
 @dataclass(frozen=True)
 class Extension:
-    """Additions of another package or script, by name; made by its author, read by `named`.
+    """Additions of another package or script, as a mapping of names for each kind of addition.
 
-    Each name must differ from the built-in names of its kind. docs/extending.md has an example of each kind.
+    A name must differ from the built-in names of the same kind. docs/extending.md has an example of each kind.
     """
 
     rewards: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
@@ -31,15 +31,15 @@ class Extension:
     observations: Mapping[str, Any] = field(default_factory=dict)
     """Observation terms: `quad_env.ObservationTerm`, available as `gym.make(..., observations=(name,))`."""
     axes: Mapping[str, Any] = field(default_factory=dict)
-    """Axes of disturbance: `quad_env.Axis` of the same name, for `--scenarios NAME:all`."""
+    """Axes, that is kinds of disturbance: `quad_env.Axis` of the same name, available as `--scenarios NAME:all`."""
     scenarios: Mapping[str, Any] = field(default_factory=dict)
     """Scenarios: `quad_env.Scenario` of the same name."""
     robots: Mapping[str, Any] = field(default_factory=dict)
-    """Robots: a `quad_env.Robot`, the path of its model, or a function without arguments that returns either."""
+    """Robots: a `quad_env.Robot`, the path of a robot model, or a function without arguments that returns either."""
     policies: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
-    """Policies: functions or classes that take the keywords `robot` and `control_period` (s)."""
+    """Policies: functions or classes that take the keyword arguments `robot` and `control_period`, s."""
     measures: Mapping[str, Any] = field(default_factory=dict)
-    """Measures of an episode: `evaluate.measures.extra.ExtraMeasure`, a column of `episodes.parquet` each."""
+    """Measures of an episode: `evaluate.measures.extra.ExtraMeasure`; each is a column of `episodes.parquet`."""
 
     def __post_init__(self) -> None:
         for kind in fields(self):
@@ -54,18 +54,19 @@ class Extension:
 KINDS = tuple(kind.name for kind in fields(Extension))
 """Kinds of additions, in the order of the fields of `Extension`."""
 _added: list[Extension] = []
-"""Extensions that were added in this process, in order."""
+"""Extensions from `add_extension`, in the order of the calls."""
 _added_observers: list[Callable[[], None]] = []
-"""Functions that drop caches of names, called after every addition."""
+"""Functions that clear caches of names; `add_extension` calls them after every addition."""
 
 
 def add_extension(extension: Extension) -> None:
-    """Add an extension to this process. Worker processes of the evaluator receive it as well.
+    """Add an extension to this process; worker processes of an evaluation get the extension too.
 
-    ValueError is raised if another extension has the same name of the same kind.
+    ValueError is raised if another extension has an addition of the same kind and name. A built-in name raises
+    ValueError later, in `check_new`.
 
     Args:
-        extension: Additions; a built-in name is refused when its kind is read.
+        extension: Extension to add.
 
     Raises:
         TypeError: The argument is not an `Extension`.
@@ -80,23 +81,23 @@ def add_extension(extension: Extension) -> None:
 
 
 def added_extensions() -> tuple[Extension, ...]:
-    """Return the extensions that `add_extension` received in this process, in order."""
+    """Return the extensions that were added to this process, in the order of the calls of `add_extension`."""
     return tuple(_added)
 
 
 def when_added(drop_cache: Callable[[], None]) -> None:
-    """Call `drop_cache` after every later addition."""
+    """Register a function without arguments that `add_extension` calls after every later addition."""
     _added_observers.append(drop_cache)
 
 
 def named(kind: str) -> dict[str, Any]:
-    """Return every addition of a kind by name.
+    """Return all additions of a kind.
 
     Args:
         kind: Name of a field of `Extension`.
 
     Returns:
-        Additions of installed packages, then of this process.
+        Name -> addition; additions of installed packages precede additions to this process.
     """
     additions: dict[str, Any] = {}
     for extension in (*_installed(), *_added):
@@ -105,14 +106,14 @@ def named(kind: str) -> dict[str, Any]:
 
 
 def check_new(kind: str, builtin: Mapping[str, Any]) -> dict[str, Any]:
-    """Return every addition of a kind by name.
+    """Return all additions of a kind after a check that no addition has a built-in name.
 
     Args:
         kind: Name of a field of `Extension`.
-        builtin: Names that the package itself has of this kind.
+        builtin: Mapping with the built-in names of this kind as keys.
 
     Returns:
-        Additions by name.
+        Name -> addition.
 
     Raises:
         ValueError: An addition has a built-in name.
@@ -130,7 +131,7 @@ def _check_distinct(kind: str, known: Mapping[str, Any], new: Mapping[str, Any])
 
 @cache
 def _installed() -> tuple[Extension, ...]:
-    """Return the extensions of installed packages; a broken one is left out with a warning."""
+    """Return the extensions of installed packages; warn about and leave out an extension that is invalid."""
     extensions: list[Extension] = []
     for entry_point in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         extension = _load(entry_point)
@@ -145,10 +146,10 @@ def _installed() -> tuple[Extension, ...]:
 
 
 def _load(entry_point: EntryPoint) -> Extension | None:
-    """Return the extension of an entry point; None, after a warning, if it cannot be loaded."""
+    """Return the extension of an entry point; warn and return None if it cannot be loaded."""
     try:
         extension = entry_point.load()
-    except Exception as error:  # the code of another package may raise anything
+    except Exception as error:  # because the code of another package may raise any exception
         _warn(entry_point, f"{type(error).__name__}: {error}")
         return None
     if not isinstance(extension, Extension):
@@ -158,7 +159,7 @@ def _load(entry_point: EntryPoint) -> Extension | None:
 
 
 def _first_clash(extensions: list[Extension], extension: Extension) -> str | None:
-    """Return the first addition, kind and name, that one of the other extensions has too; None without one."""
+    """Return kind and name of the first addition that another extension has too; None if all names differ."""
     for kind in KINDS:
         for name in getattr(extension, kind):
             if any(name in getattr(other, kind) for other in extensions):

@@ -18,19 +18,19 @@ from quad_env.task.observations import observation_table
 
 
 def main(options: RobotOptions) -> int:
-    """Run the command and return the exit code. Raises UsageError."""
+    """Run the command and return the exit code; raise UsageError for an invalid robot."""
     print(environment_text(parse_robot(options.robot)))
     return 0
 
 
 def environment_text(robot: Robot = SIMPLE_QUAD) -> str:
-    """Return the description of the environment with a robot, in sections with an empty line between them."""
+    """Return the description of the environment with a robot, as text with an empty line between sections."""
     sections = (_overview(robot), _action(robot), _observation(robot), _options())
     return "\n\n".join("\n".join(section) for section in sections)
 
 
 def _overview(robot: Robot) -> Iterator[str]:
-    """Yield lines about robot, joints, hardware and time."""
+    """Yield lines about versions, robot, joints, hardware profile and time."""
     task = TaskConfig()
     steps = quad_env.MAX_EPISODE_STEPS
     yield f"{quad_env.ENV_ID}  quad_env {quad_env.__version__}, MuJoCo {version('mujoco')}"
@@ -51,7 +51,7 @@ def _overview(robot: Robot) -> Iterator[str]:
 
 
 def _format_range(values: Iterable[float]) -> str:
-    """Return the different values of joints in ascending order, `20 to 30`."""
+    """Return the distinct values in ascending order as text, for example `20 to 30`."""
     return " to ".join(f"{value:g}" for value in sorted({*map(float, values)}))
 
 
@@ -62,7 +62,7 @@ def _action(robot: Robot) -> Iterator[str]:
 
 
 def joint_table(robot: Robot) -> Iterator[str]:
-    """Yield a table of the joints of `robot` with limits and home pose, rad."""
+    """Yield the lines of a table of the joints of `robot`, with joint limits and home pose, rad."""
     rows = zip(robot.joint_names, robot.joint_lower, robot.home_pose, robot.joint_upper, strict=True)
     width = max(16, *(len(name) + 1 for name in robot.joint_names))
     yield f"  {'joint':{width}}{'lower':>7}{'home':>7}{'upper':>7}"
@@ -70,7 +70,7 @@ def joint_table(robot: Robot) -> Iterator[str]:
 
 
 def _observation(robot: Robot) -> Iterator[str]:
-    """Yield lines about the observation space, a line a term."""
+    """Yield lines about the observation space, one line for each term."""
     table = observation_table(robot)
     yield f"observation  float32, shape ({table.size},)"
     for term in table.terms:
@@ -79,7 +79,7 @@ def _observation(robot: Robot) -> Iterator[str]:
 
 
 def _options() -> Iterator[str]:
-    """Yield lines about reward, falls and the options of `make`."""
+    """Yield lines about reward weights, fall reasons and the arguments of `gym.make`."""
     yield "reward       weighted sum"
     yield from (f"  {weight:<+9g}{name}" for name, weight in asdict(TaskConfig().reward_weights).items())
     yield f"falls        rule {FALL_RULE}: {', '.join(FALL_REASONS[1:])}"

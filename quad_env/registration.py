@@ -1,7 +1,7 @@
 """Registration of the environment with Gymnasium, without importing Gymnasium.
 
-The import of Gymnasium and NumPy takes a quarter of a second. A command that prints its help needs neither. A command
-that limits memory or handles Ctrl-C must do so before the import.
+Gymnasium is not imported because the import of Gymnasium and NumPy takes a quarter of a second. A command that prints
+its help needs neither package. A command that limits memory or handles Ctrl-C must do this before the import.
 """
 
 import sys
@@ -19,7 +19,7 @@ MAX_EPISODE_STEPS = 1000
 
 
 def register() -> None:
-    """Register the environment with Gymnasium: now if Gymnasium is imported, otherwise right after its import."""
+    """Register the environment with Gymnasium: now if Gymnasium is already imported, otherwise after its import."""
     if (gymnasium := sys.modules.get("gymnasium")) is not None:
         _add_to(gymnasium)
     else:
@@ -32,15 +32,15 @@ class _WithGymnasium(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return the specification of Gymnasium; its import then ends with the registration.
+        """Return the module specification of Gymnasium, with a loader that registers the environment at the end.
 
         Args:
             fullname: Name of the imported module.
-            path: Search path of its package.
-            target: Module that is reloaded, if any.
+            path: Search path of the package of the module.
+            target: Module that is reloaded; None for a first import.
 
         Returns:
-            The specification; None for every other module.
+            Specification of Gymnasium; None for every other module.
         """
         if fullname != "gymnasium":
             return None
@@ -58,7 +58,7 @@ class _WithGymnasium(MetaPathFinder):
 
 
 def _add_to(gymnasium: Any) -> None:
-    """Add the environment to Gymnasium's registry, unless it is there."""
+    """Add the environment to Gymnasium's registry if the registry does not contain it."""
     if ENV_ID not in gymnasium.registry:
         gymnasium.register(
             ENV_ID,

@@ -1,4 +1,4 @@
-"""Seeds in disjoint families by purpose, and the independent random streams of each episode."""
+"""Disjoint sets of seeds for training, validation, search and evaluation, and random streams of each episode."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -8,27 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 PURPOSES = ("user", "training", "validation", "search", "evaluation")
-"""Purposes of seeds; each has a family of its own."""
+"""Purposes of seeds. Each purpose has a family, a set of seeds that is disjoint from all other families."""
 _FAMILY_BITS = 48
-"""Number of low bits of a seed that vary within a family."""
+"""Number of low bits of a seed that vary within a family; the higher bits are the index of the purpose."""
 
 
 def episode_seeds(purpose: str, seed: int, count: int) -> NDArray[np.int64]:
     """Return episode seeds of one purpose.
 
-    The bits above the 48th hold the purpose, so that the seeds of two purposes differ at every `seed`. The first
-    purpose, "user", has the small integers that people type.
+    The bits above the lowest 48 are the index of the purpose, so that seeds of two purposes differ for every `seed`.
+    The family of the first purpose, "user", includes the small integers that people type.
 
     Args:
         purpose: One of `PURPOSES`.
-        seed: Seed of the family's sequence, >= 0.
+        seed: Seed of the random sequence of episode seeds, >= 0.
         count: Number of seeds, >= 0.
 
     Returns:
         Seeds, (count,).
 
     Raises:
-        ValueError: An unknown purpose, or a negative seed or count.
+        ValueError: The purpose is unknown, or the seed or count is negative.
     """
     if purpose not in PURPOSES:
         raise ValueError(f"unknown purpose {purpose!r}; valid: {', '.join(PURPOSES)}")
@@ -40,12 +40,15 @@ def episode_seeds(purpose: str, seed: int, count: int) -> NDArray[np.int64]:
 
 
 def fresh_seeds(count: int) -> list[int]:
-    """Return `count` seeds from the operating system's entropy, for envs without a seed."""
+    """Return `count` random seeds from the entropy of the operating system, for envs that got no seed."""
     return [int(seed) for seed in np.random.SeedSequence().generate_state(count)]
 
 
 def _stream(number: int) -> "cached_property[np.random.Generator]":
-    """Return the random stream with that number, made on first use; further streams do not change the others."""
+    """Return a property with the random generator of stream `number`, made on first use.
+
+    A stream does not depend on the other streams.
+    """
 
     def make(streams: "EpisodeStreams") -> np.random.Generator:
         seed = np.random.SeedSequence(streams.seed, spawn_key=(streams.episode, number))
@@ -55,13 +58,13 @@ def _stream(number: int) -> "cached_property[np.random.Generator]":
 
 
 class EpisodeStreams:
-    """Random generators of one episode, one per kind of draw, so that no kind changes another.
+    """Random generators of one episode, with an independent generator for each kind of draw.
 
-    Episode k after a seed is the seed's k-th child: `SeedSequence(seed, spawn_key=(k,))`.
+    Stream i of episode k has the seed `SeedSequence(seed, spawn_key=(k, i))`.
 
     Args:
         seed: Seed of the robot.
-        episode: Index of the episode after the seed.
+        episode: Number of episodes since the reset with this seed.
     """
 
     def __init__(self, seed: int, episode: int) -> None:
@@ -94,14 +97,15 @@ def assign_seeds(seed: int | Sequence[int], num_envs: int) -> list[Any]:
     """Return a seed for each env.
 
     Args:
-        seed: Env i gets seed + i; or one seed per env, None to keep the env's present seed.
+        seed: One number, from which env i gets `seed` + i, or a sequence with a seed for each env. None in a sequence
+            keeps the present seed of the env.
         num_envs: Number of envs.
 
     Returns:
-        Seeds, num_envs of int or None.
+        Seed of each env, or None.
 
     Raises:
-        ValueError: A wrong number of seeds, or one that is no whole number of at least 0.
+        ValueError: The number of seeds is wrong, or a seed is not a whole number of at least 0.
     """
     is_single = isinstance(seed, int | np.integer)
     seeds = [int(seed) + i for i in range(num_envs)] if is_single else list(seed)  # type: ignore[arg-type]

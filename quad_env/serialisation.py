@@ -1,4 +1,7 @@
-"""Settings of quad_env, for example scenarios, as JSON values and back; an object names the type of its dataclass."""
+"""Conversion of settings dataclasses, for example scenarios, to JSON values and back.
+
+The key `type` of a JSON object is the class name of the dataclass.
+"""
 
 import dataclasses
 from collections.abc import Mapping
@@ -14,7 +17,7 @@ from quad_env.sensing.height_scan import HeightScan
 from quad_env.sensing.suite import Encoders, FootContact, Imu, JointTorque, SensorSuite
 
 TYPE = "type"
-"""Key of the type's name in an object."""
+"""Key of the class name in a JSON object."""
 _TYPE_BY_NAME: dict[str, Any] = {
     kind.__name__: kind
     for kind in (
@@ -26,11 +29,11 @@ _TYPE_BY_NAME: dict[str, Any] = {
         *(TaskConfig, FallRule, RewardWeights, HeightScan),
     )
 }
-"""Settings types by class name, without the module: results stay readable when a type moves."""
+"""Class name -> settings class. Module names are left out so that stored results stay readable if a class moves."""
 
 
 def to_json_values(value: Any) -> Any:
-    """Return the JSON values of a setting; raise ValueError for a `value` of another kind."""
+    """Convert a settings dataclass, or a value in one, to JSON values; raise ValueError for any other `value`."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         kind = type(value)
         if _TYPE_BY_NAME.get(kind.__name__) is not kind:
@@ -45,19 +48,20 @@ def to_json_values(value: Any) -> Any:
 
 
 def from_json_values(value: Any) -> Any:
-    """Return the setting of JSON values of `to_json_values`, with tuples for lists; runs no code but quad_env's.
+    """Convert JSON values from `to_json_values` to settings; lists become tuples.
 
-    An object without the name of its type, as Gymnasium's `EnvSpec.to_json` writes it, becomes the type with the fewest
-    fields that has all fields of the object. Fields that were added to the type later have their defaults.
+    Only code of quad_env runs. A JSON object without a class name, as Gymnasium's `EnvSpec.to_json` writes it, becomes
+    an instance of the class with the fewest fields among the classes that have all fields of the object. Missing fields
+    get their defaults.
 
     Args:
         value: JSON values.
 
     Returns:
-        The setting.
+        The settings dataclass, or the value.
 
     Raises:
-        ValueError: The values are no setting of this version.
+        ValueError: The values do not describe settings of this version.
     """
     if isinstance(value, Mapping):
         fields = {name: from_json_values(entry) for name, entry in value.items() if name != TYPE}
@@ -69,7 +73,7 @@ def from_json_values(value: Any) -> Any:
 
 
 def _find_type(value: Mapping[str, Any]) -> Any:
-    """Return the type of an object; raise ValueError if there is none."""
+    """Return the settings class of a JSON object; raise ValueError if no class fits."""
     if TYPE not in value:
         fitting = [kind for kind in _TYPE_BY_NAME.values() if _field_names(kind).issuperset(value)]
         if not value or not fitting:

@@ -1,1 +1,1 @@
-"""Drake as a second simulator, an extra: `pip install -e ".[drake]"`."""
+"""Drake as a second simulator, an optional dependency: `pip install -e ".[drake]"`."""

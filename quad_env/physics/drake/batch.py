@@ -1,4 +1,4 @@
-"""Batch of robots that Drake steps, with the calls of MuJoCo's batch."""
+"""Batch of robots that Drake steps, with the interface of MuJoCo's batch."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -25,21 +25,21 @@ _TRUNK = 1
 
 @dataclass(frozen=True)
 class _ContactSensor:
-    """A contact sensor: the sum of a contact quantity over some geoms."""
+    """Contact sensor: the sum of a contact quantity over the geoms of a robot part."""
 
     source: Array
-    """Quantity per robot and geom, (n, ngeom): number of ground contacts, or force, N."""
+    """Contact quantity per robot and geom, (n, ngeom): number of ground contacts, or normal force, N."""
     geoms: list[int]
-    """MuJoCo's ids of the geoms."""
+    """MuJoCo's ids of the geoms of the part."""
     data: Array
-    """Reading, (n, 1)."""
+    """Reading of each robot, (n, 1)."""
 
 
 class DrakeBatch(ArrayBatch):
-    """See `quad_env.physics.batch.Batch`. Robots share a plant; each has its own context.
+    """Batch of robots in Drake; see `quad_env.physics.batch.Batch`. Robots share a plant; each has its own context.
 
-    Forces act on trunks alone. `actuator_force` is the torque that the joint received: the servo's torque at the end of
-    the step, within its limits and with its damping.
+    External forces act only on trunks. `actuator_force` is the torque that the joint received, which is the torque of
+    the servo at the end of the step, including damping and the torque limit.
 
     Args:
         model: Compiled model of every robot.
@@ -53,29 +53,32 @@ class DrakeBatch(ArrayBatch):
         super().__init__(model, num_envs, (*_STEPPED_FIELDS, "xanchor", "site_xpos"))
         self._drake = build_plant(model)
         self._root_contexts = [self._drake.diagram.CreateDefaultContext() for _ in range(num_envs)]
-        """Contexts of the whole diagram; they keep the plant's contexts alive."""
+        """Contexts of the whole diagram, stored because they keep the contexts of the plant alive."""
         self._contexts = list(map(self._drake.plant.GetMyMutableContextFromRoot, self._root_contexts))
         self._contact_counts = np.zeros((num_envs, model.ngeom))
-        """Contacts of each geom with the ground in the last physics step."""
+        """Number of ground contacts of each geom in the last physics step, (n, ngeom)."""
         self._contact_forces = np.zeros((num_envs, model.ngeom))
-        """Sum of the normal forces on each geom in the last physics step, N."""
+        """Sum of the normal forces on each geom in the last physics step, (n, ngeom), N."""
         self._sensors: dict[str, _ContactSensor] = {}
         self._context_states = [(b"", b"")] * num_envs
-        """Positions and velocities of each context after its last step, as bytes."""
+        """`qpos` and `qvel` of each robot after its last step, as bytes; `_set_context` compares them."""
 
     def sensor(self, name: str) -> Any:
-        """Return the sensor called `name`; its `data`, (n, 1), are a part's ground contacts or a force, N."""
+        """Return the sensor called `name`; its attribute `data` holds the readings, (n, 1).
+
+        A reading is the number of ground contacts of a robot part, or a force, N.
+        """
         if name not in self._sensors:
             source, geoms = self._contact_source(name)
             self._sensors[name] = _ContactSensor(source, geoms, np.zeros((len(self._contexts), 1)))
         return SimpleNamespace(data=self._sensors[name].data)
 
     def reset(self, ids: EnvIndices, keyframe: int | None = None, *, stage: int = 0) -> None:
-        """Put robots at the start of the model, at rest; no contacts are computed yet.
+        """Put robots into the initial state of the model or of a keyframe, without computing contacts.
 
         Args:
             ids: Indices of the robots, (k,).
-            keyframe: Index of a keyframe to start from instead.
+            keyframe: Index of the keyframe; None for the initial state of the model.
             stage: Not used.
         """
         super().reset(ids, keyframe, stage=stage)
@@ -83,7 +86,7 @@ class DrakeBatch(ArrayBatch):
             sensor.data[ids] = 0.0
 
     def step(self, ids: EnvSelection | None, nstep: int) -> None:
-        """Advance robots by physics steps; a robot that Drake cannot step stays in place, with a warning.
+        """Advance robots by physics steps; a robot that Drake fails to step keeps its state and gets a warning.
 
         Args:
             ids: Robots to step; None for all.
@@ -93,13 +96,16 @@ class DrakeBatch(ArrayBatch):
         for robot in rows:
             try:
                 self._step(int(robot), nstep)
-            except (RuntimeError, SystemExit):  # the latter if a check of Drake fails, for example for NaN
+            except (RuntimeError, SystemExit):  # SystemExit if an assertion of Drake fails, for example for NaN
                 self.warning[robot, int(mujoco.mjtWarning.mjWARN_BADQACC), 1] += 1
         for sensor in self._sensors.values():
             sensor.data[rows, 0] = sensor.source[rows][:, sensor.geoms].sum(axis=1)
 
     def set_const(self, ids: EnvIndices) -> None:
-        """Give the trunks of robots `ids`, (k,), the inertia with their payloads at the expanded `body_pos`."""
+        """Recompute the trunk inertia of the robots `ids`, (k,), after a change of their payload positions.
+
+        The payload positions are values of the model field `body_pos`.
+        """
         for robot in ids:
             self.get_model(int(robot), self._model)
             mujoco.mj_resetData(self._model, self._data)
@@ -108,7 +114,7 @@ class DrakeBatch(ArrayBatch):
             self._drake.trunk.SetSpatialInertiaInBodyFrame(self._contexts[robot], inertia)
 
     def _contact_source(self, name: str) -> tuple[Array, list[int]]:
-        """Return the quantity and the geoms that a sensor sums up."""
+        """Return the contact quantity, (n, ngeom), and the ids of the geoms over which a sensor sums the quantity."""
         model = self._model
         sensor_id = model.sensor(name).id
         object_id = int(model.sensor_objid[sensor_id])
@@ -122,7 +128,7 @@ class DrakeBatch(ArrayBatch):
         return self._contact_counts, np.flatnonzero(model.geom_bodyid == object_id).tolist()
 
     def _step(self, robot: int, nstep: int) -> None:
-        """Advance one robot by physics steps."""
+        """Advance the robot with the index `robot` by `nstep` physics steps."""
         plant = self._drake.plant
         context = self._contexts[robot]
         qpos, qvel, ctrl, torque, force = (self._fields[name][robot] for name in _STEPPED_FIELDS)
@@ -138,7 +144,10 @@ class DrakeBatch(ArrayBatch):
         self._context_states[robot] = (qpos.tobytes(), qvel.tobytes())
 
     def _set_context(self, robot: int, qpos: Array, qvel: Array, ctrl: Array, force: Array) -> None:
-        """Set joint targets, the force on the trunk, and the state if it is not the result of the last step."""
+        """Set the joint targets, the force on the trunk, and the state in the context of a robot.
+
+        The state is set only if it has changed since the last step of the robot.
+        """
         drake = self._drake
         context = self._contexts[robot]
         if self._context_states[robot] != (qpos.tobytes(), qvel.tobytes()):
@@ -153,7 +162,7 @@ class DrakeBatch(ArrayBatch):
         drake.plant.get_applied_spatial_force_input_port().FixValue(context, _Forces([trunk_force]))
 
     def _read_contacts(self, robot: int, contacts: Any) -> None:
-        """Count the ground contacts of each geom and add up its normal forces."""
+        """Store the number of ground contacts and the sum of the normal forces of each geom of a robot."""
         counts = self._contact_counts[robot]
         forces = self._contact_forces[robot]
         counts[:] = 0.0
@@ -166,7 +175,10 @@ class DrakeBatch(ArrayBatch):
             forces[geoms] += abs(float(contact.contact_force().dot(pair.nhat_BA_W)))
 
     def _to_drake(self, qpos: Array, qvel: Array) -> Array:
-        """Return Drake's state: quaternion before position, angular velocity first and in the world frame."""
+        """Convert MuJoCo's positions and velocities to Drake's state.
+
+        Drake has the quaternion before the position, and the angular velocity, world frame, before the linear velocity.
+        """
         hinges = self._drake.hinges
         state = np.empty(len(qpos) + len(qvel))
         state[:4] = qpos[3:7] / np.linalg.norm(qpos[3:7])
@@ -179,7 +191,7 @@ class DrakeBatch(ArrayBatch):
         return state
 
     def _from_drake(self, state: Array, qpos: Array, qvel: Array) -> None:
-        """Write Drake's state into MuJoCo's positions and velocities."""
+        """Convert Drake's state to MuJoCo's positions and velocities, and write them into `qpos` and `qvel`."""
         hinges = self._drake.hinges
         velocity = state[len(qpos) :]
         qpos[3:7] = state[:4]

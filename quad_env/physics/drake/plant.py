@@ -1,4 +1,4 @@
-"""Drake plant of a compiled MuJoCo model: one robot on ground of planes and boxes."""
+"""Conversion of a compiled MuJoCo model to a Drake plant: one robot on a ground of planes and boxes."""
 
 import logging
 from collections.abc import Iterator
@@ -17,20 +17,23 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from quad_env.columns import EnvIndices
 
-logging.getLogger("drake").setLevel(logging.ERROR)  # it warns that deformable bodies do not meet half spaces
+logging.getLogger("drake").setLevel(
+    logging.ERROR
+)  # because Drake warns that deformable bodies do not collide with half spaces
 
 DISSIPATION = 10.0
-"""s/m. Hunt-Crossley dissipation d. A contact with twice a foot's share of the weight is critically damped, as in
-MuJoCo; nothing bounces off faster than 1/d, 0.1 m/s."""
+"""Hunt-Crossley dissipation d, s/m. A contact under half of the weight is critically damped, as in MuJoCo. The speed of
+a bounce is at most 1/d, 0.1 m/s."""
 _STICTION_SPEED = 0.01
-"""rad/s. Speed below which a joint's dry friction is viscous; a smaller value is closer to Coulomb's law."""
+"""Speed below which the dry friction of a joint is viscous, rad/s; a smaller value is closer to Coulomb's law."""
 _PLANE_SIZE = 1000.0
-"""m. Edge of the cube that replaces a plane among boxes: half spaces among many geometries crash Drake 1.51."""
+"""Edge of the cube that replaces a plane if the ground has boxes too, m. The reason is that Drake 1.51 crashes with
+half spaces among many geometries."""
 
 
 @dataclass(frozen=True)
 class Plant:
-    """The robot in Drake, and the indices of its parts; `build_plant` makes it."""
+    """Robot in Drake, with index maps from MuJoCo to Drake; made by `build_plant`."""
 
     diagram: Diagram
     plant: multibody.MultibodyPlant
@@ -38,17 +41,18 @@ class Plant:
     geoms: dict[int, int]
     """Drake's id of each collision geometry -> MuJoCo's id of the geom."""
     hinges: EnvIndices
-    """Index in Drake's positions and velocities, after the trunk's, of each joint in MuJoCo's order."""
+    """Index of each joint, in MuJoCo's order, among Drake's joint positions and joint velocities."""
     servos: EnvIndices
-    """Index in Drake's actuators of each servo in MuJoCo's order."""
+    """Index of each servo, in MuJoCo's order, among Drake's actuators."""
 
 
 def build_plant(model: mujoco.MjModel) -> Plant:
-    """Build the Drake plant of a robot's compiled `model`; the trunk is its first body."""
+    """Build the Drake plant of a compiled MuJoCo `model` of a robot; the trunk must be the first body."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     builder = DiagramBuilder()
-    # "lagged": friction uses the normal force of the last step. Convex approximations lift sliding bodies.
+    # "lagged", that is friction with the normal force of the last step, because convex approximations lift sliding
+    # bodies off the ground.
     config = multibody.MultibodyPlantConfig(time_step=model.opt.timestep, discrete_contact_approximation="lagged")
     config.use_sampled_output_ports = config.adjacent_bodies_collision_filters = False
     plant, scene = multibody.AddMultibodyPlant(config, builder)
@@ -73,15 +77,15 @@ def build_plant(model: mujoco.MjModel) -> Plant:
 
 
 def spatial_inertia(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> tree.SpatialInertia:
-    """Compute the spatial inertia of a body and of everything that is welded to it.
+    """Compute the spatial inertia of a body and all bodies that are welded to it.
 
     Args:
         model: Compiled model.
-        data: Its data with body poses, from `mj_kinematics`.
-        body: MuJoCo's id of the body; it is welded to nothing above.
+        data: Data of the model with body poses from `mj_kinematics`.
+        body: MuJoCo's id of the body; a joint must connect this body to its parent.
 
     Returns:
-        Inertia about the origin of the body, in its axes.
+        Spatial inertia about the origin of the body, in the axes of the body.
     """
     rotation_body_from_world = data.xmat[body].reshape(3, 3).T
     total = tree.SpatialInertia.Zero()
@@ -94,13 +98,16 @@ def spatial_inertia(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> tr
 
 
 def _add_bodies(plant: Any, model: mujoco.MjModel, data: mujoco.MjData) -> dict[int, Any]:
-    """Add a body for each group of welded bodies; return MuJoCo's id of its first body -> Drake's body."""
+    """Add a body for each group of welded bodies, and return Drake's bodies.
+
+    The key of the result is MuJoCo's id of the first body of the group.
+    """
     roots = [body for body in range(1, model.nbody) if model.body_weldid[body] == body]
     return {root: plant.AddRigidBody(f"body_{root}", spatial_inertia(model, data, root)) for root in roots}
 
 
 def _add_joint(plant: Any, model: mujoco.MjModel, data: mujoco.MjData, bodies: dict[int, Any], joint: int) -> Any:
-    """Add a hinge with the angle of `qpos`."""
+    """Add a hinge with the same angle as in MuJoCo's `qpos`; `joint` is MuJoCo's id of the joint."""
     name = model.joint(joint).name
     axis = model.jnt_axis[joint]
     child = int(model.jnt_bodyid[joint])
@@ -119,7 +126,7 @@ def _add_joint(plant: Any, model: mujoco.MjModel, data: mujoco.MjData, bodies: d
 
 
 def _add_servo(plant: Any, model: mujoco.MjModel, joints: list[Any], servo: int) -> Any:
-    """Add a servo with implicit stiffness and damping; the joint's armature is the inertia of its rotor."""
+    """Add a servo with implicit stiffness and damping; the armature of the joint is the rotor inertia of the servo."""
     joint = int(model.actuator_trnid[servo, 0])
     torque_limit = model.actuator_forcerange[servo, 1]
     actuator = plant.AddJointActuator(model.actuator(servo).name, joints[joint - 1], torque_limit)
@@ -131,18 +138,18 @@ def _add_servo(plant: Any, model: mujoco.MjModel, joints: list[Any], servo: int)
 
 
 def _add_joint_friction(plant: Any, model: mujoco.MjModel, joints: list[Any]) -> None:
-    """Add the dry friction of joints: a velocity servo at 0 rad/s, limited to the friction torque."""
+    """Add the dry friction of joints as velocity servos with target 0 rad/s, limited to the friction torque."""
     for joint, torque, armature in zip(joints, model.dof_frictionloss[6:], model.dof_armature[6:], strict=True):
         if torque > 0:
             brake = plant.AddJointActuator(f"{joint.name()}_friction", joint, torque)
-            brake.set_default_rotor_inertia(armature)  # Drake uses the inertia of a joint's last actuator
+            brake.set_default_rotor_inertia(armature)  # because Drake uses the last actuator of a joint
             brake.set_controller_gains(tree.PdControllerGains(p=0.0, d=torque / _STICTION_SPEED))
 
 
 def _add_geoms(
     plant: Any, model: mujoco.MjModel, data: mujoco.MjData, bodies: dict[int, Any]
 ) -> Iterator[tuple[int, Any]]:
-    """Add the geoms that can collide; yield MuJoCo's id and Drake's id of each."""
+    """Add the geoms that can collide; yield MuJoCo's id and Drake's id of each geom."""
     solid = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
     ground = solid[model.geom_bodyid[solid] == 0]
     frictions = _drake_frictions(model, solid, ground[0])
@@ -161,10 +168,11 @@ def _add_geoms(
 
 
 def _drake_frictions(model: mujoco.MjModel, geoms: EnvIndices, ground: int) -> NDArray[np.float64]:
-    """Return the friction coefficients of geoms with which Drake's friction on the ground equals MuJoCo's.
+    """Return the friction coefficients of geoms in Drake that give the same friction on the ground as in MuJoCo.
 
-    In MuJoCo the coefficient µ of a pair is the ground's if the ground has priority, else the larger one. In Drake it
-    is the harmonic mean 2 a g / (a + g). With g the largest µ of all geoms on that ground, a = µ g / (2 g − µ).
+    In MuJoCo the coefficient µ of a geom on the ground is the coefficient of the ground if the ground has priority,
+    and otherwise the larger coefficient of both. In Drake it is the harmonic mean 2 a g / (a + g) of the coefficients
+    a of the geom and g of the ground. With g as the largest µ of all geoms, this gives a = µ g / (2 g − µ).
     """
     geom_friction = model.geom_friction[geoms, 0]
     ground_friction = model.geom_friction[ground, 0]
@@ -178,13 +186,13 @@ def _drake_frictions(model: mujoco.MjModel, geoms: EnvIndices, ground: int) -> N
 
 
 def _contact_stiffness(model: mujoco.MjModel, ground: int) -> float:
-    """Return the stiffness of MuJoCo's contact of a foot with the ground, N/m; see `Ground`."""
+    """Return the stiffness of the contact of a foot with the ground in MuJoCo, N/m; see `Ground`."""
     inverse_inertia = model.body_invweight0[model.body_weldid, 0].max()
     return float(1.0 / ((1.0 - model.geom_solimp[ground, 0]) * model.geom_solref[ground, 0] ** 2 * inverse_inertia))
 
 
 def _shape(model: mujoco.MjModel, geom: int) -> Any:
-    """Return Drake's shape of a geom."""
+    """Return the Drake shape of a MuJoCo geom; a mesh becomes its convex hull."""
     size = model.geom_size[geom]
     match mujoco.mjtGeom(int(model.geom_type[geom])):
         case mujoco.mjtGeom.mjGEOM_PLANE:
@@ -206,7 +214,7 @@ def _shape(model: mujoco.MjModel, geom: int) -> Any:
 
 
 def _filter_collisions(scene: Any, model: mujoco.MjModel, geometry_ids: dict[int, Any]) -> None:
-    """Exclude the pairs of geoms that do not collide in MuJoCo."""
+    """Exclude collisions in Drake between all pairs of geoms that do not collide in MuJoCo."""
     collision_filter = scene.collision_filter_manager()
     collides = _collision_matrix(model)
     for geom, geometry_id in geometry_ids.items():
@@ -218,10 +226,10 @@ def _filter_collisions(scene: Any, model: mujoco.MjModel, geometry_ids: dict[int
 
 
 def _collision_matrix(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Return True for the pairs of geoms that can collide in MuJoCo, (ngeom, ngeom).
+    """Return the mask of pairs of geoms that can collide in MuJoCo, (ngeom, ngeom).
 
-    Their collision bits match, no exclusion names their bodies, and their bodies are neither welded together nor
-    parent and child. Explicit pairs collide in any case.
+    A pair collides if the collision bits match, no exclusion names the two bodies, and the bodies are neither welded
+    together nor parent and child. Explicit contact pairs always collide.
     """
     body = model.geom_bodyid
     weld = model.body_weldid[body]
