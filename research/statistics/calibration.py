@@ -23,9 +23,9 @@ LIMITS = {
     "fall_probabilities": (0.001, 0.999),
     "seed": (0, 2**31),
 }
-"""Option -> its smallest and largest value."""
+"""Name of the option -> smallest and largest valid value."""
 PLACE = "settled"
-"""Name of the table's block in the page."""
+"""Name of the block with the table of runs until settled in the page."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class CalibrationOptions:
 
 
 def main(options: CalibrationOptions) -> int:
-    """Repeat, print, and return the exit code. Raises UsageError."""
+    """Run the checks, print their error rates, and return the exit code. Raises UsageError."""
     if not options.episodes or not options.fall_probabilities:
         raise UsageError("--episodes and --fall-probabilities must each have at least one value")
     check_numbers(options, LIMITS)
@@ -71,7 +71,7 @@ def main(options: CalibrationOptions) -> int:
 
 
 def _run(rows: list[CalibrationCheck], options: CalibrationOptions) -> None:
-    """Print each row as soon as it is complete."""
+    """Run the checks in `rows`, and print the result of each check as soon as it is complete."""
     standard_error = 100.0 * np.sqrt(0.05 * 0.95 / options.sets)
     print(f"share of {options.sets} data sets, %; its standard error is {standard_error:.1f}")
     head = "interval holds the truth, or test claims a difference"

@@ -1,4 +1,7 @@
-"""Checks of intervals and tests on synthetic data sets, with the expected rate of positive results."""
+"""Checks of intervals and tests on synthetic data sets, with bounds on the rate of positive results.
+
+A result is positive if an interval contains the true value, or if a test is significant.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -19,22 +22,24 @@ from evaluate.statistics.significance import mcnemar, sign_flip_test
 from research.statistics.synthetic import FallCurve, SyntheticAxis, SyntheticEpisodes, make_episodes, mean_error
 
 COVERAGE_BOUNDS = (0.93, 0.97)
-"""Bounds of the proportion of 95 % intervals that hold the truth."""
+"""Bounds of the coverage: the fraction of the 95 % intervals that contain the true value."""
 TYPE_I_ERROR_BOUNDS = (0.04, 0.06)
-"""Bounds of the proportion of significant tests without a difference."""
+"""Bounds of the fraction of tests at the 5 % level that are significant although there is no difference."""
 DISCRETE_TEST_BOUNDS = (0.0, 0.06)
-"""Bounds of the proportion of significant tests of counts. Their p-value can jump past 5 %; exact tests stay
-below it."""
+"""Bounds of the fraction of significant tests of counts if there is no difference.
+
+The p-value of counts has few possible values. It may skip values near 5 %, and then fewer than 5 % of the tests are
+significant."""
 FALL_RATIO = 0.8
-"""Ratio of the fall probabilities of the second and the first policy."""
+"""Fall probability of the second policy, divided by the fall probability of the first policy."""
 MIN_COVERAGE_BOUNDS = (0.93, 1.0)
-"""Bounds of the proportion of 95 % intervals that may hold the truth more often."""
+"""Bounds of the coverage of 95 % intervals that are allowed to be wider than necessary."""
 PUSHES = (20.0, 35.0, 50.0, 65.0, 80.0, 100.0)
-"""Severities of an axis of pushes, N·s."""
+"""Severities of a synthetic axis of pushes, N·s."""
 HALF = (FallCurve(0.495, 25.0, 20.0), FallCurve(0.01, 49.5, 90.0), FallCurve(0.495, 60.0, 60.0))
-"""Curves with exactly one half at a level."""
+"""Curves with a total fall probability of exactly one half at one of the severities."""
 STRETCH = (FallCurve(0.45, 30.0, 12.0), FallCurve(0.55, 75.0, 12.0))
-"""Curves with a flat stretch below one half."""
+"""Curves with a total fall probability that is almost constant, below one half, over a range of severities."""
 AXES = {
     "": SyntheticAxis(PUSHES, (FallCurve(1.0, 55.0, 4.0),)),
     ", a sixth falls anyway": SyntheticAxis(PUSHES, (FallCurve(1 / 6, 0.0), FallCurve(5 / 6, 55.0, 6.0))),
@@ -45,32 +50,32 @@ AXES = {
     ", an edge": SyntheticAxis(PUSHES, (FallCurve(0.1, 0.0), FallCurve(0.8, 57.0, 100.0), FallCurve(0.1, np.inf))),
     ", two fifths never fall": SyntheticAxis(PUSHES, (FallCurve(0.6, 45.0, 6.0), FallCurve(0.4, np.inf))),
 }
-"""Suffix of a check -> axis: logistic curves, and shapes that no model has."""
+"""Suffix of the name of a check -> synthetic axis: logistic curves, and shapes that a logistic model cannot fit."""
 
 CheckFunction = Callable[[np.random.Generator], bool]
-"""Returns the result of an interval or test on one data set."""
+"""Function that draws one data set and returns True if the interval or test has a positive result on it."""
 
 
 @dataclass(frozen=True)
 class CalibrationCheck:
-    """An interval or test that is repeated on many data sets."""
+    """Check of an interval or test, which is repeated on many data sets."""
 
     name: str
-    """Name of the row."""
+    """Name of the check, printed in its row."""
     count: int
-    """Number of episodes of a data set."""
+    """Number of episodes in a data set."""
     fall_probability: float
-    """Fall probability of the first policy; NaN if it has none."""
+    """Fall probability of the first policy; NaN if it is not the same in all episodes."""
     outcome: CheckFunction
-    """Result for one data set."""
+    """Function that returns the result on one data set."""
     bounds: Interval
-    """Bounds of the rate of positive results."""
+    """Bounds within which the rate of positive results must be."""
     expected: float = 0.95
-    """Expected rate of positive results; NaN if unknown."""
+    """Expected rate of positive results; NaN if it is not known."""
 
 
 def coverage_checks(count: int, fall_probability: float) -> Iterator[CalibrationCheck]:
-    """Yield the checks of coverage, for `count` episodes at a `fall_probability`."""
+    """Yield the checks of the coverage of intervals, for `count` episodes at a `fall_probability`."""
     rules: dict[str, CheckFunction] = {
         "Wilson, falls": partial(_fall_rate, count, fall_probability),
         "BCa bootstrap, mean error": partial(_mean, count, fall_probability),
@@ -82,14 +87,14 @@ def coverage_checks(count: int, fall_probability: float) -> Iterator[Calibration
 
 
 def breaking_checks(count: int) -> Iterator[CalibrationCheck]:
-    """Yield the checks of the coverage of breaking points, for that number of episodes."""
+    """Yield the checks of the coverage of the intervals of breaking points, for `count` episodes."""
     for name, axis in AXES.items():
         outcome = partial(_breaking_point, count, axis)
         yield CalibrationCheck(f"breaking point{name}", count, np.nan, outcome, MIN_COVERAGE_BOUNDS, np.nan)
 
 
 def null_checks(count: int, fall_probability: float) -> Iterator[CalibrationCheck]:
-    """Yield the checks of tests without a difference, for `count` episodes at a `fall_probability`."""
+    """Yield the checks of tests on policies without a difference, for `count` episodes at a `fall_probability`."""
     rules: dict[str, tuple[CheckFunction, Interval, float]] = {
         "sign flips, exchangeable pairs": (
             partial(_sign_flip, count, fall_probability),
@@ -111,12 +116,12 @@ def rejection_rate(check: CalibrationCheck, sets: int, seed: int) -> float:
     """Compute the rate of positive results of a check.
 
     Args:
-        check: Interval or test.
-        sets: Number of data sets, each with its own generator.
+        check: Check of an interval or test.
+        sets: Number of data sets, each drawn with a separate random generator.
         seed: Seed of the data sets.
 
     Returns:
-        The rate, 0 … 1.
+        The fraction of the data sets with a positive result.
     """
     return float(np.mean([check.outcome(np.random.default_rng([seed, number])) for number in range(sets)]))
 
@@ -128,7 +133,10 @@ def _within(interval: Interval, truth: float) -> bool:
 def _make_episodes(
     generator: np.random.Generator, count: int, fall_probability: float, *ratios: float
 ) -> SyntheticEpisodes:
-    """Create the episodes of a policy with that fall probability, and of others with a ratio to it."""
+    """Draw the episodes of a policy with a `fall_probability`, and of a further policy for each of the `ratios`.
+
+    The fall probability of a further policy is its ratio times `fall_probability`.
+    """
     return make_episodes(generator, (fall_probability, *(ratio * fall_probability for ratio in ratios)), count)
 
 
@@ -168,10 +176,10 @@ def _mcnemar(count: int, fall_probability: float, generator: np.random.Generator
 
 
 def _randomized_mcnemar(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    """Return whether a randomised McNemar test is significant.
+    """Return True if a randomised McNemar test is significant.
 
-    A random draw decides the part of the probability of the observed outcome that counts, so that the test is exact at
-    every level.
+    The p-value counts a random fraction of the probability of the observed outcome, so that the test has exactly the
+    nominal error rate at every level.
     """
     a, b = _make_episodes(generator, count, fall_probability, 1.0).fell
     rarer = min(int((a & ~b).sum()), int((b & ~a).sum()))
@@ -183,16 +191,24 @@ def _randomized_mcnemar(count: int, fall_probability: float, generator: np.rando
 
 @cache
 def _mcnemar_p_value(only_a: int, discordant: int) -> float:
-    """Return the p-value for a number of discordant pairs, and the number of them in which a alone fell."""
+    """Return the p-value of McNemar's test from counts.
+
+    Args:
+        only_a: Number of discordant pairs in which only policy a fell.
+        discordant: Number of discordant pairs, in which exactly one of the two policies fell.
+
+    Returns:
+        The p-value.
+    """
     pairs = np.arange(discordant) < only_a
     return mcnemar(pairs, ~pairs)
 
 
 def all_checks(counts: Sequence[int], fall_probabilities: Sequence[float]) -> Iterator[CalibrationCheck]:
-    """Yield every check.
+    """Yield all checks, for each combination of an episode count and a fall probability.
 
     Args:
-        counts: Numbers of episodes.
+        counts: Numbers of episodes in a data set.
         fall_probabilities: Fall probabilities of the first policy.
 
     Yields:

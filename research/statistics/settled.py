@@ -1,4 +1,8 @@
-"""Runs until settled on synthetic batteries with known scores: false claims, and numbers of episodes."""
+"""Simulation of `evaluate --until settled` on synthetic policies with known scores: false claims and episode counts.
+
+The sequential test adds episodes until all adjacent policies of the ranking are distinguished or unlikely to be. A
+battery is a set of scenarios.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,29 +21,32 @@ from research.pages import markdown
 MAX_EPISODES = 96
 """Maximum number of episodes of a run."""
 VARIANCE_SHARES = {"episode": 0.02, "scenario": 0.4, "policy": 0.01, "own": 0.57}
-"""Source of variance of an outcome -> its share: the episode, the episode on a scenario, the episode with a policy, and
-the rest.
-"""
+"""Source of the variance of an outcome -> fraction of the variance.
+
+The sources are the episode, the combination of episode and scenario, the combination of episode and policy, and the
+independent rest."""
 EASIEST_SUCCESS = 0.9
-"""Success of the worst policy on the easiest scenario; evenly spread down to HARDEST_SUCCESS."""
+"""Success rate of the worst policy on the easiest scenario.
+
+The success rates on the other scenarios are evenly spaced down to HARDEST_SUCCESS."""
 HARDEST_SUCCESS = 0.05
-"""Success of the worst policy on the hardest scenario."""
+"""Success rate of the worst policy on the hardest scenario."""
 FIXED_PLANS = tuple(range(4, MAX_EPISODES + 1, 2))
-"""Numbers of episodes of the plans of fixed size."""
+"""Numbers of episodes of the plans of fixed size, with which runs until settled are compared."""
 
 
 @dataclass(frozen=True)
 class Battery:
-    """Policies with known scores on a number of scenarios."""
+    """Synthetic policies with known scores on a number of scenarios."""
 
     points: tuple[float, ...]
-    """Score of each policy above the worst one, % points."""
+    """Score of each policy minus the score of the worst policy, percentage points."""
     scenarios: int
     """Number of scenarios."""
 
     @property
     def name(self) -> str:
-        """Description of the battery."""
+        """Name of the row of the battery in the table: its policies and scenarios."""
         gaps = [high - low for low, high in pairwise(sorted(set(self.points)))]
         if not gaps:
             spacing = "alike"
@@ -57,7 +64,7 @@ class Battery:
             count: Number of episodes.
 
         Returns:
-            Index of the policy, as text -> proportion of the scenarios on which it succeeds, (count,).
+            Index of the policy, as text -> fraction of the scenarios on which the policy succeeds, (count,).
         """
         from scipy.special import ndtri
 
@@ -78,25 +85,29 @@ BATTERIES = tuple(
     for points in ((0, 0), (0, 5), (0, 0, 0, 0, 0, 0), (0, 0, 5, 5, 10, 10))
     for scenarios in (4, 12, 51)
 )
-"""Two and six policies, equal and 5 points apart, from a quick battery to the default one."""
+"""Batteries of two and of six policies, which are equal or 5 points apart, on 4, 12 and 51 scenarios."""
 
 
 @dataclass(frozen=True)
 class SequentialRunResult:
-    """Result of a run until settled, made by `simulate_run`."""
+    """Result of a simulated run until settled, made by `simulate_run`."""
 
     episodes: int
-    """Number of episodes."""
+    """Number of episodes after which the run stopped."""
     has_false_claim: bool
-    """True if it claims a difference of adjacent policies that are equal or in the opposite order."""
+    """True if the run claims a difference between adjacent policies that are equal or have the opposite order."""
     has_found_all: bool
-    """True if it distinguishes all adjacent policies that differ."""
+    """True if the run distinguishes all adjacent policies that are different."""
     fixed: tuple[bool, ...]
-    """True for each plan of FIXED_PLANS that distinguishes them."""
+    """For each plan of FIXED_PLANS, True if a run of that size distinguishes all adjacent policies that are different.
+    """
 
 
 def simulate_run(battery: Battery, generator: np.random.Generator) -> SequentialRunResult:
-    """Simulate a run of a `battery` with a `generator` and the looks of `evaluate --until settled`."""
+    """Simulate a run of `evaluate --until settled` on a `battery`, with outcomes drawn by a `generator`.
+
+    The adjacent policies are compared at each look (interim analysis) of the sequential test, until the run may stop.
+    """
     values = battery.values(generator)
     fixed = tuple(_found_by_fixed(battery, values, count) for count in FIXED_PLANS)
     for episodes in sequential.looks(MAX_EPISODES):
@@ -115,7 +126,16 @@ def simulate_run(battery: Battery, generator: np.random.Generator) -> Sequential
 
 
 def _found_by_fixed(battery: Battery, values: dict[str, Floats], count: int) -> bool:
-    """Return whether corrected paired t-tests after that number of episodes distinguish all that differ."""
+    """Return True if a plan of fixed size distinguishes all adjacent policies that are different.
+
+    Args:
+        battery: Policies and scenarios.
+        values: Index of the policy, as text -> fraction of the scenarios on which it succeeds, per episode.
+        count: Number of episodes of the plan, after which Bonferroni-corrected paired t-tests are made.
+
+    Returns:
+        True if all differences are found in the right order.
+    """
     from scipy.special import stdtr
 
     ranked = sorted(values, key=lambda name: -values[name][:count].mean())
@@ -131,7 +151,7 @@ def _found_by_fixed(battery: Battery, values: dict[str, Floats], count: int) -> 
 
 
 def simulate_runs(battery: Battery, runs: int, seed: int) -> dict[str, float]:
-    """Simulate runs until settled and plans of fixed size.
+    """Simulate runs until settled, and plans of fixed size on the same data.
 
     Args:
         battery: Policies and scenarios.
@@ -139,7 +159,9 @@ def simulate_runs(battery: Battery, runs: int, seed: int) -> dict[str, float]:
         seed: Seed of the runs.
 
     Returns:
-        Proportions of the runs, mean number of episodes, and the fixed plan with the same power.
+        `wrong`: fraction of the runs with a false claim. `found`: fraction of the runs that find all differences.
+        `episodes`: mean number of episodes. `fixed`: number of episodes of the smallest fixed plan that finds all
+        differences as often. Values that do not exist are NaN.
     """
     results = [simulate_run(battery, np.random.default_rng([seed, number])) for number in range(runs)]
     power = np.mean([result.has_found_all for result in results])
@@ -156,11 +178,11 @@ def simulate_runs(battery: Battery, runs: int, seed: int) -> dict[str, float]:
 
 
 def markdown_table(batteries: Sequence[Battery], runs: int, seed: int) -> list[str]:
-    """Create the table of the figures of some batteries.
+    """Create the table of the results of `simulate_runs` on several batteries.
 
     Args:
-        batteries: Batteries, a row each.
-        runs: Number of runs of each.
+        batteries: Batteries, one for each row of the table.
+        runs: Number of runs of each battery.
         seed: Seed of the runs.
 
     Returns:

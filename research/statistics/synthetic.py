@@ -1,8 +1,9 @@
-"""Synthetic episodes with known figures, for the calibration of intervals and tests.
+"""Synthetic episodes with known fall probability and mean error, for the calibration of intervals and tests.
 
-A policy falls with a given probability. An upright episode has a velocity error of Gamma(6) · 0.05 m/s. An episode that
-falls at a share t of its time, evenly over 0.1 … 1, has t times this error and the cap, 2 m/s, for the rest: a skewed
-distribution of two humps.
+A policy falls with a given probability. The velocity error of an episode without a fall has the distribution
+Gamma(6) · 0.05 m/s. A fall happens at a fraction t of the episode, uniform over 0.1 … 1. The error of the episode is
+then t times the error above plus (1 - t) times the error after a fall, 2 m/s. The resulting distribution is skewed and
+has two modes.
 """
 
 from dataclasses import dataclass
@@ -12,39 +13,39 @@ import numpy as np
 from evaluate.statistics.intervals import Bools, Floats
 
 CAP = 2.0
-"""m/s. Error after a fall."""
+"""Velocity error after a fall, m/s."""
 TRACKING_SHAPE = 6.0
-"""Shape of the gamma distribution of an upright error."""
+"""Shape parameter of the gamma distribution of the velocity error without a fall."""
 TRACKING_SCALE = 0.05
-"""m/s. Scale of the gamma distribution of an upright error."""
+"""Scale parameter of the gamma distribution of the velocity error without a fall, m/s."""
 EARLIEST_FALL = 0.1
-"""Earliest fall, as a share of an episode."""
+"""Time of the earliest fall, as a fraction of the episode."""
 SHARED_VARIANCE = 0.5
-"""Share of the variance of an episode that all policies have in common."""
+"""Fraction of the variance of an episode that all policies have in common."""
 
 
 @dataclass(frozen=True)
 class SyntheticEpisodes:
-    """Outcomes of policies on the same episodes, (policies, n) each, made by `make_episodes`."""
+    """Outcomes of several policies on the same n episodes, made by `make_episodes`."""
 
     fell: Bools
-    """Falls."""
+    """True for episodes with a fall, (policies, n)."""
     error: Floats
-    """Velocity error, m/s."""
+    """Mean velocity error of each episode, (policies, n), m/s."""
 
 
 def make_episodes(
     generator: np.random.Generator, fall_probabilities: tuple[float, ...], count: int
 ) -> SyntheticEpisodes:
-    """Draw episodes of several policies with a common part.
+    """Draw episodes of several policies; the outcomes of the policies in an episode are correlated.
 
     Args:
         generator: Random generator.
         fall_probabilities: Fall probability of each policy.
-        count: Number of episodes.
+        count: Number of episodes of each policy.
 
     Returns:
-        Falls and errors.
+        Falls and velocity errors of all episodes.
     """
     shape = (len(fall_probabilities), count)
     fell = _correlated_uniforms(generator, *shape) < np.array(fall_probabilities)[:, None]
@@ -55,7 +56,7 @@ def make_episodes(
 
 
 def _correlated_uniforms(generator: np.random.Generator, rows: int, count: int) -> Floats:
-    """Draw uniform numbers on 0 … 1, (rows, count), with a common part in each column."""
+    """Draw numbers with a uniform distribution on 0 … 1, (rows, count); numbers in the same column are correlated."""
     from scipy.special import ndtr
 
     common = generator.normal(size=count)
@@ -64,7 +65,7 @@ def _correlated_uniforms(generator: np.random.Generator, rows: int, count: int) 
 
 
 def mean_error(fall_probability: float) -> float:
-    """Return the true mean of an episode's error, m/s."""
+    """Return the expected velocity error of an episode of a policy with a `fall_probability`, m/s."""
     tracking = TRACKING_SHAPE * TRACKING_SCALE
     upright = (1.0 + EARLIEST_FALL) / 2.0
     return (1.0 - fall_probability) * tracking + fall_probability * (upright * tracking + (1.0 - upright) * CAP)
@@ -72,28 +73,30 @@ def mean_error(fall_probability: float) -> float:
 
 @dataclass(frozen=True)
 class FallCurve:
-    """Episodes that fall by a logistic curve over ln(severity)."""
+    """Kind of episodes with a fall probability that is a logistic function of ln(severity)."""
 
     share: float
-    """Share of all episodes."""
+    """Fraction of all episodes that are of this kind."""
     median: float
-    """Severity at which half of them fall. Where more is harder, 0 if they always fall and infinite if never."""
+    """Severity at which half of the episodes of this kind fall.
+
+    If a larger severity is harder, 0 means that all of them fall at every severity, and infinity that none falls."""
     steepness: float = 1.0
-    """Slope of the curve over ln(severity)."""
+    """Slope parameter of the logistic function of ln(severity)."""
 
 
 @dataclass(frozen=True)
 class SyntheticAxis:
-    """Axis with a known probability of a fall at each severity; a sum of logistic curves makes any shape."""
+    """Synthetic axis of disturbance with a known fall probability at each severity: a sum of logistic curves."""
 
     severities: tuple[float, ...]
-    """Severities, the mildest first."""
+    """Severities, from the mildest to the hardest."""
     kinds: tuple[FallCurve, ...]
-    """Curves of the kinds of episodes."""
+    """Kinds of episodes, with a curve of the fall probability for each."""
 
     @property
     def direction(self) -> float:
-        """1 if more is harder, −1 if less is harder."""
+        """Sign of the axis: 1 if a larger severity is harder, -1 if a smaller severity is harder."""
         return 1.0 if self.severities[-1] > self.severities[0] else -1.0
 
     @property
@@ -105,7 +108,7 @@ class SyntheticAxis:
         return float(np.exp(brentq(lambda x: self.probability(np.exp(x)) - 0.5, *ends)))
 
     def probability(self, severities: Floats) -> Floats:
-        """Return the probability of a fall at these severities."""
+        """Return the probability of a fall at each of the `severities`."""
         from scipy.special import expit
 
         with np.errstate(divide="ignore"):
@@ -116,6 +119,9 @@ class SyntheticAxis:
         return np.asarray(np.sum(curves, axis=0))
 
     def falls(self, generator: np.random.Generator, count: int) -> Bools:
-        """Draw falls with a `generator`, (levels, `count`); the outcomes of an episode are correlated."""
+        """Draw the falls of `count` episodes at each severity, (severities, count), bool.
+
+        The outcomes of an episode at different severities are correlated.
+        """
         uniforms = _correlated_uniforms(generator, len(self.severities), count)
         return np.asarray(uniforms < self.probability(np.array(self.severities))[:, None])

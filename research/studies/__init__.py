@@ -1,1 +1,1 @@
-"""Measurements of one question each."""
+"""Studies, each of which answers one question by measurements in simulation."""

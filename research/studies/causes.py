@@ -55,7 +55,10 @@ class CausesOptions:
 
 
 def main(options: CausesOptions) -> int:
-    """Run the command and return the exit code. Raises UsageError."""
+    """Draw strips, compare a reading, or check the rules, as the options say, and return the exit code.
+
+    Raises UsageError.
+    """
     check_numbers(options, {"count": (1, 999)})
     if options.films is not None:
         return draw_strips(options, options.films)
@@ -75,7 +78,10 @@ def main(options: CausesOptions) -> int:
 
 
 def count_causes() -> Iterator[dict[str, Any]]:
-    """Yield a row per cause: the episodes made for it, and their causes by the rules."""
+    """Yield a row for each cause of failure: name of the column -> value.
+
+    A row counts the episodes that were made to fail for this cause, by the cause that the rules give them.
+    """
     for made_for in CAUSES:
         runs = (case.run() for case in CASES if case.cause == made_for)
         verdicts = [verdict for episodes in runs for _, verdict in diagnose_failures(episodes)]
@@ -93,7 +99,7 @@ def count_causes() -> Iterator[dict[str, Any]]:
 
 
 def diagnose_failures(episodes: Episodes) -> Iterator[tuple[EpisodeSignals, Verdict]]:
-    """Yield each failed episode with its cause."""
+    """Yield the signals of each failed episode, and its cause of failure by the rules."""
     measures = measure(episodes)
     for number in np.flatnonzero(measures.outcome != SUCCEEDED).tolist():
         assert episodes.scenario is not None
@@ -102,16 +108,17 @@ def diagnose_failures(episodes: Episodes) -> Iterator[tuple[EpisodeSignals, Verd
 
 
 def draw_strips(options: CausesOptions, folder: Path) -> int:
-    """Draw strips of failures of a run, at most one of each policy and scenario.
+    """Draw strips of failed episodes of a run, at most one for each policy and scenario.
 
-    Two falls are drawn for each other failure. Raises UsageError for an unusable folder.
+    A strip is an image with frames and signals of an episode. Of three strips, two show a fall, and one shows a failure
+    without a fall. Raises UsageError if the folder cannot be written.
 
     Args:
         options: Options of the command.
-        folder: Folder for the strips.
+        folder: Folder for the strips. The causes by the rules are written to key.csv next to the folder.
 
     Returns:
-        The exit code.
+        The exit code, 0.
     """
     make_writable_folder(folder)
     generator = np.random.default_rng(0)
@@ -133,7 +140,17 @@ def draw_strips(options: CausesOptions, folder: Path) -> int:
 def _draw_failure(
     cell: PolicyScenarioResult, candidates: NDArray[np.int64], generator: np.random.Generator, path: Path
 ) -> dict[str, Any]:
-    """Draw the strip of one of the failed episodes of a cell; return its row of the key."""
+    """Draw the strip of one failed episode, and return its row of key.csv.
+
+    Args:
+        cell: Stored episodes of one policy on one scenario.
+        candidates: Indices of the episodes from which one is drawn at random.
+        generator: Random generator.
+        path: File of the strip.
+
+    Returns:
+        Name of the column -> value.
+    """
     policy = IDEAL.policy(cell.policy, on_hardware_profile=cell.scenario.hardware)
     episodes = rollout.run(policy, cell.scenario, cell.seeds[[generator.choice(candidates)]])
     ((record, verdict),) = diagnose_failures(episodes)
@@ -151,17 +168,17 @@ def _draw_failure(
 
 
 def compare_reading(options: CausesOptions, reading: Path) -> int:
-    """Write the confusion table of the rules and a person's reading; return the exit code.
+    """Write the confusion table of the causes by the rules and by a person, and return the exit code.
 
     Args:
         options: Options of the command.
-        reading: CSV file of the reading.
+        reading: CSV file with the causes that the person has seen in the strips.
 
     Returns:
-        The exit code.
+        The exit code, 0.
 
     Raises:
-        UsageError: The files do not fit together, or name an unknown cause.
+        UsageError: The reading and the key have different strips, or the reading has an unknown cause.
     """
     try:
         key = _read_csv(options.key)
@@ -180,12 +197,12 @@ def compare_reading(options: CausesOptions, reading: Path) -> int:
 
 
 def _read_csv(path: Path) -> list[dict[str, str]]:
-    """Read the rows of a CSV file."""
+    """Read the rows of a CSV file, each a dictionary: column -> text."""
     return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
 
 
 def _agreement(films: Sequence[Mapping[str, str]]) -> str:
-    """Describe the agreement of the rules with the reading."""
+    """Describe in a sentence how often the rules and the person agree on the cause."""
     agrees = [row["cause"] == row["read"] for row in films]
     certain_agrees = [row["cause"] == row["read"] for row in films if row["certain"] == "True"]
     return (
@@ -195,7 +212,10 @@ def _agreement(films: Sequence[Mapping[str, str]]) -> str:
 
 
 def _confusion_table(films: Sequence[Mapping[str, str]]) -> str:
-    """Create the table of films by the cause of the rules and the cause of the reading, without empty lines."""
+    """Create the Markdown table that counts the films by the cause of the rules (rows) and of the person (columns).
+
+    Empty rows and columns are left out.
+    """
     counts = Counter((row["cause"], row["read"]) for row in films)
     columns = [cause for cause in CAUSES if any(cause == read for _, read in counts)]
     rows = []

@@ -42,21 +42,21 @@ from quad_env.sensing.suite import sensor_suite
 from research.pages.blocks import RESULTS, read_page, write_block
 
 SETTLING = 100
-"""Number of control steps from the start that do not count."""
+"""Number of control steps at the start of an episode that are ignored."""
 NEES_DIMENSION = 5
-"""Number of entries of the error in NEES."""
+"""Number of entries of the error vector in NEES (normalised estimation error squared): tilt (2) and velocity (3)."""
 FORWARD = (0.5, 1.0)
-"""m/s. Commanded forward velocities."""
+"""Range of the commanded forward velocity, m/s."""
 YAW_RATE = (-1.2, 1.2)
-"""rad/s. Commanded yaw rates."""
+"""Range of the commanded yaw rate, rad/s."""
 PUSHES = "pushes"
-"""Name of the block in the page for the errors after pushes."""
+"""Name of the block with the errors after pushes in the page."""
 ROBOTS = ("simple_quad", "go1", "go2")
-"""Robots that are pushed."""
+"""Names of the robots in the table of errors after pushes."""
 WINDOWS = ((-50, 0), (0, 10), (10, 20), (20, 30), (30, 50), (50, 100), (100, 200))
-"""Windows after the start of a push in which errors are averaged, control steps from and to."""
+"""Time windows in which errors are averaged: start and end relative to the start of a push, control steps."""
 _LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "threads": (1, 256)}
-"""Option -> its smallest and largest value."""
+"""Name of the option -> smallest and largest valid value."""
 
 
 @dataclass(frozen=True)
@@ -84,20 +84,23 @@ class EstimationOptions:
 
 
 class EstimationErrors(NamedTuple):
-    """Errors of one estimator in n episodes; entries after a fall are NaN."""
+    """Errors (true minus estimated) of one estimator in n episodes. Entries after a fall are NaN.
+
+    The readings of the sensors are delayed. An estimate is compared with the true state at the time of its readings.
+    """
 
     tilt: Floats
-    """Roll and pitch at the time of the readings, rad, (steps, n, 2)."""
+    """Error of roll and pitch at the time of the readings, (steps, n, 2), rad."""
     velocity: Floats
-    """Velocity at the time of the readings, m/s, (steps, n, 3)."""
+    """Error of the velocity at the time of the readings, base frame, (steps, n, 3), m/s."""
     observed_velocity: Floats
-    """Velocity in the observation, m/s, (steps, n, 3)."""
+    """Error of the velocity in the observation at the current time, base frame, (steps, n, 3), m/s."""
     nees: Floats
-    """NEES, (steps, n); NaN without a covariance."""
+    """NEES, (steps, n); NaN if the estimator has no covariance."""
 
 
 def main(options: EstimationOptions) -> int:
-    """Measure, print, write the table, and return the exit code. Raises UsageError."""
+    """Measure the errors, print and write the table, and return the exit code. Raises UsageError."""
     check_numbers(options, _LIMITS)
     try:
         check_hardware(HardwareConfig(sensors=options.sensors, estimator=ESTIMATORS[-1]))
@@ -108,7 +111,7 @@ def main(options: EstimationOptions) -> int:
         read_page(options.page, marker)
     table = walk_table if options.table == "walks" else push_table
     lines = []
-    for line in table(options):  # printed at once: a row takes minutes
+    for line in table(options):  # each row is printed immediately, because a row takes minutes
         print(line, flush=True)
         lines.append(line)
     write_block(options.page, lines, marker)
@@ -116,7 +119,7 @@ def main(options: EstimationOptions) -> int:
 
 
 def walk_table(options: EstimationOptions) -> Iterator[str]:
-    """Yield the lines of a Markdown table: a row per ground and estimator."""
+    """Yield the lines of the Markdown table of errors on walks, with one row per scenario and estimator."""
     columns = ("walk", "estimator", "velocity, m/s", "shown", "of it level", "roll, pitch, °", "NEES", "steps within")
     yield f"| {' | '.join(columns)} |"
     yield "|---" * len(columns) + "|"
@@ -131,7 +134,7 @@ def walk_table(options: EstimationOptions) -> Iterator[str]:
 
 
 def _walk_cells(errors: EstimationErrors) -> tuple[str, ...]:
-    """Format the errors of one row of `walk_table`."""
+    """Format the errors in one row of `walk_table`, one text per column."""
     roll = np.degrees(rms(errors.tilt[..., :1]))
     pitch = np.degrees(rms(errors.tilt[..., 1:]))
     velocities = (rms(errors.velocity), rms(errors.observed_velocity), rms(errors.observed_velocity[..., :2]))
@@ -139,7 +142,10 @@ def _walk_cells(errors: EstimationErrors) -> tuple[str, ...]:
 
 
 def walk_scenarios(ground: int) -> dict[str, Scenario]:
-    """Return name -> scenario; the rough ground is the field of that number."""
+    """Return the scenarios of the walks: name in the table -> scenario.
+
+    `ground` is the terrain seed of the rough ground.
+    """
     ranges: dict[str, Any] = {"forward": FORWARD, "lateral": (0.0, 0.0), "yaw_rate": YAW_RATE, "zero_fraction": 0.0}
     flat, rough = (
         replace(nominal, commands=replace(nominal.commands, **ranges))
@@ -152,9 +158,9 @@ def walk_scenarios(ground: int) -> dict[str, Scenario]:
 
 
 def push_table(options: EstimationOptions) -> Iterator[str]:
-    """Yield the lines of a Markdown table of velocity errors: a row per robot and estimator.
+    """Yield the lines of the Markdown table of velocity errors after pushes, with one row per robot and estimator.
 
-    Each cell has the error at the readings and the error in the observation.
+    Each cell has two errors: of the estimate at the time of the readings, and of the observation.
     """
     before, *after = WINDOWS
     times = [f"{-before[0] / 100:g} s before", *(f"{start / 100:g} to {end / 100:g} s" for start, end in after)]
@@ -173,7 +179,7 @@ def push_table(options: EstimationOptions) -> Iterator[str]:
 
 
 def _push_cells(observer: "EstimationErrorObserver") -> list[str]:
-    """Format the errors of one row of `push_table`."""
+    """Format the errors in one row of `push_table`, one text per time window."""
     errors = observer.errors(observer.falls.step)
     at_readings = error_after_push(errors.velocity, observer.pushes)
     in_observation = error_after_push(errors.observed_velocity, observer.pushes)
@@ -181,14 +187,14 @@ def _push_cells(observer: "EstimationErrorObserver") -> list[str]:
 
 
 def error_after_push(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
-    """Compute the RMS error in each window after each push.
+    """Compute the RMS error in each of the time windows WINDOWS, over all pushes.
 
     Args:
-        vectors: Errors from SETTLING on, (steps, n, 3); NaN after a fall.
-        pushes: Control steps at which the pushes begin, (n, k).
+        vectors: Errors from control step SETTLING on, (steps, n, 3); NaN after a fall.
+        pushes: Control steps at which the k pushes of each robot begin, (n, k).
 
     Returns:
-        The RMS of each window.
+        The RMS error in each window, in the unit of `vectors`.
     """
     errors = []
     for start, end in WINDOWS:
@@ -201,7 +207,7 @@ def error_after_push(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
 
 
 def estimate_errors(options: EstimationOptions, scenario: Scenario, estimator: str) -> EstimationErrors:
-    """Measure the errors of an estimator.
+    """Measure the errors of an estimator on a scenario.
 
     Args:
         options: Options of the command.
@@ -209,7 +215,7 @@ def estimate_errors(options: EstimationOptions, scenario: Scenario, estimator: s
         estimator: Name of the estimator.
 
     Returns:
-        Errors in all episodes.
+        The errors in all episodes.
     """
     hardware = HardwareConfig(sensors=options.sensors, estimator=estimator)
     observer = _observe_walks(options, scenario, hardware)
@@ -219,7 +225,7 @@ def estimate_errors(options: EstimationOptions, scenario: Scenario, estimator: s
 def _observe_walks(
     options: EstimationOptions, scenario: Scenario, hardware: HardwareConfig
 ) -> "EstimationErrorObserver":
-    """Run the walks of the options and return their observer."""
+    """Simulate the walks of the options on a scenario, and return the observer that has recorded the errors."""
     on_hardware_profile = hardware.actuator != IDEAL.actuator
     policy = hardware.policy(options.policy, on_hardware_profile=on_hardware_profile)
     suite = sensor_suite(hardware.sensors)
@@ -233,12 +239,15 @@ def _observe_walks(
 
 
 def rms(vectors: Floats) -> float:
-    """Return the root of the mean squared length of vectors, (…, k)."""
+    """Return the root mean square of the lengths of `vectors`, (…, k); NaN vectors are ignored."""
     return float(np.sqrt(np.nanmean((vectors**2).sum(axis=-1))))
 
 
 def nees_bounds(runs: int) -> tuple[float, float]:
-    """Return the band in which 95 % of the means of NEES over that number of runs lie."""
+    """Return the lower and upper bound of the 95 % band of the mean NEES over `runs` episodes.
+
+    The band is for an estimator with a correct covariance.
+    """
     from scipy.stats import chi2
 
     low, high = chi2.ppf((0.025, 0.975), NEES_DIMENSION * runs) / runs
@@ -246,7 +255,15 @@ def nees_bounds(runs: int) -> tuple[float, float]:
 
 
 def consistency(nees: Floats) -> tuple[str, str]:
-    """Format the mean of NEES, (steps, n), and the share of the steps with a mean within the band."""
+    """Format the consistency of an estimator: mean NEES, and how often it lies in the 95 % band.
+
+    Args:
+        nees: NEES of n episodes, (steps, n); NaN if the estimator has no covariance.
+
+    Returns:
+        Mean of NEES, and the fraction of the control steps with a mean over the episodes within the 95 % band. Dashes
+        if the estimator has no covariance.
+    """
     if np.isnan(nees).all():
         return ABSENT, ABSENT
     means = np.nanmean(nees, axis=1)
@@ -255,7 +272,12 @@ def consistency(nees: Floats) -> tuple[str, str]:
 
 
 class EstimationErrorObserver:
-    """Observes the errors of estimates with a delay in control steps, and of the observation."""
+    """Observer of a rollout that records the errors of the estimates and of the observation.
+
+    Args:
+        delay_steps: Delay of the estimates: age of the readings, control steps.
+        falls: Recorder of the falls in the same rollout.
+    """
 
     def __init__(self, delay_steps: int, falls: FallRecorder) -> None:
         self.falls = falls
@@ -263,7 +285,7 @@ class EstimationErrorObserver:
         self._rows: list[tuple[Floats, ...]] = []
 
     def __call__(self, step: Step) -> None:
-        """Record the errors of a step."""
+        """Record the errors after a control step."""
         count = len(step.observation)
         state = step.env.simulation.state((np.zeros(count),) * 3)
         estimator = step.env.estimator
@@ -284,7 +306,10 @@ class EstimationErrorObserver:
         self._rows.append((tilt_error, velocity_error, velocity - estimator.velocity, nees))
 
     def errors(self, fall_step: NDArray[np.int64]) -> EstimationErrors:
-        """Return the errors, without those after falls."""
+        """Return the recorded errors; `fall_step` is the control step of each robot's fall, (n,).
+
+        Errors after a fall are NaN.
+        """
         errors = EstimationErrors._make(np.array(column) for column in zip(*self._rows, strict=True))
         has_fallen = np.arange(SETTLING, SETTLING + len(errors.nees))[:, None] >= fall_step
         for values in errors:
@@ -293,9 +318,9 @@ class EstimationErrorObserver:
 
 
 def roll_pitch(gravity: Floats) -> Floats:
-    """Compute roll and pitch of unit vectors of gravity in the base frame, rad, (…, 3) to (…, 2).
+    """Compute roll and pitch, (…, 2), rad, from unit vectors of `gravity`, base frame, (…, 3).
 
-    Positive are left side up, and nose down.
+    Roll is positive if the left side is up. Pitch is positive if the nose is down.
     """
     frame = level_frame(np.moveaxis(gravity, -1, 0))
     return np.stack((frame.roll, frame.pitch), axis=-1)
@@ -304,15 +329,15 @@ def roll_pitch(gravity: Floats) -> Floats:
 def normalized_error_squared(
     gravity: Floats, rotation_error: Floats, velocity_error: Floats, covariance: Floats
 ) -> Floats:
-    """Compute the NEES of tilt and velocity.
+    """Compute the NEES of tilt and velocity, eᵀ P⁻¹ e with error e and covariance P.
 
-    A rotation about gravity is no tilt; the two entries are along axes normal to gravity.
+    The tilt error has two entries, along two axes normal to gravity, because a rotation about gravity is no tilt.
 
     Args:
-        gravity: Estimated gravity, base frame, unit vectors, (n, 3).
-        rotation_error: Rotation from the estimated to the true gravity, rad, (n, 3).
-        velocity_error: True minus estimated velocity, m/s, (n, 3).
-        covariance: Covariance of the estimator's error state, (n, k, k).
+        gravity: Estimated direction of gravity, base frame, unit vectors, (n, 3).
+        rotation_error: Rotation vector from the estimated to the true gravity, base frame, (n, 3), rad.
+        velocity_error: True minus estimated velocity, base frame, (n, 3), m/s.
+        covariance: Covariance of the error state of the estimator, (n, k, k).
 
     Returns:
         NEES, (n,).

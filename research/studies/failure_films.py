@@ -1,4 +1,4 @@
-"""Strips of failed episodes for a person to judge: frames with marks, and time series below them."""
+"""Strips of failed episodes, from which a person judges the cause: frames with marks, above plots of signals."""
 
 import io
 from collections.abc import Iterator, Sequence
@@ -19,11 +19,11 @@ from policies.base import Policy
 from quad_env.scenarios.axes import AXES
 
 COUNT = 15
-"""Number of frames of a strip."""
+"""Number of frames in a strip."""
 COLUMNS = 5
-"""Number of frames in a row of a strip."""
+"""Number of frames in each row of a strip."""
 SIZE = (340, 270)
-"""pixels. Size of a frame."""
+"""Width and height of a frame, pixels."""
 CURVES = {
     "foot_contact": "feet on the ground",
     "command": "command, m/s and rad/s",
@@ -32,21 +32,22 @@ CURVES = {
     "torque_share": "torque of each leg, share of its limit",
     "given": "tilt, velocity, yaw rate as given",
 }
-"""Signal below the frames -> title."""
-LEAD_TIME = 0.6  # s before the onset of a fall
-"""s. Time before the onset of a fall."""
+"""Name of the signal -> title of its plot below the frames."""
+LEAD_TIME = 0.6
+"""Shortest time between the start of a strip and the onset of a fall, s."""
 
 
 def frame_range(record: EpisodeSignals, measures: Measures, earlier: float) -> slice:
-    """Select the control steps of a strip.
+    """Select the control steps that a strip shows.
 
     Args:
         record: Signals of the episode.
-        measures: Its measures.
-        earlier: Additional time before a fall, s, so that the start of the strip does not show its onset.
+        measures: Measures of the episode.
+        earlier: Additional time before a fall, s. The time varies, so that the length of the strip does not reveal the
+            onset of the fall.
 
     Returns:
-        The time around a fall, or the command interval with the worst tracking.
+        Control steps around the fall; if there is no fall, of the command interval with the worst tracking.
     """
     if not record.fell:
         return record.episodes.intervals.settled[worst_interval(measures, record.number)]
@@ -54,22 +55,22 @@ def frame_range(record: EpisodeSignals, measures: Measures, earlier: float) -> s
 
 
 def draw_strip(policy: Policy, record: EpisodeSignals, part: slice) -> Image.Image:
-    """Draw a part of an episode.
+    """Draw the strip of a part of an episode.
 
     Args:
         policy: Policy of the episode.
         record: Signals of the episode.
-        part: Control steps.
+        part: Control steps that the strip shows.
 
     Returns:
-        Frames with title and curves.
+        Image with a title, the frames, and plots of the signals.
     """
     frames = tile_images(list(_frames(policy, record, part)), COLUMNS)
     return stack_images(_text(_title(record, part), frames.width, 20), frames, _curves(record, part, frames.width))
 
 
 def stack_images(*images: Image.Image) -> Image.Image:
-    """Arrange images of one width below each other."""
+    """Stack images of equal width vertically, the first at the top."""
     stack = Image.new("RGB", (images[0].width, sum(image.height for image in images)))
     top = 0
     for image in images:
@@ -79,7 +80,7 @@ def stack_images(*images: Image.Image) -> Image.Image:
 
 
 def _text(lines: Sequence[str], width: int, size: int = 14) -> Image.Image:
-    """Draw lines of text on a dark bar."""
+    """Draw lines of text on a dark bar; `width` and font `size` are in pixels."""
     text = Text(size)
     bar = Image.new("RGB", (width, text.height(len(lines))), DARK)
     for index, line in enumerate(lines):
@@ -88,7 +89,7 @@ def _text(lines: Sequence[str], width: int, size: int = 14) -> Image.Image:
 
 
 def _title(record: EpisodeSignals, part: slice) -> tuple[str, str]:
-    """Describe the scenario, and the end of the episode."""
+    """Return the two lines of the title: description of the scenario, and of the end of the episode."""
     scenario = record.scenario
     axis = AXES[scenario.axis]
     profile = " Real motors, delays, sensors, and an estimator." if scenario.hardware else ""
@@ -98,7 +99,7 @@ def _title(record: EpisodeSignals, part: slice) -> tuple[str, str]:
 
 
 def _frames(policy: Policy, record: EpisodeSignals, part: slice) -> Iterator[Image.Image]:
-    """Render the robot at evenly spaced times, with captions."""
+    """Render the robot at evenly spaced times of the part, each frame with a caption of time and marks."""
     numbers = np.linspace(max(1, part.start), part.stop, COUNT).round().astype(int).tolist()
     seed = int(record.episodes.seeds[record.number])
     labelled_policy = LabelledPolicy(policy.name, policy)
@@ -116,7 +117,7 @@ def _frames(policy: Policy, record: EpisodeSignals, part: slice) -> Iterator[Ima
 
 
 def _curves(record: EpisodeSignals, part: slice, width: int) -> Image.Image:
-    """Draw the signals over the time of a strip, from `evaluate.film.curves`."""
+    """Draw the plots of the signals over the part of the episode that the strip shows."""
     from matplotlib.figure import Figure
 
     part = slice(part.start, min(part.stop, record.end))

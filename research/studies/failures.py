@@ -1,4 +1,4 @@
-"""Episodes made to fail for a known cause: twelve of each, in two batches of six."""
+"""Episodes that are made to fail for a known cause: twelve of each cause, in two cases of six episodes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -23,7 +23,14 @@ Rows = NDArray[np.float32]
 
 
 class PerturbedPolicy(Policy):
-    """A policy with a perturbed observation or action, or with failures from a step on."""
+    """Policy with a perturbed observation or action, or with a failure of the policy itself.
+
+    Args:
+        policy: Policy that is perturbed.
+        observation_transform: Function from the true observation to the observation that the policy receives.
+        action_transform: Function from the action of the policy and the true observation to the executed action.
+        failing: Number of control steps after which the policy is marked as failed.
+    """
 
     name = "altered"
 
@@ -56,21 +63,21 @@ class PerturbedPolicy(Policy):
 
 @dataclass(frozen=True)
 class FailureCase:
-    """Six episodes that fail for a cause."""
+    """Six episodes that are made to fail for a known cause."""
 
     cause: str
-    """Cause by the rules."""
+    """True cause of the failures, in the words of the rules of causes."""
     policy: Callable[[], Policy]
-    """Creates the policy."""
+    """Function that makes the policy."""
     scenario: Scenario
     steps: int = 150
-    """Number of control steps."""
+    """Length of an episode, control steps."""
     hardware: HardwareConfig = IDEAL
     chosen: tuple[int, ...] = tuple(range(6))
-    """Indices of the validation seeds on which it does fail."""
+    """Indices of the validation seeds with which the episodes fail."""
 
     def run(self, after_falls: bool = False) -> Episodes:
-        """Run and record the episodes; `after_falls`: they go on after a fall."""
+        """Simulate and record the episodes. If `after_falls` is True, an episode continues after a fall."""
         seeds = episode_seeds("validation", 0, 96)[list(self.chosen)]
         policy = self.policy()
         recorder = rollout.EpisodeRecorder(policy, seeds, self.steps)
@@ -95,13 +102,13 @@ def _make_trot(**parameters: float) -> Callable[[], Policy]:
 
 
 def _slower(rows: Rows) -> Rows:
-    """Halve the observed commands."""
+    """Return observations with half the commanded velocity, so that the robot walks too slowly."""
     rows[:, -3:] *= 0.5
     return rows
 
 
 def _toppling(actions: Actions, observation: Rows) -> Actions:
-    """Push with hips and thighs in the direction in which the trunk leans."""
+    """Return actions that move hips and thighs so that a lean of the trunk grows."""
     lean = -6.0 * observation[:, [1, 0, 0]] * (1.0, 1.0, 0.0)
     return actions + np.tile(lean, 4).astype(np.float32)
 
@@ -113,23 +120,23 @@ def _make_scenario(speed: float | tuple[float, float] = 0.5, **settings: Any) ->
 
 
 ALONG = StartNoise(yaw=0.0)
-"""Starts that face the stairs."""
+"""Start noise without a random heading, so that the robot faces the stairs."""
 CURVES = CommandRanges((1.2, 1.5), (-0.3, 0.3), (-1.2, 1.2), 0.0, 2.0)
-"""Fast commands with turns, which change every 2 s."""
+"""Fast commands with turns. The command changes every 2 s."""
 TILTED_IMU: Any = SensorSuite(imu=Imu(rotation=(0.0, 0.7, 0.0)))
-"""IMU mounted with an error of 0.7 rad about the trunk's y axis, unknown to the estimator."""
+"""Sensors with an IMU that is rotated by 0.7 rad about the y axis of the trunk, which the estimator does not know."""
 STAIRS_15_CM = Stairs(0.15)
-"""Stairs with steps of 0.15 m."""
+"""Stairs with a step height of 0.15 m."""
 ICE = Ground(0.05)
-"""Ground with a friction of 0.05."""
+"""Ground with a friction coefficient of 0.05."""
 WEAK_MOTORS = Motors(10.0)
-"""Motors with a tenth of their torque."""
+"""Motors with a torque limit of 10 N·m, a tenth of the rated torque."""
 LONG_LATENCY = Latency(0.08, 0.08)
-"""Latency of 0.08 s."""
+"""Delays of actions and of observations, 0.08 s each."""
 LONG_DROPOUTS = Dropouts(4, 0.95, (0.1, 4.0))
 STAIRS_UP = _make_scenario(0.8, terrain=STAIRS_15_CM, start=ALONG)
 LYING = _make_scenario(start=AnyPose())
-"""Starts in any pose."""
+"""Scenario in which the robots start in a random pose, also upside down."""
 CASES = (
     FailureCase(rules.TRIP, _make_policy("robust"), _make_scenario(0.8, terrain=Stairs(0.2), start=ALONG), 120),
     FailureCase(rules.TRIP, _make_policy("end_to_end"), STAIRS_UP, 160, chosen=(3, 4, 5, 10, 11, 12)),
@@ -178,4 +185,4 @@ CASES = (
     FailureCase(rules.UNCLEAR, _make_policy("trot"), LYING, chosen=(0, 1, 2, 5, 6, 8)),
     FailureCase(rules.UNCLEAR, _make_policy("residual"), LYING, chosen=(0, 1, 2, 5, 6, 8)),
 )
-"""Twelve episodes of each cause."""
+"""Cases of all causes: two cases, and so twelve episodes, for each cause."""
