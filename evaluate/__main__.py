@@ -6,12 +6,12 @@ Other commands, each with its own --help, as in `python -m evaluate axes --help`
 import sys
 from pathlib import Path
 
-if __name__ == "__main__":  # so that no `quad_env.py` of the user's is imported
+if __name__ == "__main__":  # because a `quad_env.py` in the user's folder must not be imported
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from quad_env.cli import launcher
 
-if __name__ == "__main__":  # before the imports that take time
+if __name__ == "__main__":  # before the slow imports, because Ctrl-C must end the process during an import
     launcher.leave_on_interrupt()
 
 from functools import partial
@@ -40,24 +40,24 @@ MOVED["rescore"] = "gone, with --trace: `python -m evaluate report FOLDER --succ
 MOVED["merge"] = (
     "not there: runs are not merged, and `python -m evaluate compare A B` ranks the policies of two together"
 )
-"""Old command -> its new name or replacement."""
+"""Name of a removed command -> message with its new name or its replacement."""
 
 
 def compare(words: list[str]) -> int:
-    """Compare policies, which may be the first of the `words`, and return the exit code."""
+    """Compare policies and return the exit code; `words` may start with the policies, without --policies."""
     if words and not words[0].startswith("-"):
         words = ["--policies", *words]
     plan = _plan(words)
-    from evaluate.commands.execution import execute  # imported late, so that a mistake is reported at once
+    from evaluate.commands.execution import execute  # imported late, because mistakes should be reported at once
 
     return execute(plan)
 
 
 def _plan(words: list[str]) -> "Plan":
-    """Parse the command line; with --resume the defaults are the options of the run."""
+    """Parse and check the command line; if --resume is given, the run's options are the defaults."""
     read = partial(parse, EvaluateOptions, words, program=NAME, description=f"{__doc__}{PROGRAM.listing()}")
     options = read()
-    from evaluate.commands.plan import check, load_run_options  # imported late, so that --help is quick
+    from evaluate.commands.plan import check, load_run_options  # imported late, because --help should be quick
 
     return check(read(default=load_run_options(options.out)) if options.resume else options)
 
@@ -66,7 +66,7 @@ PROGRAM = Program(NAME, COMMANDS, compare, MOVED)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command and return its exit code."""
+    """Run the command that `arguments` name, by default the process's own, and return the exit code."""
     return PROGRAM.main(arguments)
 
 

@@ -42,7 +42,7 @@ class CompareOptions:
 
 
 def main(options: CompareOptions) -> int:
-    """Run the command and return the exit code; UsageError if the folders have nothing in common."""
+    """Run the command and return the exit code; raise UsageError if the runs have nothing in common."""
     if options.json is not None:
         make_folder_of(options.json, "--json")
     a = _read(options.a)
@@ -71,7 +71,7 @@ def main(options: CompareOptions) -> int:
 
 
 def _print_tables(options: CompareOptions, both: CombinedRuns, console: Console) -> None:
-    """Print the ranking and the tables of differences."""
+    """Print the combined ranking and the tables of differences."""
     print_ranking(both.ranking, console)
     metrics = {contrast.metric for match in both.matches for contrast in match.contrasts}
     for titles in (TERMINAL_DIFFERENCE_TITLES, MAIN_EFFORT_TITLES):
@@ -80,7 +80,7 @@ def _print_tables(options: CompareOptions, both: CombinedRuns, console: Console)
 
 
 def _read(path: Path) -> StoredRun:
-    """Read a run; UsageError if it has no finished cells."""
+    """Read manifest and episode rows of a run; raise UsageError if the run has no finished cells."""
     manifest, rows = read_rows(_folder(path))
     if not rows.num_rows:
         raise UsageError(f"{_folder(path)} holds no finished part of a comparison yet")
@@ -88,12 +88,12 @@ def _read(path: Path) -> StoredRun:
 
 
 def _folder(path: Path) -> Path:
-    """Return the results folder of a path, which may be one of its files."""
+    """Return the results folder of a path, which is the folder or one of the folder's files."""
     return path.parent if path.name in ("results.json", "episodes.parquet", "manifest.json") else path
 
 
 def _pairs(options: CompareOptions, a: Manifest, b: Manifest) -> list[tuple[str, str]]:
-    """Return the pairs of a policy of A and a policy of B.
+    """Return the pairs of policies to compare: a policy of A and a policy of B.
 
     Args:
         options: Options of the command line.
@@ -101,7 +101,7 @@ def _pairs(options: CompareOptions, a: Manifest, b: Manifest) -> list[tuple[str,
         b: Manifest of B.
 
     Returns:
-        The named pair, the only policies of both, or every policy that both have.
+        The pair that the options name; else the only policy of each run; else each policy that both runs have.
 
     Raises:
         UsageError: A run does not have the named policy.
@@ -121,11 +121,11 @@ def _labels(
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Return the display names of the policies of A and of B.
 
-    A name of both runs gets the folder added, unless all episodes of the two are identical.
+    The folder is added to a name that both runs have, unless all episodes of the two policies are identical.
 
     Args:
         options: Options of the command line.
-        matches: Cells that both runs have.
+        matches: Cells (one policy on one scenario) that both runs have.
         a: Manifest of A.
         b: Manifest of B.
 
@@ -142,12 +142,12 @@ def _labels(
 
 
 def _display_names(names: Iterable[str], ambiguous: Set[str], folder: str) -> dict[str, str]:
-    """Return name -> display name, with the folder added to ambiguous names."""
+    """Return policy name -> display name, with the `folder` added to ambiguous names."""
     return {name: f"{name} ({folder})" if name in ambiguous else name for name in names}
 
 
 def _ranking_agreement(correlation: RankCorrelation | None, matches: Sequence[Match]) -> Iterator[str]:
-    """Yield lines on the agreement of the two rankings and on the cells with a different success rate."""
+    """Yield lines on the agreement of the two rankings and on cells with different success rates."""
     if correlation:
         yield from correlation.lines()
     else:
@@ -164,12 +164,12 @@ def _ranking_agreement(correlation: RankCorrelation | None, matches: Sequence[Ma
 
 
 def _success(match: Match) -> MetricDifference:
-    """Return the difference of the success rates."""
+    """Return the difference between the success rates of a match."""
     return next(contrast for contrast in match.contrasts if contrast.metric == SUCCESS_RATE)
 
 
 def _table(options: CompareOptions, matches: Sequence[Match], titles: Mapping[str, str]) -> FittedTable:
-    """Return a table of differences.
+    """Return a terminal table of differences.
 
     Args:
         options: Options of the command line.
@@ -193,7 +193,7 @@ def _table(options: CompareOptions, matches: Sequence[Match], titles: Mapping[st
 
 
 def _entry(contrast: MetricDifference, corrected_p_value: float, identical: bool) -> str:
-    """Return the text of a difference: value, interval, and for success the corrected p-value."""
+    """Format a difference: value, interval, and the corrected p-value if the metric is the success rate."""
     if identical:
         return "0"
     if contrast.metric in MAIN_EFFORT_TITLES:
@@ -208,7 +208,7 @@ def _entry(contrast: MetricDifference, corrected_p_value: float, identical: bool
 
 
 def _notes(a: StoredRun, b: StoredRun, matches: Sequence[Match]) -> Iterator[str]:
-    """Yield lines on the pairing of the episodes."""
+    """Yield lines on the episodes that the two runs share and on identical cells."""
     seeds_a, seeds_b = ({*rows.column("seed").to_pylist()} for _, rows in (a, b))
     count = with_count(len(seeds_a & seeds_b), "episode")
     yield f"paired by episode: {count} of the same seeds, of A's {len(seeds_a)} and B's {len(seeds_b)}"
@@ -218,7 +218,7 @@ def _notes(a: StoredRun, b: StoredRun, matches: Sequence[Match]) -> Iterator[str
 
 
 def _unfinished(a: StoredRun, b: StoredRun) -> Iterator[str]:
-    """Yield a line on the missing cells of a run that is not finished."""
+    """Yield a line for each run that is not finished, with the missing cells."""
     for name, (manifest, rows) in (("A", a), ("B", b)):
         stored = set(zip(rows.column("scenario").to_pylist(), rows.column("policy").to_pylist(), strict=True))
         cells = [(scenario.name, policy) for scenario, policy in manifest.cells]
@@ -227,7 +227,7 @@ def _unfinished(a: StoredRun, b: StoredRun) -> Iterator[str]:
 
 
 def _write(options: CompareOptions, both: CombinedRuns, changes: list[str], path: Path) -> None:
-    """Write the comparison as JSON; UsageError if that fails."""
+    """Write the comparison as a JSON file; raise UsageError if the file cannot be written."""
     contents = {
         "schema": 1,
         "a": str(options.a),

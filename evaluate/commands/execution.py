@@ -1,4 +1,7 @@
-"""Executes a plan: simulate and store every cell, then print and write the results, also after Ctrl-C."""
+"""Execution of a plan: simulate and store every cell, then print and write the results.
+
+A cell is one policy on one scenario. After Ctrl-C the finished cells are printed and written as well.
+"""
 
 import shlex
 import sys
@@ -7,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-# All modules that are needed until the end, so that no interrupt comes in the middle of an import.
+# All modules that the run needs are imported here, because Ctrl-C must not interrupt an import later.
 import quad_env.envs.vector_env  # noqa: F401
 from evaluate.cells import PolicyScenarioResult, evaluation_seeds
 from evaluate.commands.interim_analysis import interim_analysis
@@ -35,17 +38,18 @@ def execute(plan: Plan, show: Show = print_results) -> int:
 
     Args:
         plan: Checked options.
-        show: Prints the results.
+        show: Function that prints the results.
 
     Returns:
-        The exit code. Raises UsageError, FolderInUseError, and after Ctrl-C a KeyboardInterrupt with the saved part.
+        The exit code. UsageError and FolderInUseError can be raised, and KeyboardInterrupt after Ctrl-C; its message
+        names the saved part.
     """
     with exclusive_lock(plan.options.out):
         return _execute(plan, show)
 
 
 def _execute(plan: Plan, show: Show) -> int:
-    """Run the plan while its folder is locked; return the exit code."""
+    """Run the plan and return the exit code; the caller has locked the results folder."""
     out = plan.options.out
     if plan.options.resume and (run := read_run(out)).complete:
         print(f"{out} holds the whole run: nothing is left to simulate", file=sys.stderr)
@@ -73,7 +77,7 @@ def _execute(plan: Plan, show: Show) -> int:
 
 
 def _print_warnings(plan: Plan) -> None:
-    """Print warnings on an unfinished run in the folder, and on policies that do not stand or walk."""
+    """Print warnings about an unfinished run in the folder, and about policies that do not stand or walk."""
     out = plan.options.out
     if is_unfinished(out):
         print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
@@ -88,7 +92,7 @@ def _print_warnings(plan: Plan) -> None:
 
 
 def _interrupt_message(plan: Plan, run: Run) -> str:
-    """Return the saved part of an interrupted run, and the command that continues it."""
+    """Return a text with the saved part of an interrupted run and the command that continues the run."""
     saved = "kept what was done"
     if run.cells:
         saved = f"wrote the {len(run.cells)} finished parts of {len(plan.manifest.cells)}"
@@ -102,11 +106,11 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
 
     Args:
         plan: Checked options.
-        store: Store of the run's chunks.
+        store: Store of the run's chunks, which are parts of cells.
 
     Returns:
-        run: The finished cells, in the order of the run.
-        interrupted: True after Ctrl-C.
+        run: Run with the finished cells, in the order of the manifest.
+        interrupted: True if the user pressed Ctrl-C.
 
     Raises:
         KeyboardInterrupt: The user interrupted before the first chunk was saved.
@@ -135,7 +139,7 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
 
 @contextmanager
 def _explained_errors(store: ChunkStore) -> Iterator[None]:
-    """Context in which failures of memory, disk or a worker become a UsageError with the remedy."""
+    """In the context, turn failures of memory, disk or a worker into a UsageError with a remedy."""
     try:
         yield
     except Exception as error:
@@ -146,7 +150,7 @@ def _explained_errors(store: ChunkStore) -> Iterator[None]:
 
 
 def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[PolicyScenarioResult]:
-    """Yield the cells of the store's manifest as they are finished, and show the progress."""
+    """Simulate the cells of the store's manifest, show the progress, and yield each finished cell."""
     manifest = store.manifest
     with show_progress(len(manifest.cells)) as progress:
 
@@ -155,7 +159,7 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Poli
             progress(policy, scenario, fraction)
 
         threads = plan.options.threads
-        # Chunks as large as allowed, but at least one for every worker.
+        # Chunks are as large as allowed, but small enough that every worker gets at least one.
         episodes_per_worker = -(-plan.manifest.episodes * len(plan.manifest.cells) // threads)
         settings = RunSettings(
             nthread=threads,
@@ -171,12 +175,12 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Poli
 
 
 def _run(manifest: Manifest, cells: Sequence[PolicyScenarioResult]) -> Run:
-    """Return the finished cells in the order of the run."""
+    """Return a run with the finished cells, sorted in the order of the manifest."""
     return Run(manifest, tuple(sorted(cells, key=lambda cell: manifest.cells.index((cell.scenario, cell.policy)))))
 
 
 def _after_interim_analysis(run: Run, folder: Path) -> Run:
-    """Analyse and print the ranking of a run --until settled, and store the end of the run."""
+    """Analyse the ranking of a run --until settled, print it, and store if the run has ended."""
     if not run.manifest.is_unsettled:
         return run
     line, ended = interim_analysis(run.cells, run.manifest.limit)
@@ -187,7 +191,7 @@ def _after_interim_analysis(run: Run, folder: Path) -> Run:
 
 
 def _error_message(error: Exception, store: ChunkStore) -> str | None:
-    """Return a line with the reason and the remedy; None for a fault of the program."""
+    """Return a line with the reason and the remedy of an error; None if the error is a bug."""
     if launcher.is_out_of_memory(error):
         return f"{launcher.OUT_OF_MEMORY}; {_resume_hint(store)}"
     if isinstance(error, StoreError):
@@ -198,7 +202,7 @@ def _error_message(error: Exception, store: ChunkStore) -> str | None:
 
 
 def _resume_hint(store: ChunkStore) -> str:
-    """Return the remedy after a failure."""
+    """Return a text with the remedy after a failure."""
     return f"go on: {_resume_command(store.folder)}" if store.begun else "begin again, for nothing was done yet"
 
 

@@ -1,4 +1,4 @@
-"""Interim analysis of a run --until settled: distinguished neighbours, and the end of the run."""
+"""Interim analysis of a run --until settled: compares neighbours in the ranking and can end the run."""
 
 from collections.abc import Sequence
 
@@ -15,11 +15,11 @@ def interim_analysis(cells: Sequence[PolicyScenarioResult], limit: int) -> tuple
     """Compare adjacent policies of the ranking, and decide if the run ends.
 
     Args:
-        cells: Finished cells of the run.
+        cells: Finished cells of the run, each with the episodes of one policy on one scenario.
         limit: Maximum number of episodes of a cell.
 
     Returns:
-        line: As in `24 of at most 96 episodes, 1 of 2 neighbours distinguished: a > b, b ~ c (p = 0.2)`.
+        line: Text such as `24 of at most 96 episodes, 1 of 2 neighbours distinguished: a > b, b ~ c (p = 0.2)`.
         ended: Reason for the end of the run; empty if it continues.
 
     Raises:
@@ -44,7 +44,7 @@ def interim_analysis(cells: Sequence[PolicyScenarioResult], limit: int) -> tuple
 
 
 def _pair_text(pair: AdjacentTest, *, identical: bool) -> str:
-    """Return a text of two adjacent policies, for example `a > b`."""
+    """Return a text on the order of two adjacent policies, for example `a > b`."""
     if identical:
         return f"{pair.ahead} = {pair.behind} ({IDENTICAL_WORDS})"
     if pair.distinguished:

@@ -17,9 +17,9 @@ WALKING_POLICIES = ("trot", "trot_feedback", "trot_integral", "residual", "robus
 DEFAULT_POLICIES = ("document@flat", "document_repaired@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
 EPISODES = {None: 20, "settled": 96}
-"""Default number of episodes by `until`; the maximum in a run until settled."""
+"""Value of `until` -> default number of episodes, which is the maximum in a run until settled."""
 RESULT_NEUTRAL_OPTIONS = ("out", "threads", "at_once", "resume", "baseline", "trust")
-"""Options that --resume may change."""
+"""Options that may differ when a run is resumed, because no result depends on them."""
 
 
 @dataclass(frozen=True)
@@ -76,12 +76,12 @@ class EvaluateOptions:
 
     @property
     def hardware_config(self) -> HardwareConfig:
-        """Hardware of the robots in scenarios without the hardware profile."""
+        """Hardware of the robots in scenarios that do not use the hardware profile."""
         return HardwareConfig(self.actuator, self.sensors, self.estimator, self.robot, self.servo, self.simulator)
 
     @property
     def battery(self) -> tuple[str, ...]:
-        """Names of the scenarios."""
+        """Names of the scenarios and batteries to run."""
         return ("quick",) if self.quick else self.scenarios
 
     @property
@@ -90,14 +90,24 @@ class EvaluateOptions:
         return EPISODES[self.until] if self.episodes is None else self.episodes
 
     def run_options(self) -> dict[str, Any]:
-        """Return the options that --resume may not change, as JSON values."""
+        """Return option name -> JSON value, for the options that must not differ when a run is resumed."""
         values = asdict(self) | {"episodes": self.max_episodes}
         run_values = {name: value for name, value in values.items() if name not in RESULT_NEUTRAL_OPTIONS}
         return {name: list(value) if isinstance(value, tuple) else value for name, value in run_values.items()}
 
 
 def options_from_json(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return fields of EvaluateOptions from `values` of `run_options`; ValueError for another version."""
+    """Convert the `values` of `run_options` back to field name -> value of EvaluateOptions.
+
+    Args:
+        values: Option name -> JSON value.
+
+    Returns:
+        Field name -> value.
+
+    Raises:
+        ValueError: Another version of the program wrote the values.
+    """
     names = {field.name for field in fields(EvaluateOptions)} - set(RESULT_NEUTRAL_OPTIONS)
     if set(values) != names:
         raise ValueError(f"its options are those of another version: {', '.join(sorted(set(values) ^ names))}")
@@ -105,7 +115,7 @@ def options_from_json(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def describe_changes(then: EvaluateOptions, now: EvaluateOptions) -> list[str]:
-    """Describe each option of a run that differs in `now` from `then`, as in `--seed was 0, not 1`."""
+    """Describe each option that differs between `then` and `now`, for example `--seed was 0, not 1`."""
     before = then.run_options()
     after = now.run_options()
     return [
@@ -116,7 +126,7 @@ def describe_changes(then: EvaluateOptions, now: EvaluateOptions) -> list[str]:
 
 
 def command(values: Mapping[str, Any]) -> str:
-    """Return the command of a run from `values` of `run_options`, without defaults."""
+    """Return the command line of a run, given the `values` of `run_options`; default values are left out."""
     defaults = EvaluateOptions().run_options()
     words = PROGRAM.split()
     for name, value in values.items():
@@ -130,5 +140,5 @@ def command(values: Mapping[str, Any]) -> str:
 
 
 def _words(value: Any) -> str:
-    """Return the text of an option's value on the command line."""
+    """Format the value of an option as on the command line."""
     return " ".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -5,7 +5,8 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-# Functions import the first three when they need them. Importing them here too keeps interrupts out of the imports.
+# Functions import the first three modules when they need them. The modules are imported here as well, because Ctrl-C
+# must not interrupt an import later.
 import matplotlib.backends.backend_svg  # noqa: F401
 import matplotlib.figure  # noqa: F401
 import scipy.stats  # noqa: F401
@@ -23,27 +24,27 @@ from quad_env.cli.launcher import silence_stdout
 from quad_env.cli.progress import show_waiting
 
 Show = Callable[[Results, Console], None]
-"""Prints results on a console."""
+"""Function that prints results on a console."""
 
 
 class Terminal(Console):
-    """Console that stops printing, instead of ending the program, when its reader has closed the pipe."""
+    """Console that stops printing if the reader of its output has closed the pipe; the program continues."""
 
     def on_broken_pipe(self) -> None:
-        """Print nothing more; the files still have to be written."""
+        """Stop all printing; the program continues because the files still have to be written."""
         self.quiet = True
         silence_stdout()
 
 
 def analyse_run(run: Run, baseline: str | None = None) -> Results:
-    """Analyse the finished cells of a run.
+    """Analyse the finished cells of a run; a cell is one policy on one scenario.
 
     Args:
-        run: A run, finished or not.
+        run: Finished or unfinished run.
         baseline: Policy to compare the others with; None for the default baseline.
 
     Returns:
-        Results for tables and files.
+        Results, the contents of tables and files.
     """
     return analyse(
         run.cells,
@@ -56,15 +57,15 @@ def analyse_run(run: Run, baseline: str | None = None) -> Results:
 
 
 def write_results(run: Run, folder: Path, baseline: str | None = None, show: Show = print_results) -> None:
-    """Print the table and write the files, the slowest last.
+    """Print the table and write the files; the slowest file comes last.
 
-    Each output is tried even if an earlier one fails, since the simulation took long.
+    Each output is attempted even if an earlier one fails, because the simulation took long.
 
     Args:
-        run: A run, finished or not.
+        run: Finished or unfinished run.
         folder: Results folder.
         baseline: Policy to compare the others with; None for the default baseline.
-        show: Prints the table.
+        show: Function that prints the table.
 
     Raises:
         UsageError: An output could not be written.
@@ -96,7 +97,7 @@ def _print_table(results: Results, folder: Path, console: Console, show: Show) -
 
 
 def _file_writers(run: Run, results: Results) -> list[tuple[str, Callable[[Path], object]]]:
-    """Return name and writer of each file, without episodes.parquet if the run was read from it."""
+    """Return name and write function of each file; no episodes.parquet if the run was read from it."""
     writers: list[tuple[str, Callable[[Path], object]]] = [("results.json", partial(write_json, results))]
     if not run.stored:
         writers.append(("episodes.parquet", partial(write_parquet, run.cells, run=run.manifest.fingerprint)))
@@ -106,14 +107,14 @@ def _file_writers(run: Run, results: Results) -> list[tuple[str, Callable[[Path]
 
 
 def _to_replay(failure: FailedEpisode, folder: Path) -> str:
-    """Return the commands that replay a failure and list all failures."""
+    """Return a text with the commands that replay a failure and list all failures."""
     replay = f"{PROGRAM} replay {shlex.quote(str(folder))}"
     shown = f"{failure.policy} fails in row {failure.row}: {replay} {failure.row} --page {failure.row}.html"
     return f"{shown}; all failures: {replay} --failed"
 
 
 def _run_writer(name: str, write: Callable[[], object]) -> list[str]:
-    """Return a text of the error of a writer; empty if it succeeds."""
+    """Call a write function; return a list with the error text, or an empty list if the call succeeds."""
     try:
         write()
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Pages of the failures that a report names, in the folder of its run, written atomically."""
+"""HTML pages of the failures that a report links, written atomically into the results folder."""
 
 from collections.abc import Sized
 from pathlib import Path
@@ -16,14 +16,14 @@ def make_pages(run: Run, folder: Path, trust: bool) -> None:
     """Simulate and film the failures that have no page yet.
 
     Args:
-        run: A finished run.
-        folder: Its folder.
+        run: Finished run.
+        folder: Results folder of the run.
         trust: True to load policies from files that can hide code.
 
     Raises:
-        UsageError: The run is not finished, a policy or a scenario is not here, or a page cannot be written. All but
-            the last are found before anything is simulated.
-        KeyboardInterrupt: After Ctrl-C, with the number of pages that are there.
+        UsageError: The run is not finished, a policy or a scenario cannot be loaded, or a page cannot be written. Only
+            the last error can occur after the simulation has started.
+        KeyboardInterrupt: The user pressed Ctrl-C; the message has the number of written pages.
     """
     if not run.complete:
         raise UsageError(f"--pages: {folder} holds an unfinished run; carry it on with --resume")
@@ -52,5 +52,5 @@ def make_pages(run: Run, folder: Path, trust: bool) -> None:
 
 
 def _kept(done: int, targets: Sized) -> str:
-    """Return the number of written pages."""
+    """Return a text with the number of written pages."""
     return f"{done} of {len(targets)} pages are there, and the same command goes on"

@@ -1,4 +1,4 @@
-"""Plan of an evaluation: the checked options, with every mistake found before anything is simulated."""
+"""Plan of an evaluation: the options, checked completely before the simulation starts."""
 
 import shlex
 import sys
@@ -29,7 +29,7 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
 LIMITS = {"episodes": (1, 1_000_000), "seed": (0, 2**63 - 1), "threads": (1, 256), "at_once": (1, 65_536)}
-"""Option -> smallest and largest value."""
+"""Option name -> smallest and largest valid value."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Plan:
 
 
 def load_run_options(folder: Path) -> EvaluateOptions:
-    """Load the options of the run in a folder; UsageError without a run, or if it is running."""
+    """Load the options of the run in a folder; raise UsageError if there is none or it is still running."""
     if folder.is_dir():
         _check_unused(folder)
     if not (folder / manifests.NAME).is_file():
@@ -53,7 +53,7 @@ def load_run_options(folder: Path) -> EvaluateOptions:
 
 
 def check(options: EvaluateOptions) -> Plan:
-    """Check the `options` and return their plan; UsageError for a mistake of the user."""
+    """Check the `options` and return the plan; raise UsageError if an option is not valid."""
     options = replace(options, episodes=options.max_episodes)
     check_numbers(options, LIMITS)
     if options.quick and options.scenarios != DEFAULT_BATTERY:
@@ -90,15 +90,15 @@ def check(options: EvaluateOptions) -> Plan:
 
 
 def select_scenarios(options: EvaluateOptions) -> tuple[Scenario, ...]:
-    """Return the scenarios of the options.
+    """Return the scenarios that the options select.
 
-    Scenarios of a battery that the chosen hardware or simulator excludes are left out.
+    Scenarios of a battery are left out if the chosen hardware or simulator does not support them.
 
     Args:
         options: Options of the command line.
 
     Returns:
-        Scenarios in the order of their names.
+        Scenarios in the order of the names in the options.
 
     Raises:
         UsageError: Both the hardware profile and other hardware are chosen, or a named scenario cannot be simulated.
@@ -122,17 +122,17 @@ def select_scenarios(options: EvaluateOptions) -> tuple[Scenario, ...]:
 
 
 def _supported(options: EvaluateOptions, scenarios: Sequence[Scenario]) -> tuple[Scenario, ...]:
-    """Return the scenarios that the simulator supports, and name the others on stderr.
+    """Return the scenarios that the simulator supports, and print the names of the others on stderr.
 
     Args:
         options: Options of the command line.
         scenarios: Scenarios of the options.
 
     Returns:
-        Supported scenarios of a battery.
+        Supported scenarios.
 
     Raises:
-        UsageError: A scenario that is named itself is not supported, or none is.
+        UsageError: A scenario is not supported and scenarios other than batteries are named, or none is supported.
     """
     errors = {}
     for scenario in scenarios:
@@ -152,7 +152,7 @@ def _supported(options: EvaluateOptions, scenarios: Sequence[Scenario]) -> tuple
 def select_policies(
     names: tuple[str, ...], scenarios: Sequence[Scenario], hardware: HardwareConfig, trust: bool = False
 ) -> tuple[LabelledPolicy, ...]:
-    """Load the policies of names, each with the scenarios that it is limited to.
+    """Load the named policies, each with the scenarios that it is limited to.
 
     Args:
         names: Names, paths or `NAME@SCENARIO`.
@@ -164,7 +164,8 @@ def select_policies(
         Policies in the order of the names.
 
     Raises:
-        UsageError: No policy is named, one is named twice or cannot be loaded, or a scenario is not of this run.
+        UsageError: No policy is named, a policy is named twice or cannot be loaded, or a scenario after an `@` is not
+            among `scenarios`.
     """
     if not names:
         raise UsageError(f"--policies: none given; name at least one of {', '.join(policies.names())}, or a folder")
@@ -185,7 +186,7 @@ def select_policies(
 
 
 def _without_untrained(selected: list[tuple[str, tuple[str, ...]]], robot: Robot) -> list[tuple[str, tuple[str, ...]]]:
-    """Leave out trained policies that the robot does not have, and name them on stderr."""
+    """Leave out policies that are not trained for the robot, and print their names on stderr."""
     untrained = [label for label, _ in selected if policies.is_missing(label, robot)]
     if untrained:
         names = ", ".join(untrained)
@@ -194,7 +195,7 @@ def _without_untrained(selected: list[tuple[str, tuple[str, ...]]], robot: Robot
 
 
 def _split_name(name: str) -> tuple[str, tuple[str, ...]]:
-    """Split a name into label and scenarios; a folder's name may contain an @."""
+    """Split a name at the `@` into label and scenarios; the name of a folder is not split."""
     label, scenarios = name, ""
     if not Path(name).is_dir() and not policies.is_reference(name):
         label, _, scenarios = name.partition("@")
@@ -205,14 +206,14 @@ def _split_name(name: str) -> tuple[str, tuple[str, ...]]:
 
 
 def _check_distinct(labels: list[str]) -> None:
-    """Raise UsageError if two labels are the same policy."""
+    """Raise UsageError if two labels refer to the same policy."""
     sources = [label if label in policies.names() else str(Path(label).resolve()) for label in labels]
     if repeated := sorted({label for label, source in zip(labels, sources, strict=True) if sources.count(source) > 1}):
         raise UsageError(f"--policies: {', '.join(repeated)} given more than once; name each policy once")
 
 
 def _check_scenarios(selected: list[tuple[str, tuple[str, ...]]], scenarios: list[str]) -> None:
-    """Raise UsageError if a policy is limited to a scenario that is not of this run."""
+    """Raise UsageError if a policy is limited to a scenario that the run does not have."""
     for label, only_on in selected:
         if unknown := [name for name in only_on if name not in scenarios]:
             valid = ", ".join(scenarios)
@@ -220,13 +221,13 @@ def _check_scenarios(selected: list[tuple[str, tuple[str, ...]]], scenarios: lis
 
 
 def check_baseline(baseline: str | None, labels: Sequence[str]) -> None:
-    """Raise UsageError unless the `baseline`, if given, is one of the policies' `labels`."""
+    """Raise UsageError if a `baseline` is given and is not among the `labels` of the policies."""
     if baseline is not None and baseline not in labels:
         raise UsageError(f"--baseline: {baseline} is not among the policies {', '.join(labels)}")
 
 
 def _check_folder(out: Path) -> None:
-    """Make the results folder; UsageError if it cannot be written or its files cannot be replaced."""
+    """Make the results folder; raise UsageError if the folder or a file in it cannot be written."""
     try:
         make_writable_folder(out)
     except OSError as error:
@@ -239,7 +240,7 @@ def _check_folder(out: Path) -> None:
 
 
 def _check_unused(out: Path) -> None:
-    """Raise FolderInUseError, one line, while another run writes to the folder."""
+    """Raise FolderInUseError if another run is writing to the folder."""
     with exclusive_lock(out):
         pass
 
@@ -248,14 +249,14 @@ def _resume_manifest(now: Manifest, options: EvaluateOptions) -> Manifest:
     """Return the manifest of the run to resume.
 
     Args:
-        now: Manifest of the same run if it started now.
+        now: Manifest of a run that starts now with the same options.
         options: Options of the command line.
 
     Returns:
-        The manifest in the folder.
+        The manifest that is stored in the folder.
 
     Raises:
-        UsageError: The run cannot continue to the results of an uninterrupted run.
+        UsageError: An input has changed, so the results would differ from the results of an uninterrupted run.
     """
     then, run_options = _read_run_options(options.out)
     if changes := describe_changes(run_options, options):
@@ -269,7 +270,7 @@ def _resume_manifest(now: Manifest, options: EvaluateOptions) -> Manifest:
 
 
 def _resume_remedy(then: EvaluateOptions, now: EvaluateOptions) -> str:
-    """Return the remedy if more policies, episodes or scenarios are named than at the start of the run."""
+    """Return a remedy if the options `now` add policies, episodes or scenarios; else an empty text."""
     folder = shlex.quote(str(now.out))
     if added := [name for name in now.policies if name not in then.policies]:
         run = f"--policies {shlex.join(added)} --episodes {then.max_episodes} --seed {then.seed} --out ANOTHER"
@@ -282,7 +283,7 @@ def _resume_remedy(then: EvaluateOptions, now: EvaluateOptions) -> str:
 
 
 def _read_run_options(folder: Path) -> tuple[Manifest, EvaluateOptions]:
-    """Read the manifest and the options of the run in a folder; UsageError if they cannot be read."""
+    """Read the manifest and the options of the run in a folder; raise UsageError if that fails."""
     try:
         manifest = manifests.read(folder)
         return manifest, replace(EvaluateOptions(out=folder), **options_from_json(manifest.options))

@@ -37,11 +37,11 @@ from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField
 
 DIFFERS = 1
-"""Exit code if the episode differs from the stored one."""
+"""Exit code if the simulated episode differs from the stored episode."""
 
 
 Output = tuple[str, Path, Callable[[FilmSpec, Path, Progress], None]]
-"""Option, file and writer of a film."""
+"""Command-line option, file to write, and function that writes it, for a film or a page."""
 
 
 @dataclass(frozen=True)
@@ -83,16 +83,16 @@ class ReplayTarget:
 
     @property
     def title(self) -> str:
-        """Text for tables and films."""
+        """Title of the episode in tables and films."""
         return f"episode {self.number} of {self.cell.policy} on {self.cell.scenario.name}, seed {self.seed}"
 
     def film_spec(self, manifest: Manifest, *policies: LabelledPolicy) -> FilmSpec:
-        """Return the film of the episode with some `policies`, for the run of the `manifest`."""
+        """Return the film specification of the episode with some `policies`, by the run's `manifest`."""
         return FilmSpec(policies, self.cell.scenario, self.seed, manifest.steps, self.title, manifest.hardware)
 
 
 def main(options: ReplayOptions) -> int:
-    """Run the command and return 0, or DIFFERS if the episode is not as stored."""
+    """Run the command and return 0, or DIFFERS if the simulated episode differs from the stored one."""
     run = read_run(options.results)
     if options.failed:
         return _list_failed(run, options)
@@ -118,7 +118,7 @@ def main(options: ReplayOptions) -> int:
 
 
 def _write_outputs(outputs: list[Output], spec: FilmSpec) -> None:
-    """Film the episode into each file and print its path; UsageError if a file cannot be written."""
+    """Film the episode into each file and print the path; raise UsageError if a file cannot be written."""
     for option, path, write in outputs:
         with show_bar("filming") as progress:
             try:
@@ -129,7 +129,7 @@ def _write_outputs(outputs: list[Output], spec: FilmSpec) -> None:
 
 
 def _outputs(options: ReplayOptions) -> list[Output]:
-    """Return the films that the options ask for; UsageError if a path is not valid."""
+    """Return the films and pages that the options request; raise UsageError if a path is not valid."""
     if options.video is not None:
         files.check_film_path(options.video)
     if options.page is not None:
@@ -143,7 +143,7 @@ def _outputs(options: ReplayOptions) -> list[Output]:
 
 
 def _list_failed(run: Run, options: ReplayOptions) -> int:
-    """Print a line for each failed episode of the selected cells; return the exit code."""
+    """Print a line for each failed episode of the selected policies and scenarios; return the exit code."""
     if options.episode is not None or any((options.video, options.page, options.against)):
         raise UsageError("--failed lists episodes: leave out EPISODE, --video, --page and --against")
     _check_names(run, options)
@@ -168,7 +168,7 @@ def _list_failed(run: Run, options: ReplayOptions) -> int:
 
 
 def _failed_row(cell: PolicyScenarioResult, number: int, row: int) -> tuple[str, ...]:
-    """Return the texts of a failed episode.
+    """Return the table row of a failed episode.
 
     Args:
         cell: Cell of the episode.
@@ -176,7 +176,7 @@ def _failed_row(cell: PolicyScenarioResult, number: int, row: int) -> tuple[str,
         row: Row of episodes.parquet.
 
     Returns:
-        A text for each column; the time is the fall's, or the cause's of an upright failure.
+        A text for each column. The time is the time of the fall, or of the cause if the robot stayed upright.
     """
     measures = cell.measures
     time = float(measures.fall_time[number] if measures.fell[number] else measures.cause_time[number])
@@ -202,15 +202,15 @@ def find(run: Run, options: ReplayOptions, episode: int) -> ReplayTarget:
     """Return the episode that the options select.
 
     Args:
-        run: Results folder.
-        options: Policy and scenario, or None for any.
+        run: Run of the results folder.
+        options: Options with the policy and the scenario; None selects any.
         episode: Index among the selected episodes.
 
     Returns:
-        The episode.
+        The selected episode.
 
     Raises:
-        UsageError: The index is out of range, or is in several cells of the named policy or scenario.
+        UsageError: The index is out of range, or the options select several cells.
     """
     _check_names(run, options)
     policy = options.policy
@@ -233,16 +233,16 @@ def resimulate(
     """Simulate a stored episode again.
 
     Args:
-        manifest: Manifest of its run.
-        target: The stored episode.
+        manifest: Manifest of the episode's run.
+        target: Stored episode.
         policy: Policy of the episode.
 
     Returns:
-        result: Measures of the episode.
-        episodes: Its recorded signals.
+        result: Measures of the simulated episode.
+        episodes: Recorded signals of the simulated episode.
     """
     scenario = target.cell.scenario
-    with show_bar("simulating", in_lines=False) as progress:  # takes 1 to 2 s
+    with show_bar("simulating", in_lines=False) as progress:  # no lines, because it takes only 1 to 2 s
         episodes = rollout.run(
             policy.policy_for(scenario),
             scenario,
@@ -255,12 +255,12 @@ def resimulate(
 
 
 def differences(run: Run, target: ReplayTarget, result: PolicyScenarioResult) -> list[str]:
-    """Return a line for each measure that is not as stored: `velocity_error: 0.31 then, 0.32 now`.
+    """Return a line for each measure that differs, for example `velocity_error: 0.31 then, 0.32 now`.
 
     Args:
-        run: Results folder; measures that it lacks are not compared.
+        run: Run of the results folder; measures that its file lacks are not compared.
         target: Stored episode.
-        result: The episode simulated again.
+        result: Measures of the episode that was simulated again.
 
     Returns:
         Lines in the order of the columns.
@@ -268,12 +268,12 @@ def differences(run: Run, target: ReplayTarget, result: PolicyScenarioResult) ->
     then = table(target.cell).slice(target.number, 1).to_pylist()[0]
     now = table(result, np.array([target.number])).to_pylist()[0]
     names = [name for name in then if name not in run.missing_measures]
-    # By repr, since 0.0 == -0.0.
+    # Compare by repr, because 0.0 == -0.0.
     return [f"{name}: {then[name]} then, {now[name]} now" for name in names if repr(then[name]) != repr(now[name])]
 
 
 def _causes(then: Manifest, target: ReplayTarget, trust: bool) -> list[str]:
-    """Describe the inputs of the episode that have changed since its run, with a fresh policy."""
+    """Load the policy again, and describe the inputs of the episode that have changed since the run."""
     now = manifests.manifest(
         [load_policy(target.cell.policy, then, trust)],
         [target.cell.scenario],
@@ -313,7 +313,7 @@ def load_policy(
 
 
 def check_available(manifest: Manifest, scenario: Scenario) -> None:
-    """Raise UsageError if the simulator of the `manifest` or the terrain of the `scenario` is not here."""
+    """Raise UsageError if the hardware of the `manifest` or the terrain of the `scenario` is missing."""
     try:
         check_hardware(manifest.hardware, scenario)
         if isinstance(scenario.terrain, HeightField):

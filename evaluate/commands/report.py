@@ -29,7 +29,7 @@ class ReportOptions:
 
 
 def main(options: ReportOptions) -> int:
-    """Run the command and return the exit code; UsageError if the folder has no finished cells."""
+    """Run the command and return the exit code; raise UsageError if the folder has no finished cells."""
     from evaluate.cells import apply_success_rule
     from evaluate.commands.outputs import Terminal, analyse_run, write_results
     from evaluate.commands.plan import check_baseline
