@@ -1,8 +1,8 @@
 """Gait controller of the source document: `document`, exactly as printed, and `document_repaired`, as intended.
 
-The printed controller collapses, by its axis conventions, and is only for demonstration. Its pitch is an angle from the
-+x axis, but the thigh angle is measured from straight down. Its leg length ignores the lateral offset. Its stance
-starts half a step behind the end of its swing.
+The printed controller collapses because of its axis conventions, and only serves as a demonstration. It computes the
+pitch as an angle from the +x axis, but the thigh angle of the robot is measured from straight down. Its leg length
+ignores the lateral offset. Its stance starts half a step length behind the end of its swing.
 """
 
 from dataclasses import dataclass
@@ -29,20 +29,20 @@ class PrintedGait(Parameters):
     step_length: float = parameter(0.1, limits=(-1.0, 1.0))
     """Length of a stride, m."""
     body_height: float = parameter(0.25, limits=(-1.0, 1.0))
-    """Hip joint above the standing foot, m."""
+    """Height of the hip joint above the standing foot, m."""
     foot_line: float = parameter(0.15, limits=(-1.0, 1.0))
     """Lateral distance of the foot from the hip joint, outboard, m."""
 
     def feet(self, robot: Robot, phase: ArrayLike, stance_start: float) -> Floats:
         """Compute the foot positions at a phase.
 
-        The swing goes from -s/2 to s/2 along a half sine, the stance backward by s on the ground, with s the step
-        length.
+        With the step length s, the swing goes from -s/2 to s/2 along a half sine. The stance goes backward by s on the
+        ground.
 
         Args:
             robot: Robot.
-            phase: Global phase, (...), rad.
-            stance_start: Start of the stance ahead of the hip, m.
+            phase: Phase of the clock, (...), rad.
+            stance_start: Forward position of the foot at the start of the stance, hip frame, m.
 
         Returns:
             Foot positions, hip frames, (..., 4, 3), m.
@@ -63,14 +63,14 @@ def printed_joint_angles(robot: Robot, feet: Floats) -> Floats:
         feet: Foot positions, hip frames, (..., 3), m.
 
     Returns:
-        Roll, pitch and knee angles, (..., 3), rad; zero for feet out of reach in the plane of the leg.
+        Roll, pitch and knee angles, (..., 3), rad; zero for feet that the leg cannot reach.
     """
     x, y, z = np.moveaxis(feet, -1, 0)
     distance = np.sqrt(x**2 + z**2)
     missed = (distance > robot.leg_length) | (distance < min_leg_length(robot))
     upper, lower = robot.thigh_length, robot.calf_length
     knee = np.arccos(np.clip((upper**2 + lower**2 - distance**2) / (2.0 * upper * lower), -1.0, 1.0)) - np.pi
-    # A foot on the hip joint itself (distance 0) has no direction: the printed quotient is 0/0 there.
+    # Replace a distance of 0, at which the printed quotient would be 0/0.
     safe = np.where(missed | (distance == 0.0), robot.leg_length, distance)
     inner = np.arccos(np.clip((upper**2 + safe**2 - lower**2) / (2.0 * upper * safe), -1.0, 1.0))
     pitch = np.arctan2(z, x) - inner
@@ -79,10 +79,12 @@ def printed_joint_angles(robot: Robot, feet: Floats) -> Floats:
 
 
 class Document(GaitedPolicy):
-    """Printed controller: no command, no observation, no blending, targets clipped to the joint limits.
+    """Controller as printed in the source document; it ignores the command and the whole observation.
+
+    It starts without a blend from the home pose. Its targets are clipped to the joint limits.
 
     Args:
-        parameters: Parameters; the printed ones by default.
+        parameters: Gait parameters; the printed values by default.
         **kwargs: See `Policy`.
     """
 
@@ -95,7 +97,7 @@ class Document(GaitedPolicy):
         self.leg_offsets = self.robot.in_leg_order(TROT_OFFSETS)
 
     def targets(self, phase: ArrayLike) -> Floats:
-        """Return the raw targets, (..., 12), rad, before any clipping, at a global `phase`, (...), rad."""
+        """Return the joint targets before clipping, (..., 12), rad, at a `phase` of the clock, (...), rad."""
         return flat_joints(printed_joint_angles(self.robot, self.parameters.feet(self.robot, phase, stance_start=0.0)))
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
@@ -104,20 +106,21 @@ class Document(GaitedPolicy):
 
 
 class DocumentRepaired(Document):
-    """Printed controller with only the repairs that it needs to walk; starts from the home pose, takes no command.
+    """Printed controller with only the repairs that it needs to walk; it ignores the command.
 
-    Repaired are the kinematics, now exact with the thigh angle measured from straight down, and the stance, which now
-    starts at the end of the swing (+s/2 to -s/2). All printed values stay. The lift of 0.15 m under a body height of
-    0.25 m needs a calf angle of -2.64 rad at mid-swing, beyond the stop at -2.5 rad. The target is clipped to the stop,
-    as on a real joint, and the foot rises 0.04 m less.
+    The inverse kinematics are exact, with the thigh angle measured from straight down. The stance starts at the end of
+    the swing and goes from +s/2 to -s/2, with the step length s. The motion starts with a blend from the home pose. All
+    printed values are unchanged. A lift of 0.15 m at a body height of 0.25 m needs a calf angle of -2.64 rad at
+    mid-swing, beyond the stop at -2.5 rad. The target is clipped to the stop, as on a real joint, and the foot rises
+    0.04 m less.
     """
 
     name = "document_repaired"
     blend_time = 0.5
-    """Duration of the blend from the home pose to the gait, s: one cycle."""
+    """Duration of the blend from the home pose to the gait, s; equal to one gait cycle."""
 
     def targets(self, phase: ArrayLike) -> Floats:
-        """Return the targets, (..., 12), rad, before blending and clipping, at a global `phase`, (...), rad."""
+        """Return the targets before blending and clipping, (..., 12), rad, at a `phase` of the clock, (...), rad."""
         feet = self.parameters.feet(self.robot, phase, stance_start=self.parameters.step_length / 2.0)
         return flat_joints(joint_angles(self.robot, feet))
 

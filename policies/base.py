@@ -29,8 +29,8 @@ class PolicyError(UserError, ValueError):
     """Error for a policy that does not exist or cannot be loaded; the message is one line.
 
     Args:
-        fault: Fault.
-        remedy: Remedy, which follows the fault in the message.
+        fault: Cause of the error, the first part of the message.
+        remedy: Advice to the user, the second part of the message; empty for none.
     """
 
     def __init__(self, fault: str, remedy: str = "") -> None:
@@ -49,12 +49,13 @@ class PolicyKwargs(TypedDict, total=False):
 class Policy(ABC):
     """Batched controller with its own clock and state, for one robot and one control period.
 
-    The actions of a row depend on the observations and resets of this row alone: the same bits in any batch.
+    The actions of a robot depend only on the observations and resets of this robot. They have the same bits in any
+    batch.
 
     Args:
-        robot: Robot or its name. The attribute `robot` has the servo gains that the policy commands; its environment
-            must be made with it.
-        control_period: Time between two calls of `act`, the environment's `dt`, s.
+        robot: Robot or its name. The attribute `robot` of the policy has the servo gains that the policy needs. Make
+            the environment with this attribute.
+        control_period: Time between two calls of `act`, equal to `dt` of the environment, s.
 
     Raises:
         ValueError: The control period is not positive.
@@ -62,11 +63,11 @@ class Policy(ABC):
 
     name: str
     height_scan: HeightScan | None = None
-    """Height scan that its environment must have; None for no scan."""
+    """Height scan that the environment must have; None if the policy uses no height scan."""
     observations: tuple[str | ObservationTerm, ...] = ()
-    """Further observation terms that its environment must have, as in the option `observations` of `gym.make`."""
+    """Extra observation terms that the environment must have, as in the option `observations` of `gym.make`."""
     stiff_servos: ClassVar[bool] = False
-    """True if it commands the robot's `stiff_servo`, because softer servos would sag too far under its targets."""
+    """True if the policy uses the servo gains `stiff_servo` of the robot, because softer servos would sag too far."""
 
     def __init__(self, *, robot: str | Robot = SIMPLE_QUAD, control_period: float = CONTROL_PERIOD) -> None:
         if not 0.0 < control_period < math.inf:
@@ -84,7 +85,7 @@ class Policy(ABC):
             control_period: Control period of the environment, s.
 
         Returns:
-            Description; empty without a difference.
+            Description; empty if neither differs.
         """
         if self.robot == robot and math.isclose(self.control_period, control_period):
             return ""
@@ -99,7 +100,7 @@ class Policy(ABC):
             control_period: Control period of the environment, s.
 
         Raises:
-            ValueError: It was not; the message names the remedy.
+            ValueError: The policy was made for another robot, control period or servo. The message gives a remedy.
         """
         if mismatch := self.mismatch(robot, control_period):
             raise ValueError(
@@ -122,7 +123,7 @@ class Policy(ABC):
 
         Args:
             num_envs: Number of robots.
-            seed: Seed of policies that draw random numbers; none here does.
+            seed: Seed for policies that draw random numbers. No policy of this project does.
 
         Raises:
             ValueError: The number is not positive.
@@ -133,17 +134,17 @@ class Policy(ABC):
         self._allocate(num_envs)
 
     def reset_where(self, mask: ArrayLike) -> None:
-        """Reset the robots where `mask`, (num_envs,) bool, is True; the others go on."""
+        """Reset the robots where `mask`, (num_envs,) bool, is True; the other robots keep their state."""
         self._restart(validate_mask(np.asarray(mask), self.num_envs))
 
     def copy_state_from(self, mask: Mask, other: "Policy") -> None:
-        """Take over the state of robots from another policy.
+        """Copy the state of another policy to some robots of this policy.
 
-        It is for bases of a residual: the state of policies within a policy is not copied.
+        The method is for base policies of a residual. It does not copy the state of policies inside a policy.
 
         Args:
-            mask: Robots that take over a state, (n,) bool.
-            other: Policy with the same arguments, and one robot for each True in the mask.
+            mask: Robots that receive a state, (n,) bool.
+            other: Policy with the same constructor arguments, and one robot for each True in the mask.
         """
         copy_rows(self, validate_mask(mask, self.num_envs), other)
 
@@ -163,7 +164,10 @@ class Policy(ABC):
         return actions[0] if single else actions
 
     def _to_batch(self, observation: ArrayLike) -> tuple[NDArray[np.float32], bool]:
-        """Return a checked observation as (n, k), and True if it was (k,). Raises ValueError for another shape."""
+        """Return the checked observation as (n, k), and True if it was given as (k,).
+
+        Raises ValueError for another shape.
+        """
         rows = np.asarray(observation, dtype=np.float32)
         single = rows.ndim == 1
         if single:
@@ -180,7 +184,7 @@ class Policy(ABC):
         return rows, single
 
     def _replace_nonfinite(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Replace values that are not finite in an observation, (n, k). Raises ValueError in policies that cannot."""
+        """Replace values that are not finite in an observation, (n, k); this base class raises ValueError instead."""
         raise ValueError("observation must be finite")
 
     @abstractmethod
@@ -201,24 +205,27 @@ class Policy(ABC):
 
 
 class GaitedPolicy(Policy):
-    """Policy with a clock, which starts at phase 0 and has advanced by one step when the first action is chosen."""
+    """Policy with a gait clock for each robot.
+
+    A clock starts at phase 0 and advances by one step before each action, also before the first.
+    """
 
     frequency: float
     """Frequency of the gait, Hz."""
     stiff_servos = True
     leg_offsets: tuple[float, ...]
-    """Phase of each leg ahead of the clock in the first gait, rad."""
+    """Phase of each leg minus the phase of the clock, in the gait after a reset, rad."""
     _phase: Floats = per_robot(0.0)
     _ticks: Floats = per_robot(0.0)
 
     @property
     def phase(self) -> Floats:
-        """Phase of the latest action, (n,), in [0, 2π) rad."""
+        """Phase of the clocks at the latest action, (n,), in [0, 2π) rad."""
         return self._phase
 
     def _tick(self, faster: Floats | float = 0.0) -> None:
-        """Advance the clocks by a control step, at a frequency that is `faster` by (n,) Hz."""
-        # A fresh array each time, so that a phase handed out earlier does not change.
+        """Advance the clocks by a control step; `faster`, (n,), Hz, is added to the frequency."""
+        # Make a new array in each step, because callers may still hold the array that `phase` returned before.
         self._phase = advance_phase(self._phase, self.frequency + faster, self.control_period)
         self._ticks = self._ticks + 1.0
 
@@ -228,7 +235,7 @@ class GaitedPolicy(Policy):
         if share.min() >= 1.0:
             return targets
         weight = smoothstep(share)[:, None]
-        # One formula for blended and settled rows: at weight 1 the part of the home pose is exactly zero.
+        # The formula also serves robots that have finished the blend: at weight 1 the home pose adds exactly zero.
         return weight * targets + (1.0 - weight) * self.robot.home_pose
 
 
@@ -243,7 +250,7 @@ def validate_mask(mask: ArrayLike | None, num_envs: int) -> Mask:
         The mask.
 
     Raises:
-        ValueError: It has another shape or type.
+        ValueError: The mask has another shape or type.
     """
     rows = np.ones(num_envs, np.bool_) if mask is None else np.asarray(mask)
     if rows.dtype != np.bool_ or rows.shape != (num_envs,):
@@ -252,9 +259,9 @@ def validate_mask(mask: ArrayLike | None, num_envs: int) -> Mask:
 
 
 def to_actions(robot: Robot, targets: Floats) -> Actions:
-    """Convert raw targets to float32 actions, clipped to the joint limits, where a real joint would stop.
+    """Convert joint targets to float32 actions, clipped to the joint limits, where a real joint would stop.
 
-    Zero is added to turn -0.0 into 0.0, so that a zero correction that is added later changes no bit.
+    The function adds zero, which turns -0.0 into 0.0. A residual that later adds a correction of zero changes no bit.
 
     Args:
         robot: Robot.

@@ -1,6 +1,6 @@
 """Bundle: a trained policy as data in a folder, `policy.safetensors` (weights) and `policy.json` (all else), no code.
 
-Every field is checked on loading, and weights and description against their SHA-256.
+`load` checks every field, and compares the SHA-256 of weights and description with the stored ones.
 """
 
 import hashlib
@@ -37,7 +37,7 @@ from quad_env.robots.robot import Robot
 BEST = "best"
 """Folder of a training run that holds its bundle."""
 MAX_DESCRIPTION_SIZE = 2**22
-"""Bytes. Largest size of a `policy.json`; the files of this project have 20 thousand."""
+"""Largest size of a `policy.json`, bytes; the files of this project have about 20 thousand bytes."""
 
 
 def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str) -> None:
@@ -71,7 +71,7 @@ def load(
     """Load the policy of a bundle. Raises PolicyError, one line, if anything is missing, damaged or does not fit.
 
     Args:
-        path: Folder of a bundle, or of a training run, which stands for the bundle of its best validation.
+        path: Folder of a bundle or of a training run. A training run stands for the bundle of its best validation.
         robot: Robot of the policy. It is needed if the robot is not one of `quad_env.ROBOTS`.
         joint_delay_steps: Delay of the observed joints, control steps, for a model-based base.
         actuator: Actuator of the joints, for a model-based base.
@@ -94,7 +94,10 @@ def load(
 
 
 def find_bundle_folder(folder: Path) -> Path:
-    """Return the folder of the bundle that the name of a `folder` stands for. Raises PolicyError if there is none."""
+    """Return the path of the bundle in a `folder`, which is a bundle or a training run.
+
+    Raises PolicyError if there is no bundle.
+    """
     if (folder / DESCRIPTION).exists():
         return folder
     if (folder / BEST).is_dir():
@@ -108,7 +111,7 @@ def find_bundle_folder(folder: Path) -> Path:
 
 
 def _read(file: Path, limit: int) -> bytes:
-    """Read a file of at most `limit` bytes. Raises PolicyError."""
+    """Read a file of at most `limit` bytes. Raises PolicyError if it cannot be read."""
     try:
         return read_bytes(file, limit)
     except OSError as error:
@@ -116,7 +119,7 @@ def _read(file: Path, limit: int) -> bytes:
 
 
 def _parse_weights(folder: Path, weights: bytes) -> dict[str, NDArray[Any]]:
-    """Parse the contents of a safetensors file. Raises PolicyError."""
+    """Parse the content of a safetensors file: tensor name -> array. Raises PolicyError if it is invalid."""
     try:
         return dict(parse_safetensors(weights))
     except (SafetensorError, ValueError, KeyError, TypeError, AttributeError, OverflowError):
@@ -124,6 +127,6 @@ def _parse_weights(folder: Path, weights: bytes) -> dict[str, NDArray[Any]]:
 
 
 def network_tensors(network: Network) -> dict[str, NDArray[Any]]:
-    """Return the weights and biases of the layers by name, `0.weight` for the first."""
+    """Return the dictionary tensor name -> weights or biases of a layer; `0.weight` and `0.bias` are the first."""
     weights = {f"{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
     return weights | {f"{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}

@@ -1,6 +1,7 @@
 """Description of a trained policy: its fields as JSON, and checks that refuse a damaged or foreign file in one line.
 
-Layout and scales of the observation must be the environment's: with others a network would only seem to work.
+A file is also refused if layout or scales of its observation differ from the environment, because its network would run
+on wrong inputs without an error.
 """
 
 import hashlib
@@ -30,13 +31,13 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import HeightScan, table_with
 
 SCHEMA_VERSION = 1
-"""Version of the format."""
+"""Version of the file format."""
 DESCRIPTION = "policy.json"
 """File name of the description."""
 WEIGHTS = "policy.safetensors"
 """File name of the weights."""
 DIGEST = "description_sha256"
-"""Name of the field with the SHA-256 of all others."""
+"""Name of the field with the SHA-256 of all other fields."""
 _REMOVED_FIELDS = {
     "command_authority": [0.0] * 3,
     "foothold_authority": [0.0] * 2,
@@ -44,14 +45,14 @@ _REMOVED_FIELDS = {
     "space": "joints",
     "shift_time": 0.0,
 }
-"""Fields of bundles of older versions, with the only values that policies can still have."""
+"""Field of bundles of older versions -> the only value that this version still accepts."""
 _MAX_WEIGHT = 1e6
 """Largest magnitude of a weight."""
 
 
 @dataclass(frozen=True)
 class BundleFields(Settings):
-    """Fields of a description, as JSON values. Older bundles lack fields with a default, which applies to them."""
+    """Fields of a description, as JSON values. Fields with a default may be missing in bundles of older versions."""
 
     schema_version: Literal[1]
     name: str
@@ -82,7 +83,7 @@ class BundleFields(Settings):
 def describe_policy(
     policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str, weights_sha256: str
 ) -> dict[str, Any]:
-    """Return the description of a policy, as JSON values.
+    """Return the description of a policy, the dictionary that is written to `policy.json`.
 
     Args:
         policy: Policy.
@@ -91,7 +92,7 @@ def describe_policy(
         weights_sha256: SHA-256 of the file of weights.
 
     Returns:
-        The description, with its digest.
+        Field name -> JSON value, with the digest of the other fields.
     """
     description = {
         "schema_version": SCHEMA_VERSION,
@@ -114,16 +115,18 @@ def describe_policy(
 
 
 def description_digest(description: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of a description, JSON values, without its own digest."""
+    """Return the SHA-256 of a description, field name -> JSON value, with the field DIGEST left out."""
     values = {name: value for name, value in description.items() if name != DIGEST}
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def check_unaltered(place: Path, content: bytes) -> None:
-    """Check that a description was not altered since it was written; older ones have no digest and pass.
+    """Check that a description was not altered since it was written.
+
+    Descriptions of older versions have no digest and pass.
 
     Args:
-        place: Folder of the bundle, for the PolicyError.
+        place: Folder of the bundle, named in the PolicyError.
         content: Content of the file.
     """
     values = parse_json(content)
@@ -170,10 +173,10 @@ def assemble_policy(
     joint_delay_steps: int = 0,
     actuator: Actuator = IDEAL,
 ) -> ResidualPolicy:
-    """Make the policy of a description.
+    """Make the policy from its description and network.
 
     Args:
-        place: Folder of the bundle, for errors.
+        place: Folder of the bundle, named in errors.
         description: Fields of the description.
         network: Network of the policy.
         robot: As in `policies.load`.
@@ -205,8 +208,8 @@ def _check_environment(description: BundleFields, robot: Robot, scan: HeightScan
 def _trained_robot(folder: Path, description: BundleFields, robot: Robot | None) -> Robot:
     """Return the robot that the policy was trained on, with the servo gains of the training.
 
-    It is the given robot if its model is the same, whatever its file is called, else the one of the name. Bundles from
-    before version 0.3 have stiff servos. Raises PolicyError.
+    The result is the given robot if its name or the SHA-256 of its model agrees with the description, else the built-in
+    robot with the name in the description. Bundles from before version 0.3 have stiff servos. Raises PolicyError.
     """
     name = description.robot
     trained_on = description.model_sha256
@@ -222,7 +225,7 @@ def _trained_robot(folder: Path, description: BundleFields, robot: Robot | None)
 
 
 def _robot_by_name(folder: Path, name: str) -> Robot:
-    """Return the robot of that name. Raises PolicyError if there is none."""
+    """Return the built-in robot with a `name`. Raises PolicyError if there is none."""
     if name not in ROBOTS:
         fail(folder, f"it is for a robot {name!r}, which is none of {', '.join(ROBOTS)}: say which with --robot")
     try:
@@ -235,12 +238,12 @@ def build_network(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]])
     """Build the network of a bundle.
 
     Args:
-        folder: Folder of the bundle, for errors.
+        folder: Folder of the bundle, named in errors.
         shape: Field `network` of the description.
-        tensors: Weights and biases by name.
+        tensors: Name -> weights or biases of a layer.
 
     Returns:
-        The network; PolicyError if they do not fit.
+        The network; PolicyError if the tensors do not fit each other or the shape.
     """
     count = len(tensors) // 2
     try:
@@ -250,13 +253,13 @@ def build_network(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]])
         fail(folder, f"the tensors in {WEIGHTS} make no network ({error})")
     if len(tensors) % 2 or shape != {"sizes": list(network.sizes), "activation": ACTIVATION}:
         fail(folder, f"the tensors in {WEIGHTS} are not of the network, {shape!r:.80}, that {DESCRIPTION} describes")
-    if not all(np.abs(value).max(initial=0.0) <= _MAX_WEIGHT for value in tensors.values()):  # NaN is not
+    if not all(np.abs(value).max(initial=0.0) <= _MAX_WEIGHT for value in tensors.values()):  # NaN fails, too
         fail(folder, f"weights must be finite and lie within ±{_MAX_WEIGHT:g}")
     return network
 
 
 def _environment_fields(robot: Robot, scan: HeightScan | None) -> dict[str, Any]:
-    """Return the fields that identify the environment; the observation's layout is name -> [start, stop]."""
+    """Return the fields that identify the environment; `observation` is term name -> [start, stop]."""
     table = table_with(robot, scan)
     return {
         "env_id": ENV_ID,

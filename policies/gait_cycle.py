@@ -1,7 +1,7 @@
 """Gait cycle: one clock, and for each leg a phase offset and a duty factor.
 
-A leg's cycle starts with its swing, as in the source document: swing while its phase is below 2π(1 - duty), stance
-after that. Legs are ordered fl, fr, hl, hr.
+The cycle of a leg starts with its swing, as in the source document. The leg swings while its phase is below
+2π(1 - duty), and is in stance after that. Legs are ordered fl, fr, hl, hr.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.float64]
 
 TURN = 2.0 * np.pi
-"""One cycle, rad."""
+"""Phase of one full cycle, rad."""
 
 
 class LegCycle(NamedTuple):
@@ -23,7 +23,7 @@ class LegCycle(NamedTuple):
     swing: NDArray[np.bool_]
     """True while the foot is in the air."""
     progress: Floats
-    """Progress of the leg's swing or stance, from 0 up to 1."""
+    """Progress of the leg in its swing or stance, from 0 up to 1."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class Gait:
     """Periodic footfall pattern."""
 
     offsets: tuple[float, ...]
-    """Phase of each leg ahead of the clock, rad, order fl, fr, hl, hr."""
+    """Phase of each leg minus the phase of the clock, in the order fl, fr, hl, hr, rad."""
     duty: float = 0.5
-    """Share of the cycle that a foot is on the ground, between 0 and 1 exclusive."""
+    """Fraction of the cycle that a foot is on the ground, above 0 and below 1."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.duty < 1.0:
@@ -41,17 +41,17 @@ class Gait:
 
     @cached_property
     def has_flight(self) -> bool:
-        """True if the cycle has a time without a foot on the ground."""
+        """True if the cycle has a flight phase, in which all feet are in the air."""
         starts = np.sort(leg_phases(0.0, self.offsets)) / TURN
         return bool(np.diff(starts, append=starts[0] + 1.0).max() > self.duty + 1e-9)
 
     def legs(self, phase: ArrayLike) -> LegCycle:
-        """Return the cycle of each leg, (..., 4), at a global `phase`, (...), rad."""
+        """Return the cycle of each leg, (..., 4), at a `phase` of the clock, (...), rad."""
         return leg_cycles(leg_phases(phase, self.offsets), self.duty)
 
 
 def leg_cycles(phases: Floats, duty: Floats | float) -> LegCycle:
-    """Return the cycle of legs with their own `phases`, in [0, 2π) rad, and a `duty` factor; shape of the phases."""
+    """Return the cycle of each leg, in the shape of `phases`, the leg phases in [0, 2π) rad, for a `duty` factor."""
     fraction = phases / TURN
     swing_share = 1.0 - duty
     swing = fraction < swing_share
@@ -59,17 +59,17 @@ def leg_cycles(phases: Floats, duty: Floats | float) -> LegCycle:
 
 
 def smoothstep(progress: Floats) -> Floats:
-    """Interpolate from 0 to 1 at a progress of 0 … 1 by the cubic that begins and ends level."""
+    """Return the cubic that rises from 0 to 1 for a `progress` from 0 to 1, with slope 0 at both ends."""
     return progress * progress * (3.0 - 2.0 * progress)
 
 
 def leg_phases(phase: ArrayLike, offsets: ArrayLike) -> Floats:
-    """Return the phase of each leg, (..., 4), in [0, 2π) rad, from a global `phase`, (...), and `offsets`, (4,)."""
+    """Return the leg phases, (..., 4), in [0, 2π) rad, from the `phase` of the clock, (...), and `offsets`, (4,)."""
     return (np.asarray(phase, dtype=np.float64)[..., None] + np.asarray(offsets, dtype=np.float64)) % TURN
 
 
 def advance_phase(phase: Floats, frequency: Floats | float, period: float) -> Floats:
-    """Advance a clock by one step: φ <- φ + 2πf·dt, as in the source document.
+    """Return the phase of a clock after one time step: φ <- φ + 2πf·dt, as in the source document.
 
     Args:
         phase: Phase φ, rad.
@@ -102,12 +102,12 @@ def map_command(gains: Any, forward: Floats, lateral: Floats, yaw_rate: Floats) 
 
 
 TROT_OFFSETS = (0.0, np.pi, np.pi, 0.0)
-"""Diagonal pairs, as in the source document: fl and hr together, fr and hl half a cycle later."""
+"""Leg phases of the trot, rad: fl and hr swing together, fr and hl half a cycle later, as in the source document."""
 WALK_OFFSETS = (0.0, np.pi, 0.5 * np.pi, 1.5 * np.pi)
-"""Four beats a quarter of a cycle apart, hl, fl, hr, fr: each hind foot just before the fore foot ahead."""
+"""Leg phases of the walk, rad: hl, fl, hr and fr swing in this order, a quarter of a cycle apart."""
 PACE_OFFSETS = (0.0, np.pi, 0.0, np.pi)
-"""The legs of one side together, the legs of the other side half a cycle later."""
+"""Leg phases of the pace, rad: the legs of one side swing together, the other legs half a cycle later."""
 BOUND_OFFSETS = (0.0, 0.0, np.pi, np.pi)
-"""The fore legs together, the hind legs half a cycle later."""
+"""Leg phases of the bound, rad: the fore legs swing together, the hind legs half a cycle later."""
 PRONK_OFFSETS = (0.0, 0.0, 0.0, 0.0)
-"""All four legs together."""
+"""Leg phases of the pronk, rad: all four legs swing together."""

@@ -28,16 +28,18 @@ class Inputs(Settings):
 
     @property
     def frames(self) -> int:
-        """Number of frames that it adds."""
+        """Number of past frames and averages in the network input."""
         return len(self.lags) + len(self.averages)
 
 
 class History(PerRobotState):
-    """Past frames of n robots. The first frame of a robot stands for all before it.
+    """Past frames and averages of n robots; a frame is one scaled observation.
+
+    The first frame of a robot also stands for all frames before it.
 
     Args:
         inputs: Lags and averages.
-        width: Numbers of a frame.
+        width: Number of values in a frame.
         control_period: Time between two calls of `update`, s.
     """
 
@@ -47,7 +49,7 @@ class History(PerRobotState):
 
     def __init__(self, inputs: Inputs, width: int, control_period: float) -> None:
         self.width = width * inputs.frames
-        """Numbers of a row of `update`."""
+        """Number of values that `update` returns for each robot."""
         self._lags = [max(round(lag / control_period), 1) for lag in inputs.lags]
         self._rates = [np.float32(-math.expm1(-control_period / time)) for time in inputs.averages]
         self._now = 0
@@ -55,11 +57,11 @@ class History(PerRobotState):
         super().__init__(_past=past, _averages=np.zeros((len(self._rates), width), np.float32))
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
-        """Reset the robots in the `mask`, (n,)."""
+        """Reset the robots where `mask`, (n,), is True."""
         self._new |= mask
 
     def copy_state_from(self, mask: NDArray[np.bool_], other: "History") -> None:
-        """Copy the frames of another history. Each history has its own index of the newest frame.
+        """Copy the frames of another history, shifted because each history has its own index of the newest frame.
 
         Args:
             mask: Robots that receive frames, (n,) bool.

@@ -23,7 +23,7 @@ class PerRobotArray:
     initial: Any
     """Initial value of one robot, or a function of the object that returns it."""
     axis: int
-    """Axis of the robots."""
+    """Index of the array axis that runs over the robots."""
 
 
 def per_robot(initial: Any = _FROM_CONSTRUCTOR, axis: int = 0) -> Any:
@@ -32,7 +32,7 @@ def per_robot(initial: Any = _FROM_CONSTRUCTOR, axis: int = 0) -> Any:
     Args:
         initial: Initial value of one robot; it gives the type of the array and the rest of its shape. A function is
             called with the object at each reset. Omitted: the constructor passes the value to `initialize_state`.
-        axis: Axis of the robots.
+        axis: Index of the array axis that runs over the robots.
 
     Returns:
         The declaration, of type Any, so that the attribute can be annotated as an array.
@@ -74,7 +74,8 @@ class PerRobotState:
 def initialize_state(owner: Any, **initial_values: ArrayLike) -> None:
     """Allocate the declared arrays of an object for one robot; called at the end of its constructor.
 
-    An array with an initial value that is a function, or not known yet, is left to a later call or to `allocate`.
+    The function skips an array if its initial value is a function or is not known yet. A later call, or `allocate`,
+    allocates this array.
 
     Args:
         owner: Object of a class that declares the arrays.
@@ -109,7 +110,7 @@ def allocate(owner: Any, num_envs: int) -> None:
 def reset_rows(owner: Any, mask: NDArray[np.bool_]) -> None:
     """Reset the declared arrays and nested states of some robots.
 
-    Arrays that were handed out before keep their values.
+    Each array is replaced by a new one. References that callers hold to the previous arrays keep their values.
 
     Args:
         owner: Object that holds the state.
@@ -126,7 +127,7 @@ def copy_rows(owner: Any, mask: NDArray[np.bool_], other: Any) -> None:
 
     Args:
         owner: Object that receives the state.
-        mask: Its robots that receive a state, (n,) bool.
+        mask: Robots of `owner` that receive a state, (n,) bool.
         other: Object with as many robots as `mask` selects.
     """
     for name, array in declared_arrays(owner).items():
@@ -136,14 +137,14 @@ def copy_rows(owner: Any, mask: NDArray[np.bool_], other: Any) -> None:
 
 
 def declared_arrays(owner: Any) -> Mapping[str, PerRobotArray]:
-    """Return the arrays that the class of an object and its bases declare with `per_robot`, by name."""
+    """Return the `per_robot` declarations of an object's class and its base classes, name -> declaration."""
     owner_class: Any = type(owner)
     return _declared_by_class(owner_class)
 
 
 @cache
 def _declared_by_class(owner_class: type) -> Mapping[str, PerRobotArray]:
-    """Return the declared arrays of a class; a subclass overrides its bases."""
+    """Return the dictionary name -> declaration of the arrays of a class; a subclass overrides its base classes."""
     return {
         name: array
         for base in reversed(owner_class.__mro__)
@@ -181,7 +182,7 @@ def lowpass_gain(control_period: float, time_constant: float) -> float:
 
     Args:
         control_period: Time between two samples, dt, s.
-        time_constant: s.
+        time_constant: Time constant of the filter, s.
 
     Returns:
         Fraction of a change that the filter takes up per sample.
@@ -197,7 +198,7 @@ def warm_start_gain(gain: float | NDArray[np.float64], sample_count: NDArray[Any
         sample_count: Samples since the reset, the present one included; zero counts as one.
 
     Returns:
-        Gain for the present sample, of the shape that both broadcast to.
+        Gain for the present sample; its shape is the broadcast shape of `gain` and `sample_count`.
     """
     larger: NDArray[np.float64] = np.maximum(gain, 1.0 / np.maximum(sample_count, 1))
     return larger

@@ -23,9 +23,9 @@ LIMIT = 64.0
 """Magnitude beyond which the activation is constant: about ten times the sums in the layers of our networks."""
 _PIECE_BITS = 9
 """Bits of the fraction that distinguish pieces."""
-_SHIFT = np.array(23 - _PIECE_BITS, np.int32)  # an array, which NumPy takes faster than a number
+_SHIFT = np.array(23 - _PIECE_BITS, np.int32)  # an array, because NumPy is faster with it than with a number
 _PIECES = 1 << (8 + _PIECE_BITS)
-"""Number of pieces of one sign. Negative numbers come second, so that a negative index finds them."""
+"""Number of pieces of each sign. The pieces of negative numbers come second, so a negative index selects them."""
 
 
 def _exp_minus_1(x: Doubles) -> Doubles:
@@ -48,7 +48,7 @@ def _elu(x: Doubles) -> Doubles:
 
 @cache
 def activation_chords() -> tuple[Doubles, Doubles]:
-    """Return slope and intercept of the activation on each piece, by `piece_index`."""
+    """Return two arrays, the slope and the intercept of the activation on each piece, indexed by `piece_index`."""
     last = int(np.float32(LIMIT).view(np.int32) >> _SHIFT)
     ends = (np.arange(last + 1, dtype=np.int32) << _SHIFT).view(np.float32).astype(np.float64)
     slopes, intercepts = np.zeros((2, 2, _PIECES))
@@ -67,26 +67,29 @@ def piece_index(x: Doubles) -> NDArray[np.intp]:
 
 Weights = NDArray[np.float32]
 _INPUT_BITS = 26
-"""Bits of an input. With _WEIGHT_BITS they are the 53 bits of a float64."""
+"""Bits of an input. The sum of _INPUT_BITS and _WEIGHT_BITS is 53, the bits of a float64."""
 _WEIGHT_BITS = 27
-"""Bits of the sum of a column's weights."""
-# Adding 1.5 · 2^52 grids and subtracting them again rounds to the grid. NumPy takes arrays faster than numbers.
+"""Bits of the sum of magnitudes of a column of weights."""
+# Adding 1.5 · 2^52 grids and subtracting them again rounds to the grid. The constants are arrays, because NumPy is
+# faster with arrays than with numbers.
 _TO_GRID = np.array(1.5 * 2.0**52 * LIMIT * 2.0**-_INPUT_BITS)
 _MAX_INPUT = np.array(LIMIT, np.float32)
 _MIN_INPUT = np.array(-LIMIT, np.float32)
 _ROWS = 128
 """Number of rows that a network computes together."""
 _BLOCK = 16
-"""Number of rows of a product that is computed in parts."""
+"""Number of rows in each part of a matrix product that is computed in parts."""
 _PRODUCTS = 500_000
-"""Largest number of products in one call. OpenBLAS splits more among threads, which is far slower on busy cores."""
+"""Largest number of multiplications in one matrix product.
+
+OpenBLAS would split a larger matrix product among threads, which is far slower on busy cores."""
 
 
 @dataclass(frozen=True)
 class Network:
     """Multilayer perceptron with an ELU between the layers.
 
-    `policies.load` makes one from a bundle, and the training one from its learner.
+    `policies.load` makes a network from a bundle. The training makes a network from its learner.
     """
 
     weights: tuple[Weights, ...]
@@ -136,13 +139,16 @@ class Network:
 
     @cached_property
     def _layers(self) -> list[tuple[Doubles, Doubles]]:
-        """Weights on their grids, and biases, (1, outputs), without -0.0: the sign of a sum that is 0 may differ."""
+        """Weights, rounded to their grids, and biases, (1, outputs), of each layer.
+
+        Adding 0.0 turns biases of -0.0 into 0.0, because the sign of a sum that is 0 may differ.
+        """
         biases = (bias[None].astype(np.float64) + 0.0 for bias in self.biases)
         return list(zip(map(_on_grid, self.weights), biases, strict=True))
 
     @cached_property
     def _chords(self) -> tuple[Doubles, Doubles]:
-        """Slopes and intercepts of the activation, the intercepts with the number that rounds to the grid."""
+        """Slopes and intercepts of the activation; the intercepts include `_TO_GRID`, which rounds to the grid."""
         slopes, intercepts = activation_chords()
         return slopes, intercepts + _TO_GRID
 
@@ -164,7 +170,7 @@ def _sums(values: Doubles, weight: Doubles) -> Doubles:
 def _on_grid(weights: Weights) -> Doubles:
     """Round weights so that the magnitudes of each column sum to at most 2^27 times the grid of the column."""
     exact = np.ascontiguousarray(weights, dtype=np.float64)
-    # The sum is raised by a thousandth, for the rounding of each weight.
+    # The sum is raised by a thousandth, because rounding can increase the magnitude of each weight.
     _, exponent = np.frexp(np.abs(exact).sum(axis=0) * (1.0 + 2.0**-10))
     to_grid = np.ldexp(1.5 * 2.0**52, exponent - _WEIGHT_BITS)
     rounded: Doubles = (exact + to_grid) - to_grid

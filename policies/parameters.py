@@ -15,10 +15,10 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Range = tuple[float, float]
 STRIDE_FREQUENCY_EXPONENT = -0.14
-"""Power of the mass that the stride frequency of animals is proportional to at the change from trot to gallop.
+"""Exponent of the body mass in the stride frequency at which animals change from trot to gallop.
 
-It is 4.48 Hz for 1 kg (N. C. Heglund, C. R. Taylor and T. A. McMahon, Scaling stride frequency and gait to animal size,
-1974), and so 3.1 Hz for 14 kg. Legs that are short for the mass, as go1's, do not step faster."""
+This frequency is 4.48 Hz for 1 kg (N. C. Heglund, C. R. Taylor and T. A. McMahon, Scaling stride frequency and gait to
+animal size, 1974), and therefore 3.1 Hz for 14 kg. Legs that are short for the mass, as on go1, do not step faster."""
 N = TypeVar("N", int, float, float | None)
 P = TypeVar("P", bound="Parameters")
 T = TypeVar("T")
@@ -40,26 +40,26 @@ def parameter(default: N, *, limits: Range, search: Range | None = None, unit: s
 
 
 def limits_of(kind: Any) -> dict[str, Range]:
-    """Return the limits of the numbers of a dataclass, by field name."""
+    """Return the dictionary field name -> (smallest, largest) allowed value, for a dataclass of parameters."""
     return {entry.name: entry.metadata["limits"] for entry in fields(kind) if entry.metadata}
 
 
 def search_ranges_of(kind: Any) -> dict[str, Range]:
-    """Return the search ranges of the numbers of a dataclass, by field name; some have none."""
+    """Return the dictionary field name -> bounds of a search, for the fields of a dataclass that are searched."""
     metadata = {entry.name: entry.metadata for entry in fields(kind)}
     return {name: values["search"] for name, values in metadata.items() if values and values["search"]}
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """Base class of parameters: numbers within their limits, or else ValueError.
+    """Base class of parameters; a number outside of its limits raises ValueError.
 
-    The limits are far beyond any use, but within them every action is finite.
+    The limits are far wider than useful values. Every action is finite if all numbers are within their limits.
     """
 
     def __post_init__(self) -> None:
         for name, (low, high) in limits_of(self).items():
-            if not low <= (value := getattr(self, name)) <= high:  # also false for NaN
+            if not low <= (value := getattr(self, name)) <= high:  # NaN fails this comparison, too
                 raise ValueError(f"{name} must be finite, from {low:g} to {high:g}, not {float(value):g}")
 
 
@@ -70,13 +70,15 @@ class CommandMap(Parameters):
     forward_gain: float = parameter(1.0, limits=(-100.0, 100.0))
     """Forward velocity of the gait per commanded velocity."""
     forward_bias: float = parameter(0.0, limits=(-100.0, 100.0), unit="m/s ahead")
-    """Added to the forward velocity of the gait, m/s: all knees bend the same way, so that a gait in place drifts."""
+    """Offset added to the forward velocity of the gait, m/s.
+
+    It compensates the drift of a gait in place, which occurs because all knees bend the same way."""
     lateral_gain: float = parameter(1.0, limits=(-100.0, 100.0))
     """Lateral velocity of the gait per commanded velocity."""
     yaw_gain: float = parameter(1.0, limits=(-100.0, 100.0))
     """Yaw rate of the gait per commanded yaw rate."""
     yaw_per_lateral: float = parameter(0.0, limits=(-100.0, 100.0), unit="1/m ahead")
-    """Added to the yaw rate of the gait per commanded lateral velocity, rad/m: walking sideways turns the robot."""
+    """Yaw rate added to the gait per commanded lateral velocity, rad/m, because walking sideways turns the robot."""
 
 
 def scaled_parameters(parameters: P, robot: Robot) -> P:
@@ -90,7 +92,7 @@ def scaled_parameters(parameters: P, robot: Robot) -> P:
         Parameters of the robot.
 
     Raises:
-        PolicyError: They exceed their limits.
+        PolicyError: The scaled parameters exceed their limits.
     """
     units = {entry.name: entry.metadata["unit"] for entry in fields(parameters)}
     scaled = {name: similarity.scale_to_robot(robot, getattr(parameters, name), unit) for name, unit in units.items()}
@@ -104,12 +106,12 @@ def scaled_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Ro
     """Scale the search ranges of SimpleQuad's parameters to a robot.
 
     Args:
-        ranges: Bounds by field name.
+        ranges: Field name -> bounds for SimpleQuad.
         kind: Class of the parameters.
         robot: Robot.
 
     Returns:
-        Bounds by field name.
+        Field name -> bounds for the robot.
     """
     units = {entry.name: entry.metadata["unit"] for entry in fields(kind)}
     ends = {
@@ -186,7 +188,7 @@ class ParameterFile(Generic[P]):
     kind: type[P]
     """Class of the parameters."""
     search: str = ""
-    """Words after `python -m train search` of the command that writes the file; empty without one."""
+    """Words after `python -m train search` of the command that writes the file; empty if no command does."""
 
     def read(self, path: Path) -> P:
         """Read parameters from another file. Raises PolicyError if it is missing, damaged or incomplete."""
@@ -195,8 +197,9 @@ class ParameterFile(Generic[P]):
     def load_for_robot(self, robot: Robot = SIMPLE_QUAD) -> P:
         """Load the parameters of a robot. Raises PolicyError if the file is damaged.
 
-        They are in a file of the same name in the robot's folder. A robot with fixed servos uses a file in
-        `soft_servos` there first. Without a file they are SimpleQuad's, scaled by dynamic similarity.
+        The file of a robot has the name of `path` and lies in the folder of the robot. For a robot with fixed servos a
+        file in the subfolder `soft_servos` has priority. If there is no file, the method scales the parameters of
+        SimpleQuad by dynamic similarity.
         """
         file = models_folder(robot) / self.path.name
         soft_servo_file = file.parent / "soft_servos" / file.name

@@ -10,23 +10,25 @@ from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import table_with
 
 FALLEN_GRAVITY = -0.2
-"""z of the unit gravity vector in the base frame; a robot above it lies on the ground (tilt over 78°)."""
+"""Limit on z of the unit gravity vector, base frame; a robot with a larger value has fallen (tilt over 78°)."""
 
 
 class PolicyStack(Policy):
     """Several policies run as one: each controls an equal share of the batch.
 
-    The rows come in equal blocks, for example one block per scenario. In each block the members have contiguous shares,
-    in the order of the members. A policy search and the diagnosis of a network policy use it, because one large batch
-    simulates faster than several small ones.
+    The rows form equal blocks, for example one block per scenario. Each block is divided into equal ranges of adjacent
+    rows, one for each member, in the order of the members. A policy search and the diagnosis of a network policy use
+    this class, because one large batch simulates faster than several small ones.
 
     Args:
         members: Policies with the same joints, control period and height scan.
         blocks: Number of equal blocks of rows.
-        replace_nonfinite: Replace targets that are not finite by finite ones, so that a network that overflows falls.
-        idle_when_fallen: Do not ask a member while all its robots lie on the ground. They get the home pose.
-        robot: Robot of the stack; the robot of the first member by default. Needed if the members command
-            different servo gains.
+        replace_nonfinite: True to replace targets that are not finite by finite ones. The robots of a network that
+            overflows then fall.
+        idle_when_fallen: True to skip a member while all its robots lie on the ground. Their targets are then the home
+            pose.
+        robot: Robot of the stack; the robot of the first member by default. It is needed if the members use different
+            servo gains.
     """
 
     name = "stack"
@@ -63,7 +65,7 @@ class PolicyStack(Policy):
         return np.nan_to_num(actions) if self._replace_nonfinite_targets else actions
 
     def _member_action(self, member: Policy, observation: NDArray[np.float32]) -> Actions | Floats:
-        """Return the joint targets of one member's robots, rad, (k, 12); the home pose if it idles."""
+        """Return the joint targets of one member's robots, (k, 12), rad; the home pose if it is skipped."""
         if self._idle_when_fallen and (observation[:, self._gravity_z] > FALLEN_GRAVITY).all():
             return self.robot.home_pose
         return member.act(observation)

@@ -1,4 +1,4 @@
-"""Policies that hold a pose: the bases of a learner without a gait."""
+"""Policies that hold a pose; a residual that learns without a gait uses one as its base."""
 
 from functools import cached_property
 
@@ -9,7 +9,7 @@ from policies.base import Actions, Floats, Policy, to_actions
 from policies.legs.kinematics import joint_targets
 
 CROUCH_HEIGHT = 0.62
-"""Height of the hips above the centres of the feet in a crouch, in leg lengths."""
+"""Height of the hips above the centres of the feet in a crouch, as a fraction of the leg length."""
 
 
 class Stand(Policy):
@@ -28,7 +28,10 @@ class Stand(Policy):
 
 
 class Crouch(Stand):
-    """Holds a pose with bent knees and the feet under the thigh joints, so low that legs can reach out to all sides."""
+    """Holds a low pose with bent knees and the feet under the thigh joints.
+
+    The pose is so low that the legs can reach out to all sides.
+    """
 
     name = "crouch"
 

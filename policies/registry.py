@@ -26,9 +26,9 @@ from quad_env.sensing.sensor_models import delay_to_steps
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 
 TRAINED = tuple(sorted({"residual", *(file.parent.name for file in shipped.MODELS.glob(f"*/{DESCRIPTION}"))}))
-"""Names of the trained policies that ship with the project. `residual` is one even without its bundle."""
+"""Names of the trained policies that ship with the project. `residual` is listed even if its bundle is missing."""
 SAFE = "safe:"
-"""Prefix of the name of any policy: the policy runs within the safety layer."""
+"""Prefix of a policy name that puts the policy into the safety layer, as in `safe:trot`."""
 
 
 def _load_shipped(
@@ -60,9 +60,9 @@ MAKERS: dict[str, Callable[..., Policy]] = {
     **_MPC_GAITS,
     **{name: partial(_load_shipped, name) for name in TRAINED},
 }
-"""Factory of each policy by name; it takes `robot` and `control_period`, s."""
+"""Name of each policy -> its factory, a function of `robot` and `control_period`, s."""
 _MODEL_BASED = (*(name for name, base in BASES.items() if base.is_model_based), *_MPC_GAITS, *TRAINED)
-"""Names of the policies with factories that also take `joint_delay_steps` and `actuator`."""
+"""Names of the policies with a factory that also takes `joint_delay_steps` and `actuator`."""
 
 
 def names() -> tuple[str, ...]:
@@ -99,10 +99,10 @@ def make(
 
     Args:
         name: One of `names()`, or `safe:NAME` for that policy within the safety layer.
-        robot: The environment's `robot`, or a name of `quad_env.ROBOTS`.
-        control_period: The environment's `dt`, s.
-        actuator: The environment's actuator. Model-based policies and the limits of the safety layer use it.
-        sensors: The environment's sensors. Model-based policies compensate the delay of the encoders.
+        robot: Attribute `robot` of the environment, or a name of `quad_env.ROBOTS`.
+        control_period: Attribute `dt` of the environment, s.
+        actuator: Actuator of the environment. Model-based policies and the limits of the safety layer use it.
+        sensors: Sensors of the environment. Model-based policies compensate the delay of the encoders.
         **options: Further arguments of the policy's factory, for example `parameters`.
 
     Returns:

@@ -12,11 +12,11 @@ from quad_env.sensing.height_scan import UNSEEN, table_with
 from quad_env.task.observations import observation_table
 
 NO_HISTORY = Inputs()
-"""Inputs of a network with only the present observation and its base."""
+"""Network inputs without history and clock: only the present observation and the base policy."""
 
 
 def authority_of(robot: Robot, hip: float = 0.6, joint: float = 1.0) -> Actions:
-    """Return the authority, the largest correction of each joint, (12,), rad.
+    """Return the authority of a residual, the largest correction of each joint.
 
     Args:
         robot: Robot.
@@ -24,15 +24,15 @@ def authority_of(robot: Robot, hip: float = 0.6, joint: float = 1.0) -> Actions:
         joint: Largest correction of any other joint, rad.
 
     Returns:
-        The authority.
+        Largest corrections, (12,), rad.
     """
     return np.tile(np.array([hip, joint, joint], np.float32), len(robot.leg_names))
 
 
 class Features(PerRobotState):
-    """Network inputs of n robots, of about unit size. The caller resets the base.
+    """Network inputs of n robots, scaled to magnitudes of about 1. The caller resets the base.
 
-    They are, in this order:
+    The inputs are, in this order:
     - the scaled observation. A height scan is relative to its values in the home pose, and zero where it is empty, so
       that a lost scan looks like level ground;
     - sine and cosine of the phase of a gaited base, and its action minus the home pose;
@@ -52,12 +52,12 @@ class Features(PerRobotState):
         self.inputs = inputs
         self._table = table_with(base.robot, base.height_scan)
         self._own = observation_table(base.robot).size
-        """Numbers of an observation without a height scan; only these have a history."""
+        """Number of values in an observation before the height scan; only these values have a history."""
         self._level = np.float32(base.robot.home_height) * self._table.scale[self._own :]
         self._history = History(inputs, self._own, base.control_period)
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
         self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width
-        """Numbers of a row."""
+        """Number of network inputs of each robot."""
         super().__init__()
 
     def update(self, observation: NDArray[np.float32], base_action: Actions) -> NDArray[np.float32]:
@@ -120,17 +120,17 @@ class ResidualPolicy(Policy):
     Args:
         base: Base policy.
         network: Network from features to corrections.
-        authority: Largest correction of each joint, (12,), rad; the usual one by default.
+        authority: Largest correction of each joint, (12,), rad; the result of `authority_of` by default.
         name: Name of the policy.
         inputs: History and clock of the features.
-        hold: Control steps that a correction is held; the base acts at every step.
+        hold: Number of control steps for which each correction is used. The base acts in every control step.
 
     Raises:
         ValueError: The network does not fit the features or the joints.
     """
 
     correction: NDArray[np.float32] = per_robot()
-    """Latest correction as a fraction of the authority, -1 … 1, (n, 12); zero before the first action."""
+    """Latest correction as a fraction of the authority, from -1 to 1, (n, 12); zero before the first action."""
     base_action: Actions = per_robot()
     """Latest action of the base, (n, 12), rad; the home pose before the first."""
 
@@ -161,7 +161,7 @@ class ResidualPolicy(Policy):
 
     @property
     def phase(self) -> Floats | None:
-        """Phase of the base, (n,), rad; None for a base without a clock."""
+        """Phase of the clock of the base, (n,), rad; None if the base has no clock."""
         return self.base.phase if isinstance(self.base, GaitedPolicy) else None
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:

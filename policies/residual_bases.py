@@ -1,4 +1,4 @@
-"""Base policies of residuals: policies that their name and parameters define completely."""
+"""Base policies of residuals; name and parameters define each base completely."""
 
 import hashlib
 import json
@@ -31,9 +31,9 @@ class BaseSpec(NamedTuple):
     """Factory and parameter class of a base policy."""
 
     make: Callable[..., Policy]
-    """Takes `robot`, `control_period` and, if it has any, `parameters`; the searched ones by default."""
+    """Function of `robot`, `control_period` and, if the policy has any, `parameters` (default: searched ones)."""
     parameters: type[Parameters] | None = None
-    """Class of the parameters; None without any."""
+    """Class of the parameters; None if the policy has no parameters."""
 
     @property
     def kind(self) -> type:
@@ -66,7 +66,7 @@ BASES: dict[str, BaseSpec] = {
     "trot_reference": BaseSpec(TrotReference, ReferenceParameters),
     "walk": BaseSpec(partial(Gaits, "walk"), GaitParameters),
 }
-"""Base policies by name."""
+"""Name of each base policy -> factory and parameter class."""
 
 
 def base_to_json(policy: Policy) -> dict[str, Any]:
@@ -76,7 +76,7 @@ def base_to_json(policy: Policy) -> dict[str, Any]:
         policy: Policy.
 
     Returns:
-        Name, parameters, SHA-256 of the parameters, and the height scan if it has one.
+        Dictionary with the keys `name`, `parameters`, `sha256` of the parameters, and `height_scan` if there is one.
 
     Raises:
         ValueError: The policy is not a base.
@@ -137,7 +137,7 @@ def make_base(base: BaseSpec, height_scan: HeightScan | None = None, **arguments
     """Make a base policy.
 
     Args:
-        base: Its factory.
+        base: Factory and parameter class of the policy.
         height_scan: Height scan of the environment; only mpc_wbc_sighted uses it.
         **arguments: Arguments of the factory.
 
@@ -152,7 +152,7 @@ def make_base(base: BaseSpec, height_scan: HeightScan | None = None, **arguments
 
 
 def _arguments(base: BaseSpec, parameters: dict[str, Any]) -> dict[str, Any]:
-    """Return the arguments of a base's factory from JSON parameters. Raises ValueError."""
+    """Convert JSON parameters to keyword arguments of the factory of a base. Raises ValueError if they are invalid."""
     if base.parameters is None:
         if parameters:
             raise ValueError(f"a {base.kind.__name__} has no parameters")
@@ -168,5 +168,5 @@ def _arguments(base: BaseSpec, parameters: dict[str, Any]) -> dict[str, Any]:
 
 
 def _digest(parameters: dict[str, Any]) -> str:
-    """Return the SHA-256 of parameters."""
+    """Return the SHA-256 of parameters as JSON, in hexadecimal digits."""
     return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""One line about each policy by name, as `python -m quad_env policies` and docs/policies.md show it."""
+"""One-line summaries of the shipped policies, for `python -m quad_env policies` and docs/policies.md."""
 
 from collections.abc import Iterable
 
@@ -31,9 +31,9 @@ SUMMARIES = {
     "robust": "residual with six times as many training steps",
     "end_to_end": "learned without a gait, up to 1 rad a joint about a crouch; shows the value of residual's base",
 }
-"""Summary of every shipped policy, in the order of listings."""
+"""Name of every shipped policy -> summary, in the order of listings."""
 
 
 def shipped_summaries(names: Iterable[str]) -> dict[str, str]:
-    """Return the summaries of the shipped policies among `names`, in the same order."""
+    """Return the dictionary name -> summary of the shipped policies among `names`, in the order of `names`."""
     return {name: SUMMARIES[name] for name in names if name in SUMMARIES}

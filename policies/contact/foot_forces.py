@@ -1,9 +1,9 @@
 """Forces on the feet, estimated from joint torques and the robot's dynamics.
 
-Over the last control period the equations of motion hold on average. The generalised force that the motion needed, less
-the torques of the servos, is the one of the environment. Its part on the joints of a leg gives the force on its foot.
-It is a momentum observer in its simplest form; see De Luca and Mattone, "Sensorless robot collision detection and
-hybrid force/motion control", ICRA 2005.
+The equations of motion are averaged over the last control period. The generalised force that the motion needed, minus
+the torques of the servos, comes from the environment. Its components at the joints of a leg give the force on the foot.
+The method is the simplest form of a momentum observer; see De Luca and Mattone, "Sensorless robot collision detection
+and hybrid force/motion control", ICRA 2005.
 """
 
 from typing import NamedTuple
@@ -20,14 +20,14 @@ from quad_env.physics.dynamics import DynamicsTerms
 from quad_env.robots.robot import Robot
 
 LEG_DAMPING = 1e-4
-"""Added to the squared Jacobian of a leg, m²: a straight leg shows no force along itself."""
+"""Added to the squared Jacobian of a leg, m², because the joint torques of a straight leg show no force along it."""
 
 
 class PeriodMotion(NamedTuple):
-    """Mean motion of n robots over the last control period; with encoders over the last two."""
+    """Mean motion of n robots over the last control period, or over the last two if encoders read the joints."""
 
     acceleration: Floats
-    """Generalised acceleration, (n, 18)."""
+    """Generalised acceleration, (n, 18), m/s² and rad/s²."""
     angle: Floats
     """Joint angles, (n, 12), rad."""
     speed: Floats
@@ -37,10 +37,10 @@ class PeriodMotion(NamedTuple):
 
 
 class FootForces(NamedTuple):
-    """Forces on the feet of n robots, and the generalised force of the environment that they explain in part."""
+    """Generalised force of the environment on n robots, and the forces on the feet that explain part of it."""
 
     forces: Floats
-    """Level frame, (n, 4, 3), N; a foot may seem to pull."""
+    """Forces on the feet, level frame, (n, 4, 3), N. An estimate may pull downward, which no ground does."""
     generalised: Floats
     """Generalised force of the environment, (n, 18), N and N·m."""
 
@@ -52,11 +52,11 @@ class FootForceEstimator(PerRobotState):
         robot: Robot with the servo gains.
         period: Control period, s.
         actuator: Drives of the joints.
-        encoders: True: joint speeds are differences of two encoder angles, so means over a control period.
+        encoders: True if joint speeds are differences of two encoder angles, and thus means over a control period.
     """
 
     _has_last: Mask = per_robot(False)
-    """Robots with a last reading, (n,)."""
+    """True for robots with a previous reading, (n,)."""
     _last_velocity: Floats = per_robot(np.zeros(18))
     """Last generalised velocity, (n, 18)."""
     _last_angles: Floats = per_robot(np.zeros(12))
@@ -73,15 +73,15 @@ class FootForceEstimator(PerRobotState):
         super().__init__()
 
     def estimate(self, motion: MotionState) -> FootForces:
-        """Solve for the forces of the last control period, and store the readings.
+        """Estimate the mean forces of the last control period, and store the readings for the next call.
 
-        M q̈ + h - τ = Σ Jᵢᵀ fᵢ + w: the joint rows of each leg give fᵢ, the trunk rows w.
+        M q̈ + h - τ = Σ Jᵢᵀ fᵢ + w: the joint rows of each leg give the force fᵢ, the trunk rows give the wrench w.
 
         Args:
-            motion: State at the time of the readings, with the targets that led to it and the load.
+            motion: State at the time of the readings, with the joint targets that led to it and the load.
 
         Returns:
-            Forces on the feet.
+            Forces on the feet, and the generalised force of the environment.
         """
         bodies = motion.bodies
         period_motion = self._period_motion(motion)
@@ -92,8 +92,8 @@ class FootForceEstimator(PerRobotState):
     def _period_motion(self, motion: MotionState) -> PeriodMotion:
         """Return the mean motion since the last readings, and store the present ones.
 
-        Encoder speeds are means over a period. A difference of two is the mean acceleration over both periods, and the
-        forces are means over both.
+        An encoder speed is the mean over one period. The difference of two speeds gives the mean acceleration over two
+        periods, so that the forces are means over two periods as well.
         """
         period = self._period
         velocity = motion.generalised_velocity
@@ -106,14 +106,14 @@ class FootForceEstimator(PerRobotState):
         self._has_last = np.ones_like(self._has_last)
 
         acceleration = (velocity - last_velocity) / period
-        # The level frame has turned with the robot.
+        # Correction for the rotation of the level frame, which turns with the robot: ω × v.
         acceleration[:, 0] -= motion.angular_velocity[:, 2] * velocity[:, 1]
         acceleration[:, 1] += motion.angular_velocity[:, 2] * velocity[:, 0]
         last_trunk_acceleration = self._last_trunk_acceleration
         self._last_trunk_acceleration = acceleration[:, :6].copy()
         curvature = period / 12.0 * (velocity[:, 6:] - last_velocity[:, 6:])
         if not self._encoders:
-            # Mean of the cubic through both angles with both speeds.
+            # Mean of the cubic that has the angle and the speed of both readings.
             return PeriodMotion(
                 acceleration=acceleration,
                 angle=0.5 * (motion.joint_position + last_angles) - curvature,
@@ -129,12 +129,15 @@ class FootForceEstimator(PerRobotState):
         )
 
     def _or_last(self, present: Floats, last: Floats) -> Floats:
-        """Return the last values, (n, k), or the present ones of robots without a last reading."""
+        """Return the last values, (n, k); the present values for robots that have no previous reading."""
         return np.where(self._has_last[:, None], last, present)
 
 
 def _forces_by_leg(bodies: DynamicsTerms, joint_torques: Floats) -> Floats:
-    """Return the forces of the feet, (n, 4, 3), N, that cause joint torques, (n, 12), N·m, by damped least squares."""
+    """Return the forces on the feet, (n, 4, 3), N, that cause given joint torques, (n, 12), N·m.
+
+    The solution is by damped least squares.
+    """
     jacobians = bodies.leg_jacobians
     squares = np.matmul(jacobians, jacobians.swapaxes(2, 3)) + LEG_DAMPING * np.eye(3)
     projected = np.matmul(jacobians, joint_torques.reshape(-1, 4, 3, 1))

@@ -1,4 +1,4 @@
-"""Motion state of the robots from their observations, with the dynamics at this state."""
+"""Motion state of the robots, computed from their observations, and the dynamics terms at this state."""
 
 from typing import NamedTuple
 
@@ -21,32 +21,34 @@ class MotionState(NamedTuple):
     tilt: Floats
     """Roll and pitch, (n, 2), rad."""
     rotation: Floats
-    """From the base to the level frame, (n, 3, 3)."""
+    """Rotation from the base to the level frame, (n, 3, 3)."""
     velocity: Floats
-    """Of the trunk centre, level frame, (n, 3), m/s."""
+    """Velocity of the trunk centre, level frame, (n, 3), m/s."""
     angular_velocity: Floats
-    """Of the trunk, level frame, (n, 3), rad/s."""
+    """Angular velocity of the trunk, level frame, (n, 3), rad/s."""
     generalised_velocity: Floats
-    """As in `quad_env.physics.dynamics`: velocity, level frame, angular velocity, base frame, joint speeds, (n, 18)."""
+    """Generalised velocity of `quad_env.physics.dynamics`, (n, 18).
+
+    Trunk velocity, level frame, m/s, then angular velocity, base frame, rad/s, then joint speeds, rad/s."""
     joint_position: Floats
-    """(n, 12), rad."""
+    """Joint angles, (n, 12), rad."""
     targets: Floats
     """Joint targets of the last control period, (n, 12), rad."""
     command: Floats
-    """Forward and lateral velocity, m/s, and yaw rate, rad/s, (n, 3)."""
+    """Commanded forward and lateral velocity, m/s, and yaw rate, rad/s, (n, 3)."""
     bodies: DynamicsTerms
-    """Dynamics at this state."""
+    """Dynamics terms at this state."""
     foot_velocity: Floats
-    """Level frame, (n, 4, 3), m/s."""
+    """Velocity of the feet, level frame, (n, 4, 3), m/s."""
 
 
 def compute_motion_state(robot: Robot, dynamics: Dynamics, observation: NDArray[np.float32] | Floats) -> MotionState:
-    """Compute the motion state of observations.
+    """Compute the motion state of n robots from their observations.
 
     Args:
         robot: Robot of the observations.
-        dynamics: Its dynamics.
-        observation: (n, k).
+        dynamics: Dynamics of the robot.
+        observation: Observation, (n, k).
 
     Returns:
         State of n robots.
@@ -82,8 +84,8 @@ def _attitude(tilt: Floats) -> tuple[Floats, Floats]:
         tilt: Roll and pitch, (2, n), rad.
 
     Returns:
-        quaternion: (w, x, y, z), (n, 4).
-        rotation: (n, 3, 3).
+        quaternion: Unit quaternion (w, x, y, z), (n, 4).
+        rotation: Rotation matrix, (n, 3, 3).
     """
     cos_half_roll, cos_half_pitch = np.cos(0.5 * tilt)
     sin_half_roll, sin_half_pitch = np.sin(0.5 * tilt)
@@ -97,7 +99,7 @@ def _attitude(tilt: Floats) -> tuple[Floats, Floats]:
     ).T
     cos_roll, cos_pitch = np.cos(tilt)
     sin_roll, sin_pitch = np.sin(tilt)
-    # One memory layout for any number of robots: the last bits of a product depend on it.
+    # The memory layout is the same for any number of robots, because the last bits of a matrix product depend on it.
     rotation = np.zeros((tilt.shape[1], 3, 3))
     rotation[:, 0] = np.array((cos_pitch, sin_pitch * sin_roll, sin_pitch * cos_roll)).T
     rotation[:, 1, 1] = cos_roll

@@ -1,4 +1,4 @@
-"""Joint servos as their controller knows them."""
+"""Model of the joint servos for model-based controllers."""
 
 import numpy as np
 
@@ -26,9 +26,9 @@ class ServoModel:
         else:
             curve = actuator.curve.resolve(robot)
         self.limits = curve.limits
-        """Minimum and maximum torque, (…, 12) each, N·m, at joint speeds, (…, 12), rad/s."""
+        """Function: joint speeds, (…, 12), rad/s -> minimum and maximum torque, (…, 12) each, N·m."""
         self.target_weights = actuator.target_weights(float(robot.model.opt.timestep), period)
-        """Weights of the last targets in the mean target of a control period, newest first, (k,)."""
+        """Weights of the last k targets in the mean target of a control period, newest first, (k,)."""
 
     def filtered_targets(self, targets: Floats) -> Floats:
         """Return the mean targets that the motors followed in each of m control periods, newest first.
@@ -37,7 +37,7 @@ class ServoModel:
             targets: Commanded targets, newest first, (m + k - 1, n, 12), rad.
 
         Returns:
-            (m, n, 12), rad.
+            Mean targets, (m, n, 12), rad.
         """
         if len(self.target_weights) == 1:
             return targets
@@ -45,7 +45,7 @@ class ServoModel:
         return ordered_sum(weight * targets[age : age + count] for age, weight in enumerate(self.target_weights))
 
     def torque(self, targets: Floats, angle: Floats, speed: Floats) -> Floats:
-        """Return the joint torques of the PD law within the limits.
+        """Return the joint torques of the PD law, clipped to the torque limits.
 
         Args:
             targets: Filtered joint targets, (n, 12), rad.
@@ -53,7 +53,7 @@ class ServoModel:
             speed: Joint speeds, (n, 12), rad/s.
 
         Returns:
-            (n, 12), N·m.
+            Joint torques, (n, 12), N·m.
         """
         torque: Floats = self.stiffness * (targets - angle) - self._damping * speed
         return torque.clip(*self.limits(speed))

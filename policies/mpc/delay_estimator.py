@@ -1,4 +1,4 @@
-"""Delay from joint target to joint reading, estimated by the prediction errors of all candidate delays."""
+"""Estimate of the delay from joint target to joint reading: the candidate delay with the smallest prediction error."""
 
 from dataclasses import dataclass
 from typing import TypeVar
@@ -21,28 +21,29 @@ class DelayEstimatorParameters:
     """Thresholds of the delay estimate."""
 
     filter_time: float = 1.0
-    """Time constant of the mean squared prediction errors, s; until then they are running means."""
+    """Time constant of the mean squared prediction errors, s. Before this time has passed, they are running means."""
     min_improvement: float = 0.1
-    """Fraction of the error of the present delay, less the noise, by which another delay has to be better."""
+    """Smallest reduction of the error by a new delay, as a fraction of the present error minus the noise variance."""
     noise_fraction: float = 0.1
-    """Fraction of the noise variance by which it has to be better on top of that."""
+    """Further reduction that a new delay must give, as a fraction of the noise variance."""
     model_error: float = 0.05
     """Mean squared error of the joint speeds that remains at the true delay, rad²/s²."""
     samples_without_error: int = 2
-    """Samples until a prediction starts from a predicted state."""
+    """Number of samples after a reset before the prediction errors count."""
     min_samples: int = 16
-    """Control steps before the delay may change, unless the calibration has excited the joints."""
+    """Number of samples before the delay may change, for robots with a delay that is not identified yet."""
 
 
 DEFAULT_PARAMETERS = DelayEstimatorParameters()
 
 
 class DelayEstimator(PerRobotState):
-    """Estimates the delay of each of n robots: its targets explain the joint speeds best of all candidates.
+    """Estimates the delay of each of n robots, so that the targets explain the joint speeds best.
 
     Args:
         period: Control period, s.
-        joint_delay_steps: Known delay of encoders, control steps, where the estimate starts; 0: true joint readings.
+        joint_delay_steps: Delay of the encoders, control steps, from which the estimate starts; 0 if the joint readings
+            are true values.
         parameters: Thresholds.
     """
 
@@ -62,14 +63,14 @@ class DelayEstimator(PerRobotState):
         super().__init__(delays=np.int64(joint_delay_steps))
 
     def update(self, errors: Floats, noise: Floats, sample_count: NDArray[np.int64], is_excited: Mask) -> None:
-        """Take in the prediction errors of this sample, and change the delay where another explains them better.
+        """Update the mean prediction errors, and change the delay if another candidate has a smaller error.
 
         Args:
             errors: Squared error of the joint speeds, mean over the joints, by candidate delay,
                 (MAX_DELAY_STEPS + 1, n), rad²/s².
             noise: Noise variance of the joint speeds, (n,), rad²/s².
             sample_count: Readings since the reset, (n,).
-            is_excited: Robots that may move their joints: the noise calibration is over, (n,).
+            is_excited: True for robots that may move their joints, because their noise measurement is over, (n,).
         """
         p = self._parameters
         error_count = sample_count - p.samples_without_error
@@ -86,5 +87,8 @@ class DelayEstimator(PerRobotState):
         self.delays = np.where(is_better, self._errors.argmin(axis=0), self.delays)
 
     def at_delay(self, history: NDArray[T]) -> NDArray[T]:
-        """Select from a history, (MAX_DELAY_STEPS + 1, n, …), newest first, each robot's entry at its delay, (n, …)."""
+        """Return the entry of each robot at its delay, (n, …), from a `history` with the newest entry first.
+
+        `history`: (MAX_DELAY_STEPS + 1, n, …).
+        """
         return history[self.delays, np.arange(len(self.delays))]

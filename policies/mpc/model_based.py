@@ -1,8 +1,8 @@
 """Base class of the model-based controllers: state prediction, contact forces, footholds, inverse servo law.
 
 A control step has five phases: estimate the state, plan the contacts, plan the contact forces, solve for the joint
-torques, and convert them to joint targets. The targets invert the PD law of the servos, so that the joints have these
-torques halfway through the control period.
+torques, and convert the torques to joint targets. The targets invert the PD law of the servos, so that the servos give
+the torques halfway through the control period.
 """
 
 from abc import abstractmethod
@@ -50,25 +50,26 @@ from quad_env.sensing.height_scan import UNSEEN, table_with
 FREQUENCY_FILTER_GAIN = 0.3
 """Fraction of a change of the step frequency that is made per control period."""
 MIN_HURRY_ERROR = 0.4
-"""Velocity error from which the robot steps faster, m/s."""
+"""Velocity error above which the robot steps faster, m/s."""
 MAX_JOINT_ACCELERATION = 2000.0
 """Largest joint acceleration that the inverse servo law assumes, rad/s²."""
 SOLVER_FAILURE_TIMEOUT = 0.1
-"""s without a solution before the controlled stop: half a step of the gait."""
+"""Time that a robot may go on without a solution before its controlled stop, s; half a step of the gait."""
 
 
 class ControlState(NamedTuple):
     """Estimates of n robots; the result of the first phase of a control step."""
 
     motion: MotionState
-    """State when the next targets act, with the load, and with position feedback in the command."""
+    """State when the next targets act. It includes the load, and its command includes the position feedback."""
     contact_forces: Floats
-    """Of the feet in the control period before the readings, level frame, (n, 4, 3), N."""
+    """Forces on the feet in the control period before the readings, level frame, (n, 4, 3), N."""
     disturbance_wrench: Floats
-    """External wrench on the trunk without the weight of the load, (n, 6): force in the level frame, N, moment about
-    the trunk centre in the base frame, N·m."""
+    """External wrench on the trunk minus the weight of the load, (n, 6).
+
+    Force in the level frame, N, and moment about the trunk centre in the base frame, N·m."""
     disturbance_acceleration: Floats
-    """Acceleration by that wrench, level frame, (n, 6), m/s² and rad/s²."""
+    """Acceleration of the robot by `disturbance_wrench`, level frame, (n, 6), m/s² and rad/s²."""
     friction: Friction
     """Bounds of the contact forces."""
 
@@ -77,9 +78,9 @@ class ContactPlan(NamedTuple):
     """Contacts and foot motions of n robots; the result of the second phase of a control step."""
 
     stance: Mask
-    """Feet that bear the robot, (n, 4)."""
+    """True for feet that carry the robot, (n, 4)."""
     ground: TerrainPlane
-    """Plane under the feet."""
+    """Ground plane under the feet."""
     foothold_positions: Floats
     """Next footholds, level frame, (n, 4, 2), m."""
     foot_acceleration: Floats
@@ -90,15 +91,15 @@ class StanceForces(NamedTuple):
     """Planned contact forces of the stance feet; the result of the third phase of a control step."""
 
     forces: Floats
-    """Level frame, (n, 4, 3), N."""
+    """Planned forces, level frame, (n, 4, 3), N."""
     moment_arms: Floats
-    """From the centre of mass to the feet, level frame, (n, 4, 3), m."""
+    """Vectors from the centre of mass to the feet, level frame, (n, 4, 3), m."""
     failed: Mask
-    """Robots without a renewed plan where one was due, (n,)."""
+    """True for robots with a plan that was due and could not be renewed, (n,)."""
 
 
 def _observation_at_rest(policy: Policy) -> NDArray[np.float32]:
-    """Return the observation of a robot that stands level, on ground that the height scan does not see."""
+    """Return the observation of a robot that stands level in the home pose; its height scan is empty."""
     table = table_with(policy.robot, policy.height_scan)
     observation = np.zeros(table.size, np.float32)
     observation[table.slices.get("height_scan", slice(0))] = UNSEEN
@@ -107,7 +108,7 @@ def _observation_at_rest(policy: Policy) -> NDArray[np.float32]:
 
 
 def _trunk_velocity_at(state: MotionState, position: Floats) -> Floats:
-    """Return the velocity of points that move along with the trunk, at `position`, (n, 4, 3), m; (n, 4, 3), m/s."""
+    """Return the velocity, (n, 4, 3), m/s, of points that move with the trunk; `position`: (n, 4, 3), m."""
     velocity = np.empty_like(position)
     velocity[..., :2] = point_velocity(state, state.angular_velocity[:, 2], position)
     velocity[..., 2] = state.velocity[:, 2:]
@@ -117,30 +118,31 @@ def _trunk_velocity_at(state: MotionState, position: Floats) -> Floats:
 class ModelBased(GaitedPolicy):
     """Base class of gaited controllers that use the robot's dynamics.
 
-    Stance feet apply planned forces, swing feet track a trajectory to the next foothold. A robot without a solution or
-    a finite observation repeats its last targets and stops after `SOLVER_FAILURE_TIMEOUT`.
+    Stance feet apply planned forces, and swing feet track a trajectory to the next foothold. If a robot has no solution
+    or no finite observation, the controller goes on with its last plan or targets. After `SOLVER_FAILURE_TIMEOUT` it
+    starts a controlled stop.
 
     Args:
         parameters: Gait, footholds, swing and estimators.
-        leg_offsets: Phase of each leg ahead of the clock, in the leg order of the robot, rad.
+        leg_offsets: Phase of each leg minus the phase of the clock, in the leg order of the robot, rad.
         robot: Robot that is controlled.
-        control_period: s.
-        joint_delay_steps: Delay of the encoders, control steps; 0: true joint readings.
+        control_period: Control period, s.
+        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are true values.
         actuator: Drives of the joints.
     """
 
     parameters: ModelParameters
-    stiff_servos = False  # targets carry their torques; soft servos yield at impacts
+    stiff_servos = False  # because the targets compensate the sag, and soft servos yield at impacts
     stopped: Mask = per_robot(False)
-    """Robots that were given up and stopped, (n,)."""
+    """True for robots in a controlled stop after repeated failures, (n,)."""
     _observation_invalid: Mask = per_robot(False)
-    """Robots without a finite present observation, (n,)."""
+    """True for robots with a present observation that is not finite, (n,)."""
     _failed_steps: NDArray[np.int64] = per_robot(0)
-    """Control steps in a row without a solution, (n,)."""
+    """Number of consecutive control steps without a solution, (n,)."""
     _is_first_step: Mask = per_robot(True)
-    """Robots that have not acted since their reset, (n,)."""
+    """True for robots that have not acted since their reset, (n,)."""
     _was_swing: Mask = per_robot(np.zeros(4, np.bool_))
-    """Feet that were in swing in the last control step, (n, 4)."""
+    """True for feet that were in swing in the last control step, (n, 4)."""
     _frequencies: Floats = per_robot()
     """Step frequency, (n,), Hz."""
     _liftoff_position: Floats = per_robot(np.zeros((4, 2)))
@@ -199,21 +201,22 @@ class ModelBased(GaitedPolicy):
         return to_actions(self.robot, self._targets)
 
     def _replace_nonfinite(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Replace observations, (n, k), that are not finite by the last finite ones of their robots."""
+        """Replace observations, (n, k), that are not finite by the last finite observation of the same robot."""
         self._observation_invalid[:] = ~np.isfinite(rows).all(axis=1)
         return np.where(self._observation_invalid[:, None], self._last_observation, rows)
 
     # Phase 1: estimate.
 
     def _estimate(self, observation: NDArray[np.float32]) -> ControlState:
-        """Estimate state, contact forces, external wrench and friction from observations without encoder offsets."""
+        """Estimate state, contact forces, external wrench and friction; encoder offsets are already subtracted."""
         p = self.parameters
         observer = self.observer
         contact_estimator = self.contact_estimator
         load = estimate_load(contact_estimator.wrench, p.load_height)
         measured = add_load(observer.read(observation, contact_estimator.wrench), load)
         if observer.noise_unknown.any():
-            contact_estimator.reset_where(observer.noise_unknown)  # noise looks like pushes and loads
+            # Reset, because noise that is not known yet looks like pushes and loads.
+            contact_estimator.reset_where(observer.noise_unknown)
         contact_forces = contact_estimator.estimate(
             measured, load.gravity_wrench(measured.rotation), self._feet_in_mid_swing()
         )
@@ -233,7 +236,7 @@ class ModelBased(GaitedPolicy):
         )
 
     def _feet_in_mid_swing(self) -> Mask:
-        """Return the feet that the gait had in mid-swing at the time of the readings, (n, 4)."""
+        """Return the mask of feet in mid-swing by the gait at the time of the readings, (n, 4)."""
         cycle = self._cycle_at_measurement()
         return cycle.swing & (cycle.progress > LIFTOFF_PHASE) & (cycle.progress < EARLY_CONTACT_PHASE)
 
@@ -245,7 +248,7 @@ class ModelBased(GaitedPolicy):
     # Phase 2: plan the contacts.
 
     def _advance_gait_clock(self, state: MotionState) -> None:
-        """Advance the gait clocks by a control step, faster at large velocity errors."""
+        """Advance the gait clocks by a control step; the step frequency rises with large velocity errors."""
         p = self.parameters
         velocity_error = np.hypot(*(state.velocity - state.command)[:, :2].T)
         faster = (p.frequency_gain * (velocity_error - MIN_HURRY_ERROR)).clip(0.0, p.most_faster)
@@ -272,7 +275,7 @@ class ModelBased(GaitedPolicy):
         return ContactPlan(contacts.stance, ground, foothold_positions, foot_acceleration)
 
     def _classify_contacts(self, cycle: LegCycle, contact_forces: Floats) -> ContactState:
-        """Return stance, late and landed feet by the gait cycle and the contact forces, (n, 4, 3), N."""
+        """Classify stance, late and landed feet by the gait cycle and the contact forces, (n, 4, 3), N."""
         cycle_at_measurement = self._cycle_at_measurement() if self.observer.delays.any() else cycle
         return classify_contacts(
             self.parameters,
@@ -289,11 +292,11 @@ class ModelBased(GaitedPolicy):
         return self.parameters.height - self.robot.hip_rise
 
     def _estimate_ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
-        """Return the ground plane; `landed`: feet that show it by their positions, (n, 4)."""
+        """Return the ground plane; `landed`: True for feet on the ground, (n, 4)."""
         return self.terrain_estimator.ground(state, landed)
 
     def _swing_terrain(self, foothold_positions: Floats, ground: TerrainPlane) -> Terrain:
-        """Return the terrain under the swings to the footholds, (n, 4, 2): the plane, higher where it is rough."""
+        """Return the terrain function for the swings to the footholds, (n, 4, 2), m: the plane, raised if rough."""
         higher = 16.0 * self.parameters.roughness_gain * self.terrain_estimator.roughness[:, None]
         return lambda x, y, t: ground.at(x, y) + higher * (t * (1.0 - t)) ** 2
 
@@ -302,7 +305,8 @@ class ModelBased(GaitedPolicy):
     ) -> Floats:
         """Return the reference accelerations of the feet, level frame, (n, 4, 3), m/s².
 
-        Swing feet track their trajectory by a PD law, stance feet are damped, late feet are lowered.
+        Swing feet track their trajectory by a PD law. Stance feet are damped. Late feet, which should be in stance but
+        have not touched the ground, are lowered.
         """
         p = self.parameters
         foot_velocity = state.foot_velocity
@@ -346,9 +350,10 @@ class ModelBased(GaitedPolicy):
     def _make_reference(
         self, control_state: ControlState, contact_plan: ContactPlan, stance_forces: StanceForces
     ) -> WholeBodyReference:
-        """Return the reference of the whole-body controller, with the angular acceleration by the planned forces.
+        """Return the reference of the whole-body controller.
 
-        With the inertia I about the centre of mass: α = I⁻¹ Σ r × f + the acceleration by the disturbance.
+        The planned forces f and the disturbance give its angular acceleration: α = I⁻¹ Σ r × f + α_disturbance, with
+        the inertia I about the centre of mass.
         """
         state = control_state.motion
         moment = cross(stance_forces.moment_arms, stance_forces.forces).sum(axis=1)[..., None]
@@ -364,9 +369,9 @@ class ModelBased(GaitedPolicy):
     def _solve_torques(
         self, state: MotionState, reference: WholeBodyReference, disturbance_wrench: Floats, friction: Friction
     ) -> Torques:
-        """Return the joint torques that track the reference, here leg by leg.
+        """Return the joint torques that track the reference; this base class computes each leg separately.
 
-        `disturbance_wrench`: on the trunk, (n, 6), N and N·m; `friction`: bounds of the contact forces.
+        `disturbance_wrench`: external wrench on the trunk, (n, 6), N and N·m; `friction`: bounds of the forces.
         """
         return leg_torques(state.bodies, reference, disturbance_wrench, self._torque_limits(state))
 
@@ -377,7 +382,7 @@ class ModelBased(GaitedPolicy):
     # Phase 5: convert to targets.
 
     def _invert_servo_law(self, state: MotionState, torques: Torques) -> Mask:
-        """Set the joint targets that give the torques halfway through the control period.
+        """Set the joint targets at which the servos give the torques halfway through the control period.
 
         u = q + (τ + d q̇) / k, with q and q̇ integrated over half a period at the planned acceleration.
 
@@ -386,7 +391,8 @@ class ModelBased(GaitedPolicy):
             torques: Joint torques and accelerations.
 
         Returns:
-            Robots without finite targets or without a solution, (n,); the former keep their last targets.
+            True for robots without a solution or without finite targets, (n,). Robots without finite targets keep their
+            last targets.
         """
         robot = self.robot
         half_period = 0.5 * self.control_period
@@ -401,9 +407,9 @@ class ModelBased(GaitedPolicy):
         return ~torques.has_solution | ~finite.all(axis=1)
 
     def _stop_failed_robots(self, failed: Mask, observation: NDArray[np.float32], joint_position: Floats) -> None:
-        """Switch robots to a controlled stop, until a reset, after `SOLVER_FAILURE_TIMEOUT` of failures in a row.
+        """Switch robots to a controlled stop, until a reset, if they have failed for `SOLVER_FAILURE_TIMEOUT`.
 
-        `failed`: in this control step, (n,); `joint_position`: (n, 12), rad.
+        `failed`: True for robots that failed in this control step, (n,); `joint_position`: joint angles, (n, 12), rad.
         """
         self._failed_steps = np.where(failed, self._failed_steps + 1, 0)
         giving_up = np.greater(self._failed_steps * self.control_period, SOLVER_FAILURE_TIMEOUT) & ~self.stopped

@@ -1,4 +1,4 @@
-"""Position feedback, the load on the trunk, and selections of robots in a motion state."""
+"""Operations on motion states: position feedback, load on the trunk, and selection of robots."""
 
 from typing import Any, NamedTuple, TypeVar
 
@@ -14,11 +14,11 @@ from quad_env.physics.rotations import cross, skew
 P = TypeVar("P", bound=Any)
 
 MAX_LOAD = 40.0
-"""Largest believed load, kg."""
+"""Largest load that the estimate accepts, kg."""
 MAX_LOAD_OFFSET = 0.25
 """Largest forward or lateral distance of a load from the trunk centre, m."""
 MIN_LOAD = 0.5
-"""A smaller load counts as an error of the model, kg."""
+"""Smallest load that counts, kg; a smaller one is taken as an error of the model."""
 
 
 def select_robots(state: P, robots: EnvIndices) -> P:
@@ -34,8 +34,8 @@ def replace_robots(state: P, robots: EnvIndices, replacement: P) -> P:
 
     Args:
         state: Nested tuple of arrays of n robots.
-        robots: Their indices, (g,).
-        replacement: The same tuple of g robots.
+        robots: Indices of the robots to replace, (g,).
+        replacement: Tuple with the same structure, of g robots.
 
     Returns:
         Copy of `state` with the entries of `replacement`.
@@ -51,19 +51,19 @@ def replace_robots(state: P, robots: EnvIndices, replacement: P) -> P:
 class PositionErrorIntegrator(PerRobotState):
     """Integrates the velocity error in the heading frame into a position error.
 
-    It plays the part of the position set point of convex MPC on robots, as `ConvexMPCLocomotion` in MIT's
-    Cheetah-Software has it. A new command starts the integral again.
+    The position error replaces the position set point of `ConvexMPCLocomotion` in MIT's Cheetah-Software. A new command
+    resets the integral to zero.
 
     Args:
         max_error: Largest position error, m, and yaw error, rad.
         period: Control period, s.
-        max_return_speed: Largest speed that the corrected command asks for, m/s; a faster command keeps its own.
+        max_return_speed: Largest speed of the corrected command, m/s. A command that is faster keeps its own speed.
     """
 
     position_error: Floats = per_robot(np.zeros(3))
-    """Forward and lateral, m, and yaw, rad, (n, 3)."""
+    """Forward and lateral position error, m, and yaw error, rad, (n, 3)."""
     _command: Floats = per_robot(np.zeros(3))
-    """Last command, (n, 3)."""
+    """Last command, (n, 3), m/s and rad/s."""
 
     def __init__(self, max_error: float, period: float, max_return_speed: float = np.inf) -> None:
         self._max_error = max_error
@@ -79,7 +79,7 @@ class PositionErrorIntegrator(PerRobotState):
             gain: Velocity per position error, 1/s.
 
         Returns:
-            The state with another command.
+            The state with the corrected command.
         """
         velocity = np.concatenate((state.velocity[:, :2], state.angular_velocity[:, 2:]), axis=1)
         position_error = self.position_error + self._period * (state.command - velocity)
@@ -99,15 +99,15 @@ class PointLoad(NamedTuple):
     """Loads of n robots, each a point mass fixed to the trunk."""
 
     mass: Floats
-    """(n,), kg."""
+    """Mass of the load, (n,), kg."""
     position: Floats
-    """From the trunk centre, base frame, (n, 3), m."""
+    """Position of the load relative to the trunk centre, base frame, (n, 3), m."""
 
     def gravity_wrench(self, rotation: Floats) -> Floats:
-        """Return the weight as a wrench on the trunk.
+        """Return the weight of the loads as a wrench on the trunk.
 
         Args:
-            rotation: From the base to the level frame, (n, 3, 3).
+            rotation: Rotation from the base to the level frame, (n, 3, 3).
 
         Returns:
             Force in the level frame, N, and moment about the trunk centre in the base frame, N·m, (n, 6).
@@ -121,11 +121,11 @@ class PointLoad(NamedTuple):
 
 
 def estimate_load(wrench: Floats, height: float) -> PointLoad:
-    """Estimate the load that presses with the downward force of a lasting wrench.
+    """Estimate the load from a lasting wrench: the weight of the load is the downward force.
 
     Args:
-        wrench: On the trunk, (n, 6), N and N·m.
-        height: Of the load above the trunk centre, m.
+        wrench: External wrench on the trunk, (n, 6), N and N·m.
+        height: Assumed height of the load above the trunk centre, m.
 
     Returns:
         Loads of n robots; their horizontal positions follow from the moments.
@@ -143,15 +143,15 @@ def estimate_load(wrench: Floats, height: float) -> PointLoad:
 def add_load(motion: MotionState, load: PointLoad) -> MotionState:
     """Add the loads to the dynamics of the robots.
 
-    With the Jacobian J of the load and its acceleration a at zero generalised acceleration, the inertia matrix gains
-    m Jᵀ J and the bias force m Jᵀ (a + g).
+    A load of mass m with the Jacobian J adds m Jᵀ J to the inertia matrix and m Jᵀ (a + g) to the bias force; a is the
+    acceleration of the load at zero generalised acceleration.
 
     Args:
         motion: State of n robots.
-        load: Their loads.
+        load: Loads of the robots.
 
     Returns:
-        The state with other dynamics; `motion` itself if no robot has a load.
+        The state with the dynamics of the loaded robots; `motion` itself if no robot has a load.
     """
     if not load.mass.any():
         return motion

@@ -1,7 +1,7 @@
 """Force plans of the robots: contact forces over the horizon, and their age.
 
-A plan that is not renewed is followed at its age. It stores its stance feet; where other feet are in stance, these
-share the wrench that the planned forces have about the centre of mass.
+A robot follows its plan until the plan is renewed; the age of the plan selects the step. If other feet are in stance
+than planned, the wrench of the planned forces about the centre of mass is distributed over the feet in stance.
 """
 
 import numpy as np
@@ -13,18 +13,20 @@ from quad_env.columns import EnvIndices, EnvSelection, Mask
 from quad_env.physics.rotations import cross, skew
 
 _DAMPING = 1e-4
-"""Added to the squared moment arms, m², and to the number of feet: two feet bear no moment about their line."""
+"""Regularisation of the distribution of a wrench: two feet cannot give a moment about the line through them."""
 _CLOCK_ROUNDING = 1e-6
-"""Rounding of a clock, s."""
+"""Tolerance for the rounding of the age of a plan, s."""
 
 
 class ForcePlans(PerRobotState):
-    """Force plans of n robots for N steps; initially every foot bears a quarter of the weight, and each plan is due.
+    """Force plans of n robots for N steps.
+
+    In the initial plan every foot carries a quarter of the weight. It is due for renewal at once.
 
     Args:
-        steps: N.
+        steps: Number of steps N.
         period: Duration of a step, s.
-        weight: Of the robot, N.
+        weight: Weight of the robot, N.
     """
 
     forces: Floats = per_robot()
@@ -50,14 +52,14 @@ class ForcePlans(PerRobotState):
         self.age += time
 
     def due(self, stance: Mask, interval: float) -> Mask:
-        """Return the robots that need a new plan.
+        """Return True for robots that need a new plan.
 
         Args:
-            stance: Present stance feet, (n, 4): a plan with other ones is due.
+            stance: Present stance feet, (n, 4). A plan for other stance feet is due.
             interval: Age from which a plan is due, s.
 
         Returns:
-            (n,) bool.
+            Mask, (n,) bool.
         """
         is_old = self.age > interval - _CLOCK_ROUNDING
         if is_old.all():
@@ -66,11 +68,11 @@ class ForcePlans(PerRobotState):
         return has_other_stance | is_old
 
     def renew(self, robots: EnvSelection, forces: Floats, stance: Mask, moment_arms: Floats) -> None:
-        """Set the plans of g robots from now on.
+        """Replace the plans of g robots by new plans that start now.
 
         Args:
-            robots: Their indices, (g,).
-            forces: Level frame, (g, N, 4, 3), N.
+            robots: Indices of the robots, (g,).
+            forces: Contact forces, level frame, (g, N, 4, 3), N.
             stance: Stance feet, (g, N, 4).
             moment_arms: Vectors from the centre of mass to the feet, level frame, (g, N, 4, 3), m.
         """
@@ -85,10 +87,10 @@ class ForcePlans(PerRobotState):
         Args:
             stance: Present stance feet, (n, 4).
             moment_arms: Present vectors from the centre of mass to the feet, level frame, (n, 4, 3), m.
-            friction: Bounds, used where other feet are in stance than planned.
+            friction: Bounds of the forces; used only if other feet are in stance than planned.
 
         Returns:
-            Level frame, (n, 4, 3), N.
+            Contact forces, level frame, (n, 4, 3), N.
         """
         robots = self._robots
         step = self._step
@@ -107,7 +109,7 @@ class ForcePlans(PerRobotState):
 
     @property
     def _step(self) -> EnvIndices:
-        """Present step of each plan, the last one after the horizon, (n,)."""
+        """Index of the present step of each plan, (n,); after the end of the horizon the index of the last step."""
         return np.minimum((self.age + _CLOCK_ROUNDING) / self._period, self._steps - 1).astype(np.intp)
 
 
@@ -115,7 +117,7 @@ def distribute_wrench(wrench: Floats, stance: Mask, moment_arms: Floats, frictio
     """Distribute a wrench over the stance feet.
 
     Args:
-        wrench: About the centre of mass, (n, 6), N and N·m.
+        wrench: Wrench about the centre of mass, (n, 6), N and N·m.
         stance: Stance feet, (n, 4).
         moment_arms: Vectors from the centre of mass to the feet, (n, 4, 3), m.
         friction: Bounds of the forces.
@@ -137,7 +139,7 @@ def min_norm_forces(effects: Floats, wanted: Floats, stance: Mask, damping: floa
     """Return the smallest forces of the stance feet with a wanted effect: f = Eᵀ (E Eᵀ + damping)⁻¹ wanted.
 
     Args:
-        effects: Effect of each force, E, (n, 4, 6, 3).
+        effects: Matrix E from the force on each foot to its effect, (n, 4, 6, 3).
         wanted: Wanted effect, (n, 6).
         stance: Stance feet, (n, 4).
         damping: Regularisation for effects that the feet cannot have.

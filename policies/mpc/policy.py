@@ -23,25 +23,25 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 HORIZON = 10
-"""Steps of the prediction."""
+"""Number of steps in the prediction horizon."""
 
 
 class Mpc(ModelBased):
-    """Convex model-predictive control: each leg applies its planned force and tracks its trajectory by itself.
+    """Convex model-predictive control of a gait; the joint torques of each leg are computed separately.
 
     Args:
-        parameters: Gait, cost and gains; None: the ones of `parameters_of`.
+        parameters: Gait, cost and gains; None for the parameters of `parameters_of`.
         gait: Name of the gait.
         robot: Robot that is controlled, or its name.
-        control_period: s.
-        joint_delay_steps: Delay of the encoders, control steps; 0: true joint readings.
+        control_period: Control period, s.
+        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are true values.
         actuator: Drives of the joints.
     """
 
     name = "mpc"
     parameters: MpcParameters
     failures: NDArray[np.int64] = per_robot(0)
-    """Quadratic programs of each robot without a solution since its reset, (n,); it then follows the last plan."""
+    """Number of quadratic programs without a solution since the reset of each robot, (n,)."""
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class Mpc(ModelBased):
 
         Returns:
             stance_schedule: Stance feet in each step of the horizon, (n, N, 4).
-            time_in_stance: Time since the touch-down of each foot, (n, N, 4), s.
+            time_in_stance: Time since the touch-down of each foot, in each step, (n, N, 4), s.
         """
         phase_ahead = TURN * self._frequencies[:, None] * self._horizon.step_middles
         cycle = self._gait.legs(self._phase[:, None] + phase_ahead)
@@ -129,7 +129,7 @@ class Mpc(ModelBased):
     def _foothold_height(
         self, state: MotionState, foothold_positions: Floats, ground: TerrainPlane, stance_schedule: Mask
     ) -> Floats:
-        """Return the height of the ground under each foot over the horizon, m, (n, 1 or N, 1 or 4)."""
+        """Return the height of the ground under each foot over the horizon, level frame, (n, 1 or N, 1 or 4), m."""
         return ground.height[:, None, None]
 
     def _plan(
@@ -145,16 +145,16 @@ class Mpc(ModelBased):
         """Renew the force plans that are due.
 
         Args:
-            due: Robots with a plan that is due, (n,).
+            due: True for robots with a plan that is due, (n,).
             state: State of n robots.
-            ground: Plane under the feet.
-            disturbance_acceleration: Level frame, (n, 6), m/s² and rad/s².
+            ground: Ground plane under the feet.
+            disturbance_acceleration: Acceleration by external forces, level frame, (n, 6), m/s² and rad/s².
             moment_arms: Vectors from the centre of mass to the feet over the horizon, (n, N, 4, 3), m.
             stance_schedule: Stance feet over the horizon, (n, N, 4).
             friction: Bounds of the contact forces.
 
         Returns:
-            Robots without a solution of their program, (n,): they follow their last plan.
+            True for robots with a program that has no solution, (n,). They follow their last plan.
         """
         horizon = self._horizon
         robots = due.nonzero()[0]
@@ -178,7 +178,7 @@ class Mpc(ModelBased):
     def _rigid_body_state(
         self, state: MotionState, ground: TerrainPlane, disturbance_acceleration: Floats
     ) -> RigidBodyState:
-        """Return the state of the single rigid body, its orientation and height relative to the reference ones."""
+        """Return the state as a single rigid body; orientation and height are relative to their references."""
         bodies = state.bodies
         pose = np.zeros((self.num_envs, 6))
         pose[:, 0] = state.tilt[:, 0] - np.arctan(ground.lateral)
@@ -200,7 +200,7 @@ class Mpc(ModelBased):
 
 
 def _cost_weights(p: MpcParameters) -> MpcWeights:
-    """Return the weights of the cost; the horizontal position is not weighed."""
+    """Return the weights of the cost; the weight of the horizontal position is zero."""
     pose = (p.roll_weight, p.pitch_weight, p.yaw_weight, 0.0, 0.0, p.height_weight)
     angular = (p.turn_weight, p.turn_weight, p.yaw_rate_weight)
     linear = (p.velocity_weight, p.velocity_weight, p.vertical_weight)
@@ -208,7 +208,10 @@ def _cost_weights(p: MpcParameters) -> MpcWeights:
 
 
 class MpcWbc(Mpc):
-    """Convex model-predictive control with a whole-body QP; robots without a solution are controlled leg by leg."""
+    """Convex model-predictive control with a whole-body QP for the torques.
+
+    If the QP of a robot has no solution, the torques of each leg are computed separately, as in `Mpc`.
+    """
 
     name = "mpc_wbc"
 

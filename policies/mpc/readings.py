@@ -16,9 +16,9 @@ JOINT_POSITION = OBSERVATION["joint_position"]
 JOINT_VELOCITY = OBSERVATION["joint_velocity"]
 
 GROUPS = (GRAVITY, ANGULAR_VELOCITY, LINEAR_VELOCITY, JOINT_POSITION, JOINT_VELOCITY)
-"""Readings of one kind each, which share a noise: unit vector, rad/s, m/s, rad, rad/s."""
+"""Slices of the groups of readings; a group has one noise variance. Unit vector, rad/s, m/s, rad, rad/s."""
 SENSED = slice(0, JOINT_VELOCITY.stop)
-"""The readings in an observation: its first entries."""
+"""Slice of the readings in an observation: its first 33 entries."""
 MAX_READING = np.repeat([1.0, 10.0, 4.0, 3.0, 30.0], [group.stop - group.start for group in GROUPS])
 """Largest absolute values of predicted readings, (33,); keeps a diverging prediction bounded."""
 
@@ -26,17 +26,17 @@ MAX_READING = np.repeat([1.0, 10.0, 4.0, 3.0, 30.0], [group.stop - group.start f
 def predict_readings(robot: Robot, state: MotionState, velocity: Floats, period: float) -> Floats:
     """Predict the readings one control period later.
 
-    With the mean ū of the generalised velocities before and after and g the direction of gravity in the base frame:
-    g⁺ = g - T ω̄ × g, and the same turn of the trunk velocity; q⁺ = q + T q̄̇.
+    Bars mark means of the values before and after the period, and g is the direction of gravity in the base frame:
+    g⁺ = g - T ω̄ × g, the same for the velocity of the trunk, and q⁺ = q + T q̄̇ for the joint angles.
 
     Args:
         robot: Robot of the readings.
-        state: State before, of n robots.
-        velocity: Generalised velocity after, (n, 18).
+        state: State of n robots before the period.
+        velocity: Generalised velocity after the period, (n, 18), m/s and rad/s.
         period: Control period T, s.
 
     Returns:
-        Readings, (n, 33), at most `MAX_READING`.
+        Readings, (n, 33), clipped to ±`MAX_READING`.
     """
     mean_velocity = 0.5 * (state.generalised_velocity + velocity)
     rotation_vector = period * mean_velocity[:, 3:6]

@@ -1,4 +1,4 @@
-"""Motion of a robot within a control period under its joint servos and the ground, predicted in implicit steps.
+"""Prediction of the motion within a control period, under joint servos and ground contacts, in implicit time steps.
 
 One step of length T, from generalised velocity v to v⁺, with the impulses p of the feet in contact:
 
@@ -23,21 +23,23 @@ from quad_env.physics.dynamics import DynamicsTerms
 from quad_env.robots.robot import Robot
 
 CONTACT_ITERATIONS = 3
-"""Iterations of the contact mode: first no foot, then the feet that would be below the ground, then without the feet
-that the ground would have to pull."""
+"""Iterations that find the feet in contact.
+
+The first assumes no contact. The second adds the feet that would be below the ground. The third removes the feet that
+the ground would have to pull down."""
 MAX_SINK_VELOCITY = 0.5
 """Largest velocity of a foot towards the ground within a step, m/s."""
 SUBSTEPS = 5
-"""Implicit steps within a control period: a single one of 10 ms damps the joint speeds by 5 to 10 %."""
+"""Number of implicit steps in a control period. A single step of 10 ms would damp the joint speeds by 5 to 10 %."""
 _UNIT_TARGETS = np.eye(12, 13, 1)[None]
-"""Targets of zero, and each target alone at 1 rad, (1, 12, 13)."""
+"""Joint targets in 13 columns: all zero, then one target at 1 rad and the others zero, (1, 12, 13), rad."""
 _CONTACT_REGULARIZATION = 1e-6
-"""Velocity of a foot in contact per impulse, 1/kg: the distribution of a weight over four feet is undetermined."""
+"""Velocity of a foot in contact per impulse, 1/kg; above 0 because the load of four rigid feet is not unique."""
 _LEGS = 4
 
 
 class BlockLayout:
-    """Slices of the vectors and matrices of one implicit step."""
+    """Slices of the vectors of one implicit step: its 30 unknowns and its 32 states."""
 
     VELOCITY = slice(0, 18)
     """Generalised velocity, m/s and rad/s."""
@@ -48,17 +50,17 @@ class BlockLayout:
     IMPULSE = slice(18, 30)
     """Unknowns only: impulses of the feet, N·s."""
     NORMAL_IMPULSE = slice(20, 30, 3)
-    """Unknowns only: their vertical components, N·s."""
+    """Unknowns only: vertical components of the impulses, N·s."""
     LEGS = slice(6, 30)
     """Unknowns only: joints and impulses of all legs."""
     NUM_UNKNOWNS = 30
 
     SERVO_ERROR = slice(18, 30)
-    """State only: joint target less joint angle, rad."""
+    """State only: joint target minus joint angle, rad."""
     ONE = slice(30, 31)
     """State only: the constant 1."""
     STEP = slice(31, 32)
-    """State only: number of the step, from 1."""
+    """State only: number of the implicit step in the control period, from 1."""
     NUM_STATES = 32
 
 
@@ -66,23 +68,23 @@ class AffineResponse(NamedTuple):
     """Generalised velocity at the end of a control period as an affine function of the joint targets."""
 
     offset: Floats
-    """With all targets at zero, (n, 18), m/s and rad/s."""
+    """Generalised velocity if all joint targets are zero, (n, 18), m/s and rad/s."""
     per_target: Floats
-    """Derivative with respect to the targets, (n, 18, 12), per rad."""
+    """Derivative of the generalised velocity with respect to the joint targets, (n, 18, 12), 1/s and m/s per rad."""
 
     def velocities(self, targets: Floats) -> Floats:
-        """Return the generalised velocities, (m, n, 18), by each of m targets, (m, n, 12), rad."""
+        """Return the generalised velocities, (m, n, 18), for m sets of joint targets, (m, n, 12), rad."""
         velocities: Floats = self.offset[..., None] + self.per_target @ targets.transpose(1, 2, 0)
         return velocities.transpose(2, 0, 1)
 
 
 class StepMap(NamedTuple):
-    """One implicit step of n robots as a linear map of its state, see `BlockLayout`."""
+    """One implicit step of n robots as matrices that multiply the state before the step, see `BlockLayout`."""
 
     solution: Floats
-    """Unknowns v⁺ and p by the state before, (n, 30, 32)."""
+    """Matrix from the state before the step to the unknowns v⁺ and p, (n, 30, 32)."""
     transition: Floats
-    """State after by the state before, (n, 32, 32)."""
+    """Matrix from the state before the step to the state after it, (n, 32, 32)."""
 
 
 def compute_response(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, period: float) -> AffineResponse:
@@ -90,13 +92,13 @@ def compute_response(robot: Robot, state: MotionState, stance: Mask, wrench: Flo
 
     Args:
         robot: Robot with the servo gains.
-        state: State at the beginning, of n robots.
+        state: State of n robots at the beginning of the control period.
         stance: Feet in contact, (n, 4).
         wrench: External wrench on the trunks, (n, 6), N and N·m.
         period: Control period, s.
 
     Returns:
-        Affine response.
+        Affine response of n robots.
     """
     velocity, _ = _integrate(robot, state, stance, wrench, period, _UNIT_TARGETS, np.zeros(stance.shape))
     return AffineResponse(velocity[..., 0], velocity[..., 1:])
@@ -105,7 +107,7 @@ def compute_response(robot: Robot, state: MotionState, stance: Mask, wrench: Flo
 def predict_landing(
     robot: Robot, state: MotionState, gaps: Floats, targets: Floats, wrench: Floats, period: float
 ) -> Floats:
-    """Predict the generalised velocity after a control period in which feet may come down to the ground and stay.
+    """Predict the generalised velocity after a control period in which feet may land on the ground and stay there.
 
     Args:
         robot: Robot with the servo gains.
@@ -116,7 +118,7 @@ def predict_landing(
         period: Control period, s.
 
     Returns:
-        (n, 18), m/s and rad/s.
+        Generalised velocity at the end, (n, 18), m/s and rad/s.
     """
     in_contact = np.zeros(gaps.shape, np.bool_)
     velocity = state.generalised_velocity.copy()
@@ -150,12 +152,13 @@ def _integrate(
         stance: Feet in contact, (n, 4).
         wrench: External wrench on the trunks, (n, 6), N and N·m.
         period: Control period, s.
-        targets: Columns of joint targets, (n or 1, 12, c), rad. All other terms count in the first column only.
+        targets: Joint targets in c columns, (n or 1, 12, c), rad. The result is linear in the targets; initial state
+            and external forces enter the first column only.
         sink: Vertical velocity of the feet in contact, (n, 4), m/s.
 
     Returns:
-        velocity: Generalised velocity at the end, (n, 18, c).
-        impulses: Of the feet over the period, by the first column, (n, 12), N·s.
+        velocity: Generalised velocity at the end, for each column of targets, (n, 18, c), m/s and rad/s.
+        impulses: Impulses of the feet over the period, for the first column of targets, (n, 12), N·s.
     """
     step_map = _assemble(robot, state, stance, wrench, period / SUBSTEPS, sink)
     x = _initial_state(state, targets)
@@ -168,7 +171,7 @@ def _integrate(
 
 
 def _initial_state(state: MotionState, targets: Floats) -> Floats:
-    """Return the states of the first step, (n, 32, c), by columns of joint targets, (n or 1, 12, c), rad."""
+    """Return the states before the first step, (n, 32, c), for c columns of joint targets, (n or 1, 12, c), rad."""
     b = BlockLayout
     x = np.zeros((len(state.generalised_velocity), b.NUM_STATES, targets.shape[2]))
     x[:, b.VELOCITY, 0] = state.generalised_velocity
@@ -192,11 +195,11 @@ def _assemble(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, st
         state: State at the beginning, of n robots.
         stance: Feet in contact, (n, 4).
         wrench: External wrench on the trunks, (n, 6), N and N·m.
-        step: T, s.
+        step: Length of the step T, s.
         sink: Vertical velocity of the feet in contact, (n, 4), m/s.
 
     Returns:
-        Map of the state of n robots.
+        Linear map for n robots.
     """
     b = BlockLayout
     bodies = state.bodies
@@ -228,7 +231,7 @@ def _assemble(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, st
 
 
 def _invert(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> Floats:
-    """Invert the matrix of one step by its Schur complement: legs touch only the trunk.
+    """Invert the matrix of one step by the Schur complement of the legs, which are coupled through the trunk only.
 
     With trunk block A, leg blocks Lᵢ, and their coupling Uᵢ (leg to trunk) and Dᵢ (trunk to leg):
 
@@ -238,11 +241,11 @@ def _invert(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> Floats:
 
     Args:
         bodies: Dynamics of n robots.
-        damping: Of the servos over a step, T (d + T k), (12,), N·m·s.
+        damping: Damping of the servos over a step, T (d + T k), (12,), N·m·s.
         stance: Feet in contact, (n, 4).
 
     Returns:
-        (n, 30, 30), ordered as the unknowns of `BlockLayout`.
+        Inverse, (n, 30, 30), ordered as the unknowns of `BlockLayout`.
     """
     trunk_slice = BlockLayout.TRUNK
     leg_inverse, leg_to_trunk, trunk_to_leg = _eliminate_legs(bodies, damping, stance)
@@ -260,12 +263,12 @@ def _place_blocks(trunk_inverse: Floats, leg_by_trunk: Floats, trunk_by_leg: Flo
 
     Args:
         trunk_inverse: S⁻¹, (n, 6, 6).
-        leg_by_trunk: Lᵢ⁻¹ Dᵢ of all legs below each other, (n, 24, 6).
-        trunk_by_leg: Uᵢ Lᵢ⁻¹ of all legs next to each other, (n, 6, 24).
+        leg_by_trunk: Lᵢ⁻¹ Dᵢ of all legs, stacked vertically, (n, 24, 6).
+        trunk_by_leg: Uᵢ Lᵢ⁻¹ of all legs, stacked horizontally, (n, 6, 24).
         leg_inverse: Lᵢ⁻¹, (6, 6, 4, n).
 
     Returns:
-        (n, 30, 30), ordered as the unknowns of `BlockLayout`.
+        Inverse, (n, 30, 30), ordered as the unknowns of `BlockLayout`.
     """
     b = BlockLayout
     count = len(trunk_inverse)
@@ -283,13 +286,13 @@ def _place_blocks(trunk_inverse: Floats, leg_by_trunk: Floats, trunk_by_leg: Flo
 
 
 def _stack_legs(blocks: Floats) -> Floats:
-    """Stack the blocks of the legs, (6, 6, 4, n), below each other, (n, 24, 6), contiguous."""
+    """Stack the blocks of the legs, (6, 6, 4, n), vertically; return a contiguous array, (n, 24, 6)."""
     stacked = np.ascontiguousarray(blocks.transpose(3, 2, 0, 1))
     return stacked.reshape(len(stacked), 6 * _LEGS, 6)
 
 
 def _joints_before_impulses(legs: Floats, axis: int) -> Floats:
-    """Reorder an axis of 24 from leg by leg (3 joints, 3 impulses) to all joints, then all impulses."""
+    """Reorder an axis of length 24: from (3 joints, 3 impulses) of each leg to all joints, then all impulses."""
     shape = legs.shape
     by_leg = legs.reshape(*shape[:axis], _LEGS, 2, 3, *shape[axis + 1 :])
     return by_leg.swapaxes(axis, axis + 1).reshape(shape)
@@ -305,8 +308,8 @@ def _eliminate_legs(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tup
 
     Args:
         bodies: Dynamics of n robots.
-        damping: Of the servos over a step, (12,), N·m·s.
-        stance: Feet in contact, (n, 4); the impulse of another foot is zero.
+        damping: Damping of the servos over a step, (12,), N·m·s.
+        stance: Feet in contact, (n, 4). The impulse of a foot in the air is zero.
 
     Returns:
         leg_inverse: L⁻¹ by leg, (6, 6, 4, n).
@@ -331,16 +334,16 @@ def _eliminate_legs(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tup
 
 
 def _leg_blocks(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the blocks of each leg, robots on the last axis.
+    """Return the matrix blocks of each leg; the robots are on the last axis.
 
     Args:
         bodies: Dynamics of n robots.
-        damping: Of the servos over a step, (12,), N·m·s.
+        damping: Damping of the servos over a step, (12,), N·m·s.
         stance: Feet in contact, (n, 4).
 
     Returns:
         joint_inertia: Inertia of the joints of a leg, with the damping, (3, 3, 4, n).
-        foot_jacobian: Of its foot with respect to its joints, zero for a foot in the air, (3, 3, 4, n).
+        foot_jacobian: Jacobian of the foot with respect to the leg's joints, zero for a foot in the air, (3, 3, 4, n).
         coupling: Inertia between trunk and joints, (6, 3, 4, n).
         foot_by_trunk: Jacobian of the foot with respect to the trunk, zero for a foot in the air, (3, 6, 4, n).
     """

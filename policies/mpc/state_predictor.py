@@ -1,4 +1,4 @@
-"""Prediction of the readings over the delay, with the targets that have not acted yet (Smith predictor, 1957)."""
+"""Prediction of the state over the delay, with the targets that have not acted yet (Smith predictor, 1957)."""
 
 from typing import NamedTuple
 
@@ -19,21 +19,23 @@ from quad_env.robots.robot import Robot
 UNSEEN_GROUND_DEPTH = 10.0
 """Assumed depth of the ground below the trunk before a foot has touched it, m."""
 PREDICTION_WEIGHT = 0.5
-"""Weight of the prediction against the plan, for joints that are planned as well."""
+"""Weight of the predicted joint angles and speeds; the planned ones have 1 minus this weight."""
 MAX_PLAN_DEVIATION = 1.0
-"""Largest deviation of the prediction from the planned joint speed, rad/s. Where a foot lands elsewhere than predicted
-the joints deviate by up to 9 rad/s, and the torques by 100 N·m."""
+"""Largest deviation of the prediction from the planned joint speed, rad/s.
+
+Without this limit, if a foot lands in another place than predicted, the joints deviate by up to 9 rad/s and the torques
+by 100 N·m."""
 
 
 class ContactGround(NamedTuple):
-    """The ground under the feet of n robots at the time of the readings."""
+    """Ground under the feet of n robots at the time of the readings: a plane, and the height of each foot above it."""
 
     height: Floats
-    """Of its plane below the trunk centre, m, (n,); changes as the trunk moves."""
+    """Height of the plane below the trunk, relative to the trunk centre, (n,), m; changes as the trunk moves."""
     unevenness: Floats
-    """Height of the contact of each foot above the plane, m, (n, 4); zero for feet in the air."""
+    """Height of the contact of each foot above the plane, (n, 4), m; zero for feet in the air."""
     slope: Floats
-    """Rise per metre forward and to the left, (2, n)."""
+    """Rise of the plane per metre forward and to the left, (2, n)."""
 
 
 class StatePredictor(PerRobotState):
@@ -41,13 +43,13 @@ class StatePredictor(PerRobotState):
 
     Args:
         robot: Robot of the readings.
-        dynamics: Its dynamics.
+        dynamics: Dynamics of the robot.
         period: Control period, s.
-        joint_delay_steps: Delay of the encoders, control steps; 0: true joint readings.
+        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are true values.
     """
 
     _ground_height: Floats = per_robot(-UNSEEN_GROUND_DEPTH)
-    """Of the ground plane below the trunk centre, m, (n,)."""
+    """Height of the ground plane below the trunk, relative to the trunk centre, (n,), m."""
 
     def __init__(self, robot: Robot, dynamics: Dynamics, period: float, joint_delay_steps: int) -> None:
         self._robot = robot
@@ -70,15 +72,15 @@ class StatePredictor(PerRobotState):
 
         Args:
             state: State at the time of the readings.
-            observation: Its observation, (n, k).
-            delays: Control steps to predict, (n,).
+            observation: Observation of that state, (n, k).
+            delays: Number of control steps to predict, (n,).
             targets: Joint targets that the motors follow, newest first, (m, n, 12), rad.
             wrench: External wrench on the trunks, (n, 6), N and N·m.
             ground: Ground at the time of the readings, see `locate_ground`.
-            planned: Observations with the planned joints at the end of the usual delay, (n, k), or None.
+            planned: Observations with the planned joints after `joint_delay_steps`, (n, k), or None.
 
         Returns:
-            State when the next targets act; `state` itself for robots without delay.
+            State when the next targets act; unchanged for robots with a delay of zero.
         """
         predicted = observation.copy()
         height = ground.height.copy()
@@ -102,7 +104,7 @@ class StatePredictor(PerRobotState):
         return after if len(robots) == len(delays) else replace_robots(state, robots, after)
 
     def locate_ground(self, state: MotionState, in_contact: Mask, slope: Floats) -> ContactGround:
-        """Locate the ground by the feet in contact; without one it stays where it was in the world.
+        """Locate the ground by the feet in contact; if there are none, the ground stays where it was in the world.
 
         Args:
             state: State at the time of the readings.
@@ -121,7 +123,7 @@ class StatePredictor(PerRobotState):
         return ContactGround(self._ground_height, unevenness, slope)
 
     def _blend_with_plan(self, predicted: Floats, planned: Floats, robots: EnvIndices) -> None:
-        """Blend the predicted joints of some robots with the planned ones, in place."""
+        """Blend the predicted joint angles and speeds of some robots with the planned ones, in place."""
         for group, max_deviation in (
             (JOINT_POSITION, self._period * MAX_PLAN_DEVIATION),
             (JOINT_VELOCITY, MAX_PLAN_DEVIATION),
@@ -132,6 +134,6 @@ class StatePredictor(PerRobotState):
 
 
 def _height_above(state: MotionState, slope: Floats) -> Floats:
-    """Return the height of the feet above the plane of that slope through the trunk centre, (n, 4), m."""
+    """Return the height of the feet above the plane with the `slope` through the trunk centre, (n, 4), m."""
     forward, lateral = slope
     return height_above_plane((np.zeros(len(forward)), forward, lateral), state.bodies.feet.T).T

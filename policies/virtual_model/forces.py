@@ -1,8 +1,8 @@
-"""Contact forces by virtual model control: the trunk hangs on virtual springs and dampers.
+"""Contact forces by virtual model control: virtual springs and dampers hold the trunk.
 
-Pratt et al., "Virtual model control: an intuitive approach for bipedal locomotion", IJRR 2001. The acceleration of the
-trunk is distributed over the stance feet by the smallest weighted forces. Two feet cannot give one of its six
-components; the weights determine which one.
+The method is by Pratt et al., "Virtual model control: an intuitive approach for bipedal locomotion", IJRR 2001. The
+springs and dampers give an acceleration of the trunk. Minimum-norm forces of the stance feet produce this acceleration.
+Two feet can give only five of its six components. The weights determine the error of each component.
 """
 
 import numpy as np
@@ -20,14 +20,15 @@ from quad_env.physics.rotations import skew
 MAX_ACCELERATION = np.array([5.0, 5.0, 9.0, 60.0, 60.0, 60.0])
 """Largest acceleration of the virtual springs and dampers, m/s² and rad/s²."""
 MIN_ACCELERATION = np.array([-5.0, -5.0, -4.0, -60.0, -60.0, -60.0])
-"""Smallest acceleration of the virtual springs and dampers, m/s² and rad/s²: a trunk that falls freely has no feet to
-stand on."""
+"""Smallest acceleration of the virtual springs and dampers, m/s² and rad/s².
+
+The vertical one is above -9.81 m/s², because feet carry no load under a trunk that falls freely."""
 _DAMPING = 1e-5
-"""Added to the squared accelerations per force."""
+"""Regularisation added to the squared accelerations per force."""
 
 
 def virtual_acceleration(p: VirtualParameters, state: MotionState, ground: TerrainPlane, height: float) -> Floats:
-    """Return the acceleration by the virtual springs and dampers.
+    """Return the acceleration that the virtual springs and dampers give the trunk.
 
     Args:
         p: Stiffness and damping.
@@ -36,7 +37,7 @@ def virtual_acceleration(p: VirtualParameters, state: MotionState, ground: Terra
         height: Reference height of the trunks above the ground, m.
 
     Returns:
-        Level frame, (n, 6), m/s² and rad/s².
+        Linear and angular acceleration, level frame, (n, 6), m/s² and rad/s².
     """
     forward, lateral, yaw_rate = state.command.T
     climb = ground.forward * forward + ground.lateral * lateral
@@ -58,12 +59,12 @@ def distribute_acceleration(
     Args:
         p: Weights of the components that two feet cannot give together.
         state: State of n robots.
-        acceleration: Level frame, without gravity, (n, 6), m/s² and rad/s².
+        acceleration: Wanted linear and angular acceleration, level frame, (n, 6), m/s² and rad/s².
         stance: Stance feet, (n, 4).
         friction: Bounds of the forces.
 
     Returns:
-        Minimum-norm contact forces shortened to the friction cone, level frame, (n, 4, 3), N.
+        Minimum-norm contact forces, scaled down to the friction cone, level frame, (n, 4, 3), N.
     """
     bodies = state.bodies
     moment_arms = skew(bodies.feet - bodies.com_position[:, None])

@@ -15,7 +15,7 @@ MAX_FREQUENCY = 3.2
 
 @dataclass(frozen=True)
 class VirtualParameters(ModelParameters):
-    """Gait and gains. The gains of the trunk are accelerations per error, as of a body on springs and dampers."""
+    """Gait and gains of `trot_feedback`. The gains of the trunk are accelerations per position or velocity error."""
 
     frequency: float = parameter(2.5, limits=(0.05, 50.0), search=(2.0, 3.1), unit="Hz")
     """Step frequency: gait cycles per second, Hz."""
@@ -40,7 +40,7 @@ class VirtualParameters(ModelParameters):
     tilt_damping: float = parameter(12.0, limits=(0.0, 1e4), search=(4.0, 40.0), unit="1/s")
     """Angular acceleration per tilt rate, 1/s."""
     planar_priority: float = parameter(1.0, limits=(1e-3, 1e3), search=(0.2, 5.0))
-    """Weight of the horizontal accelerations relative to the vertical one; two feet cannot give all six."""
+    """Weight of the horizontal accelerations relative to the vertical one; two feet cannot give all six components."""
     tilt_priority: float = parameter(0.3, limits=(1e-3, 1e3), search=(0.05, 2.0), unit="m")
     """Weight of the angular accelerations about the horizontal axes, m."""
     yaw_priority: float = parameter(0.4, limits=(1e-3, 1e3), search=(0.05, 1.0), unit="m")
@@ -51,6 +51,6 @@ FILE = ParameterFile(Path(__file__).with_name("trot_feedback.json"), VirtualPara
 
 
 def searched_parameters(robot: Robot = SIMPLE_QUAD) -> VirtualParameters:
-    """Return the parameters of a robot, see `ParameterFile.load_for_robot`, with at most `MAX_FREQUENCY`."""
+    """Return the parameters of a robot, see `ParameterFile.load_for_robot`; frequency at most `MAX_FREQUENCY`."""
     parameters = FILE.load_for_robot(robot)
     return replace(parameters, frequency=min(parameters.frequency, MAX_FREQUENCY))

@@ -14,13 +14,13 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 class TrotFeedback(ModelBased):
-    """Command-following trot by virtual model control; steps in place at zero command.
+    """Trot by virtual model control that follows a velocity command; steps in place if the command is zero.
 
     Args:
-        parameters: Gait and gains; None: the ones of `searched_parameters`.
+        parameters: Gait and gains; None for the parameters of `searched_parameters`.
         robot: Robot that is controlled, or its name.
-        control_period: s.
-        joint_delay_steps: Delay of the encoders, control steps; 0: true joint readings.
+        control_period: Control period, s.
+        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are true values.
         actuator: Drives of the joints.
     """
 
