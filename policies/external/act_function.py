@@ -6,4 +6,4 @@ from typing import Any
 ActFunction = Callable[[Any], object]
 """Function from observations to actions, of one robot or of several robots."""
 ActFactory = Callable[[], ActFunction]
-"""Function without arguments that makes an `ActFunction` in its initial state, for a robot that starts an episode."""
+"""Function without arguments that makes an `ActFunction` in the state of a starting episode."""

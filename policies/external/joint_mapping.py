@@ -1,4 +1,4 @@
-"""Mapping from the joints of an external policy to the joints of a robot: names, order, signs and zeros.
+"""Mapping of an external policy's joints to a robot's joints: names, order, signs and zeros.
 
 A robot's joint angles are zero if the leg points straight down. They grow about +x or +y (see `quad_env.robots.scene`).
 A policy's joint angles follow the model on which the policy was trained. The mapping assumes that this model is the
@@ -25,12 +25,12 @@ LINK_INDICES = LINK_WORDS | {
     **dict.fromkeys(("lower", "shank", "shin", "kn"), "2"),
     **dict.fromkeys(("y", "pitch"), "12"),
 }
-"""Word in a joint's name -> digits of the indices that the joint may have in its leg, counted from the trunk."""
+"""Word in a joint's name -> digits of the joint's possible indices in the leg, from the trunk on."""
 
 
 @dataclass(frozen=True)
 class JointMapping:
-    """Indices of a robot's joints in the order of a policy, with signs and zeros of the angles, each (12,)."""
+    """Indices of a robot's joints in a policy's order, with signs and zeros of the angles, each (12,)."""
 
     joint_ids: NDArray[np.intp]
     """Index of each joint of the policy among the robot's joints."""
@@ -129,7 +129,7 @@ def _match_by_words(names: Sequence[str], robot: Robot) -> list[int]:
 
 
 def _possible_link_orders(leg: Sequence[Sequence[str]]) -> list[tuple[int, ...]]:
-    """Return all permutations of hip (0), thigh (1) and calf (2) that the words of three joint names allow.
+    """Return the permutations of hip (0), thigh (1) and calf (2) that three joint names allow.
 
     The list `leg` has the words of each of the three names.
     """
@@ -138,7 +138,7 @@ def _possible_link_orders(leg: Sequence[Sequence[str]]) -> list[tuple[int, ...]]
 
 
 def _is_possible(order: Sequence[int], possible_links: Sequence[Sequence[set[str]]]) -> bool:
-    """Return True if every joint has at least one word for a link, and all its words allow its link in `order`."""
+    """Return True if each joint has a word for a link, and all its words allow its link in `order`."""
     for link, link_sets in zip(order, possible_links, strict=True):
         if not link_sets or not all(str(link) in links for links in link_sets):
             return False
@@ -147,7 +147,7 @@ def _is_possible(order: Sequence[int], possible_links: Sequence[Sequence[set[str
 
 @cache
 def _model_file_convention(robot: Robot) -> tuple[Floats, Floats]:
-    """Return signs, (12,), and zeros, (12,), rad, that convert model file angles to the robot's joint angles."""
+    """Return signs and zeros, rad, each (12,), that convert model file angles to robot angles."""
     if not robot.imported:
         return np.ones(robot.num_joints), np.zeros(robot.num_joints)
     model = robot.user_model.model

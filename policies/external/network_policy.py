@@ -1,4 +1,4 @@
-"""Policy that a specification describes: an observation adapter, a network, and the conversion to joint targets."""
+"""Policy of a specification: observation adapter, network, and conversion to joint targets."""
 
 from typing import Unpack
 
@@ -14,7 +14,7 @@ from policies.memory import initialize_state, per_robot
 from quad_env.robots.robot import Robot
 
 TIME_TOLERANCE = 1e-6
-"""Maximum difference between two times that count as equal, as a fraction of the policy's control period."""
+"""Maximum difference between times that count as equal, as a fraction of the policy's period."""
 
 
 class NetworkPolicy(Policy):

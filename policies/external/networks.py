@@ -1,4 +1,4 @@
-"""Networks of external policies, ONNX or TorchScript: file kinds, loading, and the recurrent state of each robot.
+"""Networks of external policies, ONNX or TorchScript: file kinds, loading, and recurrent states.
 
 Here the memory of a network is its recurrent state. The network computes one robot's action per call, because a matrix
 product of several rows rounds each row differently, by 1e-7. The previous actions in the observation would amplify this
@@ -115,7 +115,7 @@ def _learner_of(file: Path) -> str:
 
 
 class BatchedNetwork(PerRobotState):
-    """Network of a specification for n robots, with one recurrent state per robot; `load_network` makes it.
+    """Network for n robots, with one recurrent state per robot; `load_network` makes it.
 
     Args:
         make: Makes a function from one observation to one action, with an initial recurrent state.
@@ -151,7 +151,9 @@ class BatchedNetwork(PerRobotState):
 
 
 def load_network(spec: PolicySpec) -> BatchedNetwork:
-    """Load the network of a specification, and call it three times to check it and to detect a recurrent state.
+    """Load the network of a specification.
+
+    The network is called three times, to check it and to detect a recurrent state.
 
     Loading a TorchScript network restricts PyTorch to one thread in this process.
 
@@ -187,7 +189,7 @@ def _raise_call_error(spec: PolicySpec, error: Exception) -> NoReturn:
 
 
 def _width_error(spec: PolicySpec, expected: int) -> PolicyError:
-    """Return the error for a network that expects `expected` numbers, unlike the observation of the specification."""
+    """Return the error for a network that expects `expected` numbers per observation."""
     parts = []
     for term in spec.terms:
         history = f" x {term.history}" if term.history > 1 else ""

@@ -58,7 +58,7 @@ class ObservationAdapter(PerRobotState):
     """
 
     action: Floats = per_robot()
-    """Previous action of each robot as the policy observes it, (n, 12); `NetworkPolicy` sets it after each action."""
+    """Previous action as the policy observes it, (n, 12); `NetworkPolicy` sets it after each action."""
     _yaw: Floats = per_robot(0.0)
     _has_started: Mask = per_robot(False)
     _steps: NDArray[np.int64] = per_robot(0)
@@ -158,7 +158,10 @@ class ObservationAdapter(PerRobotState):
         return _rotate_to_frame(readings[term.name], term.frame, signals)
 
     def _compute_clock(self, term: SpecTerm, signals: RobotSignals) -> Floats:
-        """Return sine and cosine of a clock, (m, 2); zeros if the command's norm is below the term's `zero_below`."""
+        """Return sine and cosine of a clock, (m, 2).
+
+        They are zero if the norm of the command is below the term's `zero_below`.
+        """
         angle = 2.0 * np.pi * term.clock / self._spec.control_rate * signals.steps
         clock = np.stack((np.sin(angle), np.cos(angle)), axis=1)
         is_moving = np.linalg.norm(signals.readings["command"], axis=1, keepdims=True) >= term.zero_below
@@ -201,7 +204,7 @@ def _clip_and_scale(values: Floats, term: SpecTerm) -> Floats:
 
 
 def _history_shape(spec: PolicySpec) -> tuple[int, int]:
-    """Return the number of control steps of the longest history, and the total width of all terms in one step."""
+    """Return the number of control steps of the longest history, and the width of all terms in a step."""
     return max(term.history for term in spec.terms), sum(term.width for term in spec.terms)
 
 
@@ -225,7 +228,7 @@ def _history_indices(spec: PolicySpec) -> NDArray[np.intp]:
 
 
 def _grid_points(grid: HeightGrid) -> Floats:
-    """Return the coordinates x, y of a grid's points, heading frame, in the order of the observation, (p, 2), m."""
+    """Return the coordinates x, y of a grid's points, heading frame, in the observed order, (p, 2), m."""
     x, y = np.meshgrid(grid.x, grid.y, indexing="xy" if grid.x_first else "ij")
     return np.stack((x.ravel(), y.ravel()), axis=1)
 

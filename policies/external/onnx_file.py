@@ -1,4 +1,6 @@
-"""Policies in ONNX files: a network from one observation to one action, or the correction of a residual policy.
+"""Policies in ONNX files: a network, or the correction of a residual policy.
+
+The network maps one observation to one action.
 
 A residual policy adds a network's correction to the action of a base policy. Its action depends on more than the
 observation, because the base policy has a clock. Therefore its file holds the network and, as metadata, the
@@ -31,9 +33,9 @@ FEATURES = "features"
 CORRECTION = "correction"
 """Name of the network's output in the file of a residual policy."""
 PROBE_COUNT = 16
-"""Number of random feature vectors on which the runtime and NumPy are compared when a residual policy is loaded."""
+"""Number of random feature vectors on which the runtime and NumPy are compared at loading."""
 TOLERANCE = 1e-5
-"""Maximum difference between the corrections by the runtime and by NumPy, as a fraction of the authority.
+"""Maximum difference between the corrections by runtime and NumPy, as a fraction of the authority.
 
 The authority is the limit of the correction.
 """

@@ -24,7 +24,7 @@ from quad_env.files.text import brief, format_exception
 INPUT_TYPES: dict[str, type[np.floating]] = {"tensor(float)": np.float32, "tensor(double)": np.float64}
 """Number type of a supported network input, as onnxruntime names it -> NumPy type."""
 ACTIONS = ("actions", "action"), ("mu", "mean", "action_mean", "actions_mean", "deterministic_actions"), ("output",)
-"""Groups of names of the action output; the first group that contains the name of exactly one output decides."""
+"""Groups of names of the action output; the first group with exactly one matching output decides."""
 OBSERVATIONS = "obs", "observation", "observations", "policy", "input", "features"
 """Names of the observation input, used if a network has several inputs."""
 RESIDUAL_METADATA = "simple_quad_policy"
@@ -50,7 +50,7 @@ _DIRECTION_WORDS = frozenset(
 )
 """Words in names that distinguish a memory (recurrent state) from its update."""
 _STEP = re.compile(r"([a-z]+?)_?(?:0|1|n|t)")
-"""Pattern of names such as `h0` of a memory and `hn` of its update; the group is the part that both have."""
+"""Pattern of names such as `h0` (recurrent state) and `hn` (update); the group is the common part."""
 _RANDOM_OPERATORS = frozenset(
     ("RandomNormal", "RandomNormalLike", "RandomUniform", "RandomUniformLike", "Multinomial", "Bernoulli")
 )
@@ -70,7 +70,10 @@ class NetworkRoles:
 
 
 def open_session(file: Path) -> Any:
-    """Return a single-threaded onnxruntime session of a file. Raises PolicyError, one line, for an invalid file."""
+    """Return a single-threaded onnxruntime session of a file.
+
+    Raises PolicyError, one line, if the file is invalid.
+    """
     runtime = import_package("onnxruntime")
     options = runtime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
@@ -123,7 +126,7 @@ def make_network_factory(session: Any, file: Path) -> tuple[Callable[[], ActFunc
 
 
 def _check_inputs(roles: NetworkRoles, file: Path) -> None:
-    """Raise PolicyError if an input has an unsupported number type or the observation an unsupported shape."""
+    """Raise PolicyError if an input has an unsupported type or the observation an unsupported shape."""
     shape = roles.observation.shape
     inputs = (roles.observation, *(state for state, _ in roles.memory))
     other = next((each.type for each in inputs if each.type not in INPUT_TYPES), None)
@@ -237,7 +240,7 @@ def _has_same_shape(state: Any, output: Any) -> bool:
 
 
 def read_metadata(file: Path) -> dict[str, str]:
-    """Return the metadata of an ONNX file, after a check that the file is complete and its network deterministic.
+    """Return the metadata of an ONNX file, and check that the file is complete and deterministic.
 
     Args:
         file: ONNX file.

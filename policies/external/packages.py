@@ -1,4 +1,4 @@
-"""Import of optional packages only when a file needs them, so that other evaluations start without them."""
+"""Import of optional packages only when a file needs them."""
 
 from importlib import import_module
 from importlib.util import find_spec

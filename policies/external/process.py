@@ -33,7 +33,10 @@ from policies.external.spec import PolicySpec
 from quad_env.cli.child_process import Watchdog, without_ctrl_c, without_main
 
 START_TIMEOUT = 60.0
-"""Maximum time in which the subprocess makes its policy, s; time spent waiting for a processor does not count."""
+"""Maximum time in which the subprocess makes its policy, s.
+
+Time spent waiting for a processor does not count.
+"""
 IMPORT_TIMEOUT = 300.0
 """Maximum time in which the subprocess starts and imports the project, s."""
 ACT_DEADLINE = 5.0
@@ -41,7 +44,7 @@ ACT_DEADLINE = 5.0
 KILL_GRACE_PERIOD = 2.0
 """Time after the deadline until a subprocess that has not answered is killed, s.
 
-The episodes of all its robots then fail.
+The episodes of all robots of the policy then fail.
 """
 LOAD_TIMEOUT = "QUAD_ENV_LOAD_TIMEOUT"
 """Environment variable that replaces START_TIMEOUT, s."""
@@ -54,7 +57,10 @@ class DeadlineMissedError(RuntimeError):
 
 
 class PolicyProcessError(RuntimeError):
-    """Raised when the policy raised an exception in its subprocess, or the subprocess died; the message says which."""
+    """Raised when the policy raised an exception in its subprocess, or the subprocess died.
+
+    The message says which.
+    """
 
 
 class PolicyProcess:
@@ -101,8 +107,8 @@ class PolicyProcess:
     def call(self, request: tuple[object, ...], timeout: float, heartbeat_timeout: float | None = None) -> Any:
         """Call a method of the object in the subprocess, which is started if needed.
 
-        The subprocess is killed if the answer is late. Time spent waiting for a processor does not count. A heartbeat
-        is a message by which a busy subprocess restarts the timeout.
+        The subprocess is killed if the answer is late. Time spent waiting for a processor does not count. A busy
+        subprocess sends heartbeats, which restart the timeout.
 
         Args:
             request: Name of the method, then its arguments.
@@ -254,12 +260,12 @@ class ExternalPolicy(Policy):
 
 
 def _time_limit(variable: str, default: float) -> float:
-    """Return the time that an environment variable gives, s; the default if the variable holds no positive number."""
+    """Return the time in an environment variable, s, or the default if it is not a positive number."""
     text = os.environ.get(variable, "")
     return float(text) if re.fullmatch(r"[0-9]{1,6}(\.[0-9]+)?", text) and float(text) > 0 else default
 
 
 def _make_with_stderr(make: Callable[[], PolicyServer]) -> PolicyServer:
-    """Return the server that `make` makes, after redirecting this process's standard output to standard error."""
+    """Redirect standard output to standard error, and return the server that `make` makes."""
     sys.stdout = sys.stderr
     return make()

@@ -92,7 +92,10 @@ def _accepted_arguments(kind: type, **known: Any) -> dict[str, Any]:
 
 
 def _copy_of(act: ActFunction) -> ActFunction:
-    """Return a copy of a callable that has not been called yet; the callable itself if it cannot be copied."""
+    """Return a copy of a callable that has not been called yet.
+
+    Returns the callable itself if it cannot be copied.
+    """
     try:
         return copy.deepcopy(act)
     except Exception:

@@ -1,4 +1,4 @@
-"""References to external policies: `my_file.py:MyPolicy`, a network's file, or a file that specifies a network."""
+"""References to external policies: `my_file.py:MyPolicy`, a network, or a specification file."""
 
 import hashlib
 from dataclasses import dataclass, replace
@@ -17,11 +17,14 @@ from quad_env.files.reading import MAX_TEXT_SIZE, check_file, max_network_size
 from quad_env.files.text import brief
 
 SPEC_SUFFIXES = ".onnx", ".pt", ".jit", ".toml", ".yaml", ".yml", ".json"
-"""Suffixes of files that may contain the specification of a policy, or have a specification file next to them."""
+"""Suffixes of files that may have a specification inside, or in a file next to them."""
 SUFFIXES = ".py", ".zip", *SPEC_SUFFIXES
 """Suffixes of supported policy files."""
 SIDECAR_SUFFIXES = ".toml", ".yaml", ".json"
-"""Suffixes of the specification file of a .pt or .jit file; it lies in the same folder and has the same name."""
+"""Suffixes of the specification file of a .pt or .jit file.
+
+The specification file has the same name and folder as the network.
+"""
 UNSUPPORTED_SUFFIXES = ".pth", ".ckpt", ".h5", ".pkl"
 """Suffixes of unsupported network files."""
 _REQUIRED_PACKAGES = {".onnx": "onnx", ".yaml": "yaml", ".yml": "yaml"}
@@ -37,7 +40,7 @@ class PolicyReference:
     name: str = ""
     """Name of the policy's object in a Python file; empty for other files."""
     normaliser: Path | None = None
-    """File with the observation statistics (VecNormalize) of a Stable-Baselines3 model; None if there is none."""
+    """File with the observation statistics (VecNormalize) of a Stable-Baselines3 model, or None."""
     spec: PolicySpec | None = None
     """Specification of the policy's network; None if the policy acts on the environment's own observation."""
     remarks: tuple[str, ...] = ()
@@ -127,7 +130,7 @@ def resolve_reference(text: str | Path, trust: bool) -> PolicyReference:
 
 
 def _with_statistics(model: PolicyReference, trust: bool) -> PolicyReference:
-    """Return the reference to a Stable-Baselines3 model, with the file of its observation statistics if there is one.
+    """Return the reference to a Stable-Baselines3 model with the file of its observation statistics.
 
     Raises PolicyError if `trust` is False, or if the statistics may belong to another model.
     """

@@ -1,4 +1,7 @@
-"""Models of Stable-Baselines3, of any algorithm with an actor. Loading a model can run code that is hidden in it."""
+"""Models of Stable-Baselines3, of any algorithm with an actor.
+
+Loading a model can run code that is hidden in the file.
+"""
 
 import pickle
 from collections.abc import Callable

@@ -10,7 +10,10 @@ from policies.base import PolicyError
 STATISTICS_NAMES = "vecnormalize.pkl", "vec_normalize.pkl"
 """Usual names of statistics files."""
 BEST_MODEL_FOLDERS = "best_model", "best", "best_models", "eval"
-"""Names of folders that hold the best model of a run; the statistics lie in the run's folder above, under any name."""
+"""Names of folders that hold the best model of a run.
+
+The statistics lie in the run's folder above, under any name.
+"""
 MAX_FOLDERS = 1000
 """Maximum number of entries of a folder that are searched for subfolders with statistics."""
 _STATISTICS_NAME = re.compile(r"normali[sz]e|vec_?norm")
@@ -69,7 +72,7 @@ def _statistics_above(model: Path) -> list[Path]:
 
 
 def _statistics_in_subfolders(folder: Path) -> list[Path]:
-    """Return the paths of the statistics files in the subfolders of a folder, in the order of the subfolders' names."""
+    """Return the paths of the statistics files in the subfolders of a folder, sorted by subfolder."""
     entries = itertools.islice(folder.iterdir(), MAX_FOLDERS)
     subfolders = sorted(entry for entry in entries if entry.is_dir())
     return [file for subfolder in subfolders for file in _statistics_in(subfolder)]

@@ -1,4 +1,4 @@
-"""Child side of an external policy: loads the policy, calls it for every robot and records its failures."""
+"""Child side of an external policy: loads and calls the policy, and records its failures."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -28,13 +28,13 @@ SIGNAL_NAMES = ("phase", "correction", "base_action", "stopped")
 - `stopped`: True for robots that the policy's own safety layer has stopped, (n,).
 """
 FIRST_CALL_TIMEOUT_FACTOR = 6
-"""Factor on the deadline of the first call, because some policies compile themselves in the first call."""
+"""Factor on the deadline of the first call, because some policies compile themselves in it."""
 MAX_REASON = 200
 """Maximum number of characters of the reason of a failure."""
 HEARTBEAT_PERIOD = 1.0
-"""Maximum period of the heartbeats, by which a busy subprocess restarts its parent's timeout, s.
+"""Maximum period of the heartbeats, s; a fifth of the deadline if that is shorter.
 
-The period is a fifth of the deadline if that is shorter.
+A busy subprocess sends heartbeats to restart the timeout of the parent.
 """
 
 _parent_connection: Connection | None = None
@@ -54,7 +54,7 @@ class PolicyStepResult:
 
 
 def serve_requests(connection: Connection, make: Callable[[], object]) -> None:
-    """Answer the parent's requests until the connection closes; the policy's subprocess runs this function.
+    """Answer the parent's requests until the connection closes; the subprocess runs this function.
 
     A request is a tuple: the name of a method and its arguments. An answer is a pair: an error text or None, and the
     result of the method. The subprocess ends together with its parent, even while the policy hangs.
@@ -122,7 +122,9 @@ def make_server(reference: PolicyReference, robot: Robot, control_period: float,
 
 
 class PolicyServer:
-    """Loaded policy of n robots, with a record of its failures; `make_server` makes it in the policy's subprocess.
+    """Loaded policy of n robots, with a record of its failures.
+
+    `make_server` makes it in the policy's subprocess.
 
     A `Policy` is called once for all robots. Any other callable is called once per robot.
 

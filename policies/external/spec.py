@@ -19,20 +19,20 @@ Range = tuple[Finite, Finite]
 
 TERM_WIDTHS: dict[str, int | None] = {
     "projected_gravity": 3,  # unit vector of gravity, (0, 0, -1) if the robot is upright
-    "angular_velocity": 3,  # rad/s
-    "linear_velocity": 3,  # m/s
-    "joint_position": 12,  # rad, minus the default position
-    "absolute_joint_position": 12,  # rad
-    "joint_velocity": 12,  # rad/s
+    "angular_velocity": 3,  # of the trunk, rad/s
+    "linear_velocity": 3,  # of the trunk, m/s
+    "joint_position": 12,  # angles minus the default position, rad
+    "absolute_joint_position": 12,  # angles, rad
+    "joint_velocity": 12,  # angular velocities, rad/s
     "joint_torque": 12,  # torque of the servos, N·m
     "previous_action": 12,
     "command": 3,  # forward m/s, lateral m/s, yaw rate rad/s
     "foot_contact": 4,  # 1 on the ground, 0 in the air, legs in the order of `joints`
-    "height_scan": None,  # m
+    "height_scan": None,  # heights of the trunk above the ground at the points, m
     "gait_clock": 2,  # sine and cosine of a phase that is 0 at the start of the episode
     "constant": None,  # constant numbers
 }
-"""Name of an observation term -> number of its values; None if the settings of the term define the number."""
+"""Name of an observation term -> number of values; None if the term's settings define the number."""
 
 JOINT_FIELDS = (
     "default_position",
@@ -44,14 +44,14 @@ JOINT_FIELDS = (
     "signs",
     "zeros",
 )
-"""Names of the fields of `PolicySpec` that have one value per joint, in the order of the field `joints`."""
+"""Names of the fields of `PolicySpec` with one value per joint, in the order of `joints`."""
 
 MAX_SCAN_POINTS = 10_000
 """Maximum number of points of a height scan."""
 MAX_NAME = 100
 """Maximum number of characters of a joint's name."""
 MAX_OBSERVATION = 100_000
-"""Maximum number of values that an observation holds: values per control step times steps of the longest history."""
+"""Maximum size of an observation: values per control step times steps of the longest history."""
 PLAUSIBLE_RANGES = {
     "control_rate": (1.0, 1e4, "Hz"),
     "default_position": (-100.0, 100.0, "rad"),
@@ -70,7 +70,10 @@ PLAUSIBLE_RANGES = {
     "action_clip": (-1e12, 1e12, ""),
     "target_clip": (-1e12, 1e12, "rad"),
 }
-"""Field -> minimum, maximum, unit. Values outside the range are errors in the file, because no robot has them."""
+"""Field -> minimum, maximum, unit.
+
+Values outside the range are errors in the file, because no robot has them.
+"""
 _TERM_OF_SETTING = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
 """Setting of a `SpecTerm` -> the only observation term that has this setting."""
 
@@ -90,7 +93,10 @@ class _CheckedSpec:
 
 @dataclass(frozen=True)
 class HeightGrid(_CheckedSpec):
-    """Grid of points at which a height scan observes the ground, relative to the trunk's centre, heading frame."""
+    """Grid of points at which a height scan observes the ground, around the trunk's centre.
+
+    The coordinates are in the heading frame.
+    """
 
     x: Numbers
     """Forward coordinates of the grid lines, in the order of the observation, m."""
@@ -99,7 +105,10 @@ class HeightGrid(_CheckedSpec):
     x_first: bool = True
     """True if x changes fastest in the sequence of observed points, False if y changes fastest."""
     offset: Finite = 0.0
-    """Offset of the observed height, which is the trunk's height minus the ground's height minus this offset, m."""
+    """Offset of the observed height, m.
+
+    The observed height is the trunk's height minus the ground's height minus this offset.
+    """
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -121,7 +130,10 @@ class SpecTerm(_CheckedSpec):
     history: Annotated[int, Bounds("from 1 to 1000", 1, 1000)] = 1
     """Number of observed control steps, including the present step."""
     frame: Literal["body", "heading", "world"] = "body"
-    """Frame of velocities and gravity; the world frame's x axis is the heading at the start of the episode."""
+    """Frame of velocities and gravity.
+
+    The world frame's x axis is the heading at the start of the episode.
+    """
     values: Numbers = ()
     """Values of the term `constant`; empty for other terms."""
     clock: NonNegative = 0.0
@@ -184,29 +196,48 @@ class PolicySpec(_CheckedSpec):
     action_clip: Range | None = None
     """Minimum and maximum of an action before it is scaled; None: no limits."""
     target_clip: tuple[Range, ...] | None = None
-    """Minimum and maximum of each joint target, in the order of `joints`, rad; None: only the robot's own limits."""
+    """Minimum and maximum of each joint target, in the order of `joints`, rad.
+
+    None: only the robot's own limits apply.
+    """
     observed_joints: tuple[str, ...] | None = None
-    """Names of the joints in the order of the observed angles, velocities and torques; None: the order of `joints`.
+    """Joint names in the order of the observed angles, velocities and torques.
+
+    None: the order of `joints`.
 
     The term `previous_action` always has the order of `joints`.
     """
     observation_clip: Positive | None = None
     """Maximum absolute value of an observed number after scaling; None: no limit."""
     history_layout: Literal["term", "time"] = "term"
-    """Order of histories: `term` puts all control steps of a term together, `time` all terms of a control step."""
+    """Order of the numbers in a history.
+
+    `term` puts all control steps of a term together, `time` all terms of a control step.
+    """
     history_newest: Literal["first", "last"] = "last"
     """Position of the newest control step in the history."""
     history_start: Literal["first", "zero"] = "first"
-    """Content of the history at the start of an episode: `first` repeats the first observation, `zero` has zeros."""
+    """Content of the history at the start of an episode.
+
+    `first` repeats the first observation, `zero` has zeros.
+    """
     previous_action: Literal["raw", "scaled"] = "raw"
-    """Observed previous action: `raw` is the network's clipped output, `scaled` is the target minus its offset, rad."""
+    """Observed previous action.
+
+    `raw` is the network's clipped output, `scaled` is the target minus its offset, rad.
+    """
     signs: Numbers | None = None
-    """-1 if the policy's joint turns opposite to the joint in the robot file, else 1; in the order of `joints`.
+    """-1 if the policy's joint turns opposite to the joint in the robot file, else 1.
+
+    The values are in the order of `joints`.
 
     None means 1 for all joints. The angle in the robot file is `zeros + signs * the policy's angle`.
     """
     zeros: Numbers | None = None
-    """Joint angles in the robot file if the policy's angles are zero, in the order of `joints`, rad; None: zero."""
+    """Joint angles in the robot file if the policy's angles are zero, in the order of `joints`, rad.
+
+    None: zero for all joints.
+    """
     remarks: tuple[str, ...] = field(default=(), compare=False)
     """Assumptions that a reader made because the file is incomplete, one line each."""
 
@@ -221,7 +252,7 @@ class PolicySpec(_CheckedSpec):
         self._check_terms()
 
     def _check_joints(self) -> None:
-        """Raise PolicyError for wrong joint names, and for a field of JOINT_FIELDS without exactly twelve values."""
+        """Raise PolicyError for wrong joint names or a field of JOINT_FIELDS without twelve values."""
         names = (*self.joints, *(self.observed_joints or ()))
         if any(not name.isprintable() or len(name) > MAX_NAME for name in names):
             raise PolicyError(f"`joints` must be names of at most {MAX_NAME} printable characters")

@@ -23,4 +23,4 @@ FORMATS: dict[str, tuple[Write, Read]] = {
 }
 """Name of a format -> function that writes a mutated file, and function that reads the file."""
 OWN_ERRORS = (PolicyError, ValueError, OSError)
-"""Exceptions that a reader may raise for a faulty file; they include `ModelError`, which is a ValueError."""
+"""Exceptions that a reader may raise for a faulty file, including `ModelError`, a ValueError."""

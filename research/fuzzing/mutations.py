@@ -62,7 +62,7 @@ ODD_BYTES = (
 )
 """Byte sequences that are inserted into a file."""
 _SCALES = (0.0, -1.0, 0.1, 10.0, 1e3, 1e6, 1e12)
-"""Factors by which a number is multiplied."""
+"""Factors on a number that is changed."""
 
 
 def list_entries(tree: Tree) -> list[tuple[Any, Any]]:

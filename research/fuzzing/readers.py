@@ -24,7 +24,7 @@ Read = Callable[[Path], None]
 It raises one of `formats.OWN_ERRORS` if the file has a fault, and AbsurdError if the result is implausible.
 """
 MAX_ADAPTED_WIDTH = 10_000_000
-"""Limit on the product of observation width and longest history; `read_spec` makes an observation adapter below it."""
+"""Limit on observation width times longest history, below which `read_spec` makes an adapter."""
 
 
 class AbsurdError(AssertionError):
@@ -32,7 +32,7 @@ class AbsurdError(AssertionError):
 
 
 def read_spec(file: Path) -> None:
-    """Read a specification, and adapt it to a robot. Raises AbsurdError if the specification is implausible."""
+    """Read a specification and adapt it to a robot. Raises AbsurdError if it is implausible."""
     spec = readers.read(file)
     if spec is None:
         return
@@ -64,14 +64,17 @@ def read_onnx(file: Path) -> None:
 
 
 def read_bundle(folder: Path) -> None:
-    """Load a bundle, which is a policy folder. Raises AbsurdError if the correction's limit is implausible."""
+    """Load a bundle (policy folder). Raises AbsurdError if the correction's limit is implausible."""
     policy = bundle.load(folder)
     if not (np.isfinite(policy.authority).all() and policy.authority.min() >= 0.0 and policy.authority.max() <= np.pi):
         raise AbsurdError(f"an authority of {policy.authority}")
 
 
 def read_sb3(file: Path) -> None:
-    """Resolve the reference to a Stable-Baselines3 model. Raises AbsurdError if it is accepted without --trust."""
+    """Resolve the reference to a Stable-Baselines3 model.
+
+    Raises AbsurdError if the model is accepted without --trust.
+    """
     resolve_reference(file, trust=False)
     raise AbsurdError("a model of Stable-Baselines3 is taken without --trust")
 

@@ -3,8 +3,13 @@
 A case is a valid file with a few random changes. The seed and the number of the case determine the changes, so that
 `--first N --cases 1` repeats case N.
 
-The findings are: an exception of a library, an error message of several lines, a hang of more than 10 s, use of more
-than 1 GiB of memory, an unexpected end of the subprocess, and an implausible result.
+The findings are:
+- an exception of a library,
+- an error message of several lines,
+- a case that takes longer than 10 s,
+- a case that uses more than 1 GiB of memory,
+- an unexpected end of the subprocess,
+- an implausible result.
 """
 
 import multiprocessing
@@ -227,7 +232,7 @@ def _receive_result(parent_end: Connection, process: Any) -> CaseResult:
 
 
 def _serve_cases(child_end: Connection, name: str, seed: int, number: int) -> None:
-    """Run the cases from `number` on, without end, and send each result; the subprocess runs this function."""
+    """Run the cases from `number` on and send each result; the subprocess runs this function."""
     child_end.send(None)
     while True:
         child_end.send(run_case(name, seed, number))

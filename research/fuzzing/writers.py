@@ -1,4 +1,4 @@
-"""Writers of mutated files: each writes a file with random changes of its values or bytes into an empty folder."""
+"""Writers of files with random changes of values or bytes; each writes into an empty folder."""
 
 import io
 import json
@@ -35,7 +35,7 @@ _OPERATORS = ("Identity", "RandomNormalLike", "Loop", "Gemm", "Tanh", "Shape", "
 
 
 def settings_writer(tree: Any, name: str, network: str = "exported/policy.onnx") -> Write:
-    """Return a function that writes a mutated text file of values, and an empty file in place of the network.
+    """Return a function that writes a mutated text file of values, and an empty network file.
 
     Args:
         tree: Valid values.
@@ -84,7 +84,7 @@ def xml_writer(source: Path, name: str) -> Write:
 
 
 def write_rl_sar(folder: Path, rng: Rng) -> Path:
-    """Write rl_sar's `config.yaml` and `base.yaml` into `folder`, with random changes in one of them."""
+    """Write rl_sar's `config.yaml` and `base.yaml` into `folder`, one changed at random with `rng`."""
     config, base = samples.RL_SAR
     changed_file = int(rng.integers(3))  # 0: config.yaml, else base.yaml
     file = settings_writer(config, "go2/lab/config.yaml", "go2/lab/policy.onnx")(folder, rng)
@@ -97,7 +97,7 @@ def write_rl_sar(folder: Path, rng: Rng) -> Path:
 
 
 def write_mjlab(folder: Path, rng: Rng) -> Path:
-    """Write an ONNX file with mjlab's metadata, randomly changed, into `folder`."""
+    """Write an ONNX file with mjlab's metadata into `folder`, changed at random with `rng`."""
     tree = mutate_tree(samples.MJLAB, rng, _change_count(rng))
     metadata = {str(key): str(value)[:MAX_METADATA] for key, value in tree.items()}
     if rng.random() < METADATA_BYTES_SHARE:
@@ -107,7 +107,7 @@ def write_mjlab(folder: Path, rng: Rng) -> Path:
 
 
 def write_onnx(folder: Path, rng: Rng) -> Path:
-    """Write an ONNX file with a randomly changed graph into `folder`."""
+    """Write an ONNX file into `folder`, with a graph that is changed at random with `rng`."""
     model = _make_network({})
     for _ in range(_change_count(rng)):
         _mutate_graph(model.graph, rng)
@@ -172,7 +172,7 @@ def _has_shape(graph: Any) -> bool:
 
 
 def write_bundle(folder: Path, rng: Rng) -> Path:
-    """Write a copy of the shipped residual policy's bundle into `folder`, with random changes in one file."""
+    """Write a copy of the residual policy's bundle into `folder`, one file changed at random with `rng`."""
     shutil.copytree(MODELS / "residual", folder / "policy")
     file = folder / "policy" / (bundle.WEIGHTS if rng.random() < BYTES_SHARE else bundle.DESCRIPTION)
     if file.name == bundle.WEIGHTS or rng.random() < BYTES_SHARE:
@@ -184,7 +184,7 @@ def write_bundle(folder: Path, rng: Rng) -> Path:
 
 
 def write_sb3(folder: Path, rng: Rng) -> Path:
-    """Write a zip archive that resembles a Stable-Baselines3 model, randomly changed, into `folder`."""
+    """Write an archive like a Stable-Baselines3 model into `folder`, changed at random with `rng`."""
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w") as archive:
         archive.writestr("data", json.dumps(mutate_tree({"policy_class": "x", "observation_space": {"n": 48}}, rng)))
@@ -195,7 +195,7 @@ def write_sb3(folder: Path, rng: Rng) -> Path:
 
 
 def write_terrain(folder: Path, rng: Rng) -> Path:
-    """Write a terrain and its array of heights, both with random changes, into `folder`."""
+    """Write a terrain and its array of heights into `folder`, changed at random with `rng`."""
     content = io.BytesIO()
     np.save(content, rng.random((20, 30)))
     array = content.getvalue()

@@ -21,7 +21,9 @@ from quad_env.files.text import one_line
 
 
 def read(path: Path) -> PolicySpec | None:
-    """Read the specification of a policy from a file and the files next to it, without running code from the files.
+    """Read the specification of a policy from a file and the files next to it.
+
+    No code in the files is run.
 
     Args:
         path: File with any suffix.
@@ -51,7 +53,7 @@ def read(path: Path) -> PolicySpec | None:
 
 
 def check_network_matches(spec: PolicySpec, corrected: bool = False) -> PolicySpec:
-    """Check that the network is complete in one file, and that its joint names agree with the specification.
+    """Check that the network's file is complete and its joint names agree with the specification.
 
     Args:
         spec: The specification.
@@ -71,7 +73,10 @@ def check_network_matches(spec: PolicySpec, corrected: bool = False) -> PolicySp
 
 
 def _parse_by_keys(settings: FileSettings) -> PolicySpec:
-    """Parse the settings with the reader of the project that uses these keys. Raises PolicyError for unknown keys."""
+    """Parse the settings with the reader of the project that uses their keys.
+
+    Raises PolicyError if the keys are unknown.
+    """
     keys = set(settings.values)
     if "joint_ids_map" in keys:
         return unitree_deploy.parse_spec(settings)

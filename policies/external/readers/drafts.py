@@ -1,4 +1,4 @@
-"""Drafts of incomplete specifications: TOML with the known fields, and comments in place of the missing fields."""
+"""Drafts of incomplete specifications: TOML with comments in place of the missing fields."""
 
 import os
 from pathlib import Path
@@ -55,7 +55,7 @@ class IncompleteSpecError(PolicyError):
         return self.kind, self.known, self.advice, f"{path}: {self.fault}", remedy
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return the class and its arguments for pickle, because a subprocess that reads files sends this error."""
+        """Return the class and its arguments for pickle, because a subprocess sends this error."""
         return IncompleteSpecError, (self.kind, self.known, self.advice, self.fault, self.remedy)
 
 

@@ -1,4 +1,6 @@
-"""Reader of flat settings: gains, default position and scales are top-level keys of a deployment script's YAML file.
+"""Reader of flat settings of deployment scripts.
+
+Gains, default position and scales are top-level keys of a YAML file.
 
 Sources: unitreerobotics/unitree_rl_gym `deploy/deploy_mujoco/configs/*.yaml` (`policy_path`, `kps`, `kds`,
 `default_angles`, `simulation_dt`, `control_decimation`). The joints of this project are in the order of its model file,
@@ -89,7 +91,10 @@ def _is_missing_field(error: PolicyError) -> bool:
 
 
 def known_fields(settings: FileSettings) -> dict[str, Any]:
-    """Return the known fields of the specification, name -> value. Raises PolicyError for a value of a wrong type."""
+    """Return the known fields of the specification, name -> value.
+
+    Raises PolicyError if a value has a wrong type.
+    """
     known: dict[str, Any] = {}
     networks = (_find_network(settings, settings.find(key)) for key in _NETWORK_KEYS)
     network = next((file for file in networks if file is not None), None)

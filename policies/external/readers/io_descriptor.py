@@ -1,4 +1,6 @@
-"""Reader of Isaac Lab's IO descriptor, which `export_IO_descriptors` writes into the folder `io_descriptors` of a run.
+"""Reader of Isaac Lab's IO descriptor.
+
+`export_IO_descriptors` writes this file into the folder `io_descriptors` of a run.
 
 An IO descriptor lists the terms of the actions and observations in their order, with the joint names of each term.
 `default_joint_stiffness` and `default_joint_damping` are 0 for joints with explicit actuators. The gains of these
@@ -105,7 +107,7 @@ def _parse_observation(observations: list[FileSettings], joints: JointNames) -> 
 
 
 def joint_order(env: Path) -> JointNames | None:
-    """Return the robot's joint names in the order of the IO descriptor that belongs to the same run as an `env.yaml`.
+    """Return the robot's joint names in the order of the IO descriptor of the run of an `env.yaml`.
 
     Returns None unless the run has exactly one IO descriptor.
     """
@@ -119,7 +121,10 @@ def joint_order(env: Path) -> JointNames | None:
 
 
 def _find_robot(settings: FileSettings) -> FileSettings:
-    """Return the articulation with the name `robot`, or else the only articulation. Raises PolicyError otherwise."""
+    """Return the articulation with the name `robot`, or else the only articulation.
+
+    Raises PolicyError if there are several articulations without this name, or none.
+    """
     articulations = settings.section("articulations")
     groups = dict(articulations.sections())
     if "robot" in groups:
@@ -130,7 +135,10 @@ def _find_robot(settings: FileSettings) -> FileSettings:
 
 
 def _find_action(settings: FileSettings) -> FileSettings:
-    """Return the settings of the only action. Raises PolicyError unless it is one of joint positions, not clipped."""
+    """Return the settings of the only action.
+
+    Raises PolicyError unless the action consists of joint positions without a clip.
+    """
     actions = [_entry_settings(each, settings) for each in settings.get("actions")]
     kinds = [_function_name(action) for action in actions]
     if kinds not in (["JointPositionAction"], ["joint_position_action"]):
@@ -151,7 +159,7 @@ def _entry_settings(value: object, settings: FileSettings) -> FileSettings:
 
 
 def _function_name(entry: FileSettings) -> str:
-    """Return the function name of an action or observation: the last part of its `full_path`, or else its `name`.
+    """Return the last part of an entry's `full_path`, or else its `name`: the function name.
 
     Raises PolicyError if both are missing.
     """
@@ -178,7 +186,10 @@ def _parse_term(entry: FileSettings) -> SpecTerm:
 def _parse_gains(
     settings: FileSettings, robot: FileSettings, joints: JointNames, order: list[int]
 ) -> tuple[Numbers, Numbers]:
-    """Return stiffness and damping of the joints; from `params/env.yaml` if a stiffness in the descriptor is 0."""
+    """Return stiffness and damping of the joints.
+
+    They come from `params/env.yaml` if a stiffness in the descriptor is 0.
+    """
     gains = [robot.numbers(f"default_joint_{kind}") for kind in ("stiffness", "damping")]
     stiffness, damping = (tuple(values[index] for index in order) for values in gains)
     run = settings.file.parent.parent if settings.file.parent.name in (FOLDER, "params") else settings.file.parent

@@ -58,7 +58,9 @@ def _find_action(settings: FileSettings) -> FileSettings:
 
 
 def _known_robot_joints(robot: FileSettings) -> JointNames | None:
-    """Return the joint names of a robot of a known family, in Isaac Lab's order; None for an unknown robot.
+    """Return the joint names of a robot of a known family, in Isaac Lab's order.
+
+    Returns None if the family is unknown.
 
     The joint names of the family must match all expressions in the settings. The path of the robot's model must contain
     a word of the family.
@@ -161,7 +163,10 @@ def _parse_grid(settings: FileSettings, params: FileSettings) -> HeightGrid:
 
 
 def _parse_gain(robot: FileSettings, joint: str, kind: str) -> float:
-    """Return the stiffness or damping, named by `kind`, of a joint's actuator. Raises PolicyError if there is none."""
+    """Return the stiffness or damping, named by `kind`, of a joint's actuator.
+
+    Raises PolicyError if no actuator has the joint.
+    """
     for _, actuator in robot.section("actuators").sections():
         if any(matches(pattern, joint) for pattern in actuator.texts(_ACTUATOR_JOINTS)):
             return actuator.joint_values(kind, (joint,))[0]

@@ -1,7 +1,7 @@
 """Parsing of observation terms with Isaac Lab's function names, which mjlab and Unitree use as well.
 
-Terms are clipped and then scaled. A history has the oldest control step first, keeps the control steps of a term
-together, and is filled with the first observation at the start (`CircularBuffer`).
+Terms are clipped and then scaled. A history keeps the control steps of a term together, with the oldest step first. At
+the start it is filled with the first observation (`CircularBuffer`).
 
 Sources:
 - `isaaclab/managers/observation_manager.py`, `isaaclab/envs/mdp/observations.py`.
@@ -90,7 +90,10 @@ def _parse_clock(function: str, settings: FileSettings) -> tuple[float, float]:
 
 
 def incomplete_remarks(terms: Iterable[tuple[str, FileSettings]]) -> tuple[str, ...]:
-    """Return a remark for each clock without a threshold in its file; `terms` are function names with settings."""
+    """Return a remark for each clock without a threshold.
+
+    The pairs in `terms` are a function name and the settings of the term.
+    """
     return tuple(
         f"{function} in {settings.file.name} does not say whether it is (0, 0) at commands below {ZERO_BELOW:g}, as in "
         f"newer unitree_rl_mjlab; read as a clock that always runs, else set `zero_below = {ZERO_BELOW:g}` in a TOML"
@@ -100,7 +103,9 @@ def incomplete_remarks(terms: Iterable[tuple[str, FileSettings]]) -> tuple[str, 
 
 
 def with_scale(term: SpecTerm, settings: FileSettings, key: str = "scale") -> SpecTerm:
-    """Return a term with the scale from its settings; the scale becomes one number if all its numbers are equal.
+    """Return a term with the scale from its settings.
+
+    The scale becomes one number if all its numbers are equal.
 
     Args:
         term: The term.

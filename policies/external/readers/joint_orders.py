@@ -1,8 +1,8 @@
 """Orders of the twelve joints, for files that have no joint names or no order of the joints.
 
-The names are those of the robots' makers. Isaac Gym and Isaac Sim import links sorted by name, so that the legs are in
-alphabetical order. The joints of Isaac Gym follow leg by leg (`gym.get_asset_dof_names`). The joints of Isaac Lab with
-PhysX follow breadth first, so they are kind by kind: hips, thighs, calves (`Articulation.joint_names`).
+The robots' makers chose the names. Isaac Gym and Isaac Sim import links sorted by name, so that the legs are in
+alphabetical order. Isaac Gym's joints are grouped by leg (`gym.get_asset_dof_names`). With PhysX, Isaac Lab's joints
+are in breadth-first order, grouped by kind: hips, thighs, calves (`Articulation.joint_names`).
 """
 
 from collections.abc import Iterable
@@ -45,7 +45,7 @@ def names_by_kind(legs: str, kinds: str) -> JointNames:
 
 
 def isaac_gym_order(names: Iterable[str]) -> JointNames | None:
-    """Return joint names in Isaac Gym's order; None unless they are the joint names of a known robot family."""
+    """Return joint names in Isaac Gym's order; None unless they are the names of a known family."""
     name_set = set(names)
     orders = (names_by_leg(*family) for family in FAMILIES.values())
     return next((order for order in orders if set(order) == name_set), None)

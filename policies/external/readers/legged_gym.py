@@ -1,4 +1,4 @@
-"""Reader of the settings of legged_gym and HIMLoco: the configuration class as a dictionary in YAML or JSON.
+"""Reader of the configuration of legged_gym and HIMLoco, a dictionary in YAML or JSON.
 
 Sources:
 - leggedrobotics/legged_gym `envs/base/legged_robot.py`: `compute_observations`, `_compute_torques`, `step`, and

@@ -28,7 +28,7 @@ _FUNCTIONS = {
 }
 """Name of a term in the metadata -> name of its function in Isaac Lab, for terms with different names."""
 _TERM_LISTS = "scale", "clip", "history_length"
-"""Names of the settings of terms; the key `observation_terms_NAME` holds a list with one value per term."""
+"""Names of settings of terms; `observation_terms_NAME` is a list with one value per term."""
 
 
 def parse_spec(file: Path) -> PolicySpec | None:

@@ -1,4 +1,6 @@
-"""Matcher of regular expressions for joint names, with bounded time because other people's files contain them.
+"""Matcher of regular expressions for joint names, with bounded time.
+
+The time is bounded because files of other people contain the expressions.
 
 Python's `re` takes exponential time for some expressions, for example `((a*)*)*`. This matcher follows all possible
 matches at the same time. A part of a pattern is a function from a set of start positions in the name to the set of
@@ -10,7 +12,7 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache
 
 Part = Callable[[str, int], int]
-"""Function from a name and a set of start positions, as bits, to the set of positions where the part may end."""
+"""Function from a name and a set of start positions, as bits, to the set of end positions."""
 CharacterTest = Callable[[str], bool]
 """Function that returns True for the characters that a part of a pattern matches."""
 MAX_PATTERN = 200

@@ -1,4 +1,6 @@
-"""Reader of rl_sar's `config.yaml` and of the robot's `base.yaml` in the folder above, which older versions lack.
+"""Reader of rl_sar's `config.yaml`.
+
+Newer versions also have the robot's `base.yaml` in the folder above.
 
 All versions:
 - Joint i of the policy is motor `joint_mapping[i]`.
@@ -10,8 +12,8 @@ Version 2.3 and newer: a history has the order of `observations_history`.
 Version 2.2 and older:
 - A history has the reverse order of `observations_history`, because `get_obs_vec` reads the list from its end.
 - `hip_scale_reduction` multiplies the actions, and also the observed actions, of `hip_scale_reduction_indices`.
-- The file has joint values by leg. With `framework: isaacsim`, the policy's order is that of the transposed matrix with
-  `rows` x `cols` entries (`ReadVectorFromYaml`).
+- The file has joint values by leg. With `framework: isaacsim`, they are read as a matrix of `rows` x `cols` entries.
+  The transposed matrix has the policy's order (`ReadVectorFromYaml`).
 
 Version 2.1 and older: the file does not name the observation terms.
 
@@ -94,7 +96,10 @@ def _load_base(settings: FileSettings) -> FileSettings | None:
 
 
 def _is_before_v2_3(settings: FileSettings) -> bool:
-    """Return True if a file is of version 2.2 or older. Raises PolicyError if its keys contradict each other."""
+    """Return True if a file is of version 2.2 or older.
+
+    Raises PolicyError if its keys contradict each other.
+    """
     newer = [key for key in _KEYS_SINCE_V2_3 if settings.find(key) is not None]
     newer += ["action_scale"] * isinstance(settings.find("action_scale"), list)
     if not newer:
@@ -106,7 +111,7 @@ def _is_before_v2_3(settings: FileSettings) -> bool:
 
 
 def _in_framework_order(spec: PolicySpec, settings: FileSettings) -> PolicySpec:
-    """Return the specification of version 2.2 or older with its joints in the order of the learning framework."""
+    """Return a specification of version 2.2 or older with joints in the learning framework's order."""
     framework = settings.find("framework")
     if framework not in (None, "isaacgym", "isaacsim"):
         settings.raise_invalid("framework", "isaacgym or isaacsim")
@@ -126,7 +131,7 @@ def _in_framework_order(spec: PolicySpec, settings: FileSettings) -> PolicySpec:
 
 
 def _with_reduced_hips(spec: PolicySpec, settings: FileSettings) -> PolicySpec:
-    """Return the specification with `hip_scale_reduction` applied to the action scale and the term `previous_action`.
+    """Return the specification with `hip_scale_reduction` in action scale and `previous_action`.
 
     This applies to the joints in `hip_scale_reduction_indices`.
     """
@@ -176,7 +181,10 @@ def _joint_names(settings: FileSettings) -> JointNames | None:
 
 
 def _parse_terms(settings: FileSettings, history: int) -> tuple[SpecTerm, ...]:
-    """Return the observation terms, each with `history` control steps. Raises PolicyError for an unknown term."""
+    """Return the observation terms, each with `history` control steps.
+
+    Raises PolicyError if a term is unknown.
+    """
     terms = []
     for name in settings.texts("observations"):
         if name not in _TERMS:
@@ -198,7 +206,10 @@ def _parse_history(settings: FileSettings, is_old: bool) -> tuple[int, Literal["
 
 
 def _parse_action_clip(settings: FileSettings) -> Range | None:
-    """Return the range of raw actions; None if there are no limits. Raises PolicyError if joints differ in limits."""
+    """Return the range of raw actions; None if there are no limits.
+
+    Raises PolicyError if the joints have different limits.
+    """
     if not settings.find("clip_actions_upper") or not settings.find("clip_actions_lower"):
         return None
     lower = settings.numbers("clip_actions_lower")

@@ -1,4 +1,4 @@
-"""Settings in YAML, JSON or TOML files: loading without running code, and access by key with checked types.
+"""Settings in YAML, JSON or TOML files: loading without running code, and checked access by key.
 
 Errors name the key and the file.
 """
@@ -31,7 +31,7 @@ NETWORK_NAMES = ("policy.onnx", "policy.pt", "policies/policy_1.pt", "policies/p
 Isaac Lab, mjlab and Unitree write `exported/policy.*`; legged_gym writes into `exported/policies`.
 """
 ISAAC_SIM_SUFFIXES = "_env", "_policy.pt"
-"""Endings of the names of settings and network in Isaac Sim's samples, such as `spot_env.yaml` and `spot_policy.pt`."""
+"""Endings of file names in Isaac Sim's samples, such as `spot_env.yaml` and `spot_policy.pt`."""
 _PARSERS: dict[str, Callable[[str], Any]] = {".json": parse_json, ".toml": parse_toml}
 """Suffix -> parser of the file's text; files with other suffixes are parsed as YAML."""
 
@@ -62,7 +62,10 @@ class FileSettings:
         return value
 
     def section(self, *keys: str) -> "FileSettings":
-        """Return the section at a path of nested keys. Raises PolicyError if the value of a key is not a dictionary."""
+        """Return the section at a path of nested keys.
+
+        Raises PolicyError if the value of a key is not a dictionary.
+        """
         section = self
         for key in keys:
             value = section.get(key)
@@ -81,7 +84,10 @@ class FileSettings:
         return section
 
     def sections(self) -> Iterator[tuple[str, "FileSettings"]]:
-        """Return pairs of key and section, for all keys with a dictionary as their value, in the order of the file."""
+        """Return pairs of key and section, in the order of the file.
+
+        A section is a value that is a dictionary.
+        """
         return ((str(key), self.section(key)) for key, value in self.values.items() if isinstance(value, dict))
 
     def text(self, key: str) -> str:
@@ -109,7 +115,9 @@ class FileSettings:
         return number
 
     def numbers(self, key: str, count: int | None = 12, default: float | None = None) -> Numbers:
-        """Return the finite numbers of a key; a single number is repeated. Raises PolicyError for any other value.
+        """Return the finite numbers of a key; a single number is repeated.
+
+        Raises PolicyError for any other value.
 
         Args:
             key: Key of the numbers.
@@ -131,7 +139,10 @@ class FileSettings:
         return minimum, maximum
 
     def texts(self, key: str) -> tuple[str, ...]:
-        """Return the texts of a key, which has a text or a list of texts. Raises PolicyError for any other value."""
+        """Return the texts of a key, which has a text or a list of texts.
+
+        Raises PolicyError for any other value.
+        """
         value = self.get(key)
         values = [value] if isinstance(value, str) else value
         if not isinstance(values, list) or not all(isinstance(each, str) for each in values):
@@ -158,8 +169,8 @@ class FileSettings:
     def joint_values(self, key: str, joints: tuple[str, ...], default: float | None = None) -> Numbers:
         """Return a number for each joint, with Isaac Lab's rules.
 
-        The value of the key is one number for all joints, a list with one number per joint, or a dictionary from
-        regular expressions to numbers. An expression must match the whole name of a joint.
+        The value of the key is one number for all joints or a list with one number per joint. It may also be a
+        dictionary from regular expressions to numbers. An expression must match the whole name of a joint.
 
         Args:
             key: Key of the numbers.
@@ -267,7 +278,10 @@ def find_network(folder: Path, name: str) -> Path:
 
 
 def load_settings(file: Path) -> FileSettings:
-    """Load the settings in a file; the suffix determines the format. Raises PolicyError, one line, for a fault."""
+    """Load the settings in a file; the suffix determines the format.
+
+    Raises PolicyError, one line, if the file has a fault.
+    """
     try:
         content = read_bytes(file, MAX_TOML_SIZE if file.suffix.lower() == ".toml" else MAX_BYTES)
         lines = content.count(b"\n")

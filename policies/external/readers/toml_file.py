@@ -1,4 +1,7 @@
-"""This project's TOML format of a specification: the fields of a `PolicySpec` that differ from their defaults."""
+"""This project's TOML format of a specification.
+
+A file has the fields of a `PolicySpec` that differ from their defaults.
+"""
 
 import json
 import os
@@ -94,7 +97,10 @@ def _parse_term(given: Any) -> SpecTerm:
 
 
 def _make(kind: type[Spec], values: dict[str, Any]) -> Spec:
-    """Make a dataclass from the values of its fields. Raises PolicyError for an unknown, missing or wrong field."""
+    """Make a dataclass from the values of its fields.
+
+    Raises PolicyError if a field is unknown, missing or wrong.
+    """
     is_required = {field.name: field.default is MISSING for field in fields(kind) if field.compare}
     if unknown := [name for name in values if name not in is_required]:
         raise PolicyError(f"`{unknown[0]}` is not known", f"the names are {', '.join(is_required)}")
@@ -108,7 +114,10 @@ def _to_tuples(value: Any) -> Any:
 
 
 def _non_default_fields(spec: Any, folder: Path = Path()) -> list[tuple[str, str]]:
-    """Return name and TOML text of each field that differs from its default; paths are relative to `folder`."""
+    """Return name and TOML text of each field that differs from its default.
+
+    Paths are relative to `folder`.
+    """
     texts = []
     for field in fields(spec):
         value = getattr(spec, field.name)

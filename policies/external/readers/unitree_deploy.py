@@ -1,4 +1,6 @@
-"""Reader of Unitree's `deploy.yaml`, which unitree_rl_lab and unitree_rl_mjlab export together with a network.
+"""Reader of Unitree's `deploy.yaml`.
+
+unitree_rl_lab and unitree_rl_mjlab export this file together with a network.
 
 Joint i of the policy is motor `joint_ids_map[i]` of Unitree's SDK. The gains are in the order of the motors. All other
 values are in the order of the policy. Terms are clipped and then scaled, or scaled first if `scale_first` is set. With
@@ -100,7 +102,10 @@ def _select_joints(asset_joints: JointNames, settings: FileSettings) -> JointNam
 
 
 def _parse_target_clip(action: FileSettings) -> tuple[Range, ...] | None:
-    """Return the range of each joint target, rad; None if there are no limits. Raises PolicyError for other values."""
+    """Return the range of each joint target, rad; None if there are no limits.
+
+    Raises PolicyError if the setting is not a list of ranges.
+    """
     clip = action.find("clip")
     if clip is None:
         return None

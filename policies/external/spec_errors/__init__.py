@@ -1,4 +1,4 @@
-"""Common errors in a policy's specification, and specifications in which such errors are corrected."""
+"""Common errors in a policy's specification, and specifications in which an error is corrected."""
 
 from policies.external.spec_errors.correction import (
     COMMON_ERRORS,

@@ -23,22 +23,28 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG
 
 GAIN_FACTORS = 0.2, 0.45, 2.2, 5.0
-"""Factors on the specified stiffness and damping together; they are tried because many policies lack known gains."""
+"""Factors on the specified stiffness and damping together.
+
+They are tried because many policies lack known gains.
+"""
 SINGLE_GAIN_FACTORS = 0.1, 10.0
 """Factors on the specified stiffness alone, and on the specified damping alone."""
 ACTION_FACTORS = 0.25, 0.5, 2.0, 4.0
 """Factors on the specified action scale of all joints."""
 HIP_FACTORS = 0.5, 2.0
-"""Factors on the specified action scale of the hips; they are tried because forks of legged_gym reduce it."""
+"""Factors on the specified action scale of the hips.
+
+They are tried because forks of legged_gym reduce this scale.
+"""
 RATES = 25.0, 100 / 3, 50.0, 100.0
 """Usual control rates, Hz."""
 MIRRORED_PENALTY = 0.4
 """Penalty of a correction that reverses the default position together with the signs of joints.
 
-The reason is that the same network walks differently with such a correction.
+The reason is that the same network walks differently with this correction.
 """
 ROBOT_GAINS_PENALTY = 0.1
-"""Penalty of the robot's own gains, because a policy often walks as well with them as with the right gains."""
+"""Penalty of the robot's own gains, because a policy often walks well with these gains too."""
 _LINKS = "hip", "thigh", "calf"
 
 
@@ -102,14 +108,16 @@ def _with_turned_signs(spec: PolicySpec, turns: Floats) -> PolicySpec:
 
 
 def _with_turned_zeros(spec: PolicySpec, turns: Floats) -> PolicySpec:
-    """Return the specification with default position and action offset multiplied by `turns`, 1 or -1, (12,)."""
+    """Return the specification with default position and action offset multiplied by `turns`, (12,)."""
     offset = spec.action_offset and tuple((turns * spec.action_offset + 0.0).tolist())
     default_position = tuple((turns * spec.default_position + 0.0).tolist())
     return replace(spec, default_position=default_position, action_offset=offset)
 
 
 def _sign_choices(is_right: Mask) -> list[tuple[str, NDArray[np.bool_], tuple[int, ...]]]:
-    """Return the sets of joints to reverse: legs as text, mask of the legs' joints, (12,), and indices of the links.
+    """Return the sets of joints to reverse.
+
+    A set consists of its legs as text, the mask of the legs' joints, (12,), and the indices of the links.
 
     The mask `is_right` marks the joints of the right legs, (12,).
     """
@@ -143,7 +151,10 @@ def change_gains(spec: PolicySpec, robot: Robot) -> Iterator[Correction]:
 
 
 def _scaled_gains(spec: PolicySpec) -> list[Floats]:
-    """Return pairs of stiffness and damping, (2, 12) each: the specified gains, scaled together or one at a time."""
+    """Return pairs of stiffness and damping, (2, 12) each.
+
+    They are the specified gains, scaled together or one at a time.
+    """
     gains = np.array((spec.stiffness, spec.damping))
     scaled = [factor * gains for factor in GAIN_FACTORS]
     for factor in SINGLE_GAIN_FACTORS:

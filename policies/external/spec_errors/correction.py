@@ -71,7 +71,7 @@ class Correction:
     spec: PolicySpec
     """Corrected specification."""
     penalty: float = 0.0
-    """Number that is added to the deviation of the walk with this specification before corrections are compared."""
+    """Number that is added to the deviation of the walk before corrections are compared."""
 
 
 def numbers_in_words(values: Numbers) -> str:

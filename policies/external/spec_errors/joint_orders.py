@@ -119,6 +119,9 @@ def _grouped(order: JointOrder) -> tuple[JointOrder, JointOrder]:
 
 
 def _rank_of_first(ids: JointOrder) -> NDArray[np.intp]:
-    """Return, for each entry, the index of the first entry with the same value; the values are 0, 1, 2 and so on."""
+    """Return, for each entry, the index of the first entry with the same value.
+
+    The values are 0, 1, 2 and so on.
+    """
     first_indices: NDArray[np.intp] = np.unique(ids, return_index=True)[1]
     return first_indices[ids]

@@ -51,7 +51,10 @@ _OTHER_POSITION = {
 
 
 def change_frames(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield specifications with the linear velocity, the angular velocity or both in the body or world frame."""
+    """Yield specifications with the velocities in another frame.
+
+    The linear velocity, the angular velocity or both are in the body frame or in the world frame.
+    """
     both = "linear_velocity", "angular_velocity"
     for frame in _FRAMES:
         for names in (both, both[:1], both[1:]):
@@ -100,7 +103,7 @@ def change_scales(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def change_history(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield specifications with the history in the opposite direction, in the other layout, and with both changes."""
+    """Yield specifications with the history in the opposite direction, in the other layout, or both."""
     if all(term.history == 1 for term in spec.terms):
         return
     newest: Literal["first", "last"] = "last" if spec.history_newest == "first" else "first"
@@ -148,7 +151,7 @@ def _change_clock(spec: PolicySpec, term: SpecTerm) -> Iterator[Correction]:
 
 
 def change_term_order(spec: PolicySpec) -> Iterator[Correction]:
-    """Yield specifications with the terms in the order of another project, or with two adjacent terms swapped."""
+    """Yield specifications with the terms in another project's order, or with two adjacent ones swapped."""
     terms = spec.terms
     orders = [_sort_terms(terms, names) for names in TERM_ORDERS]
     orders += [(*terms[:index], terms[index + 1], terms[index], *terms[index + 2 :]) for index in range(len(terms) - 1)]
@@ -158,7 +161,7 @@ def change_term_order(spec: PolicySpec) -> Iterator[Correction]:
 
 
 def _sort_terms(terms: tuple[SpecTerm, ...], names: tuple[str, ...]) -> tuple[SpecTerm, ...]:
-    """Return the terms, sorted by the order of `names`; terms that are not in `names` keep their positions."""
+    """Return the terms, sorted by the order of `names`; terms not in `names` keep their positions."""
     known = [term for term in terms if term.name in names]
     in_order = iter(sorted(known, key=lambda term: names.index(term.name)))
     return tuple(next(in_order) if term.name in names else term for term in terms)
