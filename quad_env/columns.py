@@ -1,4 +1,4 @@
-"""Scalar-or-batch arithmetic: one formula runs on floats (one robot) and on arrays (n,), with the same bits.
+"""Scalar-or-batch arithmetic: one formula for floats (one robot) and arrays (n,), with equal bits.
 
 NumPy and Python round + - * / and sqrt equally, so results do not depend on the batch size or on the type. The function
 `ordered_sum` adds in order, because NumPy's sum adds pairwise and Python's sum compensates rounding errors.
@@ -42,7 +42,7 @@ def to_scalars(rows: Array) -> Components[float]:
 
 
 def component_reader(env_ids: EnvSelection | None) -> ComponentReader[Any]:
-    """Return a function that reads the components of the robots `env_ids` from an array of all robots, (n, k).
+    """Return a function that reads the components of the robots `env_ids`; see `ComponentReader`.
 
     If `env_ids` is None, the function returns floats of the only robot.
     """

@@ -78,7 +78,7 @@ def _bounds(hint: Any) -> Iterator[Bounds]:
 
 
 class Settings:
-    """Base class of settings; the constructor raises ValueError if a value does not match the field's annotation."""
+    """Base class of settings; a value that does not match the field's annotation raises ValueError."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -86,7 +86,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class CommandRanges(Settings):
-    """Ranges of velocity commands, heading frame; commands are drawn uniformly at reset and after every interval."""
+    """Ranges of velocity commands, heading frame; drawn uniformly at reset and after every interval."""
 
     forward: tuple[float, float] = (-1.0, 1.5)
     """Smallest and largest forward velocity, m/s"""
@@ -109,7 +109,7 @@ class CommandRanges(Settings):
         return cls((speed, speed), (0.0, 0.0), (0.0, 0.0), zero_fraction=0.0)
 
     def scaled(self, velocity_factor: float, yaw_rate_factor: float) -> "CommandRanges":
-        """Return a copy with the velocities multiplied by `velocity_factor`, the yaw rates by `yaw_rate_factor`."""
+        """Return a copy with velocities times `velocity_factor` and yaw rates times `yaw_rate_factor`."""
         return replace(
             self,
             forward=_scaled_range(self.forward, velocity_factor),
@@ -136,7 +136,7 @@ def _scaled_range(values: tuple[float, float], factor: float) -> tuple[float, fl
 
 @dataclass(frozen=True)
 class StartNoise(Settings):
-    """Uniform noise around the home pose at the start of an episode; each value is the half-width of a range."""
+    """Uniform noise around the home pose at the start of an episode; each value is a half-width."""
 
     yaw: float = 3.141592653589793
     """Yaw angle, rad; the full circle, so that a policy cannot rely on equal heading and world frames"""
@@ -170,7 +170,7 @@ class AnyPose(Settings):
 
 @dataclass(frozen=True)
 class FallRule(Settings):
-    """Limits of tilt and height beyond which a robot has fallen; ground contact of the trunk is always a fall."""
+    """Limits beyond which a robot has fallen; ground contact of the trunk is always a fall."""
 
     name: str = "simple-quad/1"
     """Name of the rule, which is stored with every result"""

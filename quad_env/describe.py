@@ -41,7 +41,7 @@ class DescribeOptions:
 
 
 def main(options: DescribeOptions) -> int:
-    """Run the command and return the exit code; raise UsageError if the robot is invalid or does not stand."""
+    """Run the command and return the exit code; raise UsageError if the robot does not stand."""
     try:
         robot = get_robot(options.robot)
         print(escape_control_characters("\n".join(description_lines(robot))))
@@ -100,7 +100,7 @@ def _remark_lines(robot: Robot) -> Iterator[str]:
 
 
 def _knees(robot: Robot) -> str:
-    """Return the bend direction of the knees in words; the directions of all legs are listed if they differ."""
+    """Return the bend direction of the knees in words, for each leg if the directions differ."""
     directions = ["backward" if direction < 0 else "forward" for direction in robot.knee_direction]
     if len(set(directions)) == 1:
         return directions[0]
@@ -134,7 +134,7 @@ def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:
 
 
 def _parameter_lines(robot: Robot) -> Iterator[str]:
-    """Yield the parameters of a robot as TOML lines, with all digits, so that reading them gives the same robot."""
+    """Yield the parameters of a robot as TOML lines, with all digits, to restore the same robot."""
     yield f"name = {json.dumps(robot.name)}"
     for name in GIVEN_PARAMETERS:
         values = np.asarray(getattr(robot, name))

@@ -1,6 +1,7 @@
-"""Extensions: reward terms, observation terms, axes, scenarios, robots, policies and measures of other packages.
+"""Extensions: additions of other packages to the environment and the evaluation.
 
-An installed package with an entry point of the group `quad_env` adds its extension to every command:
+An extension has reward terms, observation terms, axes, scenarios, robots, policies and measures. An installed package
+with an entry point of the group `quad_env` adds its extension to every command:
 
     [project.entry-points.quad_env]
     my_project = "my_project.quadruped:EXTENSION"

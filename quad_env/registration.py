@@ -19,7 +19,7 @@ MAX_EPISODE_STEPS = 1000
 
 
 def register() -> None:
-    """Register the environment with Gymnasium: now if Gymnasium is already imported, otherwise after its import."""
+    """Register the environment with Gymnasium, at once or at the end of Gymnasium's first import."""
     if (gymnasium := sys.modules.get("gymnasium")) is not None:
         _add_to(gymnasium)
     else:
@@ -32,7 +32,7 @@ class _WithGymnasium(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return the module specification of Gymnasium, with a loader that registers the environment at the end.
+        """Return the module specification of Gymnasium, with a loader that registers the environment.
 
         Args:
             fullname: Name of the imported module.

@@ -1,4 +1,4 @@
-"""Disjoint sets of seeds for training, validation, search and evaluation, and random streams of each episode."""
+"""Disjoint sets of seeds for training, validation, search and evaluation; random streams."""
 
 from collections.abc import Sequence
 from functools import cached_property

@@ -33,7 +33,7 @@ _TYPE_BY_NAME: dict[str, Any] = {
 
 
 def to_json_values(value: Any) -> Any:
-    """Convert a settings dataclass, or a value in one, to JSON values; raise ValueError for any other `value`."""
+    """Convert a settings dataclass to JSON values; raise ValueError for a `value` without JSON form."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         kind = type(value)
         if _TYPE_BY_NAME.get(kind.__name__) is not kind:

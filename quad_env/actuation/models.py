@@ -1,8 +1,8 @@
-"""Parameters of the joint actuators, in physical units at the joint, after the gear; see `actuator=` of `gym.make`.
+"""Parameters of the joint actuators, in physical units at the joint, after the gear.
 
-The ideal servo receives its target without delay, and `Motors.torque_limit` is its only limit. If an actuator and the
-`Motors` of a scenario limit the same quantity, the smaller limit applies. The delay of an actuator adds to the
-`Latency` of the scenario.
+`gym.make` takes an actuator as `actuator=`. The ideal servo receives its target without delay, and
+`Motors.torque_limit` is its only limit. If an actuator and the `Motors` of a scenario limit the same quantity, the
+smaller limit applies. The delay of an actuator adds to the `Latency` of the scenario.
 """
 
 import math
@@ -29,10 +29,10 @@ class TorqueSpeed(Settings):
     The same limit applies with the signs of torque and speed reversed. A parameter is one number for all joints, three
     numbers for hip, thigh and calf, or twelve.
 
-    A winding of resistance R and motor constant K has the torque τ = K (v − K ω) / R at a voltage v of at most ±V
-    (MuJoCo DC Motor Model, equation 2). The limit at v = V is a line through all four quadrants. A braking motor could
-    exceed the stall torque, but the current limit of the drive keeps the torque within ±peak_torque. Above the no-load
-    speed the motor can only brake, with at least the torque of the line.
+    A winding of resistance R and motor constant K at a voltage v has the torque τ = K (v − K ω) / R (MuJoCo DC Motor
+    Model, equation 2). The voltage is limited to ±V. The limit at v = V is a line through all four quadrants. A braking
+    motor could exceed the stall torque, but the current limit of the drive keeps the torque within ±peak_torque. Above
+    the no-load speed the motor can only brake, with at least the torque of the line.
     """
 
     stall_torque: JointValues = None
@@ -151,7 +151,7 @@ class Actuator(Settings):
             raise ValueError("a thermal model needs a curve, from which the heat of a torque follows: give one")
 
     def target_weights(self, timestep: float, period: float) -> Array:
-        """Return the weight of each of the last targets in the mean target that a motor follows in a control period.
+        """Return the weights of past targets in the mean filtered target of a control period.
 
         A motor follows the output of the target filter at the start of each physics step.
 
@@ -185,7 +185,7 @@ The delay of `motor`, 2 ms, is one cycle of a 500 Hz field bus."""
 
 
 def find_actuator(which: str | Actuator) -> Actuator:
-    """Return the actuator called `which`; an `Actuator` is returned unchanged. Raise ValueError for an unknown name."""
+    """Return the actuator called `which`, or `which` itself; raise ValueError for an unknown name."""
     if isinstance(which, Actuator):
         return which
     if not isinstance(which, str) or which not in ACTUATORS:

@@ -1,4 +1,4 @@
-"""Actuator models of n robots: action delay and target dropouts, first-order target filter, motor temperatures."""
+"""Actuator models of n robots: action delay, dropouts, target filter and motor temperatures."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -146,7 +146,7 @@ class FirstOrderFilter:
 
 
 class MotorThermalModel:
-    """Computes winding temperatures of the motors of n robots, and torque limits that depend on them; see `Thermal`.
+    """Computes winding temperatures and the resulting torque limits of n robots; see `Thermal`.
 
     The thermal model of `dcmotor` in MuJoCo 4.0 is not used, because it heats by the current before the force range
     limits the torque. A motor that is switched off does not carry this current.

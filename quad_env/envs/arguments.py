@@ -1,4 +1,4 @@
-"""Checks of the arguments of the environments: each returns the valid value, or raises ValueError with a remedy."""
+"""Checks of the environments' arguments: each returns a valid value or raises ValueError."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

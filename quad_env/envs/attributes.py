@@ -1,4 +1,4 @@
-"""Check of assignments to attributes of an environment: an assignment without effect raises AttributeError."""
+"""Check of assignments to environment attributes: one without effect raises AttributeError."""
 
 from collections.abc import Iterable
 from inspect import signature

@@ -1,4 +1,4 @@
-"""Base class of the single and the vector environment: construction, reset, the phases of a step, and copies."""
+"""Base class of the single and the vector environment: construction, reset, step phases and copies."""
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -231,9 +231,10 @@ class QuadEnvBase:
         """Command that each robot tracked in its last step: forward m/s, lateral m/s, yaw rate rad/s; (n, 3)."""
 
     def _select_equipment(self, options: EnvOptions) -> Equipment:
-        """Return the actuator, sensors and estimator: the requested ones, or those in the scenario's hardware profile.
+        """Return the requested actuator, sensors and estimator, or the ones of the hardware profile.
 
-        ValueError is raised if equipment is requested for a scenario with a hardware profile.
+        The hardware profile applies if the scenario includes it. ValueError is raised if equipment is requested for a
+        scenario with a hardware profile.
         """
         equipment = Equipment(
             find_actuator(_to_setting(options.actuator)), sensor_suite(_to_setting(options.sensors)), options.estimator
@@ -290,7 +291,7 @@ class QuadEnvBase:
         return StepOutcome(state, observation, terms, fall, diverged, terminated)
 
     def _apply_action(self, targets: Array, env_ids: EnvSelection) -> Array | None:
-        """Return the joint targets that the servos receive, (n, 12), rad; None if they are the undelayed targets."""
+        """Return the joint targets that the servos receive, (n, 12), rad; None if there is no delay model."""
         if self._action_delay is None:
             return None
         return self._action_delay.update(targets, self._schedule.step_count[env_ids], self._rows[env_ids])
@@ -303,7 +304,7 @@ class QuadEnvBase:
         schedule.step_count[env_ids] += 1
 
     def _reset_diverged(self, env_ids: EnvSelection | None) -> BoolOrMask:
-        """Return True for robots with a diverged simulation; reset these robots, so that their readings are finite."""
+        """Reset robots with a diverged simulation, so that readings are finite, and return their mask."""
         diverged: BoolOrMask = self.simulation.diverged(env_ids)
         if any_true(diverged):
             rows = self._rows if env_ids is None else self._rows[env_ids]
@@ -311,7 +312,7 @@ class QuadEnvBase:
         return diverged
 
     def _compute_state(self, env_ids: EnvSelection | None) -> QuadState[Any]:
-        """Return the present state of the robots `env_ids`, with the command that they tracked in their last step."""
+        """Return the present state of the robots `env_ids`, with the command of their last step."""
         return self.simulation.state(component_reader(env_ids)(self._tracked_command), env_ids)
 
     def _terminate(self, state: QuadState[ScalarOrBatch], diverged: BoolOrMask) -> tuple[Any, BoolOrMask]:

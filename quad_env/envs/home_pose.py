@@ -1,4 +1,4 @@
-"""Actions in [-1, 1] around the home pose, for learners that explore around zero with unit std, for example PPO."""
+"""Actions in [-1, 1] around the home pose, for learners such as PPO that explore around zero."""
 
 from typing import Any
 
@@ -45,7 +45,7 @@ class HomePoseSpace(Box):
 
 
 class HomePoseActions(gym.ActionWrapper[Observation, Action, Action], RecordConstructorArgs):
-    """Wrapper of a single environment with actions in a `HomePoseSpace`: the robot stands if the action is 0.
+    """Wrapper of a single environment with actions in a `HomePoseSpace`; action 0 is the home pose.
 
     Args:
         env: Environment of one robot; see `VectorHomePoseActions` for a batch.
@@ -89,7 +89,10 @@ def _find_robot(env: Any) -> Robot:
 
 
 def _check_authority(authority: ArrayLike, num_joints: int) -> Action:
-    """Return the maximum offset of every joint, (12,), rad; raise ValueError if one is not positive and finite."""
+    """Return the maximum offset of every joint, (12,), rad.
+
+    ValueError is raised if an offset is not positive and finite.
+    """
     array = np.asarray(authority, np.float32)
     if array.shape not in ((), (num_joints,)) or not (np.isfinite(array) & (array > 0.0)).all():
         raise ValueError(f"authority is a positive number of rad, or ({num_joints},) of them, got {authority!r}")

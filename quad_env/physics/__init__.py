@@ -1,1 +1,1 @@
-"""Physics: the compiled MuJoCo model, the simulation of n robots, the state of the robots, and rendering."""
+"""Physics: the compiled MuJoCo model, the simulation of n robots, their state, and rendering."""

@@ -65,7 +65,7 @@ def _draw_ball(geom: mujoco.MjvGeom, ball: Ball) -> None:
 
 
 def _draw_arrow(geom: mujoco.MjvGeom, arrow: Arrow) -> bool:
-    """Turn a geom of a scene into an arrow; return False, without a change, if the arrow is too short to draw."""
+    """Turn a geom of a scene into an arrow; return False if the arrow is too short to draw."""
     start, end = np.array(arrow.start), np.array(arrow.end)
     if np.linalg.norm(end - start) < _MIN_LENGTH:
         return False

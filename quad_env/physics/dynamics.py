@@ -1,7 +1,7 @@
-"""Rigid-body dynamics of a robot in any state, for controllers: inertia, bias forces, foot positions and Jacobians.
+"""Rigid-body dynamics for controllers: inertia, bias forces, foot positions and Jacobians.
 
-The coordinates are MuJoCo's for a free joint. The generalised velocity, (18), is the trunk's linear velocity in the
-world frame, m/s, its angular velocity in the base frame, rad/s, and the joint speeds, rad/s. The world frame may be any
+The coordinates are MuJoCo's for a free joint. The generalised velocity, (18), is the linear velocity of the trunk,
+world frame, m/s, the angular velocity, base frame, rad/s, and the joint speeds, rad/s. The world frame may be any
 level frame, for example the one at the trunk centre with x ahead.
 """
 
@@ -160,7 +160,7 @@ class Dynamics:
         )
 
     def _compute_row(self, terms: DynamicsTerms, jacobian_rates: Floats, row: int, qpos: Floats, qvel: Floats) -> None:
-        """Write the terms of one robot into row `row` of `terms`, and its Jacobian derivatives into `jacobian_rates`.
+        """Write the terms of one robot into a row of `terms`, and the foot Jacobian derivatives.
 
         `foot_bias_acceleration` is not written, because `compute` derives it from the Jacobian derivatives.
         """

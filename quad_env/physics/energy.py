@@ -1,4 +1,4 @@
-"""Motor work, heat and peak values, and foot impulses over a control step, measured in every physics step."""
+"""Motor work, heat, peak values and foot impulses over a control step, from every physics step."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple

@@ -184,7 +184,7 @@ def slope_quaternion(slope: Slope) -> tuple[float, float, float, float]:
 
 
 def _add_height_field(spec: mujoco.MjSpec, terrain: SmoothRandom | HeightField) -> None:
-    """Add a height field at the origin, and lower the ground plane to the lowest point of the height field."""
+    """Add a height field at the origin, and lower the ground plane to the lowest point of the field."""
     heights = terrain.heights
     rows, columns = heights.normalized.shape
     spec.add_hfield(
@@ -200,7 +200,7 @@ def _add_height_field(spec: mujoco.MjSpec, terrain: SmoothRandom | HeightField) 
 
 
 def _add_stairs(spec: mujoco.MjSpec, stairs: Stairs) -> None:
-    """Add a box for each step of the stairs, and lower the ground plane to the level at the end of the stairs."""
+    """Add a box for each step of the stairs, and lower the ground plane to the end of the stairs."""
     spec.geom(_GROUND).pos = (0.0, 0.0, -stairs.steps * stairs.rise)
     half_height = (stairs.rise + _FLOOR_DEPTH) / 2
     for number, ((start, end), top) in enumerate(stairs.boxes()):
@@ -244,7 +244,7 @@ def _add_payload(spec: mujoco.MjSpec, payload: Payload, robot: Robot) -> None:
 
 
 def _add_actuator_filter(spec: mujoco.MjSpec, time_constant: float, robot: Robot) -> None:
-    """Add a first-order target filter to each servo, integrated exactly, with the home pose as its initial value."""
+    """Add an exactly integrated first-order target filter to each servo; it starts at the home pose."""
     for actuator in spec.actuators:
         actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
         actuator.dynprm[0] = time_constant
@@ -352,7 +352,7 @@ def _set_ground(model: mujoco.MjModel, ground: Ground, robot: Robot) -> None:
 
 
 def _disable_shin_contacts(model: mujoco.MjModel, ground: NDArray[np.intp], robot: Robot) -> None:
-    """Disable contacts between the ground and the shins, by a separate collision bit for the ground, `GROUND_BIT`."""
+    """Disable contacts between the ground and the shins, by the separate collision bit `GROUND_BIT`."""
     model.geom_contype[(model.geom_bodyid != 0) & collision_mask(model)] |= GROUND_BIT
     shins = model.body_weldid[[model.body(f"{leg}_calf_link").id for leg in robot.leg_names]]
     is_shin = np.isin(model.body_weldid[model.geom_bodyid], shins)

@@ -38,7 +38,7 @@ class Viewpoint:
 
 
 class Camera:
-    """Off-screen renderer of one of the model's cameras, or of a free camera that is placed for each frame.
+    """Off-screen renderer of a camera of the model, or of a free camera that is placed for each frame.
 
     The thread that makes the camera must also call `draw` and `close`. RuntimeError is raised if there is neither a
     display nor EGL.
@@ -237,7 +237,7 @@ class Window:
         self._viewer.sync()
 
     def close(self) -> None:
-        """Close the window and wait for its threads, because a process that ends before its threads would crash."""
+        """Close the window and wait for its threads, because a process that ends earlier would crash."""
         self._viewer.close()
         for thread in self._threads:
             thread.join()

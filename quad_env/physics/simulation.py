@@ -293,7 +293,7 @@ class Simulation:
             )
 
     def _start_positions(self, rows: Array) -> Array:
-        """Return the generalised positions of start states, (k, 19), with the trunk at the home height above z = 0."""
+        """Return the generalised positions of start states, (k, 19), with trunks at the home height."""
         robot = self.robot
         qpos = np.empty((len(rows), self.model.nq))
         qpos[:, 0:2] = rows[:, 0:2]
@@ -324,7 +324,7 @@ class Simulation:
                 part.reset(env_ids)
 
     def _reset_loads(self, env_ids: EnvIndices, force: Array | None, payload_position: Array | None) -> None:
-        """Set steady forces and payload positions, and recompute the model constants that depend on the episode."""
+        """Set steady forces and payload positions, and recompute the constants of the models."""
         if force is not None:
             if self._steady_force is None:
                 self._steady_force = np.zeros_like(self._push)
@@ -434,7 +434,7 @@ class Simulation:
         return has_warning | not_finite(components(self.qpos)) | not_finite(components(self.qvel))
 
     def reset_diverged(self, env_ids: NDArray[np.intp]) -> None:
-        """Put diverged robots into the home pose at the origin with zero velocity, so that readings are finite."""
+        """Put diverged robots into the home pose with zero velocity, so that readings are finite."""
         self._reset_actuator_models(env_ids)
         self.batch.reset(env_ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
         self._reset_readings(env_ids)
@@ -482,7 +482,7 @@ class Simulation:
 
     @property
     def push(self) -> Array:
-        """Pushing force on every trunk in the last step, world frame, (n, 2), N; the steady force is not included."""
+        """Pushing force on every trunk in the last step, without steady force, world frame, (n, 2), N."""
         return self._push.copy() if self._steady_force is None else self._push - self._steady_force
 
     @property
@@ -501,7 +501,7 @@ class Simulation:
         return touching(self._foot_contacts, ALL), np.asarray(links[:, 0] > 0)
 
     def sync_model(self, robot: int) -> None:
-        """Copy the model fields that differ between robots, for the robot with the index `robot`, into `self.model`."""
+        """Copy the model fields that differ between robots into `self.model`; `robot` is an index."""
         differs = self._payload_position is not None or self._thermal_model is not None or self._has_per_env_models
         if not differs:
             return

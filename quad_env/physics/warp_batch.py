@@ -1,4 +1,4 @@
-"""Batch of robots that MuJoCo Warp steps, on a GPU if there is one, with the interface of MuJoCo's batch."""
+"""Batch of robots in MuJoCo Warp, on a GPU if there is one, with the interface of MuJoCo's batch."""
 
 import copy
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Table of the observation terms in order, with name, width, unit, frame, bound and scale of each term."""
+"""Table of the observation terms in order, with the name, width, unit, bound and scale of each."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -64,7 +64,7 @@ class ObservationTerm:
 
 
 class ObservationTable:
-    """Terms of the observation of a robot, with their slices, bounds and scales; made by `observation_table`.
+    """Observation terms of a robot, with their slices, bounds and scales; see `observation_table`.
 
     Args:
         robot: The observed robot.
@@ -188,7 +188,7 @@ def user_terms(observations: Iterable[str | ObservationTerm]) -> tuple[Observati
 
 
 def _extension_term(name: str, builtin: dict[str, Any]) -> Any:
-    """Return the observation term of an extension by name; raise ValueError for an unknown or built-in name."""
+    """Return an extension's observation term; raise ValueError for an unknown or built-in name."""
     known = check_new("observations", builtin)
     if name not in known:
         valid = ", ".join(known) or "none is installed"

@@ -77,7 +77,7 @@ def compute_readings(simulation: Simulation, state: QuadState[Array] | None = No
 
 
 def _foot_readings(simulation: Simulation, state: QuadState[Array]) -> Readings:
-    """Return the readings, name -> values, of foot positions, foot heights, and ground contacts of feet and legs."""
+    """Return readings, name -> values, of foot positions, foot heights, and foot and leg contacts."""
     robot = simulation.robot
     position = np.transpose(state.position)
     joints = np.transpose(state.joint_position)

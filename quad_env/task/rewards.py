@@ -80,9 +80,9 @@ def tilt(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def crouch(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the depth of the trunk below MIN_HEIGHT_FRACTION of its height in the home pose; 0 if it is higher.
+    """Return the depth of the trunk below MIN_HEIGHT_FRACTION of the home height; 0 if it is higher.
 
-    The depth is a fraction of the trunk height in the home pose.
+    The depth is a fraction of the home height, which is the trunk height in the home pose.
     """
     shortfall = MIN_HEIGHT_FRACTION - state.height / state.standing_height
     return cast("ScalarOrBatch", where(shortfall > 0.0, shortfall, 0.0))
@@ -257,7 +257,7 @@ def user_rewards(rewards: Mapping[str, Any] | None) -> dict[str, UserReward]:
 
 
 def _extension_reward(name: str, builtin: dict[str, Any]) -> RewardFunction:
-    """Return the function of a reward term of an extension; raise ValueError for an unknown or built-in name."""
+    """Return an extension's reward function; raise ValueError for an unknown or built-in name."""
     known = check_new("rewards", builtin)
     if name not in known:
         valid = ", ".join(known) or "none is installed"

@@ -36,10 +36,11 @@ class _ContactSensor:
 
 
 class DrakeBatch(ArrayBatch):
-    """Batch of robots in Drake; see `quad_env.physics.batch.Batch`. Robots share a plant; each has its own context.
+    """Batch of robots in Drake; see `quad_env.physics.batch.Batch`.
 
-    External forces act only on trunks. `actuator_force` is the torque that the joint received, which is the torque of
-    the servo at the end of the step, including damping and the torque limit.
+    All robots share a plant, and each robot has a context, which holds the state in Drake. External forces act only on
+    trunks. `actuator_force` is the torque that the joint received. This is the torque of the servo at the end of the
+    step, including damping and the torque limit.
 
     Args:
         model: Compiled model of every robot.
@@ -86,7 +87,7 @@ class DrakeBatch(ArrayBatch):
             sensor.data[ids] = 0.0
 
     def step(self, ids: EnvSelection | None, nstep: int) -> None:
-        """Advance robots by physics steps; a robot that Drake fails to step keeps its state and gets a warning.
+        """Advance robots by physics steps; a robot that Drake fails to step gets a warning.
 
         Args:
             ids: Robots to step; None for all.
@@ -114,7 +115,7 @@ class DrakeBatch(ArrayBatch):
             self._drake.trunk.SetSpatialInertiaInBodyFrame(self._contexts[robot], inertia)
 
     def _contact_source(self, name: str) -> tuple[Array, list[int]]:
-        """Return the contact quantity, (n, ngeom), and the ids of the geoms over which a sensor sums the quantity."""
+        """Return the contact quantity of a sensor, (n, ngeom), and the ids of the geoms that are summed."""
         model = self._model
         sensor_id = model.sensor(name).id
         object_id = int(model.sensor_objid[sensor_id])

@@ -126,7 +126,7 @@ def _add_joint(plant: Any, model: mujoco.MjModel, data: mujoco.MjData, bodies: d
 
 
 def _add_servo(plant: Any, model: mujoco.MjModel, joints: list[Any], servo: int) -> Any:
-    """Add a servo with implicit stiffness and damping; the armature of the joint is the rotor inertia of the servo."""
+    """Add a servo with implicit stiffness and damping; the joint's armature is the rotor inertia."""
     joint = int(model.actuator_trnid[servo, 0])
     torque_limit = model.actuator_forcerange[servo, 1]
     actuator = plant.AddJointActuator(model.actuator(servo).name, joints[joint - 1], torque_limit)
@@ -138,7 +138,7 @@ def _add_servo(plant: Any, model: mujoco.MjModel, joints: list[Any], servo: int)
 
 
 def _add_joint_friction(plant: Any, model: mujoco.MjModel, joints: list[Any]) -> None:
-    """Add the dry friction of joints as velocity servos with target 0 rad/s, limited to the friction torque."""
+    """Add the dry friction of joints as velocity servos with target 0, limited to the friction torque."""
     for joint, torque, armature in zip(joints, model.dof_frictionloss[6:], model.dof_armature[6:], strict=True):
         if torque > 0:
             brake = plant.AddJointActuator(f"{joint.name()}_friction", joint, torque)
@@ -168,7 +168,7 @@ def _add_geoms(
 
 
 def _drake_frictions(model: mujoco.MjModel, geoms: EnvIndices, ground: int) -> NDArray[np.float64]:
-    """Return the friction coefficients of geoms in Drake that give the same friction on the ground as in MuJoCo.
+    """Return Drake's friction coefficients of geoms, for the same friction on the ground as in MuJoCo.
 
     In MuJoCo the coefficient µ of a geom on the ground is the coefficient of the ground if the ground has priority,
     and otherwise the larger coefficient of both. In Drake it is the harmonic mean 2 a g / (a + g) of the coefficients
