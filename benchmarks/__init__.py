@@ -1,1 +1,4 @@
-"""Benchmarks of speed and cost; every figure is a ratio or a median of one interleaved run."""
+"""Benchmarks of speed and cost.
+
+Functions that are compared take turns in one run. Every result is a ratio of their durations, or a median over rounds.
+"""

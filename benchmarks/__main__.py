@@ -18,7 +18,7 @@ class AllBenchmarksOptions(OutputOptions):
 
 
 def measure(options: AllBenchmarksOptions) -> BenchmarkResult:
-    """Run one measurement after the other, at the sizes for which the requirements hold."""
+    """Run five benchmarks one after the other, with the options for which the requirements are defined."""
     quick = options.quick
     scenario, envs = vector_env.REFERENCE
     results = {

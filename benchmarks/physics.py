@@ -72,7 +72,7 @@ def measure(options: PhysicsBenchmarkOptions) -> BenchmarkResult:
 
 
 def _measure_accuracies(names: Sequence[str], strides: tuple[Stride, ...]) -> dict[str, Accuracy]:
-    """Measure the accuracy of each named setting."""
+    """Return a dictionary: name of a setting -> its accuracy over the given strides."""
     accuracies: dict[str, Accuracy] = {}
     with progress_bar("physics, accuracy", len(names)) as advance:
         for name in names:
@@ -82,9 +82,17 @@ def _measure_accuracies(names: Sequence[str], strides: tuple[Stride, ...]) -> di
 
 
 def _walking(name: str, strides: tuple[Stride, ...], options: PhysicsBenchmarkOptions) -> TimedFunction:
-    """Return a function that times one stride of all robots, s per robot and simulated second.
+    """Return a function that simulates one stride of all robots with a setting and returns the duration.
 
-    The robots are spread evenly over all strides.
+    The duration is in s per robot and simulated second. The robots are distributed evenly over the strides.
+
+    Args:
+        name: Name of the physics setting.
+        strides: Strides with initial states and joint targets.
+        options: Options of the command.
+
+    Returns:
+        The function.
     """
     model = SETTINGS[name].model()
     batch = Batch(model, options.envs, options.threads)
@@ -111,7 +119,7 @@ def _walking(name: str, strides: tuple[Stride, ...], options: PhysicsBenchmarkOp
 
 
 def _speeds(seconds: dict[str, Floats], accuracies: dict[str, Accuracy], options: PhysicsBenchmarkOptions) -> Table:
-    """Create the table of speeds."""
+    """Create the table of speeds: a row for each setting."""
     rows = make_table(
         f"Speed, {options.envs} robots under the trot, {options.threads} threads",
         "setting",
@@ -127,7 +135,7 @@ def _speeds(seconds: dict[str, Floats], accuracies: dict[str, Accuracy], options
 
 
 def _accuracies(accuracies: dict[str, Accuracy]) -> Table:
-    """Create the table of accuracies, with the bar of each figure."""
+    """Create the table of accuracies: a row for each setting, and a last row with the limits."""
     rows = make_table("Accuracy", "setting", "trunk\nmm", "tilt\nrad", "joints\nrad", "sinks\nmm", "slip\nmm/s", "")
     for name, accuracy in accuracies.items():
         rows.add_row(name, *(f"{getattr(accuracy, figure):.3g}" for figure in ACCURACY_BARS), _mark(accuracy))
@@ -136,7 +144,7 @@ def _accuracies(accuracies: dict[str, Accuracy]) -> Table:
 
 
 def _mark(accuracy: Accuracy) -> str:
-    """Return whether a setting is accurate, in words."""
+    """Return `yes` if the accuracy of a setting is within all limits, otherwise `no`."""
     return "yes" if accuracy.is_within_bars else "no"
 
 

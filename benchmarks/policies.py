@@ -23,11 +23,11 @@ from quad_env.cli.command_line import check_numbers
 from quad_env.cli.launcher import launch
 
 PERCENTILE = 99.9
-"""Percentile of the duration of single calls that has a limit, %."""
+"""Percentile of the duration of single calls for which a requirement is defined, %."""
 JOINT_LOOP = "one mj_step of 2 ms"
-"""Name of the timed physics step."""
+"""Name in tables of a physics step, which takes the place of a step of the joint loop."""
 Clock = Callable[[], float]
-"""Returns the time, s."""
+"""Function that returns the current time, s."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class PoliciesBenchmarkOptions(MeasurementOptions):
 
 
 def measure(options: PoliciesBenchmarkOptions) -> BenchmarkResult:
-    """Measure the mean cost of an action at each number of robots, then percentiles of single calls."""
+    """Measure the mean duration of an action for each number of robots, then percentiles of single calls."""
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 2), steps=2, calls=10)
     check_numbers(options, {"steps": (1, 10**6)})
@@ -69,7 +69,7 @@ def measure(options: PoliciesBenchmarkOptions) -> BenchmarkResult:
 
 
 def _means_table(costs: Mapping[int, Mapping[str, Floats]], options: PoliciesBenchmarkOptions) -> Table:
-    """Create the table of the mean cost of an action by policy and number of robots."""
+    """Create the table of the mean duration of an action: a row per policy, a column per number of robots."""
     rows = make_table("µs a robot and control step", "policy", *(f"n = {num_envs}" for num_envs in options.envs))
     for name in options.policies:
         quartiles = (compute_quartiles(costs[num_envs][name]).scaled(1e6) for num_envs in options.envs)
@@ -78,7 +78,15 @@ def _means_table(costs: Mapping[int, Mapping[str, Floats]], options: PoliciesBen
 
 
 def _percentiles_table(wall_times: Mapping[str, Floats], processor_times: Mapping[str, Floats]) -> Table:
-    """Create the table of percentiles of single calls, in wall time and in processor time."""
+    """Create the table of percentiles of single calls, in wall time and in processor time.
+
+    Args:
+        wall_times: Name of a call -> wall time of each call, (calls,), s.
+        processor_times: Name of a call -> processor time of each call, (calls,), s.
+
+    Returns:
+        The table: a row for each name, in ms.
+    """
     shares = (50.0, 99.0, PERCENTILE)
     heads = [f"{share:g} %{clock}" for clock in ("", ", processor time") for share in shares]
     rows = make_table("One robot, a call, ms: percentiles and the largest", "", *heads, "largest")
@@ -89,12 +97,12 @@ def _percentiles_table(wall_times: Mapping[str, Floats], processor_times: Mappin
 
 
 def _percentile(values: Floats) -> float:
-    """Return the PERCENTILE of some durations."""
+    """Return the 99.9th percentile (PERCENTILE) of an array of durations."""
     return float(np.percentile(values, PERCENTILE))
 
 
 def _time_actions(num_envs: int, options: PoliciesBenchmarkOptions) -> dict[str, Floats]:
-    """Time the actions of each policy, s per robot and action, (rounds,)."""
+    """Return a dictionary: policy -> mean duration of an action in each round, (rounds,), s per robot."""
     steps = options.steps
 
     def timed_function(name: str) -> TimedFunction:
@@ -115,7 +123,15 @@ def _time_actions(num_envs: int, options: PoliciesBenchmarkOptions) -> dict[str,
 
 
 def _time_single_calls(options: PoliciesBenchmarkOptions, clock: Clock) -> dict[str, Floats]:
-    """Time single calls for one robot, s, (calls,): actions, a whole control step, and a physics step."""
+    """Time single calls for one robot: an action of each policy, a whole control step, a physics step.
+
+    Args:
+        options: Options of the command.
+        clock: Clock with which the calls are timed.
+
+    Returns:
+        Name of a call -> duration of each call, (calls,), s.
+    """
     start = bare.make_initial_states("flat", 1)
     data = bare.BareLoop(start).data
 
@@ -133,7 +149,7 @@ def _time_single_calls(options: PoliciesBenchmarkOptions, clock: Clock) -> dict[
 
 
 def _control_step() -> Callable[[], object]:
-    """Return a function that runs one control step of one robot, with an episode's end once in a thousand."""
+    """Return a function that runs one control step of one robot, with a reset at the end of each episode."""
     env = gym.make(ENV_ID)
     policy = policies.make("trot")
     observation, _ = env.reset(seed=0)
@@ -150,7 +166,7 @@ def _control_step() -> Callable[[], object]:
 
 
 def _timed(call: Callable[[], object], clock: Clock) -> TimedFunction:
-    """Return a function that times one call."""
+    """Return a function that runs `call` once and returns the duration on `clock`, s."""
 
     def timed_call() -> float:
         begin = clock()

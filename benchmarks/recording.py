@@ -25,9 +25,13 @@ from quad_env.cli.command_line import check_numbers
 from quad_env.cli.launcher import launch
 
 FILES = {"MCAP": "walk.mcap"}
-"""Format of a recording -> name of its file."""
+"""Format of a recording -> file name of the recording."""
 CLOCKS = ("wall", "processor", "until closed")
-"""Durations of a recorded episode."""
+"""Names of the three durations of an episode.
+
+`wall` and `processor`: wall time and processor time of the simulation. `until closed`: wall time until the file is
+closed.
+"""
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ class RecordingBenchmarkOptions(MeasurementOptions):
 
 
 def measure(options: RecordingBenchmarkOptions) -> BenchmarkResult:
-    """Compare the duration of an episode with and without recording, for each policy and format."""
+    """Compare the duration of an episode with a recording and without one, for each policy and format."""
     if options.quick:
         options = replace(options, rounds=1, seconds=0.2)
     check_numbers(options, {"seconds": (0.1, 3600.0)})
@@ -64,7 +68,15 @@ def measure(options: RecordingBenchmarkOptions) -> BenchmarkResult:
 
 
 def _seconds(name: str, options: RecordingBenchmarkOptions) -> dict[str, dict[str, Floats]]:
-    """Return format, or `none` -> clock -> durations, s, (rounds,)."""
+    """Time one episode of the policy `name` with each format of recording and without a recording.
+
+    Args:
+        name: Name of the policy.
+        options: Options of the command.
+
+    Returns:
+        Format, or `none` without a recording -> name in CLOCKS -> duration in each round, (rounds,), s.
+    """
     steps = round(options.seconds / CONTROL_PERIOD)
     policy = policies.resolve(name)
     durations: dict[str, list[tuple[float, ...]]] = {}
@@ -90,7 +102,15 @@ def _seconds(name: str, options: RecordingBenchmarkOptions) -> dict[str, dict[st
 
 @contextmanager
 def _recording(file: str | None, policy: Policy) -> Iterator[tuple[Observer, ...]]:
-    """Provide the observers of a recording; none without a file."""
+    """Provide the observers that record an episode in a temporary file; no observer if `file` is None.
+
+    Args:
+        file: Name of the recording, or None.
+        policy: Policy that is recorded.
+
+    Yields:
+        Observers for `roll_out`.
+    """
     if file is None:
         yield ()
         return

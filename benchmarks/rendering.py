@@ -16,9 +16,9 @@ from quad_env import ENV_ID
 from quad_env.cli.launcher import launch
 
 REFERENCE = "flat"
-"""Scenario of the requirement."""
+"""Scenario for which the requirement is defined."""
 SCENARIOS = (REFERENCE, "stairs", "rough")
-"""Rendered scenarios."""
+"""Scenarios that are rendered; they differ in the ground."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class RenderingBenchmarkOptions(MeasurementOptions):
 
 
 def measure(options: RenderingBenchmarkOptions) -> BenchmarkResult:
-    """Measure the frame rate on each ground, in turns."""
+    """Measure the frame rate of each scenario; the scenarios take turns in every round."""
     if options.quick:
         options = replace(options, rounds=1, frames=1)
     envs = {name: gym.make(ENV_ID, scenario=name, render_mode="rgb_array") for name in SCENARIOS}
@@ -49,7 +49,7 @@ def measure(options: RenderingBenchmarkOptions) -> BenchmarkResult:
 
 
 def _timed_frames(env: gym.Env, frames: int) -> TimedFunction:
-    """Return a function that times some frames, processor time per frame, s."""
+    """Return a function that renders a number of `frames` and returns the processor time per frame, s."""
 
     def draw() -> float:
         begin = time.process_time()

@@ -27,7 +27,7 @@ class SingleEnvBenchmarkOptions(MeasurementOptions):
 
 
 def measure(options: SingleEnvBenchmarkOptions) -> BenchmarkResult:
-    """Compare the environment with a bare loop over the same steps from the same state."""
+    """Compare the environment with a bare loop of `mj_step`, over the same actions from the same state."""
     if options.quick:
         options = replace(options, rounds=1, steps=20)
     check_numbers(options, {"steps": (1, MAX_EPISODE_STEPS)})
@@ -47,7 +47,10 @@ def measure(options: SingleEnvBenchmarkOptions) -> BenchmarkResult:
 
 
 def _time_both(options: SingleEnvBenchmarkOptions) -> dict[str, Floats]:
-    """Time environment and bare loop in turns, s per control step, (rounds,)."""
+    """Return a dictionary: name in the table -> duration of a control step in each round, (rounds,), s.
+
+    The names are `gym.make` for the environment, and `bare mj_step loop`. Both take turns in every round.
+    """
     actions = bare.record_actions(options.steps, robot=options.robot)
     loop = bare.BareLoop(bare.make_initial_states("flat", 1, options.robot))
     env = gym.make(ENV_ID, robot=options.robot)
@@ -67,7 +70,7 @@ def _time_both(options: SingleEnvBenchmarkOptions) -> dict[str, Floats]:
 
 
 def _run(step: Callable[[bare.Actions], object], actions: bare.Actions) -> float:
-    """Time the control steps of some actions, s per step."""
+    """Call `step` with each of the `actions` and return the mean duration of a call, s."""
     begin = time.perf_counter()
     for action in actions:
         step(action)

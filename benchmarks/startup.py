@@ -18,23 +18,23 @@ from quad_env.cli.launcher import launch
 FORBIDDEN_MODULES = ("gymnasium", "mujoco", "torch")
 """Modules that `import quad_env` must not load."""
 IMPORT_QUAD_ENV = "import quad_env, gymnasium"
-"""Timed import of this package."""
+"""Program: the import of this package that is timed."""
 IMPORT_GYMNASIUM = "import gymnasium"
-"""Import that it is compared with."""
+"""Program: the import with which the import of this package is compared."""
 MAKE = "gym.make after it"
-"""Name of the timing of the first environment."""
+"""Name in tables of the duration of `gym.make` for the first environment, after the imports."""
 HELP_COMMANDS = ("python -m evaluate --help", "python -m train --help")
-"""Timed commands."""
+"""Commands that are timed from start to exit."""
 _TIMED = "import time; begin = time.perf_counter(); {code}; print(time.perf_counter() - begin)"
-"""Program that prints the duration of some code, s."""
+"""Template of a program that runs `code` and prints the duration of `code`, s."""
 _CODE = {
     IMPORT_QUAD_ENV: _TIMED.format(code=IMPORT_QUAD_ENV),
     IMPORT_GYMNASIUM: _TIMED.format(code=IMPORT_GYMNASIUM),
     MAKE: f"{IMPORT_QUAD_ENV}; " + _TIMED.format(code="gymnasium.make(quad_env.ENV_ID)"),
 }
-"""Name of a timing -> program."""
+"""Name of a duration in tables -> program that prints this duration."""
 _LOADED = f"import sys, quad_env; print(*(name for name in {FORBIDDEN_MODULES} if name in sys.modules))"
-"""Program that prints the loaded ones of FORBIDDEN_MODULES."""
+"""Program that prints the names of the FORBIDDEN_MODULES that `import quad_env` loads."""
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,12 @@ class StartupBenchmarkOptions(MeasurementOptions):
 
 
 def measure(options: StartupBenchmarkOptions) -> BenchmarkResult:
-    """Measure imports, first environment and help; the ratio compares the two imports."""
+    """Time imports, first environment and help, and compute the ratio of the two imports."""
     if options.quick:
         options = replace(options, rounds=1)
     timed_functions: dict[str, TimedFunction] = {name: _time_inside(code) for name, code in _CODE.items()}
     timed_functions |= {name: _time_outside(name) for name in HELP_COMMANDS}
-    warm_up = 0 if options.quick else 1  # the first reads from the disk
+    warm_up = 0 if options.quick else 1  # because the first round reads files from the disk
     seconds = interleave(timed_functions, options.rounds, "start-up", warm_up)
     loaded = _python("-c", _LOADED).split()
     rows = make_table("Start-up, fresh interpreters", "", "s")
@@ -70,7 +70,17 @@ def measure(options: StartupBenchmarkOptions) -> BenchmarkResult:
 
 
 def _python(*arguments: str) -> str:
-    """Return the output of a fresh interpreter in the root of the repository. Raises OSError if it fails."""
+    """Run a fresh interpreter in the root of the repository and return its output.
+
+    Args:
+        *arguments: Command-line arguments of the interpreter.
+
+    Returns:
+        Text on standard output.
+
+    Raises:
+        OSError: The interpreter exits with an error.
+    """
     run = subprocess.run([sys.executable, *arguments], cwd=REPOSITORY, capture_output=True, text=True, check=False)
     if run.returncode:
         raise OSError(f"python {' '.join(arguments)} failed: {(run.stderr.splitlines() or ['no message'])[-1]}")
@@ -78,12 +88,12 @@ def _python(*arguments: str) -> str:
 
 
 def _time_inside(code: str) -> TimedFunction:
-    """Return a function that times code within a fresh interpreter."""
+    """Return a function that runs a program (`code`) and returns the duration that the program prints, s."""
     return lambda: float(_python("-c", code))
 
 
 def _time_outside(command: str) -> TimedFunction:
-    """Return a function that times a command as a user waits for it."""
+    """Return a function that runs a command and returns its duration from start to exit, s."""
 
     def wait() -> float:
         begin = time.perf_counter()

@@ -24,7 +24,7 @@ from train.run import make_env
 from train.sb3.ppo import make_ppo
 
 REFERENCE = DEFAULTS["residual"]
-"""Settings of the requirement."""
+"""Training configuration for which the requirement is defined."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class TrainingBenchmarkOptions(MeasurementOptions):
 
 
 def measure(options: TrainingBenchmarkOptions) -> BenchmarkResult:
-    """Measure the learner's speed, the speed of the physics alone, and the shares of the other parts."""
+    """Measure the speed of training, the speed of the physics alone, and the fraction of each part."""
     defaults = replace(DEFAULTS["residual"], base=options.base)
     ppo = replace(defaults.ppo, envs=options.envs)
     if options.quick:
@@ -63,13 +63,22 @@ def measure(options: TrainingBenchmarkOptions) -> BenchmarkResult:
 
 
 def _is_reference(options: TrainingBenchmarkOptions) -> bool:
-    """Return whether the requirement holds for these options."""
+    """Return True if the requirement is defined for the given options."""
     measured = (options.robot, options.base, options.envs)
     return measured == (REFERENCE.robot, REFERENCE.base, REFERENCE.ppo.envs)
 
 
 def _parts_table(seconds: Mapping[str, Floats], total: Floats, steps: int) -> Table:
-    """Create the table of the parts of a rollout and its update."""
+    """Create the table of durations: a row for each part of a rollout and its update.
+
+    Args:
+        seconds: Part -> duration in each rollout, (rounds,), s.
+        total: Duration of each rollout with its update, (rounds,), s.
+        steps: Number of control steps in a rollout, all robots together.
+
+    Returns:
+        The table, with the fraction of the total and the duration per step.
+    """
     rows = make_table("Training on one thread, one rollout and its update", "part", "share of the time", "µs a step")
     for part, values in seconds.items():
         share = format_quartiles(compute_quartiles(values / total))
@@ -78,14 +87,14 @@ def _parts_table(seconds: Mapping[str, Floats], total: Floats, steps: int) -> Ta
 
 
 def time_rollouts(config: TrainConfig, rounds: int) -> dict[str, Floats]:
-    """Time the parts of each rollout, after a first one that does not count.
+    """Time the parts of each rollout and its update, after a first rollout that is not timed.
 
     Args:
         config: Training configuration.
-        rounds: Number of rollouts.
+        rounds: Number of timed rollouts.
 
     Returns:
-        Part -> durations, s, (rounds,).
+        Part -> duration in each rollout, (rounds,), s. The parts add up to the whole duration.
     """
     durations = _time_learning(config, rounds)
     robots_without_physics = durations["robots"] - durations["physics"]
@@ -99,7 +108,10 @@ def time_rollouts(config: TrainConfig, rounds: int) -> dict[str, Floats]:
 
 
 def _time_learning(config: TrainConfig, rounds: int) -> dict[str, Floats]:
-    """Time physics, robots, update and the whole of each rollout, s, (rounds,)."""
+    """Return durations in each rollout, (rounds,), s: `physics`, `robots`, `update` and `whole`.
+
+    `robots` is the step of the vector environment, which includes `physics`. `whole` includes all others.
+    """
     env = make_env(config)
     true_step = Simulation._step_physics
     model = make_ppo(config, env)
@@ -124,13 +136,14 @@ def _time_learning(config: TrainConfig, rounds: int) -> dict[str, Floats]:
 
 
 class Stopwatch:
-    """Total duration of calls, by the name under which they are timed."""
+    """Total duration of the calls of wrapped functions, by name."""
 
     def __init__(self) -> None:
         self.seconds = defaultdict[str, float](float)
+        """Name -> total duration of all calls under this name, s."""
 
     def timed(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return the `function` with its duration added under `name`."""
+        """Return a function that calls `function` and adds the duration to the total of `name`."""
 
         def call(*args: Any, **kwargs: Any) -> Any:
             begin = time.perf_counter()

@@ -37,9 +37,9 @@ from quad_env.cli.launcher import launch
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 REFERENCE = ("flat", 1024)
-"""Scenario and number of robots of the requirement."""
+"""Scenario and number of robots for which the requirement is defined."""
 TIMED_RESETS = 5
-"""Number of timed resets."""
+"""Number of resets of all robots over which the duration of a reset is the median."""
 
 
 @dataclass(frozen=True)
@@ -64,21 +64,26 @@ class VectorEnvBenchmarkOptions(MeasurementOptions):
 
 @dataclass(frozen=True)
 class VectorEnvTiming:
-    """Timing of one number of robots on one scenario. The fields are keys of the JSON file."""
+    """Durations for one number of robots on one scenario, made by `time_vector_env`.
+
+    The fields are keys of the JSON file.
+    """
 
     seconds: dict[str, Floats]
-    """Durations per robot and control step, s, (rounds,): of the environment with its share of resets, and of the bare
-    batch."""
+    """Duration of a control step in each round, (rounds,), s per robot.
+
+    `environment` is the vector environment; the cost of resets is distributed over all steps. `bare` is the bare batch.
+    """
     reset_us: Quartiles
     """Duration of a reset, µs per robot."""
     ratio: Quartiles
-    """Speed of the environment over the speed of the bare batch."""
+    """Speed of the environment divided by the speed of the bare batch."""
     overhead_us: Quartiles
-    """Additional duration of an environment step, µs per robot."""
+    """Duration of an environment step minus duration of a step of the bare batch, µs per robot."""
 
 
 def measure(options: VectorEnvBenchmarkOptions) -> BenchmarkResult:
-    """Time each scenario at each number of robots."""
+    """Time environment and bare batch on each scenario, for each number of robots."""
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 3), scenarios=("flat", "rough"), robot_steps=1, warm_up=1)
     if unknown := set(options.scenarios) - set(SCENARIOS):
@@ -97,7 +102,7 @@ def measure(options: VectorEnvBenchmarkOptions) -> BenchmarkResult:
 
 
 def _timings_table(timings: Mapping[tuple[str, int], VectorEnvTiming], options: VectorEnvBenchmarkOptions) -> Table:
-    """Create the table of all timings."""
+    """Create the table of results: a row for each scenario and number of robots."""
     rows = make_table(
         f"Vector env, {with_count(options.threads, 'thread')}, control steps of 10 ms of all robots together",
         *("scenario, robots", "ratio", "overhead, µs", "steps/s", "bare steps/s"),
@@ -110,16 +115,16 @@ def _timings_table(timings: Mapping[tuple[str, int], VectorEnvTiming], options: 
 
 
 def time_vector_env(name: str, num_envs: int, options: VectorEnvBenchmarkOptions, advance: Advance) -> VectorEnvTiming:
-    """Time environment and bare batch, in turns of one control step.
+    """Time environment and bare batch; they take turns after every control step.
 
     Args:
-        name: Scenario.
+        name: Name of the scenario.
         num_envs: Number of robots.
         options: Options of the command.
-        advance: Called when this part is done.
+        advance: Function that is called after the measurement, for the progress bar.
 
     Returns:
-        Durations and their comparison.
+        Durations of both, and their ratio and difference.
     """
     start = bare.make_initial_states(name, num_envs, options.robot)
     batch = bare.BareBatch(start, options.threads)
@@ -145,7 +150,7 @@ def time_vector_env(name: str, num_envs: int, options: VectorEnvBenchmarkOptions
 
 
 class TrotEnv:
-    """Vector environment under the trot, from given initial states."""
+    """Vector environment with robots controlled by the trot, from given initial states."""
 
     def __init__(self, name: str, start: bare.InitialStates, threads: int, robot: str = SIMPLE_QUAD.name) -> None:
         count = len(start.seeds)
@@ -155,12 +160,12 @@ class TrotEnv:
         )
         self._policy.reset(count)
         self.observation, _ = self.env.reset(seed=list(start.seeds))  # type: ignore[arg-type]
-        """Latest observation, (n, k)."""
+        """Latest observations of n robots, (n, k)."""
         self.action: bare.Actions = np.zeros((count, SIMPLE_QUAD.num_joints), np.float32)
-        """Actions of the latest step, (n, 12), rad."""
+        """Joint targets of the latest step, (n, 12), rad."""
 
     def step(self) -> float:
-        """Time the environment's `step`, without the policy, s per robot."""
+        """Run one control step; return the duration of `env.step` without the policy, s per robot."""
         self.action = self._policy.act(self.observation)
         begin = time.perf_counter()
         self.observation, _, terminated, truncated, _ = self.env.step(self.action)
@@ -170,7 +175,7 @@ class TrotEnv:
         return seconds / len(self.action)
 
     def reset(self) -> float:
-        """Time a reset of all robots, s per robot."""
+        """Reset all robots and return the duration, s per robot."""
         begin = time.perf_counter()
         self.env.reset()
         return (time.perf_counter() - begin) / len(self.action)

@@ -25,21 +25,24 @@ from quad_env.cli.launcher import launch
 from quad_env.cli.progress import show_bar
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
-"""Names of the browser's program."""
+"""Names of browser programs, in the order in which they are tried."""
 FLAGS = ("--no-sandbox", "--no-first-run", "--disable-background-networking", "--disable-sync")
-"""Arguments of the browser."""
+"""Command-line arguments of the browser."""
 SOFTWARE = ("--enable-unsafe-swiftshader",)
-"""Argument for rendering without graphics hardware."""
+"""Command-line argument of the browser for rendering without graphics hardware."""
 WARM_UP = 5.0
-"""s. Time before the measurement."""
+"""Time between the first frame and a measurement shorter than LONG_RUN, s."""
 LONG_WARM_UP = 60.0
-"""s. Time before a measurement of LONG_RUN or more, which is about the growth of memory."""
+"""Time between the first frame and a measurement of at least LONG_RUN, s.
+
+A long measurement is about the growth of memory.
+"""
 LONG_RUN = 600.0
-"""s. Shortest duration of a long run."""
+"""Shortest duration of a measurement that counts as long, s."""
 SAMPLE_PERIOD = 1.0
-"""s. Time between two readings."""
+"""Time between two readings of the displayed speed, s."""
 SIZE = {"width": 1280, "height": 900}
-"""pixels. Size of the browser's window."""
+"""Size of the browser window, pixels."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ class ViewBenchmarkOptions(OutputOptions):
 
 
 def measure(options: ViewBenchmarkOptions) -> BenchmarkResult:
-    """Watch the live view for the given time."""
+    """Measure speed, frame rate, first frame and memory of the live view over `options.seconds`."""
     if options.quick:
         options = ViewBenchmarkOptions(quick=True, seconds=4.0, scenario=options.scenario, policy=options.policy)
     with _browser() as browser:
@@ -77,7 +80,10 @@ def measure(options: ViewBenchmarkOptions) -> BenchmarkResult:
 
 
 def _watch(browser: Any, options: ViewBenchmarkOptions) -> dict[str, Any]:
-    """Start the view, open it in the browser and take readings."""
+    """Start the live view, open it in the browser, and return the measured values by name.
+
+    A memory value is a list: memory at the start and at the end of the measurement, MiB.
+    """
     arguments = ["--policy", *options.policy, "--scenario", options.scenario, "--command", "0.5", "0", "0"]
     begin = time.perf_counter()
     with _process("-m", "quad_env", "view", *arguments, "--port", "0", "--no-browser") as view:
@@ -98,7 +104,18 @@ def _watch(browser: Any, options: ViewBenchmarkOptions) -> dict[str, Any]:
 
 
 def _open_page(browser: Any, view: subprocess.Popen[str]) -> Any:
-    """Open the address that the view prints, and wait for the first frame."""
+    """Open the address that the live view prints, wait for the first frame, and return the page.
+
+    Args:
+        browser: Browser of Playwright.
+        view: Process of the live view.
+
+    Returns:
+        Page of Playwright.
+
+    Raises:
+        UsageError: The live view prints no address.
+    """
     assert view.stdout is not None
     line = view.stdout.readline()
     address = re.search(r"http://\S+", line)
@@ -111,7 +128,7 @@ def _open_page(browser: Any, view: subprocess.Popen[str]) -> Any:
 
 
 def _sample(page: Any, seconds: float) -> tuple[float, float]:
-    """Watch the page for that time; return the mean speed over real time, and the frame rate, 1/s."""
+    """Read the page for a time of `seconds`; return mean speed over real time, and frame rate, 1/s."""
     speeds = []
     start = time.perf_counter()
     first_frames = _frames(page)
@@ -125,14 +142,14 @@ def _sample(page: Any, seconds: float) -> tuple[float, float]:
 
 
 def _frames(page: Any) -> int:
-    """Return the number of frames that the page has drawn."""
+    """Return the number of frames that the page has drawn since it was opened."""
     return int(page.locator("#frame").get_attribute("data-frames") or 0)
 
 
 def _memory(process: int, page: Any) -> tuple[float, float]:
-    """Return the memory of a process and of a page's objects after a garbage collection, MiB.
+    """Return the resident memory of a process, and the memory of the JavaScript objects of a page, MiB.
 
-    The first is NaN on systems without /proc.
+    The objects are counted after a garbage collection. The memory of the process is NaN if the system has no /proc.
     """
     session = page.context.new_cdp_session(page)
     session.send("HeapProfiler.collectGarbage")
@@ -145,7 +162,14 @@ def _memory(process: int, page: Any) -> tuple[float, float]:
 
 @contextmanager
 def _browser() -> Iterator[Any]:
-    """Start a headless browser. Raises UsageError if there is none."""
+    """Start a headless browser, and close it at the end.
+
+    Yields:
+        Browser of Playwright.
+
+    Raises:
+        UsageError: No browser program or no Playwright is installed.
+    """
     executable = next(filter(None, map(shutil.which, CHROMIUM)), None)
     if executable is None or find_spec("playwright") is None:
         raise UsageError('needs a browser, `apt-get install chromium`, and `pip install -e ".[dev]"`')
@@ -159,7 +183,7 @@ def _browser() -> Iterator[Any]:
 
 @contextmanager
 def _process(*words: str) -> Iterator[subprocess.Popen[str]]:
-    """Run Python with some arguments, and kill it at the end."""
+    """Start Python with the arguments `words` in a process, and kill the process at the end."""
     process = subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:
         yield process

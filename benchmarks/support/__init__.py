@@ -1,1 +1,1 @@
-"""Common parts of the benchmarks."""
+"""Common parts of all benchmarks: timing, commands, requirements, and MuJoCo for comparison."""

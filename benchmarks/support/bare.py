@@ -1,4 +1,4 @@
-"""MuJoCo alone, with the model, initial states and actions of the environment it is compared with."""
+"""MuJoCo without the environment, for comparison: the same model, initial states and actions."""
 
 import time
 from dataclasses import dataclass
@@ -17,23 +17,23 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]
 COMMAND = (0.5, 0.0, 0.3)
-"""Velocity command of the benchmarks: forward m/s, lateral m/s, yaw rate rad/s."""
+"""Velocity command of all benchmarks: forward, m/s, left, m/s, and yaw rate, rad/s."""
 MAX_STARTS = 256
-"""Maximum number of different initial states in a batch; a larger batch repeats them."""
+"""Largest number of different initial states in a batch; a larger batch repeats the same states."""
 
 
 @dataclass(frozen=True)
 class InitialStates:
-    """A model and n states of it after resets of the environment, made by `make_initial_states`."""
+    """Model and n states after resets of the environment, made by `make_initial_states`."""
 
     model: mujoco.MjModel
-    """Model that the environment steps."""
+    """Model that the environment simulates."""
     seeds: tuple[int, ...]
-    """Seed of each state."""
+    """Seed of the reset for each state."""
     qpos: Floats
-    """Positions, (n, nq)."""
+    """MuJoCo positions `qpos`, (n, nq)."""
     qvel: Floats
-    """Velocities, (n, nv)."""
+    """MuJoCo velocities `qvel`, (n, nv)."""
     dt: float
     """Control period, s."""
 
@@ -44,11 +44,11 @@ class InitialStates:
 
 
 def make_initial_states(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.name) -> InitialStates:
-    """Record the states after `reset` with seeds 0, 1, ….
+    """Record the states after resets of the environment with seeds 0, 1, ….
 
     Args:
         scenario: Name of the scenario.
-        num_envs: Number of states.
+        num_envs: Number of states. More than MAX_STARTS states repeat the first ones.
         robot: Name of the robot.
 
     Returns:
@@ -81,7 +81,7 @@ def record_actions(
     Args:
         steps: Number of control steps.
         seed: Seed of the episode.
-        command: Forward m/s, lateral m/s, yaw rate rad/s.
+        command: Constant command: forward, m/s, left, m/s, and yaw rate, rad/s.
         robot: Name of the robot.
 
     Returns:
@@ -100,7 +100,7 @@ def record_actions(
 
 
 class BareLoop:
-    """One robot in a loop of `mj_step`."""
+    """One robot, simulated by a loop of `mj_step` without the environment."""
 
     def __init__(self, start: InitialStates) -> None:
         self._start = start
@@ -108,12 +108,12 @@ class BareLoop:
         self.restart()
 
     def restart(self) -> None:
-        """Set the first initial state."""
+        """Reset the robot to the first of the initial states."""
         mujoco.mj_resetData(self._start.model, self.data)
         self.data.qpos, self.data.qvel = self._start.qpos[0], self._start.qvel[0]
 
     def run(self, actions: Actions) -> float:
-        """Time the control steps of (steps, 12) actions, s per step."""
+        """Run the control steps of `actions`, (steps, 12), rad, and return the mean duration of a step, s."""
         model = self._start.model
         data = self.data
         substeps = self._start.substeps
@@ -126,7 +126,7 @@ class BareLoop:
 
 
 class BareBatch:
-    """n robots on a bare `Batch`."""
+    """n robots, simulated by `mujoco.batch.Batch` without the environment."""
 
     def __init__(self, start: InitialStates, threads: int) -> None:
         self._substeps = start.substeps
@@ -137,11 +137,11 @@ class BareBatch:
 
     @property
     def qpos(self) -> Floats:
-        """Current positions, (n, nq)."""
+        """Current MuJoCo positions `qpos`, (n, nq)."""
         return np.array(self._batch.bind("qpos"))
 
     def run(self, actions: Actions) -> float:
-        """Time the control steps of (steps, n, 12) actions, s per robot and step."""
+        """Run the control steps of `actions`, (steps, n, 12), rad; return the duration of a step, s per robot."""
         begin = time.perf_counter()
         for action in actions:
             self._controls[:] = action

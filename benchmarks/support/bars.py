@@ -1,21 +1,21 @@
-"""Requirements on the figures of the benchmarks, each with the command that measures the figure."""
+"""Requirements on measured values, each with the benchmark command that measures the value."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Threshold:
-    """Limit of a figure: reached if ≥ `bound`, or kept if ≤ `bound`."""
+    """Lower or upper limit of a measured value."""
 
     sign: str
-    """`≥` or `≤`."""
+    """`≥` for a lower limit, `≤` for an upper limit."""
     bound: float
     """Limit, in `unit`."""
     unit: str = ""
-    """Unit for display, with a leading space if needed."""
+    """Unit that is displayed directly after a number; it starts with a space if one is needed."""
 
     def is_met(self, value: float) -> bool:
-        """Return whether the value is within the limit; NaN is not."""
+        """Return True if the value is within the limit, False if it is not or is NaN."""
         return value >= self.bound if self.sign == "≥" else value <= self.bound
 
     def __str__(self) -> str:
@@ -24,14 +24,14 @@ class Threshold:
 
 @dataclass(frozen=True)
 class Requirement:
-    """Requirement on figures; met if one of its limits is."""
+    """Requirement on one or more measured values; it is met if at least one value is within its limit."""
 
     name: str
-    """Description of the figures."""
+    """Description of the measured values."""
     command: str
-    """Command that measures the figures."""
+    """Benchmark command that measures the values: NAME in `python -m benchmarks.NAME`."""
     limits: tuple[Threshold, ...]
-    """Limit of each figure."""
+    """Limits, one for each measured value."""
 
 
 BARS = {
@@ -72,7 +72,7 @@ BARS = {
         "60 s recorded / not recorded, time of the simulation", "recording", (Threshold("≤", 1.15),)
     ),
 }
-"""Name -> requirement."""
+"""Name of a requirement -> requirement."""
 
 ACCURACY_BARS = {
     "trunk_mm": Threshold("≤", 2.0),
@@ -81,36 +81,36 @@ ACCURACY_BARS = {
     "penetration_mm": Threshold("≤", 2.0),
     "slip_mm_s": Threshold("≤", 1.0),
 }
-"""Figure of `physics_accuracy.Accuracy` -> its limit."""
+"""Field of `physics_accuracy.Accuracy` -> limit of its value."""
 
 
 @dataclass(frozen=True)
 class RequirementCheck:
-    """Values measured for a requirement, one per limit. The fields are keys of the JSON file."""
+    """Measured values of a requirement, made by `check_requirement`. The fields are keys of the JSON file."""
 
     bar: str
     """Name of the requirement in BARS."""
     values: tuple[float, ...]
-    """Measured value for each limit."""
+    """Measured values, one for each limit of the requirement."""
 
     @property
     def is_met(self) -> bool:
-        """True if one of the limits is met."""
+        """True if at least one value is within its limit."""
         return any(limit.is_met(value) for limit, value in zip(BARS[self.bar].limits, self.values, strict=True))
 
 
 def check_requirement(bar: str, *values: float) -> RequirementCheck:
-    """Attach measured values to a requirement.
+    """Return the check of a requirement for measured values.
 
     Args:
-        bar: Name of the requirement.
-        *values: One value for each of its limits.
+        bar: Name of the requirement in BARS.
+        *values: Measured values, one for each limit of the requirement.
 
     Returns:
-        The check.
+        The requirement with its values.
 
     Raises:
-        ValueError: The number of values is wrong.
+        ValueError: The number of values is different from the number of limits.
     """
     if len(values) != len(BARS[bar].limits):
         raise ValueError(f"{bar}: {len(values)} values for {len(BARS[bar].limits)} limits")

@@ -1,4 +1,4 @@
-"""Common parts of all commands: options and their limits, printed tables, JSON file, exit code."""
+"""Common parts of all benchmark commands: options with their limits, tables, JSON file, exit code."""
 
 import dataclasses
 import json
@@ -20,7 +20,7 @@ from quad_env.cli.program import exit_code
 from quad_env.files.writing import write_atomically
 
 WIDTH = 100
-"""Characters. Width that every table fits into."""
+"""Width of the console to which tables are printed, characters."""
 OPTION_LIMITS = {
     "rounds": (1, 10_000),
     "envs": (1, 65_536),
@@ -31,7 +31,7 @@ OPTION_LIMITS = {
     "frames": (1, 10**6),
     "seconds": (1.0, 1e6),
 }
-"""Name of an option -> its smallest and largest value, in all commands."""
+"""Name of an option -> its smallest and largest valid value, in all commands that have the option."""
 
 
 @dataclass(frozen=True)
@@ -57,34 +57,34 @@ OptionsT = TypeVar("OptionsT", bound=OutputOptions)
 
 @dataclass(frozen=True)
 class BenchmarkResult:
-    """Result of a command: figures for the JSON file, tables to print, and checked requirements."""
+    """Result of a command: values for the JSON file, tables to print, and checked requirements."""
 
     figures: dict[str, Any]
-    """Name -> figure, for the JSON file."""
+    """Name -> measured values, for the entry `figures` of the JSON file."""
     tables: tuple[Table, ...]
     """Tables to print."""
     checks: tuple[RequirementCheck, ...] = ()
-    """Requirements with their measured values."""
+    """Requirements that the command checked, with their measured values."""
     notes: tuple[str, ...] = ()
-    """Lines below the tables."""
+    """Lines to print below the tables."""
     unmeasured: tuple[str, ...] = ()
-    """Requirements that another command measures."""
+    """Names of requirements that another command measures."""
 
 
 def make_command(
     kind: type[OptionsT], measure: Callable[[OptionsT], BenchmarkResult], program: str, description: str | None
 ) -> Callable[..., int]:
-    """Create the function that a command line calls: it parses, measures, prints and writes.
+    """Create the main function of a command: parse the options, measure, print, write the JSON file.
 
     Args:
         kind: Dataclass of the options.
-        measure: Measures with these options.
-        program: Name of the command.
+        measure: Function that runs the benchmark with the parsed options.
+        program: Name of the command: NAME in `python -m NAME`.
         description: Text for --help.
 
     Returns:
-        A function of the arguments; without any it takes the arguments of the process. It returns the exit code: 0, 2
-        with one line after a user's mistake, 130 after Ctrl-C.
+        Function of a list of command-line arguments; None takes the arguments of the process. It returns the exit code:
+        0 after success, 2 after a user error with a one-line message, 130 after Ctrl-C.
     """
 
     def run(arguments: Sequence[str]) -> int:
@@ -98,7 +98,14 @@ def make_command(
 
 
 def _check(options: OutputOptions) -> None:
-    """Raise UsageError for a number beyond its limits, an empty or repeated list, or an unwritable file."""
+    """Check the options of a command, and make the folder of the JSON file.
+
+    Args:
+        options: Parsed options.
+
+    Raises:
+        UsageError: A number is outside its limits, a list is empty or has a value twice, or the folder cannot be made.
+    """
     check_numbers(options, {name: limits for name, limits in OPTION_LIMITS.items() if hasattr(options, name)})
     for name, value in vars(options).items():
         if isinstance(value, tuple) and len(set(value)) < max(len(value), 1):
@@ -109,13 +116,13 @@ def _check(options: OutputOptions) -> None:
 
 
 def write_results(result: BenchmarkResult, facts: dict[str, Any], options: OutputOptions, program: str) -> None:
-    """Print the result, and write the JSON file.
+    """Print the result of a command, and write the JSON file if the option `json` is set.
 
     Args:
         result: Result of the command.
-        facts: Facts about the machine.
+        facts: Facts about the machine, from `machine_facts`.
         options: Options of the command.
-        program: Name of the command.
+        program: Name of the command: NAME in `python -m NAME`.
     """
     console = Console(width=WIDTH, highlight=False)
     for rows in result.tables:
@@ -137,7 +144,15 @@ def write_results(result: BenchmarkResult, facts: dict[str, Any], options: Outpu
 
 
 def checks_table(checks: Sequence[RequirementCheck], unmeasured: Sequence[str]) -> Table:
-    """Create the table of `checks`; an `unmeasured` requirement names the command that measures it."""
+    """Create the table of requirements.
+
+    Args:
+        checks: Requirements with measured values.
+        unmeasured: Names of other requirements. The table shows the commands that measure them.
+
+    Returns:
+        The table.
+    """
     rows = make_table("Limits", "figure", "bar", "measured", "")
     for check in checks:
         requirement = BARS[check.bar]
@@ -152,12 +167,12 @@ def checks_table(checks: Sequence[RequirementCheck], unmeasured: Sequence[str]) 
 
 
 def _limits(bar: str) -> str:
-    """Format the limits of a requirement."""
+    """Format the limits of the requirement `bar`, for example `≥ 0.9 or ≤ 6 µs`."""
     return " or ".join(map(str, BARS[bar].limits))
 
 
 def make_table(title: str, *heads: str) -> Table:
-    """Create an empty table with a `title` and `heads`; the first column is left-aligned."""
+    """Create a table without rows, with a `title` and column `heads`; the first column is left-aligned."""
     table = Table(title=title, title_justify="left", title_style="bold")
     for index, head in enumerate(heads):
         table.add_column(head, justify="right" if index else "left")
@@ -165,12 +180,12 @@ def make_table(title: str, *heads: str) -> Table:
 
 
 def format_quartiles(value: Quartiles, digits: int = 2) -> str:
-    """Format the median of a `value`, and the quartiles in brackets, with that number of `digits`."""
+    """Format median and quartiles as rich markup with `digits` decimals: `0.91 [0.90 … 0.92]`."""
     return f"{value.median:,.{digits}f} \\[{value.low:,.{digits}f} … {value.high:,.{digits}f}]"
 
 
 def to_json_types(value: Any) -> Any:
-    """Convert dataclasses, arrays and paths to JSON types, nested to any depth.
+    """Convert dataclasses, arrays and paths to JSON types, in dictionaries and lists of any depth.
 
     Numbers that are not finite become None.
     """

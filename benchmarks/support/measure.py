@@ -1,6 +1,7 @@
 """Interleaved timing of functions.
 
-They take turns (A B A B …), so that other work on the machine slows all of them.
+The timed functions take turns (A B A B …), so that other work on the machine slows all of them equally. A round is one
+call of each function.
 """
 
 import os
@@ -22,23 +23,23 @@ from evaluate.records.provenance import cpu_model
 
 Floats = NDArray[np.float64]
 TimedFunction = Callable[[], float]
-"""Does the same work at every call; returns the duration of one unit of it, s."""
+"""Function that does the same work at every call, and returns the duration of one unit of the work, s."""
 Advance = Callable[[], None]
-"""Counts one part of the work as done."""
+"""Function that moves a progress bar forward by one part of the work."""
 
 
 @contextmanager
 def progress_bar(description: str, total: int) -> Iterator[Advance]:
     """Show the progress of `total` parts of work under a `description` on stderr.
 
-    It is a bar on a terminal, and one line at the end elsewhere.
+    The progress is a bar if stderr is a terminal. Otherwise it is one line after the work, with the duration.
 
     Args:
         description: Name of the work.
         total: Number of parts.
 
     Yields:
-        A function that counts one part as done.
+        Function that moves the progress bar forward by one part.
     """
     console = Console(stderr=True)
     begin = time.perf_counter()
@@ -55,16 +56,16 @@ def progress_bar(description: str, total: int) -> Iterator[Advance]:
 def interleave(
     timed_functions: Mapping[str, TimedFunction], rounds: int, title: str = "", warm_up: int = 1
 ) -> dict[str, Floats]:
-    """Time functions in turns.
+    """Time functions that take turns.
 
     Args:
         timed_functions: Name -> function.
-        rounds: Number of rounds; every function is called once in each.
-        title: Name of the progress bar; empty for none.
-        warm_up: Number of additional first rounds that do not count.
+        rounds: Number of rounds; every function is called once in each round.
+        title: Description of the progress bar; empty to show no bar.
+        warm_up: Number of additional rounds before the timed ones.
 
     Returns:
-        Name -> duration of a unit, s, (rounds,).
+        Name -> duration of one unit of work in each round, (rounds,), s.
     """
     seconds: dict[str, list[float]] = {name: [] for name in timed_functions}
     with progress_bar(title, warm_up + rounds) if title else nullcontext(lambda: None) as advance:
@@ -79,7 +80,7 @@ def interleave(
 
 @dataclass(frozen=True)
 class Quartiles:
-    """Median and quartiles over the rounds."""
+    """Median and quartiles of a measured value over the rounds."""
 
     median: float
     """Median."""
@@ -89,23 +90,23 @@ class Quartiles:
     """Third quartile."""
 
     def scaled(self, factor: float) -> "Quartiles":
-        """Return the quartiles in another unit; `factor` is positive."""
+        """Return median and quartiles multiplied by a positive `factor`, for a change of unit."""
         return Quartiles(self.median * factor, self.low * factor, self.high * factor)
 
 
 def compute_quartiles(values: Floats) -> Quartiles:
-    """Compute median and quartiles over the rounds, (rounds,)."""
+    """Compute the median and the quartiles of the `values` in all rounds, (rounds,)."""
     low, median, high = np.quantile(values, (0.25, 0.5, 0.75))
     return Quartiles(float(median), float(low), float(high))
 
 
 def speed_ratio(subject: Floats, other: Floats) -> Quartiles:
-    """Return the ratio of speeds of `subject` and `other`, from their durations in each round, (rounds,)."""
+    """Return the speed of `subject` over the speed of `other`, from durations in each round, (rounds,)."""
     return compute_quartiles(other / subject)
 
 
 def difference(subject: Floats, other: Floats) -> Quartiles:
-    """Return the additional duration of `subject` over `other` in the same rounds, s, from (rounds,) each."""
+    """Return the duration of `subject` minus `other`, from durations in each round, (rounds,), s."""
     return compute_quartiles(subject - other)
 
 
@@ -115,7 +116,7 @@ def cores() -> int:
 
 
 def machine_facts() -> dict[str, Any]:
-    """Return facts about the machine: processor, cores, load before the run, versions."""
+    """Return facts about the machine by name: processor, cores, current load, software versions."""
     return {
         "cpu": cpu_model(),
         "cores": cores(),
@@ -126,7 +127,7 @@ def machine_facts() -> dict[str, Any]:
 
 
 def machine_line(facts: Mapping[str, Any]) -> str:
-    """Format the facts about the machine as one line."""
+    """Format the facts of `machine_facts` as one line of text."""
     return (
         f"{facts['cpu']}, {facts['cores']} cores, load {facts['load']} at the start; Python {facts['python']}, "
         f"MuJoCo {facts['mujoco']}, NumPy {facts['numpy']}, Gymnasium {facts['gymnasium']}"

@@ -1,4 +1,7 @@
-"""Accuracy of a physics setting: a stride against its reference, and a standing foot."""
+"""Accuracy of a physics setting: deviation of strides from a reference, and slip of standing feet.
+
+The reference is the same stride with a finer time step and a fully converged solver.
+"""
 
 from dataclasses import dataclass
 
@@ -16,57 +19,60 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
 CONTROL_PERIOD = 1 / TaskConfig().control_rate
-"""s. Control period."""
+"""Control period, s."""
 COMMANDS = ((0.5, 0.0, 0.0), (1.2, 0.0, 0.0), (0.0, 0.5, 0.0), (-0.4, 0.0, 0.8))
-"""Commands of the strides: forward m/s, lateral m/s, yaw rate rad/s."""
+"""Commands of the recorded strides: forward, m/s, left, m/s, and yaw rate, rad/s."""
 SETTLING_STEPS = 100
-"""Number of control steps before a recorded stride."""
+"""Number of control steps between the start of an episode and the recorded stride."""
 SIDE_LOAD = 20.0
-"""N. Lateral force on a standing trunk."""
+"""Lateral force on the trunk of a standing robot, under which the slip of the feet is measured, N."""
 
 
 @dataclass(frozen=True)
 class Stride:
-    """A stride of the trot: initial state and joint targets."""
+    """One stride of the trot, made by `record_strides`: initial state and joint targets."""
 
     qpos: Floats
-    """Initial positions, (nq,)."""
+    """Initial MuJoCo positions `qpos`, (nq,)."""
     qvel: Floats
-    """Initial velocities, (nv,)."""
+    """Initial MuJoCo velocities `qvel`, (nv,)."""
     warmstart: Floats
-    """Initial accelerations for the solver, (nv,)."""
+    """Accelerations with which the solver starts, `qacc_warmstart`, (nv,)."""
     targets: Floats
-    """Joint targets, (steps, 12), rad."""
+    """Joint targets at each control step, (steps, 12), rad."""
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Accuracy of one setting; every figure has its bar in `bars.ACCURACY_BARS`."""
+    """Accuracy of one physics setting, made by `measure_accuracy`.
+
+    `bars.ACCURACY_BARS` has the limit of each field. A deviation is the largest one over all strides.
+    """
 
     trunk_mm: float
-    """mm. Largest distance of the trunk from the reference, in the worst stride."""
+    """Largest distance between the trunk positions of stride and reference, mm."""
     tilt_rad: float
-    """rad. Largest angle between trunk and reference."""
+    """Largest angle between the trunk orientations of stride and reference, rad."""
     joints_rad: float
-    """rad. Largest difference of a joint angle."""
+    """Largest difference between the joint angles of stride and reference, rad."""
     penetration_mm: float
-    """mm. Penetration of a standing foot."""
+    """Penetration depth of a standing foot into the ground, mm."""
     slip_mm_s: float
-    """mm/s. Speed of a standing foot under SIDE_LOAD."""
+    """Speed of a standing foot while SIDE_LOAD acts on the trunk, mm/s."""
 
     @property
     def is_within_bars(self) -> bool:
-        """True if the setting meets every accuracy bar."""
+        """True if every value is within its limit."""
         return all(limit.is_met(getattr(self, name)) for name, limit in ACCURACY_BARS.items())
 
 
 def record_strides(commands: tuple[tuple[float, float, float], ...] = COMMANDS) -> tuple[Stride, ...]:
-    """Record one stride of the trot for each command, from a settled gait in the shipped environment."""
+    """Record one stride of the trot for each command, after SETTLING_STEPS in the shipped environment."""
     return tuple(_stride(command) for command in commands)
 
 
 def _stride(command: tuple[float, float, float]) -> Stride:
-    """Record one stride at that command."""
+    """Record one stride of the trot at the given command."""
     policy = policies.Trot()
     start: list[mujoco.MjData] = []
     targets: list[Floats] = []
@@ -90,11 +96,11 @@ def measure_accuracy(
 
     Args:
         setting: Physics setting.
-        recorded_strides: Strides to replay.
-        reference: Setting of the reference.
+        recorded_strides: Strides to replay with the setting and with the reference.
+        reference: Change of the shipped model for the reference.
 
     Returns:
-        The figures, the worst over the strides.
+        The accuracy, with the largest deviations over all strides.
     """
     model = compile_model(setting.change)
     reference_model = compile_model(reference)
@@ -105,7 +111,7 @@ def measure_accuracy(
 
 
 def _deviation(model: mujoco.MjModel, reference: mujoco.MjModel, stride: Stride) -> tuple[float, float, float]:
-    """Return the largest deviations of a stride: trunk, mm, tilt, rad, joints, rad."""
+    """Return the largest deviations of a stride from the reference: trunk, mm, tilt, rad, joints, rad."""
     positions = replay_stride(model, stride)
     true_positions = replay_stride(reference, stride)
     trunk = np.linalg.norm(positions[:, :3] - true_positions[:, :3], axis=1).max()
@@ -115,7 +121,7 @@ def _deviation(model: mujoco.MjModel, reference: mujoco.MjModel, stride: Stride)
 
 
 def replay_stride(model: mujoco.MjModel, stride: Stride) -> Floats:
-    """Replay a `stride` on a `model`; return the positions after each control step, (steps, nq)."""
+    """Simulate a `stride` with a `model`; return `qpos` after each control step, (steps, nq)."""
     data = mujoco.MjData(model)
     data.qpos = stride.qpos
     data.qvel = stride.qvel
@@ -129,7 +135,7 @@ def replay_stride(model: mujoco.MjModel, stride: Stride) -> Floats:
 
 
 def _standing(model: mujoco.MjModel) -> tuple[float, float]:
-    """Return the penetration of a standing foot, mm, and its largest speed under a side load, mm/s."""
+    """Return the largest penetration of standing feet, mm, and their largest speed under SIDE_LOAD, mm/s."""
     data = mujoco.MjData(model)
     feet = [model.site(f"{leg}_foot").id for leg in SIMPLE_QUAD.leg_names]
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -144,6 +150,6 @@ def _standing(model: mujoco.MjModel) -> tuple[float, float]:
 
 
 def _advance(model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:
-    """Step the simulation for that time, s."""
+    """Step the simulation for a time of `seconds`, with constant control inputs and external forces."""
     for _ in range(round(seconds / model.opt.timestep)):
         mujoco.mj_step(model, data)

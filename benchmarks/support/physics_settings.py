@@ -1,4 +1,4 @@
-"""Physics settings to compare: changes of the shipped model, by name."""
+"""Physics settings that are compared, by name; a setting is a change of the shipped MuJoCo model."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from quad_env.physics.model import make_stepping_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 SpecEdit = Callable[[mujoco.MjSpec], None]
-"""Changes a model's specification."""
+"""Function that changes the specification of a model in place."""
 
 NEWTON = int(mujoco.mjtSolver.mjSOL_NEWTON)
 CG = int(mujoco.mjtSolver.mjSOL_CG)
@@ -20,7 +20,7 @@ ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 
 
 def edit_options(**values: Any) -> SpecEdit:
-    """Return a change of simulation options."""
+    """Return a function that sets MuJoCo simulation options of a model to the given values."""
 
     def change(spec: mujoco.MjSpec) -> None:
         for name, value in values.items():
@@ -30,13 +30,14 @@ def edit_options(**values: Any) -> SpecEdit:
 
 
 def collide_with_ground_only(*suffixes: str) -> SpecEdit:
-    """Return a change after which geoms collide with the ground alone.
+    """Return a function that changes a model so that geoms collide only with the ground.
 
     Args:
-        *suffixes: Ends of the names of these geoms; all others collide with nothing. None: all geoms.
+        *suffixes: Name suffixes of the geoms that collide with the ground; all other geoms collide with nothing.
+            Without suffixes, all geoms collide with the ground.
 
     Returns:
-        The change.
+        Function that changes the specification of a model.
     """
 
     def change(spec: mujoco.MjSpec) -> None:
@@ -50,7 +51,7 @@ def collide_with_ground_only(*suffixes: str) -> SpecEdit:
 
 
 def combine(*changes: SpecEdit) -> SpecEdit:
-    """Return a change that applies some changes one after the other."""
+    """Return a function that applies all `changes` to a model, one after the other."""
 
     def change(spec: mujoco.MjSpec) -> None:
         for apply in changes:
@@ -60,28 +61,31 @@ def combine(*changes: SpecEdit) -> SpecEdit:
 
 
 FINE = edit_options(timestep=0.0005, solver=NEWTON, iterations=100, tolerance=1e-10)
-"""Four times finer time step with a fully converged solver: the reference for the accuracy of a setting."""
+"""Reference for the accuracy of a setting: a four times finer time step and a fully converged solver."""
 
 
 @dataclass(frozen=True)
 class PhysicsSetting:
-    """A change of the shipped model."""
+    """Physics setting: a change of the shipped model."""
 
     change: SpecEdit
-    """Change of the specification."""
+    """Function that changes the specification of the model."""
     use_stepping_model: bool = True
-    """True: stepped as in the environment. False: with every sensor evaluated, and islands of constraints searched."""
+    """True to simulate the model as the environment does.
+
+    False to evaluate every sensor, and to search for constraint islands, in each step.
+    """
 
     def model(self) -> mujoco.MjModel:
-        """Compile the model."""
+        """Compile the model with this setting."""
         model = compile_model(self.change)
         return make_stepping_model(model) if self.use_stepping_model else model
 
 
 SHIPPED = "shipped"
-"""Name of the shipped settings."""
+"""Name of the shipped setting, which the environment uses."""
 ORIGINAL_SETTINGS = "first settings"
-"""Name of the first settings of the project, which the speed of others is compared with."""
+"""Name of the first setting of the project; the speed of every setting is compared with its speed."""
 
 SETTINGS: dict[str, PhysicsSetting] = {
     SHIPPED: PhysicsSetting(edit_options()),
@@ -110,11 +114,11 @@ SETTINGS: dict[str, PhysicsSetting] = {
         combine(collide_with_ground_only("foot", "trunk"), edit_options(solver=PGS, iterations=5))
     ),
 }
-"""Name -> setting; a number after a solver is its number of iterations."""
+"""Name -> setting; a number after the name of a solver is its number of iterations."""
 
 
 def compile_model(change: SpecEdit) -> mujoco.MjModel:
-    """Compile the robot's model with a change."""
+    """Compile the model of SimpleQuad with a `change` of its specification."""
     spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
     change(spec)
     return spec.compile()
