@@ -58,7 +58,7 @@ def load_labelled_policy(
         label: Name or path of the policy.
         hardware: Hardware of the robots in scenarios that do not use the hardware profile.
         scenarios: Scenarios of the run.
-        trust: True to load files that can hide code.
+        trust: True to load files that can contain hidden code.
         only_on: Names of the scenarios that the policy runs on; empty for all scenarios.
 
     Returns:

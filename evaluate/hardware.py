@@ -66,7 +66,7 @@ class HardwareConfig:
 
         Args:
             name_or_path: Name or path of the policy, as for `policies.resolve`.
-            trust: True to load files that can hide code.
+            trust: True to load files that can contain hidden code.
             on_hardware_profile: True for scenarios with the robot's hardware profile. The project's controllers then
                 use the servo gains of the robot's manufacturer.
             **options: Further options of the policy, for example `parameters`.

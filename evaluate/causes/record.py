@@ -111,7 +111,7 @@ class EpisodeSignals:
 
     @cached_property
     def onset(self) -> int:
-        """First step after the last step in which tilt, height and capture point were all ordinary."""
+        """Onset of the failure: first step after tilt, height and capture point were last all ordinary."""
         offset = planar(self.capture_point_offset) - planar(self.signal("command")) * self.time_constant
         depth = -self.signal("height") / self.episodes.robot.home_height
         is_unusual = (
@@ -122,9 +122,9 @@ class EpisodeSignals:
         return int(np.flatnonzero(np.append(True, ~is_unusual)).max())
 
     def _exceeds_usual(self, signal: Floats, limit: float) -> Bools:
-        """Return the mask of the steps in which a signal exceeds `limit` and its own usual range.
+        """Return the mask of the steps in which a signal exceeds `limit` and the signal's usual range.
 
-        The usual range is computed from earlier steps; only `limit` counts if there are too few of them.
+        The usual range is computed from the steps well before the fall. Only `limit` counts if these are too few.
         """
         usual = signal[self.steps("start") : max(0, self.end - self.steps("before the fall"))]
         if len(usual) > self.steps("stride"):

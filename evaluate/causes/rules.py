@@ -202,7 +202,7 @@ def motor_saturation(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def _saturation(record: EpisodeSignals) -> Event:
-    """Return the event of motors at their torque limit, or at the speed limit of a torque-speed curve."""
+    """Return the event of motors at the torque limit, or at the speed limit of a torque-speed curve."""
     window = record.window
     episodes = record.episodes
     limit = np.broadcast_to(episodes.torque_limit, episodes.joint_torque.shape[-1:])
@@ -243,7 +243,7 @@ def limits(record: EpisodeSignals) -> Iterator[Event]:
 def estimation_error(record: EpisodeSignals) -> Iterator[Event]:
     """Find errors of the observed tilt and velocity.
 
-    The observation is compared with the true state at the time before the known delay.
+    Each observation is compared with the true state at its time of measurement, since the delay is known.
     """
     if record.episodes.observed is None:
         return

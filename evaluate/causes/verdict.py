@@ -92,8 +92,8 @@ def _verdict_on_fall(record: EpisodeSignals) -> Verdict:
 def _is_certain(record: EpisodeSignals, first: Event, triggered_events: tuple[Event, ...]) -> bool:
     """Return True if the event `first` is certainly the cause of a fall.
 
-    Its score must be high, no event of another cause may begin earlier or at the same time, and a trip must not have
-    happened before without a fall.
+    The score of `first` must be high, and no event of another cause may begin earlier or at the same time. A trip must
+    not have happened before without a fall. Joint limits are never certain, and do not count as another cause.
     """
     has_competing_cause = any(
         event.step <= first.step for event in triggered_events if event.cause not in (first.cause, rules.REACH)

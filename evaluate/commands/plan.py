@@ -132,7 +132,7 @@ def _supported(options: EvaluateOptions, scenarios: Sequence[Scenario]) -> tuple
         Supported scenarios.
 
     Raises:
-        UsageError: A scenario is not supported and scenarios other than batteries are named, or none is supported.
+        UsageError: No scenario is supported; or one is not supported and the options name single scenarios.
     """
     errors = {}
     for scenario in scenarios:
@@ -158,7 +158,7 @@ def select_policies(
         names: Names, paths or `NAME@SCENARIO`.
         scenarios: Scenarios of the run.
         hardware: Hardware of the robots.
-        trust: True to load files that can hide code.
+        trust: True to load files that can contain hidden code.
 
     Returns:
         Policies in the order of the names.

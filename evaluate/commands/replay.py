@@ -295,7 +295,7 @@ def load_policy(
     Args:
         label: Name or path of the policy.
         manifest: Manifest of the run.
-        trust: True to load files that can hide code.
+        trust: True to load files that can contain hidden code.
         complaint: Start of the error message.
 
     Returns:

@@ -73,7 +73,7 @@ def quotient(sums: Numbers, counts: Numbers) -> Floats:
 
 
 def planar(vectors: Floats) -> Floats:
-    """Return the horizontal norm of `vectors`, (…, k): the length of entries x and y, (…)."""
+    """Return the horizontal length, (…), of `vectors`, (…, k), from the first two entries."""
     return np.asarray(np.hypot(vectors[..., 0], vectors[..., 1]))
 
 

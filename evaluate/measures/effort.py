@@ -11,7 +11,10 @@ from evaluate.measures.episodes import Episodes
 ENERGY_RULE = "energy/2"
 """Version of the energy measures, which use every physics step and the torques that joints received."""
 MIN_DISTANCE = 1.0
-"""Minimum distance for a cost of transport, because the quotient of a shorter one is arbitrary, m."""
+"""Minimum distance of an episode with a cost of transport, m.
+
+The cost of a shorter distance is NaN, because the quotient would be nearly arbitrary.
+"""
 LIMIT_MARGIN = 0.01
 """Distance from a joint limit within which the joint counts as at the limit, rad."""
 SUMS = ("positive_work", "regeneration", "joule_heat")

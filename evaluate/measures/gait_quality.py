@@ -11,9 +11,9 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import Footfalls, footfalls
 
 TOUCHDOWN_TIME = 0.02
-"""Duration of a touch-down, s; it starts in the control step in which the foot lands.
+"""Duration of a touch-down, s.
 
-It is rounded to whole control steps, at least one.
+A touch-down starts with the control step in which the foot lands, and lasts a whole number of control steps.
 """
 
 

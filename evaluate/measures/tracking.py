@@ -1,7 +1,7 @@
 """Measures of command tracking: pure functions of (steps, n, …) arrays in the heading frame.
 
 Every step from a fall to the time limit counts with the maximum error of the measure, because a fall must not reduce
-an error. Only `velocity_error_upright` and the mean velocities ignore these steps.
+an error. Only `velocity_error_upright`, `mean_velocities` and `distance_covered` ignore these steps.
 """
 
 from dataclasses import dataclass
@@ -150,12 +150,12 @@ def mean_velocities(velocity: Floats, upright: Bools, windows: tuple[slice, ...]
 
 
 def distance_covered(velocity: Floats, upright: Bools, stretches: tuple[slice, ...], dt: float) -> Floats:
-    """Return the sum of the distances of all stretches: ‖mean velocity‖ times upright time.
+    """Return the covered distance: ‖mean velocity‖ × upright time, summed over stretches of steps.
 
     Args:
         velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
         upright: True for upright steps, (steps, n).
-        stretches: Slices of the steps.
+        stretches: Slices of the steps, one for each command interval.
         dt: Control step, s.
 
     Returns:

@@ -49,10 +49,10 @@ The command `compare` reports a difference of all but the git revision.
 
 @dataclass(frozen=True)
 class Manifest:
-    """All inputs of a run: every policy on each of its scenarios, with the same seeds."""
+    """All inputs of a run, in which each policy runs its scenarios with the same seeds."""
 
     policies: Mapping[str, str]
-    """Label -> digest of the policy, in the order of the run."""
+    """Label -> digest (hash of parameters and weights) of the policy, in the order of the run."""
     scenarios: tuple[Scenario, ...]
     seed: int
     """Evaluation seed."""
@@ -67,7 +67,7 @@ class Manifest:
     cpu: str
     """Name of the processor."""
     options: Mapping[str, Any]
-    """Options of the command line by name; --resume reads them from here."""
+    """Option name on the command line -> value; `--resume` reads the options from the manifest."""
     threads: int
     """Threads of the simulation; no result depends on their number."""
     hardware: HardwareConfig = IDEAL
@@ -146,7 +146,7 @@ def manifest(
     Args:
         policies: Policies in the order of the run.
         scenarios: Scenarios in the order of the run.
-        options: Options of the command line by name.
+        options: Option name on the command line -> value.
         seed: Evaluation seed.
         episodes: Episodes of each policy on each scenario.
         steps: Control steps of an episode.

@@ -1,4 +1,4 @@
-"""Provenance of results: versions, processor, and digests of code, policies and robot model."""
+"""Provenance of results: versions, processor, and digests (hashes) of code, policies and robot model."""
 
 import ast
 import ctypes
@@ -95,7 +95,10 @@ def git_revision(folder: Path) -> str | None:
 
 
 def cpu_model() -> str:
-    """Return the name of the processor, because processors can differ in the last bit of a function."""
+    """Return the name of the processor.
+
+    Results depend on the processor, because processors can round the last bit of a function differently.
+    """
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -162,7 +165,7 @@ def _is_docstring(node: Any) -> bool:
 
 
 def policy_digest(*policies: Policy) -> str:
-    """Return the SHA-256 of policies that have not run yet: classes, parameters, weights and attributes."""
+    """Return the SHA-256 of new policies: classes and attributes, including parameters and weights."""
     digest = hashlib.sha256()
     for piece in chain.from_iterable(_pieces(policy, ()) for policy in policies):
         digest.update(piece + b"\n")

@@ -135,10 +135,7 @@ def read_rows(folder: Path) -> tuple[Manifest, pa.Table]:
 
 
 def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
-    """Return the manifest, the rows, and True if the rows were read from episodes.parquet.
-
-    It raises the same errors as `read_run`.
-    """
+    """Read the manifest, the rows, and if the rows come from episodes.parquet; errors as in `read_run`."""
     manifest = manifests.read(folder)
     has_chunks = is_unfinished(folder)
     try:

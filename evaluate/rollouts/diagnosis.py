@@ -53,7 +53,7 @@ class ServosByRow(HardwareConfig):
 
 
 def run_walk_tests(policy: Policy, robot: str, copies: int = 1) -> list[Walk]:
-    """Run a walk at each of COMMANDS for each of SEEDS.
+    """Run a walk for each command in COMMANDS and each seed in SEEDS.
 
     Args:
         policy: Policy of the robots.
@@ -61,7 +61,7 @@ def run_walk_tests(policy: Policy, robot: str, copies: int = 1) -> list[Walk]:
         copies: Number of repetitions of all walks.
 
     Returns:
-        The walks.
+        The results of the walks.
     """
     return run_walks(policy, HardwareConfig(robot=robot), COMMANDS, SEEDS, copies)
 
@@ -123,7 +123,7 @@ def _explain(scored: Sequence[tuple[float, Correction]]) -> str:
 
 
 def _deviations(policy: ExternalPolicy, robot: str, candidates: Iterable[Correction]) -> list[tuple[float, Correction]]:
-    """Test the corrections that are best on the short walk, and return the policy's largest deviation.
+    """Test corrections of a policy: all on a short walk, then the best ones on all commands.
 
     Args:
         policy: A policy with a description.
@@ -131,7 +131,7 @@ def _deviations(policy: ExternalPolicy, robot: str, candidates: Iterable[Correct
         candidates: Corrections of the description.
 
     Returns:
-        Pairs of largest deviation and correction, sorted by the result of the short walk.
+        Pairs of largest deviation on all commands and correction, sorted by the deviation on the short walk.
     """
     robot_model = HardwareConfig(robot=robot).robot_model
     tested = list(candidates)
@@ -154,7 +154,7 @@ def _largest_deviations(
     seeds: NDArray[np.int64],
     shortened_by: float = 1.0,
 ) -> NDArray[np.float64]:
-    """Return the largest deviation of each policy from its commands.
+    """Return the largest deviation of each policy's walks from the commands.
 
     Args:
         policies: Policies to test together, each with its own servo gains.

@@ -1,6 +1,6 @@
 """The rollout loop: a policy controls n robots for one episode each, and observers receive every step.
 
-Each robot runs exactly one episode, because a robot that restarted would count its short episodes more often.
+Each robot runs exactly one episode, because restarted robots would give short episodes too much weight.
 """
 
 from collections.abc import Callable, Generator
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
 STEPS = 1000
-"""Control steps of a full episode."""
+"""Number of control steps of a full episode."""
 REPORT_PERIOD = 25
-"""Control steps between two calls of the progress callback."""
+"""Number of control steps between two calls of the progress callback."""
 
 Progress = Callable[[float], None]
-"""Receives the finished fraction of the rollout, 0 … 1; 1 exactly once, at the end."""
+"""Function that receives the finished fraction of the rollout, 0 … 1; the value 1 comes once, at the end."""
 
 
 def roll_out(

@@ -1,4 +1,8 @@
-"""Runs the cells of a comparison: splits them into tasks, simulates the tasks, and joins their chunks."""
+"""Execution of a comparison: splits cells into tasks, simulates the tasks, and joins the chunks.
+
+A cell holds the episodes of one policy on one scenario. A task simulates some episodes of a cell together; its result
+is a chunk.
+"""
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
@@ -74,7 +78,7 @@ def run_cells(
         settings: Store, executor and hardware.
 
     Yields:
-        The cells as they are finished; their order depends on the executor.
+        Each cell when all of its episodes are finished; the order of the cells depends on the executor.
     """
     pending = [
         _PendingCell(policy, scenario, seeds, settings)
@@ -136,7 +140,7 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Epi
 
 
 def measure_cell(label: str, scenario: Scenario, episodes: Episodes) -> PolicyScenarioResult:
-    """Measure recorded episodes and determine the causes of the failed ones.
+    """Measure recorded episodes and determine the causes of failures.
 
     Args:
         label: Label of the policy.
@@ -173,7 +177,7 @@ class _PendingCell:
         """First episode index of each running task -> number of finished episodes, with fractions."""
 
     def tasks(self) -> Iterator[Task]:
-        """Yield tasks for the missing episodes: contiguous index ranges of at most `chunk_size` episodes."""
+        """Yield a task for each range of missing episodes: consecutive indices, at most `chunk_size`."""
         stored = [np.arange(0), *(chunk.episode_indices for chunk in self.chunks)]
         missing = np.setdiff1d(np.arange(len(self.seeds)), np.concatenate(stored))
         for episode_indices in _contiguous_runs(missing, self.settings.chunk_size):

@@ -177,7 +177,7 @@ def _end(workers: Sequence[_Worker]) -> None:
 
 @contextlib.contextmanager
 def _worker_environment() -> Iterator[None]:
-    """In the context, start new processes with one BLAS thread that ignore Ctrl-C; the parent handles it."""
+    """Context in which new processes use one BLAS thread and ignore Ctrl-C, because the parent handles it."""
     before = os.environ.get(BLAS_THREADS)
     os.environ[BLAS_THREADS] = "1"
     try:
