@@ -49,36 +49,36 @@ from research.pages.markdown import table
 from research.studies.failure_films import stack_images
 
 FILM_STEPS = range(400, 600, 2)
-"""Control steps, counted from 0, after which frames are rendered; contacts are drawn from the first to the last."""
+"""Control steps, counted from 0, after which frames are rendered. The gait diagram covers the same time."""
 FRAME_STRIDE = 3
-"""Every third rendered frame is a frame of the film."""
+"""Distance between two frames of the film, rendered frames."""
 FRAMES = 8
-"""Number of frames of a stride."""
+"""Number of frames in the picture of a stride."""
 SIZE = (400, 300)
-"""pixels. Size of a rendered frame."""
+"""Width and height of a rendered frame, pixels."""
 SKY = 50
-"""pixels. Height that is cut off at the top of a rendered frame."""
+"""Height that is cut off at the top of a rendered frame, pixels."""
 SAMPLES = 2
-"""Number of rendered pixels, across and down, in a pixel of the picture of several walks."""
+"""Factor by which frames are reduced in width and height for the film of several walks."""
 SMALL = (160, 100)
-"""pixels. Size of a frame in all other pictures."""
+"""Width and height of a frame in all other pictures, pixels."""
 QUALITY = 20
-"""Quality of the films, out of 100."""
+"""WebP quality of the films, from 0 to 100."""
 LETTERS = 13
-"""pixels. Font size in the picture of several walks."""
+"""Font size in the film of several walks, pixels."""
 README_FILM_POLICIES = (
     *product(("simple_quad",), ("trot_feedback", "mpc_wbc", "residual", "robust")),
     *product(("go1", "go2"), ("trot_feedback", "mpc_wbc")),
 )
-"""Walks of the README's picture, which is drawn if the pages have all of them."""
+"""Robot and policy of each walk in the film of the README. The film is written if the pages name all of the walks."""
 COLUMNS = 4
-"""Number of walks in a row of that picture."""
+"""Number of walks in each row of the README's film."""
 FIGURES = "step_rate", "duty_factor", "flight", "trunk_height", "cost_of_transport"
-"""Figures of the table."""
+"""Names of the measures in the table of a block."""
 Key = tuple[str, str]
-"""Robot and policy, as a page names them."""
+"""Names of robot and policy, as in the first line of a block."""
 PLACE = re.compile(r"(?<=<!-- gaits )(\S+) (.+?)( -->\n).*?(?=<!-- /gaits -->)", re.DOTALL)
-"""Block for gaits in a page."""
+"""Pattern of a block for gaits in a page."""
 
 
 @dataclass(frozen=True)
@@ -92,9 +92,9 @@ class GaitsOptions:
 
 
 def main(options: GaitsOptions) -> int:
-    """Record, draw, write, and return the exit code.
+    """Simulate and draw the walks, write pictures and pages, and return the exit code.
 
-    Raises UsageError, PolicyError or OSError before anything is drawn.
+    Raises UsageError, PolicyError or OSError before the first walk is drawn.
     """
     pages = options.pages or sorted((*Path("docs").glob("*.md"), *Path("models").rglob("*.md")))
     texts = {page: text for page in pages if PLACE.search(text := read_page(page))}
@@ -118,7 +118,16 @@ def main(options: GaitsOptions) -> int:
 def _draw_walks(
     walks: Mapping[Key, FilmSpec], folder: Path
 ) -> tuple[dict[Key, dict[str, str]], dict[Key, list[Image.Image]]]:
-    """Draw all walks in parallel; return their figures and the larger images of their films."""
+    """Draw all walks in parallel.
+
+    Args:
+        walks: Robot and policy -> specification of the walk.
+        folder: Folder of the pictures.
+
+    Returns:
+        Robot and policy -> measures of the walk, as text by column; and robot and policy -> images of the walk for the
+        film of several walks.
+    """
     with ProcessPoolExecutor(available_cores(), get_context("spawn")) as pool:
         results = pool.map(draw_walk, walks.values(), repeat(folder))
         drawn_walks = list(track(results, "walking", len(walks), console=Console(stderr=True)))
@@ -128,7 +137,10 @@ def _draw_walks(
 
 
 def _walk(robot: str, name: str) -> FilmSpec:
-    """Create the film of `POLICY` or `POLICY@SCENARIO` of a robot. Raises UsageError or PolicyError."""
+    """Create the specification of a walk: robot, policy, scenario and seed. Raises UsageError or PolicyError.
+
+    `name` is POLICY or POLICY@SCENARIO.
+    """
     hardware = parse_robot_option(robot, "a place for gaits")
     policy, _, scenario_name = name.partition("@")
     try:
@@ -147,16 +159,16 @@ def _walk(robot: str, name: str) -> FilmSpec:
 
 
 def draw_walk(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.Image]]:
-    """Draw a walk, and write NAME.webp and NAME_film.webp.
+    """Simulate and draw a walk, and write the pictures NAME.webp and NAME_film.webp.
 
-    A robot that has fallen is shown as it lies.
+    If the robot falls, the last frame is repeated.
 
     Args:
-        walk: Policy and episode.
+        walk: Specification of the walk.
         folder: Folder of the pictures.
 
     Returns:
-        Figures of the whole walk, as text by column, and the larger images of the film.
+        Measures of the whole walk, as text by column, and the images for the film of several walks.
     """
     images, episodes = _render_walk(walk)
     film = images[::FRAME_STRIDE]
@@ -172,7 +184,7 @@ def draw_walk(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.
 
 
 def _render_walk(walk: FilmSpec) -> tuple[list[Image.Image], Episodes]:
-    """Render the robot after each of FILM_STEPS; return the images and the record of the episode."""
+    """Simulate a walk, and return a frame after each control step in FILM_STEPS and the record of the episode."""
     (policy,) = walk.policies
     with closing(EpisodeView(policy, walk, RenderOptions(SIZE, camera=None))) as view:
         images = [_frame(view) for step in view if step.number - 1 in FILM_STEPS]
@@ -181,7 +193,7 @@ def _render_walk(walk: FilmSpec) -> tuple[list[Image.Image], Episodes]:
 
 
 def _still(images: Sequence[Image.Image], episodes: Episodes) -> bytes:
-    """Encode the gait diagram above the frames of one stride."""
+    """Return the picture of a walk as WebP: the gait diagram above the frames of one stride."""
     is_upright = np.arange(FILM_STEPS.start, FILM_STEPS.stop) < episodes.fall_step[0]
     contact = episodes.foot_contact[FILM_STEPS.start : FILM_STEPS.stop, 0] & is_upright[:, None]
     times = np.linspace(*find_stride(contact), FRAMES, endpoint=False)
@@ -194,17 +206,25 @@ def _still(images: Sequence[Image.Image], episodes: Episodes) -> bytes:
 
 
 def _frame(view: EpisodeView) -> Image.Image:
-    """Render the robot, without the sky."""
+    """Render the robot, and cut off the sky."""
     return view.picture().crop((0, SKY, *SIZE))
 
 
 def _film(images: Sequence[Image.Image]) -> bytes:
-    """Encode the film."""
+    """Encode images as an animated WebP that plays in real time."""
     return encode_animation(images, "webp", FRAME_STRIDE * FILM_STEPS.step * CONTROL_PERIOD, quality=QUALITY)
 
 
 def find_stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
-    """Find two touch-downs of the first foot that has two, in contacts (steps, feet); else all steps."""
+    """Find a stride: two successive touch-downs of the same foot.
+
+    Args:
+        contact: True for feet in contact, (steps, feet).
+
+    Returns:
+        Indices of the first and the second touch-down of the first foot that has two; of the start and the end of
+        `contact` if no foot has two.
+    """
     stance = debounce(contact, round(MIN_SWING_TIME / CONTROL_PERIOD))
     for foot_stance in stance.T:
         touchdowns = np.flatnonzero(np.diff(foot_stance.astype(int)) == 1) + 1
@@ -216,13 +236,13 @@ def find_stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
 def draw_gait_diagram(
     contact: NDArray[np.bool_], chosen: Sequence[int], legs: Sequence[str], width: int
 ) -> Image.Image:
-    """Draw the gait diagram: a row per foot, filled while in contact, and marks at the frames.
+    """Draw the gait diagram: one row per foot, filled while the foot is in contact, with a mark at each frame.
 
     Args:
-        contact: Contacts, (steps, feet).
-        chosen: Indices of the frames in the film.
+        contact: True for feet in contact, (steps, feet).
+        chosen: Indices into FILM_STEPS of the frames that are marked.
         legs: Names of the legs.
-        width: Width, pixels.
+        width: Width of the image, pixels.
 
     Returns:
         The image.
@@ -246,7 +266,17 @@ def draw_gait_diagram(
 def _filled(
     walks: Mapping[Key, FilmSpec], figures: Mapping[Key, dict[str, str]], folder: str, block: re.Match[str]
 ) -> str:
-    """Return a block with its tables; `folder` is the path of the pictures from the page."""
+    """Return the text of a block for gaits, with the tables of measures and pictures.
+
+    Args:
+        walks: Robot and policy -> specification of the walk.
+        figures: Robot and policy -> measures of the walk, as text by column.
+        folder: Path from the page to the folder of the pictures.
+        block: Match of PLACE in the page.
+
+    Returns:
+        The new text of the match.
+    """
     heads = {ROW_LABEL: "controller", "speed": "speed, m/s"}
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FIGURES}
     pictures = {ROW_LABEL: "controller", "film": "2 s", "still": "feet on the ground in these 2 s; one stride"}
@@ -257,7 +287,7 @@ def _filled(
 
 
 def _picture_row(walk: FilmSpec, robot: str, name: str, folder: str) -> dict[str, str]:
-    """Return the label and the pictures of a walk."""
+    """Return the row of a walk in the table of pictures: name of the column -> Markdown."""
     scenario_note = "" if walk.scenario == STEADY else f" on `{walk.scenario.name}`"
     file = f"{folder}/{walk.title}"
     return {

@@ -17,11 +17,11 @@ from quad_env.seeding import episode_seeds
 from research.studies.recovery import is_standing
 
 SETTLING = 0.8
-"""s. Time before the jump is requested."""
+"""Time from the start of an episode to the request of the jump, s."""
 WATCHED = 3.5
-"""s. Duration of an episode."""
+"""Duration of an episode, s."""
 REQUIRED_RISE = 0.15
-"""m. Rise of a successful jump."""
+"""Smallest rise of the trunk in a successful jump, m."""
 
 
 @dataclass(frozen=True)
@@ -39,26 +39,26 @@ class JumpResult:
     """Result of the jumps of n robots."""
 
     rise: Floats
-    """Largest rise, (n,), m."""
+    """Largest height of each trunk centre above the home pose, (n,), m."""
     stands: NDArray[np.bool_]
-    """True for robots that stand at the end, by `research.studies.recovery.is_standing`, (n,)."""
+    """True for robots that stand at the end of the episode, see `research.studies.recovery.is_standing`, (n,)."""
     peak_torque: float
-    """Largest joint torque at the end of any control step, N·m."""
+    """Largest joint torque of all robots at the end of any control step, N·m."""
     rated_torque: float
-    """Largest torque of the joints, N·m."""
+    """Rated torque of the joints of the robot, N·m."""
     diverged: int
-    """Number of diverged simulations."""
+    """Number of robots with a diverged simulation."""
 
 
 def main(options: JumpOptions) -> int:
-    """Measure, print, and return the exit code."""
+    """Measure the jumps, print the result, and return the exit code."""
     check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
     print(format_result(run_jump(Behaviour(follow=False), episode_seeds("evaluation", options.seed, options.robots))))
     return 0
 
 
 def run_jump(policy: Behaviour, seeds: NDArray[np.int64]) -> JumpResult:
-    """Run a jump of the `policy` on flat ground, one robot for each of the `seeds`."""
+    """Simulate a jump of the `policy` on flat ground, with one robot for each of the `seeds`."""
     robot = policy.robot
     period = policy.control_period
     peak_height = np.zeros(len(seeds))
@@ -81,7 +81,7 @@ def run_jump(policy: Behaviour, seeds: NDArray[np.int64]) -> JumpResult:
 
 
 def format_result(outcome: JumpResult) -> str:
-    """Format the measured figures as lines of text."""
+    """Format the result as lines of text."""
     done = outcome.stands & (outcome.rise >= REQUIRED_RISE)
     return (
         f"rose {REQUIRED_RISE:g} m or more and landed standing: {done.sum()} of {len(done)}\n"

@@ -22,17 +22,19 @@ from quad_env.cli.format import points_with
 from quad_env.seeding import episode_seeds
 
 STANDING_TILT = np.deg2rad(10.0)
-"""rad. Largest tilt of a robot that stands."""
+"""Largest tilt of a robot that counts as standing, rad."""
 STANDING_HEIGHT = 0.45
-"""m. Smallest height of the trunk's centre above the terrain."""
+"""Smallest height of the trunk centre above the terrain of a robot that counts as standing, m."""
 STANDING_SPEED = 0.3
-"""Largest speed of the trunk along, m/s, and about, rad/s, each of its axes."""
+"""Largest velocity of a robot that counts as standing, for each component in the base frame, m/s or rad/s."""
 LYING = replace(SCENARIOS["flat"], name="lying", start=AnyPose())
-"""Flat ground with starts in any pose."""
+"""Scenario on flat ground in which the robots start in a random pose."""
 TIME_ALLOWED = 5.0
-"""s. Time for getting up."""
+"""Time in which a robot must get up, s."""
 WATCHED = 6.0
-"""s. Duration of an episode: a robot that falls over again after standing up does not count."""
+"""Duration of an episode, s.
+
+The episode is longer than TIME_ALLOWED, so that a robot that falls again after it has stood up does not count."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +42,11 @@ class RecoveryResult:
     """Result of the recoveries of n robots."""
 
     standing_since: Floats
-    """Time from which each robot stands, (n,), s; infinite if it does not stand at the end."""
+    """Time from which each robot stands until the end, (n,), s; infinite if the robot does not stand at the end."""
     peak_torque: float
-    """Largest joint torque at the end of any control step, N·m."""
+    """Largest joint torque of all robots at the end of any control step, N·m."""
     diverged: int
-    """Number of diverged simulations."""
+    """Number of robots with a diverged simulation."""
 
 
 @dataclass(frozen=True)
@@ -60,14 +62,14 @@ class RecoveryOptions:
 
 
 def main(options: RecoveryOptions) -> int:
-    """Measure, print, and return the exit code."""
+    """Measure the recoveries, print the result, and return the exit code."""
     check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
     print(format_result(run_recovery(episode_seeds(options.seeds, options.seed, options.robots))))
     return 0
 
 
 def run_recovery(seeds: NDArray[np.int64]) -> RecoveryResult:
-    """Run the recovery of one robot for each seed; the policy recovers from the first step on."""
+    """Simulate the recovery of one robot for each seed. The policy starts in its recovery state."""
     standing_since = np.full(len(seeds), np.inf)
     peak_torque = 0.0
     diverged = np.zeros(len(seeds), np.bool_)
@@ -86,13 +88,13 @@ def run_recovery(seeds: NDArray[np.int64]) -> RecoveryResult:
 
 
 def is_standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDArray[np.bool_]:
-    """Return whether each robot stands: upright, high and still, (n,).
+    """Return a mask of the robots that stand: upright, with the trunk high enough, and almost still.
 
-    A diverged robot is parked in its home pose and does not stand.
+    A diverged robot does not stand, although the simulation shows it in the home pose.
 
     Args:
-        observation: True observation, (n, k).
-        infos: Readings of the environment.
+        observation: Observation of the true state, (n, k).
+        infos: Infos of the environment.
 
     Returns:
         True for robots that stand, (n,).
@@ -104,7 +106,7 @@ def is_standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDAr
 
 
 def format_result(outcome: RecoveryResult) -> str:
-    """Format the measured figures as lines of text."""
+    """Format the result as lines of text."""
     stands = outcome.standing_since <= TIME_ALLOWED
     share = points_with(float(stands.mean()), wilson_interval(int(stands.sum()), len(stands)))
     times = outcome.standing_since[stands]

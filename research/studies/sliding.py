@@ -32,28 +32,28 @@ from quad_env.seeding import episode_seeds
 from research.pages.csv_text import to_csv
 
 SPEEDS = (1.0, 4.6)
-"""m/s. Initial speeds; the second is the effect of a push of 65 N·s on SimpleQuad."""
+"""Initial speeds, m/s. The second is the speed change of SimpleQuad by a push of 65 N·s."""
 BRIEF = 0.05
-"""s. Duration of the measured start of braking."""
+"""Duration of the first phase of braking, over which the initial deceleration is averaged, s."""
 
 
 @dataclass(frozen=True)
 class ContactSetting:
-    """A change of the shipped physics."""
+    """Changes of the project's default contact settings and pushes."""
 
     options: Mapping[str, float] = field(default_factory=dict)
-    """Field of MuJoCo's `mjOption` -> value."""
+    """Name of a field of MuJoCo's `mjOption` -> value."""
     solref: tuple[float, float] | None = None
-    """`solref` of all geoms; None: unchanged."""
+    """MuJoCo's `solref` of all geoms; None for no change."""
     friction: float | None = None
-    """Sliding friction of all geoms; None: unchanged."""
+    """Coefficient of sliding friction of all geoms; None for no change."""
     push: float = 0.1
-    """s. Duration of the pushes; their impulse is the scenario's."""
+    """Duration of the pushes, s. The impulse of a push does not change with the duration."""
     exact: bool = False
-    """True for exact Coulomb friction."""
+    """True: exact Coulomb friction instead of the friction of MuJoCo."""
 
     def apply(self, spec: Any) -> Any:
-        """Apply the change to a specification and return it."""
+        """Apply the changes of the contact settings to a model specification in place, and return it."""
         for name, value in self.options.items():
             setattr(spec.option, name, value)
         for geom in spec.geoms:
@@ -65,7 +65,7 @@ class ContactSetting:
 
 
 _NEWTON = {"solver": mujoco.mjtSolver.mjSOL_NEWTON, "iterations": 100}
-"""MuJoCo's Newton solver."""
+"""Name of a field of MuJoCo's `mjOption` -> value, for the Newton solver."""
 SETTINGS = {
     "today": ContactSetting(),
     "time step 1 ms": ContactSetting({"timestep": 0.001}),
@@ -76,7 +76,7 @@ SETTINGS = {
     "noslip 20": ContactSetting({"noslip_iterations": 20}),
     "time constant 0.02 s": ContactSetting(solref=(0.02, 1.0)),
     "damping ratio 0.5": ContactSetting(solref=(0.01, 0.5)),
-    "damping 50 1/s, impratio 40": ContactSetting({"impratio": 40}, solref=(-11080.0, -50.0)),  # as stiff as today
+    "damping 50 1/s, impratio 40": ContactSetting({"impratio": 40}, solref=(-11080.0, -50.0)),  # default stiffness
     "exact Coulomb friction": ContactSetting(_NEWTON, exact=True),
     "friction 0.6": ContactSetting(friction=0.6),
     "friction 0.5": ContactSetting(friction=0.5),
@@ -84,7 +84,7 @@ SETTINGS = {
     "push over 0.3 s": ContactSetting(push=0.3),
     "push over 0.5 s": ContactSetting(push=0.5),
 }
-"""Name -> setting."""
+"""Name of the setting -> changes."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class SlidingOptions:
 
 
 def main(options: SlidingOptions) -> int:
-    """Measure, print, write, and return the exit code. Raises UsageError."""
+    """Measure all settings, print and write the results, and return the exit code. Raises UsageError."""
     check_numbers(options, {"episodes": (1, 4096), "seed": (0, 2**31)})
     if unknown := set(options.settings) - set(SETTINGS):
         raise UsageError(f"--settings: there is no {', '.join(sorted(unknown))}; valid: {'; '.join(SETTINGS)}")
@@ -121,9 +121,15 @@ def main(options: SlidingOptions) -> int:
 
 
 def measure_sliding(setting: ContactSetting) -> dict[str, float]:
-    """Measure a sliding ball with a quarter of the robot's mass, and the robot in its home pose.
+    """Measure the lift and the deceleration of two sliding bodies: a ball, and the robot in its home pose.
 
-    The ball has the size of a foot.
+    The ball has the radius of a foot and a quarter of the mass of the robot.
+
+    Args:
+        setting: Contact settings.
+
+    Returns:
+        Name of the column -> value, for both bodies at each of SPEEDS.
     """
     ball = setting.apply(ball_spec(SIMPLE_QUAD)).compile()
     robot = setting.apply(build_spec(SIMPLE_QUAD)).compile()
@@ -144,19 +150,20 @@ def simulate_slide(model: Any, speed: float, seconds: float, exact: bool) -> tup
     Args:
         model: Compiled model of the body.
         speed: Initial speed, m/s.
-        seconds: Duration, s.
-        exact: Whether friction is exactly Coulomb's.
+        seconds: Duration of the simulation, s.
+        exact: True: exact Coulomb friction instead of the friction of MuJoCo.
 
     Returns:
-        Largest height of the lowest foot, mm; mean deceleration of the centre of mass over the first 50 ms, µg; and
-        until a twentieth of the speed is left or the time is over, µg.
+        Lift: largest height of the lowest foot above the ground, mm. Initial braking: mean deceleration of the centre
+        of mass over the first 50 ms. Total braking: mean deceleration until a twentieth of the speed is left or the
+        simulation ends. The unit of both decelerations is µg, friction coefficient times gravity.
     """
     data = mujoco.MjData(model)
     timestep = model.opt.timestep
     feet = model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
-    if model.nkey:  # the home pose
+    if model.nkey:  # only the robot has a keyframe, its home pose
         mujoco.mj_resetDataKeyframe(model, data, 0)
-    _step(model, data, False, 0.5)  # it settles
+    _step(model, data, False, 0.5)  # until the body rests on the ground
     data.qvel[0] += speed
     heights = []
     speeds = []
@@ -166,15 +173,16 @@ def simulate_slide(model: Any, speed: float, seconds: float, exact: bool) -> tup
         speeds.append(data.subtree_linvel[0, 0])
     slow_steps = np.flatnonzero(np.array(speeds) < 0.05 * speed)
     stop_step = slow_steps[0] + 1 if slow_steps.size else len(speeds)
-    speed_unit = model.geom("ground").friction[0] * GRAVITY * timestep  # lost per step at µg
+    speed_unit = model.geom("ground").friction[0] * GRAVITY * timestep  # loss of speed per time step at µg
     braking = [float((speed - speeds[end - 1]) / (end * speed_unit)) for end in (round(BRIEF / timestep), stop_step)]
     return 1e3 * max(heights), braking[0], braking[1]
 
 
 def ball_spec(robot: Robot) -> Any:
-    """Create a ball on the robot's ground that does not turn.
+    """Create the model specification of a ball that slides on the robot's ground without rotation.
 
-    It has the size of the robot's feet and a quarter of its mass.
+    The ball has the radius of a foot of the robot. The mass of the ball is the mass of the robot divided by the number
+    of legs.
     """
     robot_spec = build_spec(robot)
     ground = robot_spec.geom("ground")
@@ -191,7 +199,10 @@ def ball_spec(robot: Robot) -> Any:
 
 
 def evaluate_walks(setting: ContactSetting, options: SlidingOptions) -> dict[str, float]:
-    """Evaluate the policy of the `options` with a `setting`: success and falls by scenario."""
+    """Evaluate the policy of `options` with a contact `setting`.
+
+    Returns the success rate and the number of falls on each scenario: name of the column -> value.
+    """
     seeds = episode_seeds("search", options.seed, options.episodes)
     figures: dict[str, float] = {}
     policy = LabelledPolicy(options.policy, policies.resolve(options.policy))
@@ -211,12 +222,12 @@ def evaluate_walks(setting: ContactSetting, options: SlidingOptions) -> dict[str
 
 
 def _contact_parameters(geom: Any) -> dict[str, Any]:
-    """Return the contact parameters of a geom."""
+    """Return the contact parameters of a geom: name of MuJoCo's geom attribute -> value."""
     return {"condim": 3, "friction": geom.friction, "solref": geom.solref}
 
 
 def _step(model: Any, data: Any, exact: bool, seconds: float | None = None) -> Any:
-    """Return the same data after one time step, or after that time, s."""
+    """Simulate one time step, or `seconds` (s) if given, in place, and return `data`."""
     mujoco.set_mjcb_control(_coulomb if exact else None)
     try:
         mujoco.mj_step(model, data, round((seconds or model.opt.timestep) / model.opt.timestep))
@@ -226,7 +237,7 @@ def _step(model: Any, data: Any, exact: bool, seconds: float | None = None) -> A
 
 
 def _exact_step(batch: Batch, ids: Any = None, nstep: int = 1, stage: int = 0) -> None:
-    """Step with exact friction, in place of `Batch.step`."""
+    """Replace `Batch.step` by steps with exact Coulomb friction."""
     data = mujoco.MjData(batch.model)
     state = mujoco.mjtState.mjSTATE_INTEGRATION
     for robot in range(batch.nsim) if ids is None else ids:
@@ -237,9 +248,10 @@ def _exact_step(batch: Batch, ids: Any = None, nstep: int = 1, stage: int = 0) -
 
 
 def _coulomb(model: Any, data: Any) -> None:
-    """Apply de Saxcé's correction, between MuJoCo's velocity and acceleration stages.
+    """Apply the correction of de Saxcé, which makes the friction exact; a control callback of MuJoCo.
 
-    It uses the acceleration of the last step.
+    MuJoCo calls the function between its velocity and acceleration stages. The correction uses the acceleration of the
+    last step.
     """
     touching = data.contact.efc_address >= 0
     normal = data.contact.efc_address[touching]

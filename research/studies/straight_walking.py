@@ -32,9 +32,9 @@ from research.pages.blocks import RESULTS, read_page, write_block
 from research.pages.csv_text import flatten_entry, to_csv
 
 GROUNDS = {"flat": "level", "push": "pushed", "rough": "uneven"}
-"""Scenario -> its name in the tables."""
+"""Name of the scenario -> name of its ground in the tables."""
 LIMITS = {"episodes": (2, 65_536), "seed": (0, 2**63 - 1), "threads": (1, 256), "speeds": (0.01, 10.0)}
-"""Option -> its smallest and largest value."""
+"""Name of the option -> smallest and largest valid value."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class StraightWalkingOptions:
 
 
 def main(options: StraightWalkingOptions) -> int:
-    """Walk, print, write, and return the exit code. Raises UsageError."""
+    """Evaluate the policies, print and write the results, and return the exit code. Raises UsageError."""
     check_numbers(options, LIMITS)
     hardware = parse_robot_option(options.robot)
     if options.page is not None:
@@ -80,14 +80,14 @@ def main(options: StraightWalkingOptions) -> int:
 
 
 def walk_scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
-    """Create walks straight ahead on every ground at every speed.
+    """Create scenarios of walks straight ahead, one for each ground and speed.
 
     Args:
-        robot: Robot.
-        speeds: Speeds, m/s of SimpleQuad; the robot's are equally fast for its size.
+        robot: Robot that walks.
+        speeds: Speeds of SimpleQuad, m/s. The speeds of another robot have the same Froude numbers.
 
     Returns:
-        Scenarios, each with its own name.
+        Scenarios with different names.
     """
     walks = []
     grounds = [scenario(name, robot) for name in GROUNDS]
@@ -108,12 +108,13 @@ def evaluate_rows(
 
     Args:
         options: Options of the command.
-        hardware: Robot and hardware.
-        walks: Scenarios.
-        compared: Policies.
+        hardware: Robot and hardware settings.
+        walks: Scenarios of the walks.
+        compared: Policies to evaluate.
 
     Returns:
-        A row for each walk and policy: figures of `Summary` with the ends of their 95 % intervals.
+        A row for each walk and policy: name of the column -> value. The columns are the fields of `Summary`, and the
+        bounds of their 95 % intervals.
     """
     seeds = evaluation_seeds(options.seed, options.episodes)
     settings = RunSettings(1, lambda *_: None, executor=process_pool(options.threads), hardware=hardware)
@@ -133,11 +134,11 @@ def evaluate_rows(
 
 
 def markdown_lines(options: StraightWalkingOptions, robot: Robot, table: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Create the lines of the page: success and cost of transport, a row per walk, a column per policy.
+    """Create the table of success and cost of transport for the page, with a row per walk and a column per policy.
 
     Args:
         options: Options of the command.
-        robot: Robot.
+        robot: Robot that walks.
         table: Rows of `evaluate_rows`.
 
     Returns:

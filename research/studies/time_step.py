@@ -23,9 +23,9 @@ from quad_env.robots.robot import Robot
 from research.pages.csv_text import to_csv
 
 STEPS = 0.002, 0.001, 0.0005
-"""s. Physics steps; the first is the one of all other results."""
+"""Physics time steps, s. The first is the default, with which all other results of the project are computed."""
 MEANS = (*(name for name in EFFORT if name != "cost_of_transport"), "mechanical_power", "mean_velocity_error")
-"""Figures that are averaged over the episodes."""
+"""Names of the measures that are averaged over the episodes."""
 
 
 @dataclass(frozen=True)
@@ -44,17 +44,17 @@ class TimeStepOptions:
 
 @dataclass(frozen=True)
 class _SteppedHardwareConfig(HardwareConfig):
-    """Ideal hardware, simulated with a chosen physics step, s."""
+    """Ideal hardware that is simulated with a given physics time step."""
 
     timestep: float = STEPS[0]
-    """s. Physics step."""
+    """Physics time step, s."""
 
     def env_kwargs(self, robot: Robot) -> dict[str, Any]:
         return super().env_kwargs(robot) | {"config": TaskConfig(timestep=self.timestep)}
 
 
 def main(options: TimeStepOptions) -> int:
-    """Run, print, write, and return the exit code. Raises UsageError."""
+    """Run the episodes, print and write the table, and return the exit code. Raises UsageError."""
     check_numbers(options, {"episodes": (1, 4096)})
     table = list(measure_effort(options))
     write_atomically(options.table, to_csv(table))
@@ -63,7 +63,10 @@ def main(options: TimeStepOptions) -> int:
 
 
 def measure_effort(options: TimeStepOptions) -> Iterator[dict[str, Any]]:
-    """Yield a row per policy, scenario and physics step: means over the episodes, cost of transport."""
+    """Yield a row for each policy, scenario and physics time step: name of the column -> value.
+
+    A row has the success rate, the cost of transport, and the means of the other measures over the episodes.
+    """
     seeds = evaluation_seeds(0, options.episodes)
     for scenario, name, step in product(options.scenarios, options.policies, STEPS):
         hardware = _SteppedHardwareConfig(timestep=step)

@@ -1,1 +1,1 @@
-"""Runs that compare training choices, and publishing of trained policies."""
+"""Training studies, learning curves, parameter search, and publication of trained policies."""

@@ -30,7 +30,7 @@ from train.run_folder import METRICS_FILE, VALIDATIONS_FILE, has_checkpoint, ste
 from train.run_record import differences, load_config
 
 DEFAULT = "default"
-"""Name of the variant without changes."""
+"""Name of the variant that is the default command without changes."""
 VARIANTS: Mapping[str, str] = {
     DEFAULT: "",
     "base: trot": "--base trot",
@@ -51,9 +51,9 @@ VARIANTS: Mapping[str, str] = {
     "fewer robots, smaller minibatches": "--ppo.envs 512 --ppo.minibatch 2048",
     "no curriculum": "--curriculum 1",
 }
-"""Variant -> options in which it differs from the default command."""
+"""Name of the variant -> options that it adds to the default command."""
 VALIDATED_ON = DEFAULTS["residual"].complete_validation.scenarios
-"""Validation scenarios of all variants: the scenarios that the default trains on."""
+"""Validation scenarios of all variants: the training scenarios of the default command."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class AblationsOptions:
 
 
 def main(options: AblationsOptions) -> int:
-    """Train missing runs, then write table and figure; return the exit code. Raises UsageError."""
+    """Train the missing runs, write the table and the figure, and return the exit code. Raises UsageError."""
     check_numbers(options, limits_of(options))
     if unknown := [name for name in options.variants if name not in VARIANTS]:
         raise UsageError(f"--variants: unknown {unknown[0]!r}; valid: {', '.join(map(repr, VARIANTS))}")
@@ -85,7 +85,7 @@ def main(options: AblationsOptions) -> int:
     raise_on_interrupt()
     names = (DEFAULT, *(name for name in options.variants if name != DEFAULT))
     runs = {name: [make_config(options, name, seed) for seed in range(options.seeds)] for name in names}
-    # Seed by seed, so that a study that is stopped has compared all variants on the seeds that it came to.
+    # The outer loop is over seeds, so that a study that is stopped early has complete seeds of all variants.
     for seed in range(options.seeds):
         for name in names:
             print(f"{name}, seed {seed}", flush=True)
@@ -98,15 +98,15 @@ def main(options: AblationsOptions) -> int:
 
 
 def make_config(options: AblationsOptions, name: str, seed: int) -> TrainConfig:
-    """Create the configuration of one run.
+    """Create the training settings of one run.
 
     Args:
         options: Options of the command.
-        name: Variant.
+        name: Name of the variant.
         seed: Training seed.
 
     Returns:
-        The configuration.
+        The settings, with the folder of the run.
     """
     arguments = f"{VARIANTS[name]} --steps {options.steps} --seed {seed} --threads {options.threads}".split()
     arguments += ["--validation.interval", "0", "--validation.episodes", str(options.episodes)]
@@ -116,7 +116,7 @@ def make_config(options: AblationsOptions, name: str, seed: int) -> TrainConfig:
 
 
 def train_missing(run: TrainConfig) -> None:
-    """Train the missing part of a run. Raises UsageError if the folder holds another run."""
+    """Train the missing part of a run. Raises UsageError if the folder has a run with other settings."""
     from train.run import train
 
     resume = has_checkpoint(run.folder)
@@ -127,7 +127,11 @@ def train_missing(run: TrainConfig) -> None:
 
 
 def read_results(run: TrainConfig) -> dict[str, float]:
-    """Return the results of a finished run: success, %, velocity error on flat ground, m/s, and minutes."""
+    """Return the results of a finished run: name -> value.
+
+    `success` is the success rate of the last validation, %. `flat_velocity_error` is the velocity error on the scenario
+    `flat:2`, m/s. `minutes` is the training time, min.
+    """
     last = json.loads(read_bytes(run.folder / VALIDATIONS_FILE))["validations"][-1]
     metrics = json.loads(read_bytes(run.folder / METRICS_FILE, MAX_DATA_SIZE).splitlines()[-1])
     return {
@@ -138,7 +142,14 @@ def read_results(run: TrainConfig) -> dict[str, float]:
 
 
 def make_rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dict[str, Any]]:
-    """Create a row per variant: success, and its mean difference from the default over the seeds."""
+    """Create the rows of the table, one for each variant: name of the column -> value.
+
+    Args:
+        variants: Name of the variant -> results of `read_results` for each seed.
+
+    Returns:
+        Rows with the success rate, and the difference of its mean over the seeds from the default variant.
+    """
     success = {name: np.array([run["success"] for run in runs]) for name, runs in variants.items()}
     rows = []
     for name, runs in variants.items():
@@ -158,23 +169,23 @@ def make_rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dic
 
 
 def _difference(a: Floats, b: Floats) -> dict[str, float]:
-    """Return the mean of a minus the mean of b, with the interval of Welch's test.
+    """Return the mean of `a` minus the mean of `b`, and the confidence interval by Welch's t-test, as columns.
 
-    A bootstrap of five seeds would give too narrow an interval.
+    A bootstrap is not used, because its interval is too narrow with five seeds.
     """
     from scipy.stats import ttest_ind
 
     difference = {"minus_default_points": float(a.mean() - b.mean())}
     if np.ptp(a) == np.ptp(b) == 0.0:
         return difference
-    with warnings.catch_warnings():  # for a variant with equal results of all seeds
+    with warnings.catch_warnings():  # because SciPy warns if all seeds of a variant have the same result
         warnings.simplefilter("ignore", RuntimeWarning)
         low, high = ttest_ind(a, b, equal_var=False).confidence_interval(CONFIDENCE)
     return difference | {"low": float(low), "high": float(high)}
 
 
 def draw_differences(table: Sequence[Mapping[str, Any]], picture: Path) -> None:
-    """Draw the difference of each variant of a `table` from the default, to a PNG `picture`."""
+    """Draw the difference of each variant in `table` from the default variant, and write it to the PNG `picture`."""
     rows = [row for row in table if row.get("minus_default_points") is not None]
     left = 0.2 + max(map(drawing.text_width, (row["variant"] for row in rows)), default=0.0)
     with drawing.plot_settings():

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_LABEL_LENGTH = 48
-"""Characters. Largest length of a label."""
+"""Largest length of the settings in a label, characters."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class CurvesOptions:
 
 
 def main(options: CurvesOptions) -> int:
-    """Write the picture, print the last point of each curve, and return the exit code.
+    """Write the plot of the curves, print the last point of each curve, and return the exit code.
 
     Raises UsageError or OSError.
     """
@@ -71,42 +71,45 @@ def main(options: CurvesOptions) -> int:
 
 @dataclass(frozen=True)
 class RunCurve:
-    """Validations of one run, made by `read_curve`."""
+    """Learning curve of one run, made by `read_curve`."""
 
     folder: Path
     """Folder of the run."""
     settings: Mapping[str, Any]
-    """Option -> value, for all settings except the seed."""
+    """Name of the option -> value, for all settings except the seed."""
     seed: int
     """Training seed."""
     steps: Floats
-    """Training steps of the k validations, (k,)."""
+    """Number of training steps at each of the k validations, (k,)."""
     figures: Floats
-    """Success, 0 … 1, and cost of transport, NaN if not recorded, (2, k)."""
+    """Success rate (0 … 1) and cost of transport of the k validations, (2, k). A cost that is not recorded is NaN."""
 
 
 @dataclass(frozen=True)
 class SeedBand:
-    """Runs of the same settings with different seeds, made by `group_by_seed`."""
+    """Curves of runs with the same settings and different seeds, made by `group_by_seed`."""
 
     label: str
-    """Label in the legend."""
+    """Label of the curve in the legend."""
     runs: tuple[RunCurve, ...]
-    """Runs, one per seed."""
+    """Curves of the runs, one for each seed."""
 
     @property
     def steps(self) -> Floats:
-        """Steps at which all of the runs were validated, (k,)."""
+        """Numbers of training steps at which all runs of the group were validated, (k,)."""
         return reduce(np.intersect1d, [run.steps for run in self.runs])
 
     def over_seeds(self) -> tuple[Floats, Floats, Floats]:
-        """Return mean, lowest and highest of the seeds' figures, each (2, k)."""
+        """Return mean, minimum and maximum over the seeds of success rate and cost of transport, each (2, k)."""
         figures = np.array([run.figures[:, np.isin(run.steps, self.steps)] for run in self.runs])
         return figures.mean(axis=0), figures.min(axis=0), figures.max(axis=0)
 
 
 def read_curve(folder: Path) -> RunCurve:
-    """Read the validations of the run in a folder, of older versions too. Raises UsageError without a run."""
+    """Read the learning curve of the run in `folder`, also of a run of an older version.
+
+    Raises UsageError if the folder has no run, or if the validations are damaged.
+    """
     settings = dict(flatten(load_settings(folder)))
     path = folder / VALIDATIONS_FILE
     try:
@@ -119,7 +122,7 @@ def read_curve(folder: Path) -> RunCurve:
 
 
 def group_by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
-    """Group runs that differ in their seed alone. Raises UsageError for a seed given twice."""
+    """Group the runs that differ only in their seed. Raises UsageError if two runs of a group have the same seed."""
     groups = dict[str, list[RunCurve]]()
     for run in runs:
         group = groups.setdefault(json.dumps(run.settings, sort_keys=True), [])
@@ -132,14 +135,17 @@ def group_by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
 
 
 def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
-    """Return the differing settings of the runs, or the first folder if they are too long, and the seeds."""
+    """Return the label of a group of runs: values of the given options, and the seeds.
+
+    If the values are too long, the label has the folder of the first run instead.
+    """
     settings = ", ".join(f"{name} {to_words(runs[0].settings.get(name))}" for name in options)
     seeds = f"{len(runs)} seeds" if len(runs) > 1 else f"seed {runs[0].seed}"
     return f"{settings if len(settings) <= MAX_LABEL_LENGTH else runs[0].folder} ({seeds})"
 
 
 def draw_bands(bands: Sequence[SeedBand]) -> "Figure":
-    """Draw success, and below it cost of transport if any run has it."""
+    """Draw the learning curves: a panel for success, and below it one for cost of transport if any run has it."""
     all_figures = np.concatenate([run.figures for band in bands for run in band.runs], axis=1)
     figure, panels = make_axes(all_figures, "", len(bands))
     marks = list(MARKS)
@@ -154,7 +160,15 @@ def draw_bands(bands: Sequence[SeedBand]) -> "Figure":
 
 
 def _draw_band(axes: "Axes", band: SeedBand, row: int, colour: str, mark: str) -> None:
-    """Draw the mean over the seeds, their range as a band, and each of several seeds as a thin line."""
+    """Draw a group of runs: the mean over the seeds, their range as a band, and each run as a thin line.
+
+    Args:
+        axes: Axes of the panel.
+        band: Group of runs.
+        row: Index of the panel, and row of the data: 0 for success, 1 for cost of transport.
+        colour: Colour of lines and band.
+        mark: Marker of the mean.
+    """
     mean, low, high = (PANELS[row][1] * figures[row] for figures in band.over_seeds())
     axes.fill_between(band.steps, low, high, color=colour, alpha=0.18, linewidth=0)
     for run in band.runs if len(band.runs) > 1 else ():

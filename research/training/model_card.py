@@ -1,4 +1,4 @@
-"""MODEL.md of a trained policy: description, training and results, with a baseline and other seeds."""
+"""Text of MODEL.md, the model card of a trained policy: description, training, and comparison with a baseline."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,43 +18,43 @@ from train.config import POSES, TrainConfig
 from train.run_record import training_command
 
 CARD_METRICS = (FALL_RATE, "velocity_error", "yaw_rate_error")
-"""Metrics with the figures of both baseline and policy in one cell."""
+"""Names of the metrics for which a cell of the table has the values of both baseline and policy."""
 
 
 @dataclass(frozen=True)
 class TrainedRun:
-    """A finished run, as the card describes it."""
+    """Finished training run, with the facts that the model card states."""
 
     label: str
-    """Name of the run in the evaluation."""
+    """Name of the run as a policy of the evaluation: its folder."""
     config: TrainConfig
-    """Training configuration."""
+    """Training settings."""
     minutes: float
     """Training time, validation included, min."""
     git_revision: str
-    """Revision of the code that trained it."""
+    """Git revision of the code with which the run was trained."""
     bundle: Path
-    """Folder of the weights of its best validation."""
+    """Folder of the policy bundle of the best validation."""
     command_then: str | None = None
-    """Command of the run at its git revision; None if it equals the present one."""
+    """Training command at `git_revision`; None if it is the same as the current command."""
 
     @property
     def baseline(self) -> str:
-        """Baseline of the comparison: the base of the policy, or `trot` for a base that does not walk."""
+        """Name of the baseline of the comparison: the base policy, or `trot` if the base policy does not walk."""
         return "trot" if self.config.base in POSES else self.config.base
 
 
 def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """Write the MODEL.md of a policy.
+    """Return the text of the MODEL.md of a policy.
 
     Args:
         name: Name of the shipped policy.
         runs: All evaluated runs.
-        shipped: Run that ships.
-        results: Results of the evaluation; its other policies are baselines.
+        shipped: Run with the policy that is shipped.
+        results: Results of the evaluation of the runs and of the baseline.
 
     Returns:
-        Markdown.
+        Text of the file, Markdown.
     """
     config = shipped.config
     kinds: dict[str, str] = {run.config.policy: run.config.policy for run in runs} | {config.policy: name}
@@ -87,7 +87,7 @@ Success is by the rule `{results.versions["success_rule"]}`; every step after a 
 
 
 def training_section(run: TrainedRun) -> str:
-    """Return the section on the run's training: its command, its settings and the revision of its code."""
+    """Return the section on the training of a run: command, settings, training time and git revision."""
     config = run.config
     return f"""## Training
 
@@ -100,7 +100,7 @@ evaluation uses. {describe_origin(run)}"""
 
 
 def describe_origin(run: TrainedRun) -> str:
-    """Describe the revision at which a run was trained, and its command there."""
+    """Describe the git revision at which a run was trained, and the training command at that revision."""
     present_command = training_command(run.config)
     original_command = run.command_then or present_command
     is_unchanged = original_command == present_command
@@ -112,29 +112,29 @@ def describe_origin(run: TrainedRun) -> str:
 
 
 def describe_correction(config: TrainConfig) -> str:
-    """Describe the correction of the base by the policy."""
+    """Describe the correction by the policy: base policy, rate and largest correction."""
     rate = 1.0 / (CONTROL_PERIOD * config.ppo.hold)
     authority = f"{config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips"
     return f"corrects `{config.base}` at {rate:g} Hz by at most {authority}"
 
 
 def describe_mixture(config: TrainConfig) -> str:
-    """Describe the training scenarios with their shares."""
+    """Describe the training scenarios, each with the percentage of the robots that train on it."""
     total = sum(share for _, share in config.mixture)
     return ", ".join(f"{share / total:.0%} {name}" for name, share in config.mixture if share)
 
 
 def results_table(display_name: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """Create the table of the seeds of one policy and the baseline, a row per scenario.
+    """Create the table that compares all runs of one kind of policy with the baseline, with a row per scenario.
 
     Args:
-        display_name: Display name of the policy.
-        runs: Runs of the policy.
-        shipped: Run that ships.
+        display_name: Name of the policy in the table.
+        runs: Runs of the policy, one for each seed.
+        shipped: Run with the policy that is shipped.
         results: Results of the evaluation.
 
     Returns:
-        Markdown.
+        The table, Markdown.
     """
     first, *others = sorted(runs, key=lambda run: run is not shipped)
     base = shipped.baseline
@@ -150,24 +150,35 @@ def results_table(display_name: str, runs: Sequence[TrainedRun], shipped: Traine
 def scores_table(
     display_names: Mapping[str, str], runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results
 ) -> str:
-    """Create the table of the scores of the baseline and of each run, the highest first.
+    """Create the table of the scores of the baseline and of each run, with the highest score first.
 
     Args:
-        display_names: Kind of policy -> display name.
+        display_names: Kind of policy -> name of the policy in the table.
         runs: Evaluated runs.
-        shipped: Run that ships.
+        shipped: Run with the policy that is shipped.
         results: Results of the evaluation.
 
     Returns:
-        Markdown; empty without scores.
+        The table, Markdown; an empty text if there are no scores.
     """
     labels = {run.label: f"{display_names[run.config.policy]} {format_seed(run, shipped)}" for run in runs}
-    scored = [score for score in results.scores if len(score.axes) != 1]  # of one axis it is the success in the table
+    # A score over a single axis is left out, because the table of results has the same number.
+    scored = [score for score in results.scores if len(score.axes) != 1]
     return "\n".join(score_table(scored, shipped.baseline, labels)) if scored else ""
 
 
 def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results) -> dict[str, str]:
-    """Format the figures of the baseline and of the first run, and the success of the other runs."""
+    """Return a row of `results_table`: name of the column -> text.
+
+    Args:
+        scenario: Scenario of the row.
+        base: Name of the baseline.
+        runs: Runs of the policy. Of all runs except the first only the success is shown.
+        results: Results of the evaluation.
+
+    Returns:
+        The cells of the row.
+    """
     before = results.summaries[scenario, base]
     after, *other_seeds = (results.summaries[scenario, run.label] for run in runs)
     differences = {
@@ -187,12 +198,12 @@ def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results)
 
 
 def _figure(summary: Summary, metric: str) -> str:
-    """Format a metric; falls as a count."""
+    """Format the value of a metric. For the fall rate the text is the number of falls."""
     return str(summary.falls) if metric == FALL_RATE else number(getattr(summary, metric))
 
 
 def _baseline_difference(base: str, scenario: str, run: TrainedRun, metric: str, results: Results) -> Comparison:
-    """Return the difference of the run from the baseline."""
+    """Return the comparison of a run with the baseline `base`, by one metric on one scenario."""
     key = (scenario, run.label, base, metric)
     return next(
         comparison
@@ -202,7 +213,10 @@ def _baseline_difference(base: str, scenario: str, run: TrainedRun, metric: str,
 
 
 def significant_scenarios(shipped: TrainedRun, results: Results) -> str:
-    """List the scenarios with a difference of the `shipped` policy from its baseline in the `results`."""
+    """Return Markdown lists of scenarios on which the `shipped` policy is better, worse, or weak.
+
+    Better and worse are significant differences from the baseline. Weak is a success rate below one half.
+    """
     base = shipped.baseline
     more_successes = _significant_names(shipped, results, SUCCESS_RATE, 1.0)
     fewer_successes = _significant_names(shipped, results, SUCCESS_RATE, -1.0)
@@ -218,7 +232,17 @@ def significant_scenarios(shipped: TrainedRun, results: Results) -> str:
 
 
 def _significant_names(shipped: TrainedRun, results: Results, metric: str, sign: float) -> str:
-    """List the scenarios with a significant difference of that sign, and their number."""
+    """Return the names and the number of the scenarios with a significant difference from the baseline.
+
+    Args:
+        shipped: Run with the policy that is shipped.
+        results: Results of the evaluation.
+        metric: Name of the compared metric.
+        sign: Sign of the difference, policy minus baseline: 1 or -1.
+
+    Returns:
+        The text.
+    """
     names = []
     for scenario in results.scenarios:
         comparison = _baseline_difference(shipped.baseline, scenario, shipped, metric, results)
@@ -228,11 +252,11 @@ def _significant_names(shipped: TrainedRun, results: Results, metric: str, sign:
 
 
 def format_difference(comparison: Comparison) -> str:
-    """Format a difference and its p-value, corrected for the number of comparisons."""
+    """Format a difference and its p-value, which is corrected for the number of comparisons."""
     digits = points if comparison.metric in RATES else number
     return f"{digits(comparison.difference)} ({p_value(comparison.p_value_holm)})"
 
 
 def format_seed(run: TrainedRun, shipped: TrainedRun) -> str:
-    """Format the seed of a `run`, marked if it is the `shipped` one."""
+    """Format the seed of `run`; the seed of the `shipped` run is marked."""
     return f"{run.config.seed}{' (shipped)' if run is shipped else ''}"

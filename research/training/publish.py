@@ -37,14 +37,18 @@ from train.run_record import differences, from_dict, load_config
 CARD = "MODEL.md"
 """File name of the model card."""
 SHIPPED_SEED = 0
-"""Seed that ships; fixed before any run, so that the shipped policy is not the best of several."""
+"""Seed of the run that is shipped.
+
+The seed was fixed before any run, because a policy that is selected as the best of several seeds would be biased."""
 
 SCENARIOS = (
     *("flat", "flat=3", "push", "push=65", "rough", "rough=0.24", "slope", "slippery=0.1", "latency=0.08", "noise=0.8"),
     *("dropout=0.8", "payload=20", "force=60", "weak_motors=10", "slow_motors=2", "soft=0.04", "stairs=0.2"),
     *("surprise", "surprise=2", "steady", "flat+hardware", "push+hardware", "rough+hardware", "slope+hardware"),
 )
-"""Scenarios of the evaluation: every axis at the onset of failures, and four of them at their nominal severity."""
+"""Default scenarios of the evaluation: every axis of disturbance near the severity at which robots begin to fail.
+
+Some axes are also evaluated at their nominal severity, and four scenarios on the robot's hardware profile."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,10 @@ class PublishOptions:
 
 
 def main(options: PublishOptions) -> int:
-    """Evaluate the runs, write the shipped bundle and card, and return the exit code. Raises UsageError."""
+    """Evaluate the runs, write the shipped policy bundle and model card, and return the exit code.
+
+    Raises UsageError.
+    """
     check_numbers(options, limits_of(options))
     if not options.runs:
         raise UsageError("name the folders of the finished runs, as in: runs/residual-0 runs/residual-1")
@@ -95,19 +102,20 @@ def main(options: PublishOptions) -> int:
 
 
 def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: TrainedRun) -> Results:
-    """Evaluate the runs and the baseline of the shipped one on the same episodes.
+    """Evaluate the runs, and the baseline of the shipped run, on the same episodes.
 
-    A UsageError is raised for bad options, and KeyboardInterrupt after Ctrl-C, once everything is stored.
+    Raises UsageError if an option is not valid. Raises KeyboardInterrupt after Ctrl-C, when all finished episodes are
+    stored.
 
     Args:
         options: Options of the command.
         runs: Runs to evaluate.
-        shipped: Run that ships.
+        shipped: Run with the policy that is shipped.
 
     Returns:
         Results of the evaluation.
     """
-    # Only now, so that --help and mistakes answer at once.
+    # Imported here, so that --help and usage errors answer at once.
     from evaluate.commands.execution import execute
     from evaluate.commands.outputs import analyse_run
 
@@ -129,8 +137,11 @@ def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: 
 
 
 def load_trained_run(folder: Path) -> TrainedRun:
-    """Load the run in a folder. Raises UsageError if it is unfinished, damaged or missing."""
-    # Only now, so that --help and mistakes answer at once: torch takes seconds to import.
+    """Load the finished run, or the shipped policy, in a folder.
+
+    Raises UsageError if the run is unfinished, damaged or missing.
+    """
+    # Imported here, because torch takes seconds to import and --help and usage errors must answer at once.
     if (folder / CARD).is_file():
         return _load_shipped(folder)
     from train.sb3.callbacks import CallbackState
@@ -157,13 +168,20 @@ _REMOVED_SETTINGS: Mapping[str, Mapping[str, Any]] = {
     | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
     "rewards": {"foot_clearance": 0.0, "foot_slip": 0.0, "foot_impact": 0.0},
 }
-"""Group -> removed setting of shipped older policies -> its only allowed value; None: any."""
+"""Group of settings -> setting that was removed from this version -> the only value that can be dropped.
+
+Shipped policies of older versions have these settings. None means that every value can be dropped."""
 _ADDED_SETTINGS: Mapping[str, Any] = {"effort_ramp": 0.0}
-"""Setting that older versions lacked -> value equivalent to their training, if it differs from the present default."""
+"""Setting that older versions did not have -> value with which training works as in these versions.
+
+Only settings with another default value are listed."""
 
 
 def migrate_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a shipped policy's settings in present terms. Raises ValueError for a removed setting in use."""
+    """Convert the settings of a shipped policy of an older version to the settings of this version.
+
+    Raises ValueError if a removed setting has a value that cannot be dropped.
+    """
     migrated = {**_ADDED_SETTINGS, **settings}
     migrated |= {group: dict(settings[group]) for group in _REMOVED_SETTINGS if group in settings}
     for group, removed in _REMOVED_SETTINGS.items():
@@ -175,19 +193,21 @@ def migrate_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def settings_of_card(settings: Mapping[str, Any], card: str) -> TrainConfig:
-    """Return the settings of a shipped policy's run, with the steps of its card.
+    """Return the training settings of a shipped policy, with the number of steps that its model card states.
 
-    A bundle holds the settings at the time of its checkpoint, and a run may have been ended after fewer steps.
+    A bundle has the settings at the time of its best validation. The run may have ended after fewer steps than these
+    settings say.
 
     Args:
-        settings: Training settings of the bundle.
-        card: Text of its MODEL.md.
+        settings: Training settings in the policy bundle.
+        card: Text of the model card.
 
     Returns:
-        The configuration of the run.
+        The settings of the run.
 
     Raises:
-        ValueError: The card says no steps, or the schedules of the run depend on its length.
+        ValueError: The card has no number of steps; or the number differs from the bundle's, and the schedules of the
+            run depend on it.
     """
     config = from_dict(migrate_settings(settings))
     steps_match = re.search(r"^([\d,]+) steps of ", card, re.MULTILINE)
@@ -202,7 +222,7 @@ def settings_of_card(settings: Mapping[str, Any], card: str) -> TrainConfig:
 
 
 def _load_shipped(folder: Path) -> TrainedRun:
-    """Load the run of a shipped policy from its bundle and its card. Raises UsageError."""
+    """Load the facts of the run of a shipped policy from its bundle and its model card. Raises UsageError."""
     try:
         description = json.loads(read_bytes(folder / "policy.json"))
         card = read_bytes(folder / CARD).decode()
@@ -217,17 +237,18 @@ def _load_shipped(folder: Path) -> TrainedRun:
 
 
 def select_shipped(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:
-    """Select the run that ships.
+    """Select the run with the policy that is shipped: the run with the seed SHIPPED_SEED.
 
     Args:
         runs: Finished runs.
-        policy: Kind of policy that ships.
+        policy: Kind of policy that is shipped.
 
     Returns:
-        The run of SHIPPED_SEED.
+        The selected run.
 
     Raises:
-        UsageError: Its seed is missing, a seed is given twice, or the runs differ in more than their seed.
+        UsageError: No run of that kind has SHIPPED_SEED, two runs have the same seed, or runs of that kind differ in
+            more than their seed.
     """
     candidates = [run for run in runs if run.config.policy == policy]
     seeds = [run.config.seed for run in candidates]

@@ -30,17 +30,17 @@ from research.pages import markdown
 from research.pages.blocks import insert_block, read_page
 
 PLACE = "sb3"
-"""Name of the block in the page for the figures."""
+"""Name of the generated block with the results in the page."""
 SEED_LINE = "seed = 0\n"
-"""Line of the block with the seed."""
+"""Line of the code block that sets the training seed."""
 LEARN = re.compile(r"\.learn\(([\d_]+)\)")
-"""Call in the block with the number of training steps."""
+"""Pattern of the call in the code block that has the number of training steps."""
 MODEL = "mine.zip"
-"""Name of the file with the block's model."""
+"""Name of the model file that the code block writes."""
 STANDING = "stand"
-"""Reference policy of the comparison."""
+"""Name of the reference policy, a robot that stands."""
 SCENARIOS = "flat=1", "flat"
-"""Scenarios of the evaluation: the one trained on, and the usual commands up to 1.5 m/s."""
+"""Scenarios of the evaluation: the scenario of the training, and the usual commands up to 1.5 m/s."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class SB3BlockOptions:
 
 
 def main(options: SB3BlockOptions) -> int:
-    """Train, evaluate, write the record and the page, and return the exit code. Raises UsageError."""
+    """Train and evaluate the models, write the record and the page, and return the exit code. Raises UsageError."""
     check_numbers(options, {"episodes": (1, 1_000_000), "evaluation_seed": (0, 2**63 - 1)})
     if len(set(options.seeds)) < max(len(options.seeds), 1) or min(options.seeds) < 0:
         raise UsageError(f"--seeds: whole numbers from 0, none twice, at least one; got {options.seeds}")
@@ -91,7 +91,11 @@ def main(options: SB3BlockOptions) -> int:
 
 
 def find_block(text: str) -> str:
-    """Return the page's Python block that trains with Stable-Baselines3. Raises UsageError."""
+    """Return the Python code block of a page that trains with Stable-Baselines3.
+
+    Raises UsageError if the page does not have exactly one code block of this kind, or if the block does not have
+    exactly one seed line and one call of `learn`.
+    """
     python_blocks = re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
     blocks = [block for block in python_blocks if "stable_baselines3" in block]
     if len(blocks) != 1 or blocks[0].count(SEED_LINE) != 1 or len(LEARN.findall(blocks[0])) != 1:
@@ -103,25 +107,25 @@ def find_block(text: str) -> str:
 
 
 def training_steps(block: str) -> int:
-    """Return the number of training steps in the block."""
+    """Return the number of training steps in the code block."""
     return int(LEARN.findall(block)[0].replace("_", ""))
 
 
 def block_digest(block: str) -> str:
-    """Return the SHA-256 of the block, which identifies the block of some figures."""
+    """Return the SHA-256 of the code block, from which one can see whether results belong to the block."""
     return hashlib.sha256(block.encode()).hexdigest()
 
 
 def train(block: str, seed: int, folder: Path) -> dict[str, Any]:
-    """Run the block with a seed in a folder.
+    """Run the code block with a given seed in a given folder.
 
     Args:
-        block: Python source.
-        seed: Value for its line `seed = 0`.
-        folder: Working folder, made if needed.
+        block: Python source code of the block.
+        seed: Training seed, which replaces 0 in the line `seed = 0`.
+        folder: Working folder of the code, created if it is missing.
 
     Returns:
-        Seed, and processor time, minutes.
+        Name -> value: `seed`, and `minutes`, the processor time, min.
     """
     make_writable_folder(folder)
     script = folder / "block.py"
@@ -136,12 +140,12 @@ def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict
     """Evaluate a policy on held-out episodes of each scenario.
 
     Args:
-        policy: Name, or path of a model.
-        episodes: Number of episodes of each scenario.
-        evaluation_seed: Set of evaluation episodes.
+        policy: Name of a policy, or path of a model.
+        episodes: Number of episodes on each scenario.
+        evaluation_seed: Seed that selects the evaluation episodes.
 
     Returns:
-        Scenario -> name of the figure -> value: successes, falls and velocity error.
+        Scenario -> name -> value. `successes` and `falls` count episodes; `velocity_error` is the mean, m/s.
     """
     figures = {}
     for name in SCENARIOS:
@@ -156,7 +160,7 @@ def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict
 
 
 def markdown_lines(record: Mapping[str, Any]) -> list[str]:
-    """Return the table of a record and its settings, in lines of Markdown."""
+    """Return the lines of Markdown with the table of results in a record, and the settings of the evaluation."""
     heads = {"seed": "seed", "minutes": "processor time, min"}
     heads |= {name: f"success, `{name}`" for name in SCENARIOS}
     heads["falls"] = f"falls, `{SCENARIOS[0]}`"
@@ -181,7 +185,7 @@ def markdown_lines(record: Mapping[str, Any]) -> list[str]:
 def _row(
     name: str, minutes: str, scenarios: Mapping[str, Mapping[str, float]], record: Mapping[str, Any]
 ) -> dict[str, str]:
-    """Return the cells of one policy by column."""
+    """Return the row of one policy in the table: name of the column -> text."""
     episodes = record["episodes"]
     row = {"seed": name, "minutes": minutes, "falls": str(scenarios[SCENARIOS[0]]["falls"])}
     for scenario_name in SCENARIOS:
@@ -191,7 +195,7 @@ def _row(
 
 
 def _commands(name: str) -> str:
-    """Return the commands that a scenario draws, in words."""
+    """Describe in words the ranges from which a scenario draws the velocity commands."""
     ranges = scenario(name).commands
     low, high = ranges.forward
     return (
@@ -201,12 +205,12 @@ def _commands(name: str) -> str:
 
 
 def read_record(path: Path) -> dict[str, Any]:
-    """Return the figures in a file of this command."""
+    """Read the record that this command has written to a file."""
     return dict(json.loads(path.read_bytes()))
 
 
 def lowest_success(record: Mapping[str, Any], name: str) -> float:
-    """Return the lowest success rate over the seeds of a `record` on the scenario `name`, 0 … 1."""
+    """Return the lowest success rate of all seeds in `record`, on the scenario `name`, from 0 to 1."""
     entries: Sequence[Mapping[str, Any]] = record["seeds"]
     fewest = min(int(entry["scenarios"][name]["successes"]) for entry in entries)
     return fewest / int(record["episodes"])

@@ -26,14 +26,17 @@ class SealOptions:
 
 
 def main(options: SealOptions) -> int:
-    """Write the digests and return the exit code."""
+    """Write the digests of all bundles, and return the exit code."""
     for folder in options.folders:
         print(f"{folder}: {seal(folder)}")
     return 0
 
 
 def seal(folder: Path) -> str:
-    """Add the digest to the description of a bundle that loads, and return the digest. Raises UsageError."""
+    """Add the digest to the description of the policy bundle in `folder`, and return the digest.
+
+    Raises UsageError if the description is missing, or if it already has a digest that does not match its content.
+    """
     file = folder / bundle.DESCRIPTION
     if not file.is_file():
         raise UsageError(f"FOLDER: {folder} has no {bundle.DESCRIPTION}")

@@ -41,28 +41,29 @@ EXERCISES = (
     *("stairs=0.1", "soft=0.02", "slippery=0.1", "force=60", "payload=20", "weak_motors=20", "slow_motors=5"),
     *("slow_motors=2", "latency=0.02", "latency=0.04", "latency=0.08", "noise=0.8", "surprise=1"),
 )
-"""Default scenarios of the search, equally hard for every robot: from the severity at which a trot succeeds to the one
-at which it seldom does."""
+"""Default scenarios of the search, scaled to be equally hard for every robot.
+
+The severities go from one at which a trot succeeds to one at which a trot seldom succeeds."""
 SIGNIFICANT = 0.05
-"""Largest p-value with which a smaller cost counts as smaller."""
+"""Significance level of the comparison: the largest p-value with which new parameters are adopted."""
 ADOPTED = "The outcome is adopted."
-"""Words for an adopted outcome."""
+"""Sentence of the report if the new parameters are adopted."""
 KEPT = "Those in force are kept: the outcome is not better."
-"""Words for a rejected outcome."""
+"""Sentence of the report if the new parameters are rejected."""
 
 
 @dataclass(frozen=True)
 class SearchTarget:
-    """A policy with searchable parameters."""
+    """Policy with parameters that can be searched."""
 
     file: ParameterFile[Any]
-    """File of its parameters."""
+    """File of the parameters of the policy."""
     ranges: Ranges
-    """Ranges of the search."""
+    """Bounds of the searched parameters."""
 
     @property
     def account_name(self) -> str:
-        """File name of the account of a search."""
+        """Name of the report file of a search of this policy."""
         return f"{self.file.path.stem.upper()}.md"
 
 
@@ -71,7 +72,7 @@ POLICIES = {
     "trot_integral": SearchTarget(integral.FILE, integral.SEARCH_RANGES),
     "trot_feedback": SearchTarget(virtual_model.FILE, search_ranges_of(virtual_model.VirtualParameters)),
 }
-"""Policy -> its searchable parameters."""
+"""Name of the policy -> parameter file and bounds of the search."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,12 +96,15 @@ class FeedbackSearchOptions(SearchOptions):
 
 
 def main(options: FeedbackSearchOptions) -> int:
-    """Search, conclude, write, and return the exit code. Raises UsageError."""
+    """Run the search, write its files, and return the exit code. Raises UsageError."""
     return search(make_problem, options)
 
 
 def make_problem(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
-    """Create the search problem of a policy with feedback, from the parameters in force or given."""
+    """Create the search problem of a policy with feedback.
+
+    The search starts from the current parameters of the policy, or from the file of the option `start`.
+    """
     name = options.policy
     threads = options.threads
     hardware = parse_robot_option(options.robot)
@@ -114,14 +118,14 @@ def make_problem(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
     ranges = scaled_ranges(target.ranges, file.kind, robot)
 
     def costs(candidates: list[Parameters], seeds: Seeds) -> Floats:
-        """Return the mean cost of each of the `candidates` on the `seeds`, (candidates,)."""
+        """Return the mean cost of each candidate over all scenarios and `seeds`, (candidates,)."""
         walks = run_candidates(name, candidates, exercises, seeds, "search", options.steps, threads, hardware)
         episode_values = [episode_costs(measure(walk)) for walk in walks]
         mean: Floats = np.reshape(episode_values, (len(exercises), len(candidates), -1)).mean(axis=(0, 2))
         return mean
 
     def conclude(after: Parameters) -> tuple[str, str]:
-        """Return the adopted parameters as JSON, and the account of the search."""
+        """Return the adopted parameters (new or current ones) as JSON, and the report of the search."""
         seeds = episode_seeds("validation", options.seed, options.check_episodes)
         walks, differences = compare_parameters(name, in_force, after, exercises, seeds, threads, hardware)
         is_better, decision = adoption_decision(differences)
@@ -135,13 +139,13 @@ def make_problem(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
 
 
 def adoption_decision(differences: Floats) -> tuple[bool, str]:
-    """Decide on the outcome of a search.
+    """Decide whether the parameters that a search has found are adopted.
 
     Args:
-        differences: Cost of the outcome minus the cost of the parameters in force, for each seed, (n,).
+        differences: Cost with the new parameters minus cost with the current parameters, one per seed, (n,).
 
     Returns:
-        Whether the outcome costs significantly less, and the decision with its reason in words.
+        True if the cost is significantly smaller with the new parameters; and the decision with its reason in words.
     """
     difference = float(differences.mean())
     p_value = sign_flip_test(differences)
