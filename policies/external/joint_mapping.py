@@ -30,7 +30,7 @@ LINK_INDICES = LINK_WORDS | {
 
 @dataclass(frozen=True)
 class JointMapping:
-    """Indices of a robot's joints in a policy's order, with signs and zeros of the angles, each (12,)."""
+    """Mapping of a policy's joints to a robot's joints: indices, signs and zeros, each (12,)."""
 
     joint_ids: NDArray[np.intp]
     """Index of each joint of the policy among the robot's joints."""

@@ -14,7 +14,7 @@ from policies.memory import initialize_state, per_robot
 from quad_env.robots.robot import Robot
 
 TIME_TOLERANCE = 1e-6
-"""Maximum difference between times that count as equal, as a fraction of the policy's period."""
+"""Maximum difference between equal times, as a fraction of the policy's control period."""
 
 
 class NetworkPolicy(Policy):
@@ -92,14 +92,15 @@ def with_spec_gains(robot: Robot, spec: PolicySpec) -> Robot:
 def control_period_ratio(spec: PolicySpec, control_period: float) -> float:
     """Return the environment's control period divided by the policy's control period, at most 1.
 
-    If a control step of the policy is due between two control steps of the environment, the policy acts in the later.
+    A control step of the policy may be due between two control steps of the environment. The policy then acts in the
+    later one.
 
     Args:
         spec: Specification of the policy.
         control_period: Control period of the environment, s.
 
     Returns:
-        The ratio. It is rounded to the inverse of a whole number if it differs from that by less than TIME_TOLERANCE.
+        The ratio. If it differs by less than TIME_TOLERANCE from the inverse of a whole number, it is that inverse.
 
     Raises:
         PolicyError: The policy acts more often than the environment.

@@ -161,7 +161,7 @@ def load_network(spec: PolicySpec) -> BatchedNetwork:
         spec: Specification of the policy.
 
     Returns:
-        Network for one robot.
+        Network, allocated for one robot.
 
     Raises:
         PolicyError: The file is not a network, or the network's inputs or outputs contradict the specification.

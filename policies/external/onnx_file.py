@@ -7,8 +7,8 @@ observation, because the base policy has a clock. Therefore its file holds the n
 `policy.json` of its bundle (policy folder): network inputs, base policy and limits of the correction.
 
 The ONNX runtime rounds sums differently from NumPy, by 1e-7. On rough ground this difference changes the episode within
-a second. Therefore a residual policy is computed in NumPy, with the same bits as its bundle. Before that, the output of
-NumPy is compared with the output of the runtime.
+a second. Therefore a residual policy is computed in NumPy, with the same bits as its bundle. When the file is loaded,
+the output of NumPy is compared with the output of the runtime.
 """
 
 from pathlib import Path

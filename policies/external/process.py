@@ -205,10 +205,10 @@ class ExternalPolicy(Policy):
         self._stepped = False
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Restart the policy.
+        """Reset the policy for n robots.
 
         Args:
-            num_envs: Number of robots.
+            num_envs: Number of robots, n.
             seed: Seed of the policy.
         """
         super().reset(num_envs, seed)

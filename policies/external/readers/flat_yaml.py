@@ -3,8 +3,8 @@
 Gains, default position and scales are top-level keys of a YAML file.
 
 Sources: unitreerobotics/unitree_rl_gym `deploy/deploy_mujoco/configs/*.yaml` (`policy_path`, `kps`, `kds`,
-`default_angles`, `simulation_dt`, `control_decimation`). The joints of this project are in the order of its model file,
-and its observation is computed in `deploy_mujoco.py`. Scripts derived from fan-ziqi/rl_sar use the keys of rl_sar's
+`default_angles`, `simulation_dt`, `control_decimation`). In unitree_rl_gym, the joints are in the order of the model
+file, and `deploy_mujoco.py` computes the observation. Scripts derived from fan-ziqi/rl_sar use the keys of rl_sar's
 `config.yaml`.
 """
 
@@ -116,8 +116,8 @@ def known_fields(settings: FileSettings) -> dict[str, Any]:
 def _find_network(settings: FileSettings, path: object) -> Path | None:
     """Return the absolute path of the network; None if the file does not exist.
 
-    The given path may begin with a placeholder, as in `{ROOT}/pre_train/go2/motion.pt`. It is tried relative to the
-    folder of the settings. Then its last part is tried in this folder.
+    The given path may begin with a placeholder, as in `{ROOT}/pre_train/go2/motion.pt`. The path is tried relative to
+    the folder of the settings. Then a file with the last part of the path is searched in this folder.
     """
     if not isinstance(path, str) or not path:
         return None

@@ -72,8 +72,8 @@ def _check_control(control: FileSettings) -> None:
 def _parse_gains(control: FileSettings, joint: str) -> tuple[float, float]:
     """Return stiffness, N·m/rad, and damping, N·m·s/rad, of a joint.
 
-    The last key of `stiffness` that is part of the joint's name gives both. If `damping` lacks this key, its only key
-    in the joint's name gives the damping; legged_gym itself fails in this case.
+    The last key of `stiffness` that is part of the joint's name gives both gains. If `damping` lacks this key, the only
+    key of `damping` that is part of the joint's name gives the damping. legged_gym itself fails in this case.
     """
     stiffness = control.section("stiffness")
     damping = control.section("damping")

@@ -131,9 +131,9 @@ def _in_framework_order(spec: PolicySpec, settings: FileSettings) -> PolicySpec:
 
 
 def _with_reduced_hips(spec: PolicySpec, settings: FileSettings) -> PolicySpec:
-    """Return the specification with `hip_scale_reduction` in action scale and `previous_action`.
+    """Return the specification with action scale and `previous_action` of the hips reduced.
 
-    This applies to the joints in `hip_scale_reduction_indices`.
+    The factor is `hip_scale_reduction`. The hips are the joints in `hip_scale_reduction_indices`.
     """
     reduction = settings.number("hip_scale_reduction", 1.0)
     if reduction == 1.0:

@@ -69,8 +69,9 @@ def as_toml(name: str, value: Any) -> str:
 def _expand_joint_values(name: str, value: Any, joints: Any) -> Any:
     """Return the value of a field for each joint.
 
-    A single value is repeated twelve times. A table has one value for each part of joint names, such as `hip`. A list
-    is returned unchanged. Raises PolicyError if a joint's name does not contain exactly one key of the table.
+    A single value, or a range of two numbers, is repeated twelve times. A table has one value for each part of joint
+    names, such as `hip`. Any other list is returned unchanged. Raises PolicyError if a joint's name does not contain
+    exactly one key of the table.
     """
     if isinstance(value, dict) and isinstance(joints, list | tuple):
         values = []

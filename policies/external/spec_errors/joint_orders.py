@@ -29,7 +29,7 @@ def joint_order_in_words(joints: Names, robot: Robot) -> str:
 
     Args:
         joints: Names of the joints.
-        robot: Robot that has them.
+        robot: Robot with these joints.
 
     Returns:
         Order of the legs, and `by leg`, `by kind` or `mixed`.
