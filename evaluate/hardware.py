@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class HardwareConfig:
     """Names of robot, servo gains, motors, sensors, estimator and simulator.
 
-    Each field except `servo` means the same as the keyword argument of `SimpleQuadVectorEnv` with its name.
+    Each field except `servo` is the keyword argument of `SimpleQuadVectorEnv` with the same name.
     """
 
     actuator: str = "ideal"

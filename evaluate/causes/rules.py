@@ -61,7 +61,7 @@ def trips(record: EpisodeSignals, window: slice | None = None) -> Iterator[Event
 
     Args:
         record: Signals of the episode.
-        window: Steps to search; None for the window of the record.
+        window: Steps to search; None to search `record.window`.
 
     Yields:
         The strongest blow of each control step that has one.

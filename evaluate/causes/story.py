@@ -38,7 +38,7 @@ def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tu
     moments = _events(decided)
     if record.fell and record.end:
         if decided.event.cause in (GAIT, UNCLEAR) and decided.event.step == record.onset:
-            moments = []  # the event has no more information than the departure from the gait
+            moments = []  # dropped, because it says no more than the departure from the gait
         moments.append(_departure(record))
         outcome += f" ({episodes.fall_reason[number].replace('_', ' ')})"
     cause = decided.event.cause.replace("_", " ")
@@ -49,7 +49,7 @@ def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tu
 
 
 def _events(decided: Verdict) -> list[tuple[int, str]]:
-    """Return step and description of the deciding event and of the strongest event of each other cause."""
+    """Return pairs of step and description: deciding event, then strongest event of each other cause."""
     strongest = {decided.event.cause: decided.event}
     for event in sorted(decided.triggered_events, key=lambda event: -event.score):
         strongest.setdefault(event.cause, event)
@@ -57,7 +57,7 @@ def _events(decided: Verdict) -> list[tuple[int, str]]:
 
 
 def _departure(record: EpisodeSignals) -> tuple[int, str]:
-    """Return step and description of the departure from the ordinary gait."""
+    """Return the step and a description of the departure from the ordinary gait."""
     step = min(record.onset, record.end - 1)
     tilt = np.degrees(record.signal("tilt")[step])
     offset = planar(record.capture_point_offset)[step]

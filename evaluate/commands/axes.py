@@ -27,7 +27,7 @@ class AxesOptions(comparison.EvaluateOptions):
 
 
 def main(options: AxesOptions) -> int:
-    """Run the command and return the exit code; raise UsageError if an axis is unknown."""
+    """Run the command and return the exit code; raise UsageError if the name of an axis is unknown."""
     from evaluate.commands.plan import check
     from quad_env.scenarios.axes import AXES, extension_axes
 

@@ -174,7 +174,7 @@ def _table(options: CompareOptions, matches: Sequence[Match], titles: Mapping[st
     Args:
         options: Options of the command line.
         matches: Cells that both runs have.
-        titles: Metric -> title of its column.
+        titles: Metric name -> column title.
 
     Returns:
         A table with a group for each scenario.

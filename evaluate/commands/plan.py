@@ -101,8 +101,8 @@ def select_scenarios(options: EvaluateOptions) -> tuple[Scenario, ...]:
         Scenarios in the order of the names in the options.
 
     Raises:
-        UsageError: Both the hardware profile and other hardware are chosen, or a named scenario cannot be simulated.
-            ValueError for unknown scenarios.
+        UsageError: The options choose both the hardware profile and other hardware, or a named scenario cannot be
+            simulated. An unknown scenario raises ValueError.
     """
     robot = options.hardware_config.robot_model
     scenarios = battery.resolve(options.battery, robot)

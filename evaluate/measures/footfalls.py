@@ -36,7 +36,7 @@ def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
     Args:
         contact: Recorded contacts, (steps, n, 4).
         upright: True for upright steps, (steps, n); other steps do not count.
-        dt: Control step, s.
+        dt: Duration of a control step, s.
 
     Returns:
         Footfalls of all episodes.

@@ -56,7 +56,7 @@ def step_rate(falls: Footfalls, first: int, upright: NDArray[np.int64], dt: floa
         falls: Footfalls of n episodes.
         first: First step that counts.
         upright: Number of upright steps from `first` on, (n,).
-        dt: Control step, s.
+        dt: Duration of a control step, s.
 
     Returns:
         Step rate, (n,), 1/s.
@@ -73,7 +73,7 @@ def touchdown_impulse(impulse: Recorded, falls: Footfalls, first: int, end: NDAr
         falls: Footfalls of n episodes.
         first: First step that counts.
         end: Control step in which each episode ends, (n,).
-        dt: Control step, s.
+        dt: Duration of a control step, s.
 
     Returns:
         Mean over the touch-downs that begin and end between `first` and `end`, (n,), N·s; NaN if there is none.
@@ -98,7 +98,7 @@ def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> 
         position: Foot positions, world frame, (steps, n, 4, 3), m.
         contact: True for feet on the ground, (steps, n, 4).
         upright: True for upright steps, (steps, n).
-        dt: Control step, s.
+        dt: Duration of a control step, s.
 
     Returns:
         Speed, (n,), m/s; NaN if no foot is on the ground in two consecutive steps.

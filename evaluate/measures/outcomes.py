@@ -63,9 +63,9 @@ class SuccessRule:
         )
 
     def deviations(self, commands: Floats, velocities: Floats) -> Floats:
-        """Return the relative error of each interval: velocity or yaw-rate error over its tolerance.
+        """Return the relative error of each command interval: an error divided by its tolerance.
 
-        The larger one of the two relative errors counts.
+        The result is the larger value of the planar velocity and the yaw rate.
 
         Args:
             commands: Commands of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
@@ -153,11 +153,11 @@ def outcomes(  # noqa: PLR0913 -- arrays of one kind, by keyword alone
         diverged: True if the episode ended by a divergence, (n,).
         stopped: True if a safety layer brought the robot to a controlled stop, (n,). The episode is then `stalled`
             rather than `fell`.
-        failed: True if the policy failed before any fall, for example by an exception, (n,).
-        commands: Command of each interval, (n, k, 3), forward m/s, lateral m/s, yaw rate rad/s.
-        velocities: Mean velocities of each interval after its first second, heading frame, (n, k, 3).
-        errors: See `SuccessRule.on_command`.
-        durations: Durations of the intervals, (k,), control steps.
+        failed: True if the policy failed before a fall, for example by an exception, (n,).
+        commands: Commands of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
+        velocities: Mean velocities of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
+        errors: Mean errors over each episode's steps, (n, 2), as for `SuccessRule.on_command`.
+        durations: Durations of the intervals, (k,), in control steps.
         rule: Success rule.
 
     Returns:
@@ -179,9 +179,9 @@ def commanded_progress(commands: Floats, velocities: Floats, durations: Floats) 
     """Return the fraction of the commanded distance that was covered along the commands.
 
     Args:
-        commands: Command of each interval, (n, k, 3), forward m/s, lateral m/s, yaw rate rad/s.
+        commands: Commands of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
         velocities: Mean velocities of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
-        durations: Durations of the intervals, (k,).
+        durations: Durations of the intervals, (k,), in any unit.
 
     Returns:
         Progress, (n,). It is the fraction of the commanded turn if no distance is commanded, and 1 if no turn is

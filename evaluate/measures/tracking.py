@@ -156,7 +156,7 @@ def distance_covered(velocity: Floats, upright: Bools, stretches: tuple[slice, .
         velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
         upright: True for upright steps, (steps, n).
         stretches: Slices of the steps, one for each command interval.
-        dt: Control step, s.
+        dt: Duration of a control step, s.
 
     Returns:
         Distance, (n,), m.

@@ -41,7 +41,7 @@ _NOT_PROVENANCE = ("options", "date", "fingerprint")
 _NOT_COMPARED = {"git_revision"}
 """Versions that are not compared, because the code digest already shows every change of the code."""
 _NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
-"""Versions that do not enter the fingerprint, because runs that differ in them can have the same bytes.
+"""Versions that do not enter the fingerprint, because results can be equal despite a difference.
 
 The command `compare` reports a difference of all but the git revision.
 """
@@ -52,7 +52,7 @@ class Manifest:
     """All inputs of a run, in which each policy runs its scenarios with the same seeds."""
 
     policies: Mapping[str, str]
-    """Label -> digest (hash of parameters and weights) of the policy, in the order of the run."""
+    """Label -> digest (hash of classes, parameters and weights) of the policy, in the order of the run."""
     scenarios: tuple[Scenario, ...]
     seed: int
     """Evaluation seed."""
@@ -250,7 +250,7 @@ def _digest(values: Mapping[str, Any]) -> str:
 
 
 def differences(then: Manifest, now: Manifest) -> list[str]:
-    """Describe each input, other than the options, in which the run `now` differs from the run `then`."""
+    """Describe each input that differs between the runs `then` and `now`; options are not compared."""
     return list(_differences(then, now))
 
 

@@ -40,7 +40,7 @@ _TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, FILES))}|{_CHUNK.pattern}
 
 @dataclass(frozen=True)
 class Run:
-    """A run read from a folder, finished or not."""
+    """A finished or unfinished run, read from a folder."""
 
     manifest: Manifest
     cells: tuple[PolicyScenarioResult, ...]
@@ -77,7 +77,7 @@ class ChunkStore:
             scenario: Scenario of the cell.
 
         Returns:
-            Chunks; no two of them share an episode.
+            Chunks; no two chunks share an episode.
         """
         if not self.begun:
             return ()

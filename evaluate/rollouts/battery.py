@@ -146,18 +146,18 @@ def _hardware_scenarios(robot: Robot) -> tuple[Scenario, ...]:
 
 
 def with_profile(scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
-    """Return the scenarios with the robot's hardware profile, without duplicates."""
+    """Return the scenarios with the robot's hardware profile; duplicates are removed."""
     return tuple({scenario.name: scenario for scenario in map(with_hardware_profile, scenarios)}.values())
 
 
 def _battery(
     robot: Robot, levels: Callable[[Axis], Iterable[int]], nominal: tuple[str, ...] = NOMINAL
 ) -> tuple[Scenario, ...]:
-    """Return nominal scenarios, levels of each axis, and the steady walk, without duplicates.
+    """Return nominal scenarios, levels of each axis, and the steady walk; duplicates are removed.
 
     Args:
         robot: Robot to which the severities are scaled.
-        levels: Axis -> its levels in the battery.
+        levels: Function that returns the severity levels of an axis in the battery.
         nominal: Names of the nominal scenarios.
 
     Returns:

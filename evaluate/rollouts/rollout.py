@@ -25,7 +25,7 @@ REPORT_PERIOD = 25
 """Number of control steps between two calls of the progress callback."""
 
 Progress = Callable[[float], None]
-"""Function that receives the finished fraction of the rollout, 0 … 1; the value 1 comes once, at the end."""
+"""Function that receives the finished fraction of the rollout, 0 … 1; it receives 1 once, at the end."""
 
 
 def roll_out(
@@ -79,7 +79,7 @@ def iterate_episode(
     command: ArrayLike | None = None,
     hardware: HardwareConfig = IDEAL,
 ) -> Generator[Step]:
-    """Iterate over one episode, simulating each control step on demand; a fallen robot is not frozen.
+    """Iterate over one episode; each control step is simulated on demand, and a fallen robot keeps moving.
 
     Args:
         policy: Policy of the robot.
