@@ -100,7 +100,7 @@ def control_period_ratio(spec: PolicySpec, control_period: float) -> float:
         control_period: Control period of the environment, s.
 
     Returns:
-        The ratio. If it differs by less than TIME_TOLERANCE from the inverse of a whole number, it is that inverse.
+        The ratio. It is rounded to the inverse of a whole number if their relative difference is below TIME_TOLERANCE.
 
     Raises:
         PolicyError: The policy acts more often than the environment.
