@@ -12,7 +12,7 @@ class Threshold:
     bound: float
     """Limit, in `unit`."""
     unit: str = ""
-    """Unit that is displayed directly after a number; it starts with a space if one is needed."""
+    """Unit, printed directly after a number; ` µs` starts with a space, `/s` does not."""
 
     def is_met(self, value: float) -> bool:
         """Return True if the value is within the limit, False if it is not or is NaN."""

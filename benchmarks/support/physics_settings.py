@@ -118,7 +118,7 @@ SETTINGS: dict[str, PhysicsSetting] = {
 
 
 def compile_model(change: SpecEdit) -> mujoco.MjModel:
-    """Compile the model of SimpleQuad with a `change` of its specification."""
+    """Compile the model of SimpleQuad after a `change` of the specification."""
     spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
     change(spec)
     return spec.compile()

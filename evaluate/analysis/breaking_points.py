@@ -105,7 +105,7 @@ def breaking_point_text(point: AxisBreakingPoint) -> str:
     """Format a breaking point as text.
 
     The text is `48 N·s [45, 51]` if the failure rate crosses one half. It is `none up to 100 N·s` if less than half of
-    the episodes fail at the hardest severity, and `already at 20 N·s` if half or more fail at the mildest severity.
+    the episodes fail at the hardest severity. It is `already at 20 N·s` if half or more fail at the mildest severity.
     """
     is_rising = point.hardest == point.highest
     if point.found == "never":

@@ -1,4 +1,4 @@
-"""Combined ranking of two runs, on the scenarios and seeds they share."""
+"""Combined ranking of the policies of two runs, on the scenarios and seeds that both runs have."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -65,7 +65,7 @@ class Comparison:
     It is Tango's score interval of paired proportions for a rate, and a bootstrap over the pairs for an error.
     """
     p_value: float
-    """p-value of this comparison, not corrected."""
+    """p-value of the test, not corrected."""
     test: str
     """Name of the test."""
     p_value_holm: float
@@ -129,7 +129,7 @@ def default_baseline(policies: Sequence[str]) -> str:
 def compare_pair(
     a: PolicyScenarioResult, b: PolicyScenarioResult, metrics: Sequence[str] = METRICS
 ) -> Iterator[Comparison]:
-    """Compare two policies on one scenario, from their cells with the same episodes.
+    """Compare two policies on one scenario over the same episodes.
 
     Args:
         a: Cell of policy a.

@@ -1,4 +1,4 @@
-"""Ranking of the policies of a run, tests of adjacent policies, and one correction of all claims."""
+"""Ranking of the policies of a run, tests of adjacent policies, and correction for multiple tests."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ The claims on single scenarios have the remaining weight.
 Claim = tuple[str, frozenset[str]]
 """Scenario of a claim (empty for all scenarios together), and the two compared policies."""
 POWER = 0.8
-"""Probability of distinguishing two adjacent policies with the reported number of needed episodes."""
+"""Probability with which the reported number of needed episodes distinguishes two adjacent policies."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,12 @@ class AdjacentPair:
     difference: float
     """Score of `better` minus score of `worse`."""
     deviation: float
-    """Standard deviation over the episodes of the difference of their scores."""
+    """Standard deviation of the difference over the episodes."""
     ci: Interval
-    """95 % interval of the difference, over episodes with their results on all scenarios.
+    """95 % interval of the difference.
 
-    It is a bootstrap interval, or Tango's interval if every score of an episode is 0 or 1. It is NaN for identical
-    policies.
+    Bootstrap over episodes, each with its results on all scenarios. It is Tango's interval if every score of an episode
+    is 0 or 1, and NaN for identical policies.
     """
     p_value: float
     """p-value of the paired sign-flip permutation test, not corrected.
@@ -190,7 +190,7 @@ def _pair_p_values(ranked: Ranking, limit: int) -> dict[Claim, float]:
 def _with_corrected_p_value(
     pair: AdjacentPair, p_value: float, level: float, ranked: Ranking, comparisons: Sequence[Comparison]
 ) -> AdjacentPair:
-    """Return a pair with its corrected p-value, its needed episodes, and its significant single scenarios.
+    """Return a pair with corrected p-value, needed episodes, and significant single scenarios.
 
     Args:
         pair: Adjacent policies.

@@ -64,7 +64,7 @@ class Results:
     summaries: dict[tuple[str, str], Summary]
     """(scenario, policy) -> summary of the cell, in the order of the run."""
     comparisons: tuple[Comparison, ...]
-    """Comparisons with the baseline and of adjacent policies, with corrected p-values."""
+    """Comparisons of policies with the baseline, and of adjacent policies, with corrected p-values."""
     breaking_points: tuple[AxisBreakingPoint, ...]
     """Breaking points on every axis with at least three severities."""
     scores: tuple[Score, ...]
@@ -171,7 +171,7 @@ def _scores_and_front(
 
 
 def _hardware(provenance: Mapping[str, Any]) -> HardwareConfig:
-    """Return the hardware in the provenance of a run; ideal hardware if it has no entry."""
+    """Return the hardware in a provenance; ideal hardware if the provenance has no entry for it."""
     return HardwareConfig(**provenance.get("hardware", {}))
 
 

@@ -54,7 +54,7 @@ class SeverityAxis:
 
     @property
     def is_harder_when_smaller(self) -> bool:
-        """True if a smaller severity is harder, as for friction."""
+        """True if a smaller severity is harder, for example a smaller friction."""
         return self.scenarios[0].severity > self.scenarios[-1].severity
 
 

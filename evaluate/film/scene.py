@@ -50,7 +50,7 @@ def heading_angle(step: Step) -> float:
 
 
 class Scene:
-    """Marks of the first robot, updated at every control step."""
+    """Arrows and balls that mark the first robot in a frame, updated at every control step."""
 
     def __init__(self, start: Step) -> None:
         self._velocities: deque[Array] = deque(maxlen=max(1, round(VELOCITY_WINDOW / start.env.dt)))

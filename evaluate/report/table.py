@@ -127,7 +127,7 @@ def ranking_table(ranked: Ranking, hardware: Sequence[Score] = ()) -> FittedTabl
 
 
 def _print_notes(results: Results, console: Console) -> None:
-    """Print the note of each axis that has one."""
+    """Print the note of each axis that has a note."""
     for axis in (axis for axis in severity_axes(results.cells) if axis.note):
         console.print(f"\n[bold]{escape(axis.name)}[/bold]: {escape(axis.note)}", highlight=False)
 

@@ -240,6 +240,6 @@ def _cached_counts(size: int, count: int, seed: int) -> Floats:
 
 
 def _draw_counts(generator: np.random.Generator, size: int, count: int) -> Floats:
-    """Draw resamples; return how often each value of the sample is drawn in each of them, (count, size)."""
+    """Draw resamples, and count the draws of each value of the sample in each resample, (count, size)."""
     indices = generator.integers(0, size, (count, size), dtype=np.int32) + size * np.arange(count)[:, None]
     return np.bincount(indices.ravel(), minlength=count * size).reshape(count, size).astype(np.float64)

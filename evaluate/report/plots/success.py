@@ -51,7 +51,7 @@ class _Layout:
 
     @property
     def heads(self) -> tuple[str, ...]:
-        """Names of the policies, broken into lines."""
+        """Names of the policies, with line breaks, for the text above the blocks."""
         return tuple("\n".join(break_name(policy, NAME_WIDTH)) for policy in self.policies)
 
     @property
