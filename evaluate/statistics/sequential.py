@@ -3,8 +3,8 @@
 A look is an interim analysis of the episodes so far. A look compares the paired p-value of a pair with the nominal
 level of the look (Jennison and Turnbull 2000, Group Sequential Methods, chapter 3). The nominal levels follow from a
 spending function (Kim and DeMets 1987, Biometrika 74). At a fraction t of the maximum number of episodes, the test has
-spent α t^(3/2) of the error probability α. This function spends less at early looks than Pocock's boundary, and less at late
-looks than O'Brien and Fleming's boundary.
+spent α t^(3/2) of the error probability α. This function spends less at early looks than Pocock's boundary, and less at
+late looks than O'Brien and Fleming's boundary.
 
 Each of the P − 1 adjacent pairs of P policies has α = LEVEL / (P − 1). The data choose the pairs, but this choice needs
 no correction. Two equal policies stay adjacent with a large gap only if no third policy lies between them. These pairs
