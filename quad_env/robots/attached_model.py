@@ -1,7 +1,7 @@
-"""A user's model on its way into the scene: one value for the attachment, and the edits of the model itself.
+"""Changes to a user's model before it is attached to SimpleQuad's scene.
 
-The attachment loses the compiler settings of the whole model, as `settotalmass`. Each edit therefore writes the values
-that MuJoCo gives when it compiles the model alone.
+The attachment loses compiler settings of the whole model, such as `settotalmass`. The functions therefore write the
+values that MuJoCo computes when it compiles the model alone. `AttachedModel` holds the model during the changes.
 """
 
 from dataclasses import dataclass
@@ -16,15 +16,18 @@ from quad_env.robots.shapes import GROUND_BIT, Floats, surface_points
 from quad_env.robots.structure import LINKS, Leg, RobotStructure
 
 _INVISIBLE = (0.0, 0.0, 0.0, 0.0)
-"""Colour of sites that only sensors use, red, green, blue, opacity."""
+"""Colour of sites that are used only by sensors: red, green, blue, opacity."""
 _SITE_MARGIN = 1e-3
-"""m. Margin of the touch site around a foot's geoms: a touch sensor sees contacts inside its site alone."""
+"""Margin of the touch site around the geoms of a foot, m. A touch sensor measures only contacts inside its site."""
 _ALIGNED = 1e-12
-"""Largest offset, m, and rotation of a trunk frame that counts as the frame of the root body."""
+"""Largest position difference, m, and rotation matrix difference of two frames that are considered equal."""
 
 
 class SpecElements(NamedTuple):
-    """Elements of a specification by the ids of the compiled model; the elements lose these ids when they change."""
+    """Elements of a specification: id in the compiled model -> element.
+
+    The dictionaries are needed because elements lose their ids when the specification changes.
+    """
 
     bodies: dict[int, Any]
     joints: dict[int, Any]
@@ -33,17 +36,17 @@ class SpecElements(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class AttachedModel:
-    """A user's model that is being attached to the scene; made by `copy_user_model`, changed by each step."""
+    """User's model during its attachment to the scene; made by `copy_user_model`, changed by the other functions."""
 
     robot: RobotParameters
     spec: Any
-    """Copy of the user's specification, `mujoco.MjSpec`, which the steps change."""
+    """Copy of the user's specification, `mujoco.MjSpec`; the functions of this module change this copy."""
     model: Any
     """Compiled `mujoco.MjModel` of the user's file, unchanged."""
     structure: RobotStructure
     """Structure of the compiled model."""
     elements: SpecElements
-    """Elements of `spec` by their ids in `model`."""
+    """Elements of `spec`, by the ids in `model`."""
 
     @property
     def root(self) -> Any:
@@ -52,14 +55,15 @@ class AttachedModel:
 
 
 def copy_user_model(robot: RobotParameters, modified: int) -> AttachedModel:
-    """Return a copy of a robot's model for the attachment.
+    """Copy the model of an imported robot, so that the copy can be changed and attached.
 
     Args:
-        robot: Parameters of an imported robot.
-        modified: Current modification time of its file, ns; a file that changed after the robot was made is read again.
+        robot: Parameters of the robot.
+        modified: Current modification time of the model's file, ns. The file is read again if it has changed since the
+            robot was made.
 
     Returns:
-        A copy of a robot's model for the attachment.
+        The copy.
     """
     user_model = robot.user_model
     if user_model.modified != modified:
@@ -70,14 +74,14 @@ def copy_user_model(robot: RobotParameters, modified: int) -> AttachedModel:
 
 
 def delete_elements(spec: Any, *kinds: str) -> None:
-    """Delete all elements of a specification that are of the given kinds, as `sensors`."""
+    """Delete all elements of the given `kinds`, such as `sensors`, from the specification `spec`."""
     for kind in kinds:
         for element in list(getattr(spec, kind)):
             spec.delete(element)
 
 
 def keep_compiled_inertias(attached: AttachedModel) -> None:
-    """Give each body the mass and inertia that it has in the compiled model."""
+    """Write mass and inertia of each body in the compiled model to the specification."""
     model = attached.model
     for body in attached.structure.bodies:
         element = attached.elements.bodies[body]
@@ -98,8 +102,8 @@ def keep_compiled_inertias(attached: AttachedModel) -> None:
 def align_joint_axes(attached: AttachedModel) -> None:
     """Rewrite the joints to the robot's convention: axes +x and +y, angles zero with the leg straight down.
 
-    Angles are in the unit of the model's compiler. A joint gets the armature and damping of its motors. No motor's
-    torque is limited below the rated torque.
+    Angles are written in the unit of the specification. Armature and damping of the motors are added to their joints.
+    Torque limits of the joints are widened to the rated torque.
     """
     motors = _motor_armature_and_damping(attached.model)
     lower, upper = attached.structure.limits(attached.model)
@@ -110,13 +114,14 @@ def align_joint_axes(attached: AttachedModel) -> None:
 def _align_joint(attached: AttachedModel, number: int, limits: tuple[float, float], motor: Floats) -> None:
     """Rewrite one joint, see `align_joint_axes`.
 
-    A spring's torque is -(a x + b x² + c x³): b changes its sign with the axis. A damper's torque is odd.
+    The torque of a joint spring is -(a x + b x² + c x³). The coefficient b changes its sign if the axis is reversed.
+    The torque of a damper is an odd function of the speed, so its coefficients do not change.
 
     Args:
         attached: The model.
-        number: Index of the joint among the robot's twelve.
+        number: Index of the joint among the robot's twelve joints.
         limits: Lower and upper limit in the robot's convention, rad.
-        motor: Armature and damping coefficients of its motors, (4,).
+        motor: Armature, followed by the three damping coefficients, of the joint's motors, (4,).
     """
     model = attached.model
     joint = attached.structure.joints[number]
@@ -135,20 +140,23 @@ def _align_joint(attached: AttachedModel, number: int, limits: tuple[float, floa
     element.stiffness = (model.jnt_stiffness[joint], sign * square, cube)
     element.damping = np.array((model.dof_damping[dof], *model.dof_dampingpoly[dof])) + motor[1:]
     element.armature = model.dof_armature[dof] + motor[0]
-    element.springdamper = (0.0, 0.0)  # compiled into stiffness and damping
+    element.springdamper = (0.0, 0.0)  # The compiled stiffness and damping already contain its effect.
     if model.jnt_actfrclimited[joint]:
         _widen_torque_limit(element, np.sort(sign * model.jnt_actfrcrange[joint]), attached.robot.rated_torque)
 
 
 def _widen_torque_limit(joint: Any, limits: Floats, rated_torque: float) -> None:
-    """Give a joint its torque limits, (2,), N·m, widened to the rated torque."""
+    """Set the torque limits of a joint to the wider of `limits`, (2,), N·m, and ± the rated torque."""
     low, high = limits
     joint.actfrclimited = 1
     joint.actfrcrange = (min(low, -rated_torque), max(high, rated_torque))
 
 
 def _motor_armature_and_damping(model: Any) -> Floats:
-    """Return the armature and damping coefficients of each joint from its motors, (njnt, 4), with the squared gear."""
+    """Return armature and three damping coefficients that the motors add to each joint, (njnt, 4).
+
+    The values of a motor are multiplied by its squared gear ratio.
+    """
     import mujoco
 
     totals = np.zeros((model.njnt, 4))
@@ -161,12 +169,15 @@ def _motor_armature_and_damping(model: Any) -> Floats:
 
 
 def angle_unit(joint: Any) -> float:
-    """Return one radian in the angle unit of the specification of `joint`."""
+    """Return the factor from radians to the angle unit of the specification of `joint`: 180/π for degrees, else 1."""
     return float(np.rad2deg(1.0)) if joint.compiler.degree else 1.0
 
 
 def remove_forces(attached: AttachedModel) -> None:
-    """Remove all forces but the weight, the joint springs and the ground contact, see `omissions`."""
+    """Remove gravity compensation, plugins, plastic springs, and springs, damping and friction of the free joint.
+
+    `omissions` reports the removed forces.
+    """
     import mujoco
 
     structure = attached.structure
@@ -187,7 +198,7 @@ def remove_forces(attached: AttachedModel) -> None:
 
 
 def set_contact_parameters(attached: AttachedModel, foot: Any) -> None:
-    """Give geoms and pairs of `attached` the contact parameters of SimpleQuad's `foot` geom, but not its friction."""
+    """Set the contact parameters of geoms and pairs to the values of SimpleQuad's `foot` geom, except friction."""
     geoms = [geom for body in attached.structure.bodies for geom in attached.elements.bodies[body].geoms]
     for element in (*geoms, *attached.spec.pairs):
         element.solref = foot.solref
@@ -200,21 +211,22 @@ def set_contact_parameters(attached: AttachedModel, foot: Any) -> None:
         geom.condim = foot.condim
         geom.priority = foot.priority
         geom.surfacevel = np.zeros(6)
-        geom.fluid_ellipsoid = 0.0  # there is no fluid in the scene
+        geom.fluid_ellipsoid = 0.0  # The scene has no fluid.
     for pair in attached.spec.pairs:
         pair.solreffriction = (0.0, 0.0)
         pair.condim = foot.condim
 
 
 def rename_elements(attached: AttachedModel) -> None:
-    """Name the parts that the simulation finds by name, as in SimpleQuad, and add sites and a missing trunk box."""
+    """Rename the parts that the simulation finds by name as in SimpleQuad; add foot sites and a missing trunk box."""
     elements = attached.elements
     for kind, named in (("body", elements.bodies), ("geom", elements.geoms)):
         for number, element in named.items():
             element.name = element.name or f"{RENAMED_PREFIX}{kind}_{number}"
     attached.root.name = RENAMED_PREFIX + "base_link"
     for geom in elements.geoms.values():
-        geom.priority = 0  # the scenario sets the friction of the ground, which acts on sliding alone
+        # Let the scenario set the friction, through the ground; condim 3 restricts friction to sliding.
+        geom.priority = 0
         geom.condim = 3
     for leg in attached.structure.legs:
         _rename_leg(attached, leg)
@@ -223,7 +235,7 @@ def rename_elements(attached: AttachedModel) -> None:
 
 
 def _rename_leg(attached: AttachedModel, leg: Leg) -> None:
-    """Name the joints, links and foot geoms of a leg, and add a site on the foot and one around each sole."""
+    """Rename joints, links and foot geoms of a leg; add a site at the foot's centre and sites around the foot geoms."""
     model = attached.model
     elements = attached.elements
     for number, geom in enumerate(leg.foot.geoms):
@@ -239,7 +251,10 @@ def _rename_leg(attached: AttachedModel, leg: Leg) -> None:
 
 
 def _sole_site(model: Any, leg: Leg, body: int) -> dict[str, Any]:
-    """Return the site around the foot geoms of one body, slightly larger than they are: a touch sensor's volume."""
+    """Return the fields of the site around the foot geoms of one body, for a touch sensor.
+
+    The site is slightly larger than the geoms, because a touch sensor measures only contacts inside its site.
+    """
     geoms = [geom for geom in leg.foot.geoms if model.geom_bodyid[geom] == body]
     points = np.concatenate([surface_points(model, geom) for geom in geoms])
     low = points.min(axis=0)
@@ -248,7 +263,7 @@ def _sole_site(model: Any, leg: Leg, body: int) -> dict[str, Any]:
 
 
 def _add_trunk_box(attached: AttachedModel) -> None:
-    """Add a box to a trunk that does not collide with the ground in its model; it collides with the ground alone."""
+    """Add a box to the trunk that collides only with the ground; the trunk of the model does not collide with it."""
     robot = attached.robot
     box = {"type": 6, "pos": robot.trunk_centre, "size": robot.trunk_size / 2.0, "mass": 0.0, "group": 3}
     trunk = attached.elements.bodies[attached.structure.trunk]
@@ -256,7 +271,7 @@ def _add_trunk_box(attached: AttachedModel) -> None:
 
 
 def reset_orientation(element: Any) -> None:
-    """Align a new geom or site with the axes of its body; the model's class defaults may say otherwise."""
+    """Align a new geom or site with the axes of its body, because defaults of the model may rotate new elements."""
     import mujoco
 
     element.quat = (1.0, 0.0, 0.0, 0.0)
@@ -265,7 +280,7 @@ def reset_orientation(element: Any) -> None:
 
 
 def move_base_frame(attached: AttachedModel) -> None:
-    """Move the frame of the root body to the trunk's frame; everything in it stays at its place."""
+    """Move the frame of the root body to the trunk's frame. The parts of the root body do not move."""
     import mujoco
 
     root = attached.root

@@ -1,4 +1,8 @@
-"""Collisions of a user's robot in the scene: with the ground, by a bit of its own, and with itself, as in its model."""
+"""Collisions of a user's robot in the scene.
+
+A bit of `contype` selects the geoms that collide with the ground. Self-collisions are the same as in the user's model,
+except between bodies that overlap in the home pose.
+"""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -9,21 +13,24 @@ from quad_env.robots.shapes import GROUND_BIT, geom_ids, welded_bodies
 from quad_env.robots.structure import LINKS
 
 RULES = {"excludes": ("body", "bodyname1", "bodyname2"), "pairs": ("geom", "geomname1", "geomname2")}
-"""Kinds of rules, of parts that may not and that may collide -> kind of the parts, and the fields with their names."""
+"""Kind of collision rule in a specification -> kind of the two parts, and the two fields with their names.
+
+`excludes` are pairs of bodies that must not collide, `pairs` are pairs of geoms that collide.
+"""
 
 Rule = tuple[Any, str, Any]
-"""Rule of a specification, its field, and the element that this field names."""
+"""A rule of a specification, the name of one of its fields, and the element that this field names."""
 
 
 def collect_rules(attached: AttachedModel, overlaps: Sequence[Overlap]) -> list[Rule]:
-    """Return the collision rules of the robot in the scene; the other rules are deleted from its specification.
+    """Collect the collision rules between parts of the robot, and delete all other rules from the specification.
 
     Args:
-        attached: The model; its elements still have their ids.
+        attached: The model; its elements still have the ids of the compiled model.
         overlaps: Pairs of bodies that overlap in the home pose and must not collide.
 
     Returns:
-        The collision rules of the robot in the scene; the other rules are deleted from its specification.
+        The user's rules that are kept, and a new exclusion for each overlap.
     """
     return [*_keep_robot_rules(attached, overlaps), *_add_exclusions(attached, overlaps)]
 
@@ -31,8 +38,8 @@ def collect_rules(attached: AttachedModel, overlaps: Sequence[Overlap]) -> list[
 def _keep_robot_rules(attached: AttachedModel, overlaps: Sequence[Overlap]) -> list[Rule]:
     """Return the user's rules between parts of the robot, and delete all others.
 
-    Rules with parts of the user's scene are deleted, since the ground is ours. So are pairs of geoms of overlapping
-    bodies.
+    Rules with parts of the user's scene are deleted, because the scene is replaced by ours. Geom pairs of overlapping
+    bodies are deleted, because these bodies must not collide.
     """
     spec = attached.spec
     kept: list[Rule] = []
@@ -61,13 +68,16 @@ def _add_exclusions(attached: AttachedModel, overlaps: Sequence[Overlap]) -> lis
 
 
 def apply_rules(rules: Sequence[Rule]) -> None:
-    """Write the final names of the elements into their rules; called once all elements are named."""
+    """Write the final names of the elements into the rules; called after all elements are renamed."""
     for rule, field, element in rules:
         setattr(rule, field, element.name)
 
 
 def contact_parts(attached: AttachedModel) -> Iterator[tuple[str, list[Any]]]:
-    """Yield the name of each part with measured ground contact, and its bodies or geoms."""
+    """Yield each part of the robot that gets contact sensors: its name, and its bodies or geoms.
+
+    The parts are the trunk, and foot, thigh and calf of each leg.
+    """
     structure = attached.structure
     trunk = [] if structure.trunk_collides(attached.model) else [attached.elements.bodies[structure.trunk]]
     yield "trunk", [*trunk, *_colliding_parts(attached, structure.trunk, ())]
@@ -79,15 +89,15 @@ def contact_parts(attached: AttachedModel) -> Iterator[tuple[str, list[Any]]]:
 
 
 def _colliding_parts(attached: AttachedModel, body: int, foot: Sequence[int]) -> list[Any]:
-    """Return a body and those welded to it that collide with the ground; a body with foot geoms gives its other geoms.
+    """Collect the elements of a rigid assembly that collide with the ground, without its foot.
 
     Args:
         attached: The model.
-        body: Id of the body.
-        foot: Ids of the foot's geoms, which have a sensor of their own.
+        body: Id of a body; its assembly is this body and all bodies welded to it.
+        foot: Ids of the foot geoms, which have a separate sensor.
 
     Returns:
-        A body and those welded to it that collide with the ground; a body with foot geoms gives its other geoms.
+        Each body of the assembly that collides. A body with foot geoms is replaced by its other colliding geoms.
     """
     parts: list[Any] = []
     for each in welded_bodies(attached.model, body):
@@ -98,7 +108,7 @@ def _colliding_parts(attached: AttachedModel, body: int, foot: Sequence[int]) ->
 
 
 def set_ground_bits(attached: AttachedModel) -> None:
-    """Give the ground's bit to the geoms that collide with the ground, and take it from all others."""
+    """Set GROUND_BIT in the geoms that collide with the ground, and clear it in all other geoms."""
     for geom, collides in enumerate(attached.structure.collides_with_ground):
         element = attached.elements.geoms[geom]
         element.contype &= ~GROUND_BIT

@@ -1,11 +1,12 @@
-"""Foot of a leg in its compiled model: the geoms of the last link that can carry the robot in a stance.
+"""Detection of a leg's foot in a compiled model: the geoms of the last link that can carry the robot in a stance.
 
-Kinematics and terrain model a foot as a ball: a sphere, or the end of a capsule. For several geoms or another shape,
-the ball has the width of the thinnest side and lies on the middle of the sole. `points` and `radii` give the depth of
-the foot below this ball when the leg is tilted, see `kinematics.foot_depths`.
+Kinematics and terrain model a foot as a ball. The ball is the foot geom itself if this is a sphere, or the lower end if
+it is a capsule. For another shape or several geoms, the diameter of the ball is at most the thickness of the thinnest
+geom, and the ball touches the middle of the sole. `points` and `radii` of a `Foot` then describe the exact shape, see
+`kinematics.foot_depths`.
 
-A geom belongs to the foot if it is the lowest in one pose of a stance: the link is tilted about the axis of the knee
-and about the leg's x axis, see `extend_foot`.
+A geom belongs to the foot if it is the lowest geom in at least one pose of a stance. In these poses the link is tilted
+about the axis of the knee and about the leg's x axis, see `extend_foot`.
 """
 
 from dataclasses import dataclass
@@ -18,48 +19,51 @@ from quad_env.robots.shapes import Floats, bounding_box, end_spheres, rounded_hu
 
 @dataclass(frozen=True)
 class StanceTilts:
-    """Tilts of a shin in the stances that decide which geoms are the foot, rad."""
+    """Tilts of a shin in the stances that decide which geoms belong to the foot."""
 
     margin: float = 0.3
-    """Largest tilt beyond the tilt of standing."""
+    """Largest tilt in excess of the tilt in the standing pose, rad."""
     min_bent: float = 0.8
-    """Lower bound on the estimated largest tilt with a bent knee."""
+    """Lower bound on the estimate of the largest tilt with a bent knee, rad."""
     max_bent: float = 1.0
-    """Upper bound on the same tilt."""
+    """Upper bound on the estimate of the largest tilt with a bent knee, rad."""
     max_roll: float = 0.4
-    """Largest tilt to either side."""
+    """Largest tilt to the left and right, rad."""
 
 
 @dataclass(frozen=True)
 class FootThresholds:
-    """Lengths and ratios that separate feet from shins."""
+    """Lengths and ratios that decide which geoms are the foot and which are the shin."""
 
     level: float = 1e-3
-    """m. Height above the lowest point up to which another geom is part of the foot too."""
+    """Largest height above the lowest point at which another geom also belongs to the foot, m."""
     short_level: float = 5e-3
-    """m. The same height for a short geom in a tilted stance: contacts yield."""
+    """Same height for a short geom in a tilted stance, m; it is larger because contacts yield under load."""
     ball_depth: float = 1e-4
-    """m. Depth below the foot's ball up to which other geoms do not count."""
+    """Largest depth of other geoms below the foot's ball at which the foot remains a ball, m."""
     shin_length: float = 0.5
-    """Share of the distance from the knee to the sole from which on a geom is a shin."""
+    """Extent along the leg above which a geom is a shin, as a fraction of the distance from knee to sole."""
     sole_height: float = 0.1
-    """Height above the lowest point up to which points are part of the sole, as a share of the ball's radius."""
+    """Largest height of the sole's points above the lowest point, as a fraction of the ball's radius."""
     max_radius: float = 0.15
-    """Largest radius of the ball in a foot of another shape, as a share of the distance from the knee to the sole."""
+    """Largest radius of the ball for a foot of another shape, as a fraction of the distance from knee to sole."""
     end_distance: float = 0.9
-    """Least distance from the knee of a geom at the leg's end, as a share of the farthest geom's distance."""
+    """Smallest distance from the knee of a geom at the leg's end, as a fraction of the farthest geom's distance."""
     min_vector: float = 1e-6
-    """m. Least length of a vector with a direction."""
+    """Length below which a vector is considered zero, m."""
 
 
 STANCE_TILTS = StanceTilts()
 _THRESHOLDS = FootThresholds()
 _MIDDLE_ITERATIONS = 4
-"""Iterations of the direction to the middle of the leg's end; each moves the middle less."""
+"""Number of iterations of `_middle_direction`, which converges to the middle of the leg's end."""
 
 
 def _sample_directions() -> Floats:
-    """Return unit vectors in all directions, (k, 3), denser in the leg plane, where a tilted shin may be lowest."""
+    """Return unit vectors in all directions, (k, 3).
+
+    They are denser near the plane in which the leg bends, because a tilted shin is lowest in these directions.
+    """
     grid = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 9)], indexing="ij"), axis=-1).reshape(-1, 3)
     surface = grid[np.abs(grid).max(axis=1) == 1.0]
     surface /= np.linalg.norm(surface, axis=1, keepdims=True)
@@ -72,37 +76,40 @@ _DIRECTIONS = _sample_directions()
 
 
 class Foot(NamedTuple):
-    """A foot in the frame of its body; made by `find_foot` and extended by `extend_foot`."""
+    """Foot of a leg; made by `find_foot` and extended by `extend_foot`."""
 
     geoms: tuple[int, ...]
-    """Ids of its geoms, the lowest first."""
+    """Ids of the foot geoms, the lowest first."""
     body: int
-    """Id of the body of the first geom."""
+    """Id of the body with the first foot geom; `centre` and `points` are in the frame of this body."""
     centre: Floats
-    """Centre of the ball, (3,), m."""
+    """Centre of the ball that models the foot, body frame, (3,), m."""
     radius: float
-    """Radius of the ball, m."""
+    """Radius of the ball that models the foot, m."""
     points: Floats
-    """Points from the centre, (k, 3), m; (0, 3) for a ball. The foot is their hull, each grown by its radius."""
+    """Points relative to the centre, body frame, (k, 3), m; k is 0 if the foot is a ball.
+
+    The foot is the convex hull of balls about these points, with the radii in `radii`.
+    """
     radii: Floats
-    """Radii about the points, (k,), m."""
+    """Radii of the balls about the points, (k,), m."""
 
     def bodies(self, model: Any) -> list[int]:
-        """Return the ids of the bodies that have its geoms, `body` first."""
+        """Return the ids of the bodies with foot geoms in the compiled `model`, `body` first."""
         return list(dict.fromkeys(int(model.geom_bodyid[geom]) for geom in self.geoms))
 
 
 def find_foot(model: Any, data: Any, joint: int, candidates: list[int]) -> Foot | None:
-    """Return the lowest geoms of a leg's last link in the straight leg, as a foot.
+    """Find the foot of a straight leg: the lowest geoms of its last link.
 
     Args:
         model: Compiled model.
-        data: Its state, with the kinematics of `qpos0`.
+        data: State with the kinematics of `qpos0`.
         joint: Id of the knee's joint.
-        candidates: Ids of the geoms of the link that collide with the ground.
+        candidates: Ids of the geoms of the last link that collide with the ground.
 
     Returns:
-        The foot; None without candidates, or where all of them lie at the joint.
+        The foot; None if there are no candidates, or if all of them lie at the knee.
     """
     if not candidates:
         return None
@@ -121,7 +128,7 @@ def find_foot(model: Any, data: Any, joint: int, candidates: list[int]) -> Foot 
 
 
 def _ball_foot(model: Any, data: Any, geoms: tuple[int, ...], knee: Floats, down: Floats) -> Foot | None:
-    """Return the foot of a single sphere, or of a capsule that does not lie across the leg; None for other shapes."""
+    """Make the foot if it is one sphere, or one capsule that does not lie across the leg; None for other shapes."""
     first = geoms[0]
     ends = end_spheres(model, first) if len(geoms) == 1 else []
     if not ends:
@@ -142,19 +149,19 @@ def _hull_foot(
     length: float,
     hulls: dict[int, Floats],
 ) -> Foot:
-    """Return the foot of several geoms or of another shape than a ball.
+    """Make the foot if it has several geoms or is not a ball.
 
     Args:
         model: Compiled model.
-        data: Its state, with the kinematics of `qpos0`.
-        geoms: Ids of the geoms, the lowest first.
+        data: State with the kinematics of `qpos0`.
+        geoms: Ids of the foot geoms, the lowest first.
         knee: Position of the knee, world frame, (3,), m.
-        down: Direction from the knee to the middle of the geoms, world frame, (3,).
-        length: Distance along it from the knee to the lowest point of the link, m.
-        hulls: Points of the geoms, world frame, (k, 3) each, m.
+        down: Direction from the knee to the middle of the foot, unit vector, world frame, (3,).
+        length: Distance along `down` from the knee to the lowest point of the link, m.
+        hulls: Id of a geom -> points on its surface, world frame, (k, 3), m.
 
     Returns:
-        The foot of several geoms or of another shape than a ball.
+        The foot, with its ball, points and radii.
     """
     body = int(model.geom_bodyid[geoms[0]])
     points = np.concatenate([hulls[geom] for geom in geoms])
@@ -169,18 +176,19 @@ def _hull_foot(
 def extend_foot(
     model: Any, data: Any, joint: int, candidates: list[int], foot: Foot, tilts: tuple[float, float]
 ) -> Foot:
-    """Add to a foot the geoms of its link that are the lowest in another pose of a stance.
+    """Add the geoms of the last link that touch the ground in other poses of a stance than the straight leg.
 
     Args:
         model: Compiled model.
-        data: Its state, with the kinematics of `qpos0`.
+        data: State with the kinematics of `qpos0`.
         joint: Id of the knee's joint.
-        candidates: Ids of the geoms of the link that collide with the ground.
+        candidates: Ids of the geoms of the last link that collide with the ground.
         foot: The foot of the straight leg, see `find_foot`.
-        tilts: Least and largest tilt of the shin about the joint's axis in a stance, rad.
+        tilts: Smallest and largest tilt of the shin about the knee's axis in a stance, rad.
 
     Returns:
-        The same ball with all geoms that touch; `foot` itself where its ball is the lowest in every pose.
+        The foot with the same ball and all geoms that touch. A foot without points gets points, unless its ball is the
+        lowest in every pose.
     """
     knee = data.xanchor[joint]
     axis = data.xaxis[joint]
@@ -205,15 +213,15 @@ def extend_foot(
 
 
 def _depths_below(knee: Floats, hull: tuple[Floats, float], directions: Floats) -> Floats:
-    """Return the depths of a geom below the knee in k directions of gravity, (k,), m.
+    """Compute the depths of a geom below the knee for k directions of gravity.
 
     Args:
         knee: Position of the knee, world frame, (3,), m.
-        hull: Points of the geom, world frame, (m, 3), m, and the radius about them, m.
-        directions: Unit vectors, world frame, (k, 3).
+        hull: Points of the geom, world frame, (m, 3), m, and the radius about the points, m.
+        directions: Directions of gravity, unit vectors, world frame, (k, 3).
 
     Returns:
-        The depths.
+        Depth of the geom's lowest point below the knee for each direction, (k,), m.
     """
     points, radius = hull
     depths: Floats = ((points - knee) @ directions.T).max(axis=0) + radius
@@ -221,15 +229,15 @@ def _depths_below(knee: Floats, hull: tuple[Floats, float], directions: Floats) 
 
 
 def _touching_geoms(depths: dict[int, Floats], lowest: Floats, short: set[int]) -> set[int]:
-    """Return the ids of the geoms that are nearly the lowest in one pose.
+    """Find the geoms that touch the ground, or nearly touch it, in at least one pose.
 
     Args:
-        depths: Depths of each geom below the knee in k poses, (k,), m.
-        lowest: Largest depth in each pose, (k,), m.
-        short: Ids of the geoms that are no shins.
+        depths: Id of a geom -> its depths below the knee in k poses, (k,), m.
+        lowest: Largest depth of all geoms in each pose, (k,), m.
+        short: Ids of the geoms that are too short for a shin.
 
     Returns:
-        The ids.
+        Ids of the geoms.
     """
     touching = set()
     for geom, depth in depths.items():
@@ -240,29 +248,30 @@ def _touching_geoms(depths: dict[int, Floats], lowest: Floats, short: set[int]) 
 
 
 def _rounded_hull_in_world(model: Any, data: Any, geom: int) -> tuple[Floats, float]:
-    """Return the points of a geom, world frame, (k, 3), m, and the radius about them, m."""
+    """Return the points of a geom, world frame, (k, 3), m, and the radius about the points, m; see `rounded_hull`."""
     points, radius = rounded_hull(model, geom)
     return geom_points_to_world(model, data, geom, points), radius
 
 
 def _leg_direction(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) -> Floats | None:
-    """Return the direction from the knee to the middle of the end geoms, in the leg plane.
+    """Return the direction from the knee to the middle of the leg's end, normal to the knee's axis.
 
     Args:
         model: Compiled model.
-        data: Its state, with the kinematics of `qpos0`.
+        data: State with the kinematics of `qpos0`.
         joint: Id of the knee's joint.
-        hulls: Points of the candidate geoms, world frame, (k, 3) each, m.
+        hulls: Id of a candidate geom -> points on its surface, world frame, (k, 3), m.
 
     Returns:
-        Unit vector, world frame, (3,); None where the geoms lie at the joint.
+        Unit vector, world frame, (3,); None if the geoms lie at the knee.
     """
     knee = data.xanchor[joint]
     axis = data.xaxis[joint]
     distances = {geom: float(np.linalg.norm(points - knee, axis=1).max()) for geom, points in hulls.items()}
     farthest = max(distances, key=lambda geom: distances[geom])
     length = distances[farthest]
-    down = _normal_direction(_end_centre(model, data, farthest, knee) - knee, axis)  # a foot may be wide
+    # Use the component normal to the axis, because the centre of a wide foot may lie beside the plane of the leg.
+    down = _normal_direction(_end_centre(model, data, farthest, knee) - knee, axis)
     if down is None:
         return None
     at_end = [geom for geom, distance in distances.items() if distance > _THRESHOLDS.end_distance * length]
@@ -276,7 +285,7 @@ def _middle_direction(points: Floats, down: Floats, axis: Floats) -> Floats:
     """Return the direction from the knee to the middle of the leg's end, normal to the knee's axis.
 
     Args:
-        points: Points of the end geoms from the knee, world frame, (k, 3), m.
+        points: Points of the geoms at the leg's end, relative to the knee, world frame, (k, 3), m.
         down: First estimate of the direction, world frame, (3,).
         axis: Axis of the knee, world frame, (3,).
 
@@ -300,7 +309,7 @@ def _is_ball(model: Any, geom: int, hull: Floats, down: Floats) -> bool:
 
 
 def _normal_direction(vector: Floats, axis: Floats) -> Floats | None:
-    """Return the unit vector of the part of `vector` normal to `axis`, (3,); None for a vector along the axis."""
+    """Return the unit vector of the component of `vector` normal to `axis`, (3,); None if the component is zero."""
     normal = vector - (vector @ axis) * axis
     length = float(np.linalg.norm(normal))
     if length < _THRESHOLDS.min_vector:
@@ -310,12 +319,21 @@ def _normal_direction(vector: Floats, axis: Floats) -> Floats | None:
 
 
 def _is_short(points: Floats, down: Floats, length: float) -> bool:
-    """Return True if a geom is no shin: its extent along the leg is less than half of the leg's length."""
+    """Return True if a geom is too short for a shin: its extent along `down` is less than half of `length`."""
     return float(np.ptp(points @ down)) < _THRESHOLDS.shin_length * length
 
 
 def _gravity_directions(down: Floats, axis: Floats, tilts: tuple[float, float]) -> Floats:
-    """Return the directions of gravity in a stance for a leg that is straight down at `down`, world frame, (k, 3)."""
+    """Return the directions of gravity in the poses of a stance, relative to a straight leg.
+
+    Args:
+        down: Direction of the straight leg, unit vector, world frame, (3,).
+        axis: Axis of the knee, unit vector, world frame, (3,).
+        tilts: Smallest and largest tilt about the axis, rad.
+
+    Returns:
+        Unit vectors, world frame, (k, 3).
+    """
     pitches = np.linspace(*tilts, 27)
     rolls = np.linspace(-STANCE_TILTS.max_roll, STANCE_TILTS.max_roll, 9)
     pitch, roll = (each.reshape(-1, 1) for each in np.meshgrid(pitches, rolls))
@@ -325,7 +343,7 @@ def _gravity_directions(down: Floats, axis: Floats, tilts: tuple[float, float]) 
 
 
 def _with_points(model: Any, data: Any, foot: Foot) -> Foot:
-    """Return the foot with the points and radii of its geoms."""
+    """Return the foot with `points` and `radii` computed from its geoms."""
     shapes = [(geom, *rounded_hull(model, geom)) for geom in foot.geoms]
     points = np.concatenate([geom_points_to_world(model, data, geom, points) for geom, points, _ in shapes])
     radii = np.concatenate([np.full(len(points), radius) for _, points, radius in shapes])
@@ -334,15 +352,15 @@ def _with_points(model: Any, data: Any, foot: Foot) -> Foot:
 
 
 def extreme_points(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
-    """Drop the points that are the farthest in no sampled direction, and add the points straight below a round end.
+    """Keep the points that are extreme in at least one sampled direction, and add the lowest points of round ends.
 
     Args:
-        points: (k, 3), m.
-        radii: Radii about the points, (k,), m.
+        points: Points of a foot, base frame with the leg straight down, (k, 3), m.
+        radii: Radii of the balls about the points, (k,), m.
 
     Returns:
-        points: The remaining points, (m, 3), m; the lowest of them is the sole of the straight leg.
-        radii: Radii about them, (m,), m.
+        points: Extreme points, followed by the lowest points of balls with a radius above 0, (m, 3), m.
+        radii: Radii of the balls about the extreme points, followed by zeros, (m,), m.
     """
     if not len(points):
         return points, radii
@@ -355,16 +373,16 @@ def extreme_points(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
 
 
 def depths_below_centre(points: Floats, radii: Floats, angles: Floats, up: Floats) -> Floats:
-    """Return the depths of feet below their centres, (...,), m.
+    """Compute the depth of each foot's lowest point below the foot's centre.
 
     Args:
-        points: Points of the feet, base frame with the legs straight down, (..., k, 3), m.
-        radii: Radii about the points, (..., k), m.
+        points: Points of the feet relative to their centres, base frame with the legs straight down, (..., k, 3), m.
+        radii: Radii of the balls about the points, (..., k), m.
         angles: Joint angles of the legs, (..., 3), rad.
-        up: The vertical in the base frame, (..., 3).
+        up: Vertical unit vector, base frame, (..., 3).
 
     Returns:
-        The depths of feet below their centres, (...,), m.
+        Depths, (...,), m.
     """
     x, y, z = np.moveaxis(points, -1, 0)
     hip = angles[..., 0, None]
@@ -379,16 +397,16 @@ def depths_below_centre(points: Floats, radii: Floats, angles: Floats, up: Float
 
 
 def _sole_middle(points: Floats, knee: Floats, down: Floats, slack: float) -> Floats:
-    """Return the middle of the lowest points, world frame, (3,), m.
+    """Compute the middle of a foot's sole.
 
     Args:
-        points: World frame, (k, 3), m.
+        points: Points of the foot, world frame, (k, 3), m.
         knee: Position of the knee, world frame, (3,), m.
-        down: Unit vector along the leg, world frame, (3,).
-        slack: Height above the lowest point of the points that count, m.
+        down: Direction of the leg, unit vector, world frame, (3,).
+        slack: Largest height of the sole's points above the lowest point, m.
 
     Returns:
-        The middle of the lowest points, world frame, (3,), m.
+        Middle of the sole, world frame, (3,), m.
     """
     depths = (points - knee) @ down
     low = points[depths > depths.max() - slack]
@@ -398,9 +416,10 @@ def _sole_middle(points: Floats, knee: Floats, down: Floats, slack: float) -> Fl
 
 
 def _end_centre(model: Any, data: Any, geom: int, knee: Floats) -> Floats:
-    """Return the point of a geom that shows where the leg ends, world frame, (3,), m.
+    """Return the centre of the leg's end, world frame, (3,), m.
 
-    It is the centre of a sphere, of the end of a capsule farther from the knee, or of the box around another shape.
+    This is the centre of a sphere, the centre of the end of a capsule that is farther from the knee, or the centre of
+    the bounding box of another shape.
     """
     centres = [centre for centre, _ in end_spheres(model, geom)] or [bounding_box(model, geom)[0]]
     positions = (geom_points_to_world(model, data, geom, centre) for centre in centres)
@@ -408,29 +427,29 @@ def _end_centre(model: Any, data: Any, geom: int, knee: Floats) -> Floats:
 
 
 def geom_points_to_world(model: Any, data: Any, geom: int, points: Floats) -> Floats:
-    """Transform points of a geom's body to the world frame, (..., 3), m.
+    """Transform points from the frame of a geom's body to the world frame.
 
     Args:
         model: Compiled model.
         data: `mujoco.MjData` with kinematics.
         geom: Id of the geom.
-        points: Body frame, (..., 3), m.
+        points: Points, body frame, (..., 3), m.
 
     Returns:
-        The points in the world frame, (..., 3), m.
+        The points, world frame, (..., 3), m.
     """
     return body_points_to_world(data, int(model.geom_bodyid[geom]), points)
 
 
 def body_points_to_world(data: Any, body: int, points: Floats) -> Floats:
-    """Transform points of a body, (..., 3), m, to the world frame.
+    """Transform points from the frame of a body to the world frame.
 
     Args:
         data: `mujoco.MjData` with kinematics.
         body: Id of the body.
-        points: Body frame, (..., 3), m.
+        points: Points, body frame, (..., 3), m.
 
     Returns:
-        The points in the world frame, (..., 3), m.
+        The points, world frame, (..., 3), m.
     """
     return np.asarray(data.xpos[body] + points @ data.xmat[body].reshape(3, 3).T)

@@ -1,4 +1,7 @@
-"""Impossible inertias of a user's model: balanced as MuJoCo's `balanceinertia` does, and reported."""
+"""Correction of impossible and missing inertias of a user's model; the changed bodies are reported.
+
+An impossible inertia is replaced by three equal moments, as MuJoCo's option `balanceinertia` does.
+"""
 
 from typing import Any
 
@@ -10,31 +13,34 @@ from quad_env.robots.structure import ModelError
 UNBALANCED_MESSAGE = "A + B >= C"
 NOT_POSITIVE_MESSAGE = "positive eigenvalues"
 TOO_SMALL_MESSAGE = "must be larger than mjMINVAL"
-"""Parts of error messages of MuJoCo's compiler about inertias."""
+"""Part of the error message of MuJoCo's compiler about a too small mass or inertia.
+
+The two constants above are parts of the messages about other invalid inertias.
+"""
 MIN_INERTIA = 1e-15
-"""kg, kg·m². Least mass and moment of inertia of a moving body: mjMINVAL of MuJoCo."""
+"""Smallest valid mass, kg, and moment of inertia, kg·m², of a moving body: mjMINVAL of MuJoCo."""
 INERTIA_FROM_GEOMS = 1
-"""Value of `inertiafromgeom` that ignores the inertias of the file: mjINERTIAFROMGEOM_TRUE of MuJoCo."""
+"""Value of `inertiafromgeom` with which MuJoCo ignores the inertias of the file: mjINERTIAFROMGEOM_TRUE."""
 MIN_LINK_MASS = 1e-9
-"""kg. Mass that a moving link without a mass gets; a millionth of a gram."""
+"""Mass that a moving link without a mass gets, kg."""
 MIN_LINK_RADIUS = 0.01
-"""m. Radius of gyration of this link."""
+"""Radius of gyration that a moving link without a mass gets, m."""
 
 
 def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
     """Compile a specification; replace inertias that MuJoCo refuses by three equal moments.
 
     Args:
-        mujoco: The package.
-        spec: The `mujoco.MjSpec`, changed only where MuJoCo refuses an inertia.
+        mujoco: The package `mujoco`.
+        spec: The `mujoco.MjSpec`; it is changed only if MuJoCo refuses an inertia.
 
     Returns:
         model: Compiled `mujoco.MjModel`.
         balanced: Names of the bodies with a changed inertia.
 
     Raises:
-        ModelError: A body has no mass, or an inertia with a mean moment that is not above 0.
-        ValueError: MuJoCo does not compile it for another reason.
+        ModelError: A body has no mass, or the mean of its moments of inertia is not above 0.
+        ValueError: MuJoCo refuses the model for another reason.
     """
     moments = [(body, _moments(body)) for body in spec.bodies[1:] if body.explicitinertial]
     for body, own in moments:
@@ -62,7 +68,16 @@ def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
 
 
 def _balanced_bodies(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -> tuple[str, ...]:
-    """Return the names of bodies with impossible moments that MuJoCo, or `compile_balanced`, has made equal."""
+    """Return the names of the bodies with an impossible inertia that the compiled model has made three equal moments.
+
+    Args:
+        spec: Specification of the model.
+        model: Compiled model.
+        moments: Explicit inertias of bodies: the body, and its principal moments in the file, (3,), kg·m².
+
+    Returns:
+        Names of the bodies.
+    """
     if int(spec.compiler.inertiafromgeom) == INERTIA_FROM_GEOMS:
         return ()
     names = []
@@ -75,17 +90,18 @@ def _balanced_bodies(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -
 
 
 def remove_inferred_masses(spec: Any) -> tuple[str, ...]:
-    """Give links of a URDF without `<inertial>` no mass, even if they have shapes.
+    """Find the links of a URDF without a mass, and give `MIN_LINK_MASS` to those that MuJoCo would refuse.
 
-    A moving link that carries others gets `MIN_LINK_MASS`; MuJoCo refuses a mass of zero there.
+    MuJoCo would refuse a moving link without a mass. It gets `MIN_LINK_MASS` if links below it have a mass. Masses are
+    not inferred from shapes.
 
     Args:
-        spec: The `mujoco.MjSpec` of the URDF, changed.
+        spec: The `mujoco.MjSpec` of the URDF, which is changed in place.
 
     Returns:
-        Names of the links that collide and have no mass.
+        Names of the links that have colliding shapes but no mass.
     """
-    if int(spec.compiler.inertiafromgeom):  # the file asks for it
+    if int(spec.compiler.inertiafromgeom):  # The file itself requests that masses are inferred from shapes.
         return ()
     massless = []
     for body in spec.bodies[1:]:
@@ -102,14 +118,14 @@ def remove_inferred_masses(spec: Any) -> tuple[str, ...]:
 
 
 def _mass(body: Any, welded_only: bool = False) -> float:
-    """Return the mass of a body and of those below it, or of those that are welded to it, kg."""
+    """Return the mass of a body and all bodies below it, kg; with `welded_only`, only of bodies welded to the body."""
     below = [each for each in body.bodies if not (welded_only and each.joints)]
     mass = float(body.mass) if body.explicitinertial else 0.0
     return mass + sum(_mass(each, welded_only) for each in below)
 
 
 def _moments(body: Any) -> Floats:
-    """Return the principal moments of a body's explicit inertia, ascending, (3,), kg·m²."""
+    """Return the principal moments of a body's inertia in the file, in ascending order, (3,), kg·m²."""
     full = np.array(body.fullinertia)
     if np.isnan(full[0]):
         return np.sort(body.inertia)
@@ -122,7 +138,7 @@ def _moments(body: Any) -> Floats:
 
 
 def _without_inertia(spec: Any, error: ValueError) -> str:
-    """Return a message on the body in MuJoCo's error: it has no mass or no inertia."""
+    """Return the message that the body in MuJoCo's error has no mass or no inertia."""
     name = next((body.name for body in spec.bodies if body.name and f"'{body.name}'" in str(error)), "")
     return _refusal(name)
 

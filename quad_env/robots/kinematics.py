@@ -1,6 +1,6 @@
 """Forward kinematics of the legs: positions, depths and Jacobians of the feet.
 
-Hip frame: origin at the hip joint, axes parallel to the base frame (x forward, y left, z up).
+Hip frame of a leg: origin at its hip joint, axes parallel to the base frame (x forward, y left, z up).
 """
 
 import numpy as np
@@ -12,15 +12,15 @@ from quad_env.robots.robot import Robot
 
 
 def foot_positions(robot: Robot, joints: ArrayLike, *, legs_first: bool = False) -> Array:
-    """Return the foot centres in their hip frames, (..., legs, 3) or (legs, n, 3), m.
+    """Compute the positions of the foot centres from the joint angles.
 
     Args:
         robot: The robot.
-        joints: Joint angles, (..., legs, 3) or, with `legs_first`, (legs, n, 3), rad.
+        joints: Joint angles, (..., legs, 3), or (legs, n, 3) if `legs_first` is True, rad.
         legs_first: True if the legs are the first axis of `joints`.
 
     Returns:
-        The foot centres in their hip frames, (..., legs, 3) or (legs, n, 3), m.
+        Position of each foot's centre, hip frame of its leg, same shape as `joints`, m.
     """
     angles = np.asarray(joints, dtype=np.float64)
     thigh = angles[..., 1]
@@ -39,35 +39,35 @@ def foot_positions(robot: Robot, joints: ArrayLike, *, legs_first: bool = False)
 
 
 def feet_in_world(robot: Robot, position: Array, rotation: Array, joints: Array) -> Array:
-    """Return the centres of the foot spheres in the world frame, (n, 4, 3), m.
+    """Compute the positions of the foot centres in the world frame.
 
     Args:
         robot: The robot.
-        position: Trunk centres, world frame, (n, 3), m.
-        rotation: From the base frame to the world frame, (n, 3, 3).
+        position: Positions of the trunk centres, world frame, (n, 3), m.
+        rotation: Rotations from the base frame to the world frame, (n, 3, 3).
         joints: Joint angles, (n, 12), rad.
 
     Returns:
-        The centres of the foot spheres in the world frame, (n, 4, 3), m.
+        Positions of the foot centres, world frame, (n, 4, 3), m.
     """
     base = robot.hip_positions + foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3))
-    # Summed in order: a robot's bits are the same in a batch of any size, unlike the bits of matmul.
+    # Sum in a fixed order, because the rounding of matmul depends on the batch size.
     products = rotation[:, None] * base[:, :, None]
     return position[:, None] + (products[..., 0] + products[..., 1] + products[..., 2])
 
 
 def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
-    """Return the depths of the feet below their centres: the radius if all feet are balls, else (n, 4), m.
+    """Compute the depth of each foot's lowest point below the foot's centre.
 
-    Feet are undeformed: the ground is disregarded.
+    The feet are rigid in this computation: the ground does not deform them.
 
     Args:
         robot: The robot.
-        rotation: From the base frame to the world frame, (n, 3, 3).
+        rotation: Rotations from the base frame to the world frame, (n, 3, 3).
         joints: Joint angles, (n, 12), rad.
 
     Returns:
-        The depths of the feet below their centres: the radius if all feet are balls, else (n, 4), m.
+        Depths, (n, 4), m; one number, the foot radius, if all feet are balls.
     """
     if not robot.foot_points.size:
         return robot.foot_radius
@@ -76,21 +76,21 @@ def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
 
 
 def foot_jacobians(robot: Robot, joints: Array) -> Array:
-    """Return the derivatives of `foot_positions` by the angles of a leg's own joints, (n, 4, 3, 3), m/rad.
+    """Compute the Jacobian of each foot's position with respect to the joint angles of its leg.
 
     Args:
         robot: The robot.
         joints: Joint angles, (n, 4, 3), rad.
 
     Returns:
-        The derivatives of `foot_positions` by the angles of a leg's own joints, (n, 4, 3, 3), m/rad.
+        Jacobians of `foot_positions`; rows are coordinates, columns are joints, (n, 4, 3, 3), m/rad.
     """
     feet = foot_positions(robot, joints)
     hip = joints[..., 0]
     knee = joints[..., 1] + joints[..., 2]
     upper = robot.thigh_length
     lower = robot.calf_length
-    by_calf = -lower * np.cos(knee), lower * np.sin(knee)  # ahead, and up in the plane of the leg
+    by_calf = -lower * np.cos(knee), lower * np.sin(knee)  # Forward and upward component in the plane of the leg.
     by_thigh = by_calf[0] - upper * np.cos(joints[..., 1]), by_calf[1] + upper * np.sin(joints[..., 1])
     jacobians = np.zeros((*joints.shape, 3))
     jacobians[..., 1, 0] = -feet[..., 2]

@@ -1,4 +1,7 @@
-"""Leg names: `FL_hip_joint` and `front_left_hip` mean fl; and a check of the names against the places of the hips."""
+"""Detection of the leg in a joint's name, and comparison of the names with the positions of the legs.
+
+Both `FL_hip_joint` and `front_left_hip` mean the leg fl.
+"""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -7,11 +10,11 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG, LEG_WORDS
 
 LEG_POSITIONS = {"fl": "front left", "fr": "front right", "hl": "hind left", "hr": "hind right"}
-"""Positions of the legs in words."""
+"""Name of a leg -> its position in words."""
 _ENDS = {"front": "f", "fore": "f", "hind": "h", "rear": "h", "back": "h"}
 _SIDES = {"left": "l", "l": "l", "right": "r", "r": "r"}
 _JOINED_WORDS = re.compile(f"({'|'.join(_ENDS)})(left|right)|(left|right)({'|'.join(_ENDS)})")
-"""Two words in one, such as `frontleft`."""
+"""Pattern of two words that are joined, such as `frontleft`."""
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 _MIRROR = str.maketrans("lr", "rl")
 _REVERSE = str.maketrans("fh", "hf")
@@ -20,14 +23,17 @@ _TURNS = {
     "left and right are exchanged (its y axis points to the right?): y points to the left": (_MIRROR,),
     "fore and hind are exchanged (its x axis points to the tail?): x points forward": (_REVERSE,),
 }
-"""Cause and remedy of names that all differ from the places in the same way, and the map from one to the other."""
+"""Cause and remedy -> maps of letters that turn the leg in each name into the leg at the actual position.
+
+An entry applies if all names differ from the positions in the same way.
+"""
 
 PARTIAL_REMEDY = "the other legs are where their names say: exchange the names of these, or their places"
-"""Remedy where some of the names differ from the places, and others do not."""
+"""Remedy if only some of the names differ from the positions."""
 
 
 def split_words(name: str) -> list[str]:
-    """Return the words of a name in lower case."""
+    """Split a name such as `FL_hip_joint` into its words, in lower case."""
     words = [word.lower() for word in _WORD.findall(name)]
     return [part for word in words for part in _parts(word)]
 
@@ -38,7 +44,7 @@ def _parts(word: str) -> list[str]:
 
 
 def leg_from_words(words: Sequence[str]) -> str | None:
-    """Return fl, fr, hl or hr; None if the words name no leg or several."""
+    """Return the leg that the words of a name mean: fl, fr, hl or hr; None if they mean no leg or several legs."""
     known = {LEG_WORDS[word] for word in words if word in LEG_WORDS}
     ends = {_ENDS[word] for word in words if word in _ENDS}
     sides = {_SIDES[word] for word in words if word in _SIDES}
@@ -48,7 +54,10 @@ def leg_from_words(words: Sequence[str]) -> str | None:
 
 
 def find_contradictions(robot: Robot) -> Iterator[str]:
-    """Yield a line with the joint names that contradict the places of their hips, and the remedy; nothing if none."""
+    """Yield one line with the joint names that contradict the positions of their legs, and the remedy.
+
+    Nothing is yielded if no name contradicts.
+    """
     named = [leg_from_words(split_words(name)) for name in robot.joint_names]
     places = [leg for leg in robot.leg_names for _ in range(JOINTS_PER_LEG)]
     wrong = [

@@ -1,8 +1,8 @@
-"""Joints of a model that belong to none of its four legs, as of an arm, a tail or wheels: found and locked.
+"""Detection and locking of joints that belong to no leg, such as the joints of an arm, a tail or wheels.
 
-A locked joint is removed, and its body is welded at the joint's reference. Even a stiff servo, or an equality, would be
-one more spring: it limits the stable time step, yields under load, and leaves coordinates in the state that no
-policy knows. A weld is exact at any time step and costs nothing.
+A locked joint is removed from the model, and its body is welded to the parent body. A stiff servo or an equality
+constraint could hold the joint, too. But it would limit the stable time step, yield under load, and leave coordinates
+in the state that policies do not expect. A weld is exact at any time step and costs no computation.
 """
 
 from collections import Counter
@@ -23,22 +23,27 @@ from quad_env.robots.structure import (
 )
 
 WHEEL_ROUNDNESS = 0.8
-"""Least ratio of the smallest to the largest reach of a wheel from its axis; turning a rounder link moves no load."""
+"""Smallest ratio of the smallest to the largest distance of a wheel's outline from its axis.
+
+A link with a larger ratio is round: its rotation does not move the point that carries the load.
+"""
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
 
 
 def find_non_leg_joints(mujoco: Any, model: Any) -> list[int]:
-    """Return the ids of the hinges and slides below the trunk that belong to none of its four legs.
+    """Find the hinges and slides below the trunk that belong to none of the four legs.
 
-    A leg has a hinge about the trunk's x axis and two parallel hinges. Of more than three hinges the load-bearing ones
-    count: they move colliding geoms and do not just turn them on the spot, as the axle of a wheel does.
+    A leg has one hinge about the trunk's x axis, followed by two parallel hinges. If a branch has more than three
+    hinges, only its load-bearing hinges are considered: they move colliding geoms, unlike the axle of a wheel, which
+    turns a round link in place.
 
     Args:
-        mujoco: The package.
+        mujoco: The package `mujoco`.
         model: Compiled `mujoco.MjModel`.
 
     Returns:
-        The ids; empty where the four legs are unclear or joints of other kinds exist, which `structure` refuses.
+        Ids of the joints; empty if not exactly four legs are found or joints of other kinds exist. `structure` refuses
+        these models.
     """
     root = find_root_body(mujoco, model)
     kinds = mujoco.mjtJoint
@@ -61,21 +66,21 @@ def find_non_leg_joints(mujoco: Any, model: Any) -> list[int]:
 
 
 def _trunk_candidate(model: Any, root: int, branches: dict[int, list[int]]) -> int:
-    """Return the id of the body from which at least four branches hang, else the id of the root."""
+    """Return the id of the body from which at least four branches hang; the id of the root if there is none."""
     parents = Counter(int(model.body_parentid[first]) for first in branches)
     (body, count), *_ = parents.most_common()
     return body if count >= LEGS else root
 
 
 def lock_joints(mujoco: Any, spec: Any, model: Any, joints: Sequence[int]) -> Any:
-    """Remove joints from a specification and weld their bodies; bodies and geoms keep their ids.
+    """Remove joints from a specification and weld their bodies to the parents. Bodies and geoms keep their ids.
 
-    The bodies are welded at the first keyframe or, without one, at `qpos0`.
+    The bodies are welded in the pose of the first keyframe, or of `qpos0` if the model has no keyframe.
 
     Args:
-        mujoco: The package.
-        spec: The `mujoco.MjSpec`, changed.
-        model: Compiled model of it.
+        mujoco: The package `mujoco`.
+        spec: The `mujoco.MjSpec`, which is changed in place.
+        model: Compiled model of `spec` before the change.
         joints: Ids of the joints to lock.
 
     Returns:
@@ -103,7 +108,15 @@ def lock_joints(mujoco: Any, spec: Any, model: Any, joints: Sequence[int]) -> An
 
 
 def _weld(mujoco: Any, element: Any, model: Any, data: Any, body: int) -> None:
-    """Give the body `element` with id `body` its pose in `data` relative to its parent."""
+    """Set the pose of a body relative to its parent to the pose in a simulation state.
+
+    Args:
+        mujoco: The package `mujoco`.
+        element: The body in the specification.
+        model: Compiled model.
+        data: State with the pose.
+        body: Id of the body in the model.
+    """
     parent = int(model.body_parentid[body])
     inverse = np.zeros(4)
     mujoco.mju_negQuat(inverse, data.xquat[parent])
@@ -116,7 +129,10 @@ def _weld(mujoco: Any, element: Any, model: Any, data: Any, body: int) -> None:
 
 
 def _keep_springs(spec: Any, model: Any) -> None:
-    """Write the compiled result of `springdamper` to the joints: it depends on an inertia that locked joints change."""
+    """Replace `springdamper` of the joints by the compiled stiffness and damping.
+
+    MuJoCo computes them from an inertia that changes when joints are locked.
+    """
     for joint in spec.joints:
         if joint.springdamper.any():
             dof = int(model.jnt_dofadr[joint.id])
@@ -126,9 +142,9 @@ def _keep_springs(spec: Any, model: Any) -> None:
 
 
 def _dependents(mujoco: Any, spec: Any, names: set[str]) -> list[Any]:
-    """Return the elements that depend on the joints with these names, and all sensors.
+    """Return the elements that must be deleted together with the joints in `names`.
 
-    These are tendons over the joints, and motors and equalities of the joints or of these tendons.
+    They are all sensors, the tendons over these joints, and the motors and equalities of these joints or tendons.
     """
     transmissions = mujoco.mjtTrn
     equality_kinds = mujoco.mjtEq
@@ -146,12 +162,12 @@ def _dependents(mujoco: Any, spec: Any, names: set[str]) -> list[Any]:
 
 
 def _wraps_any(mujoco: Any, tendon: Any, names: set[str]) -> bool:
-    """Return True if a tendon runs over a joint with one of these names."""
+    """Return True if a tendon runs over a joint with a name in `names`."""
     return any(wrap.type == mujoco.mjtWrap.mjWRAP_JOINT and wrap.target.name in names for wrap in tendon.path)
 
 
 def bodies_moved_by(model: Any, joints: Sequence[int]) -> frozenset[int]:
-    """Return the ids of the bodies of the compiled `model` that the `joints` with these ids move."""
+    """Return the ids of all bodies that move with the `joints`, given by ids in the compiled `model`."""
     return frozenset(int(body) for joint in joints for body in np.flatnonzero(_moved_mask(model, joint)))
 
 
@@ -160,21 +176,21 @@ def _moved_mask(model: Any, joint: int) -> Bools:
 
 
 def _is_leg(axes: Floats) -> bool:
-    """Return True if hinges with these axes, base frame, (k, 3), can be a leg."""
+    """Return True if hinges with the axes `axes`, base frame, (k, 3), can be a leg."""
     return len(axes) == JOINTS_PER_LEG and is_hip_axis(axes[0]) and are_lateral_axes(axes[1], axes[2])
 
 
 def _is_load_bearing(model: Any, data: Any, joint: int, collides: Bools) -> bool:
-    """Return True if a hinge moves geoms that collide with the ground, other than by turning a wheel on the spot.
+    """Check if a hinge moves geoms that collide with the ground and is not the axle of a wheel.
 
     Args:
         model: Compiled model.
-        data: Its state, with kinematics.
+        data: State with kinematics.
         joint: Id of the hinge.
         collides: Mask of the geoms that collide with the ground, (ngeom,).
 
     Returns:
-        True if a hinge moves geoms that collide with the ground, other than by turning a wheel on the spot.
+        False if the hinge moves no colliding geom, or if these geoms form a wheel about its axis; else True.
     """
     geoms = geom_ids(model, np.flatnonzero(_moved_mask(model, joint)), collides)
     if not geoms:

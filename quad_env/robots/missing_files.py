@@ -1,35 +1,39 @@
-"""Missing meshes and textures of a model: visual ones are left out and reported."""
+"""Removal of visual meshes and textures with missing files from a model; the missing files are reported."""
 
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 RECORD_NAME = "quad_env: files that are not there"
-"""Name of the custom text in a specification that lists the files left out."""
+"""Name of the custom text in a specification that lists the missing files."""
 
 
 def remove_missing_files(spec: Any) -> None:
-    """Delete from a specification the geoms of missing meshes that neither collide nor weigh, and missing textures.
+    """Delete textures and meshes with missing files from a specification, with the geoms of these meshes.
 
-    A mesh that collides or gives its body a mass stays: MuJoCo refuses the model and names the file.
+    A mesh is not deleted if one of its geoms collides or gives its body a mass. MuJoCo then refuses the model and names
+    the file.
     """
     missing = [*_remove_meshes(spec), *_remove_textures(spec)]
     record_missing_files(spec, missing)
 
 
 def record_missing_files(spec: Any, files: list[str]) -> None:
-    """Record the names in `files`, which were left out, in a custom text of `spec`."""
+    """Record the names of missing files, `files`, in a custom text of the specification `spec`."""
     if files:
         spec.add_text(name=RECORD_NAME, data=", ".join(files))
 
 
 def recorded_missing_files(spec: Any) -> str | None:
-    """Return the names of the files that were left out of a specification; None for none."""
+    """Return the recorded names of missing files, joined by commas; None if no file is missing."""
     return next((str(text.data) for text in spec.texts if text.name == RECORD_NAME), None)
 
 
 def _remove_meshes(spec: Any) -> Iterator[str]:
-    """Delete missing meshes with their geoms, unless one collides or weighs; yield the names of their files."""
+    """Delete meshes with missing files and the geoms of these meshes; yield the names of the files.
+
+    A mesh is kept if one of its geoms collides or gives its body a mass, or if no geom uses the mesh.
+    """
     paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     for mesh in list(spec.meshes):
         if not mesh.file or _exists(spec, mesh.file, mesh.compiler.meshdir):
@@ -43,7 +47,7 @@ def _remove_meshes(spec: Any) -> Iterator[str]:
 
 
 def _collides_or_weighs(geom: Any, paired: set[str]) -> bool:
-    """Return whether a geom collides or gives its body a mass."""
+    """Return True if a geom collides or gives its body a mass; `paired` are the names of geoms in explicit pairs."""
     if geom.contype or geom.conaffinity or (geom.name and geom.name in paired):
         return True
     compiler = geom.parent.compiler
@@ -56,7 +60,7 @@ def _collides_or_weighs(geom: Any, paired: set[str]) -> bool:
 
 
 def _remove_textures(spec: Any) -> Iterator[str]:
-    """Delete missing textures from materials and specification; yield the names of their files."""
+    """Delete textures with missing files from the specification and its materials; yield the names of the files."""
     for texture in list(spec.textures):
         if not texture.file or _exists(spec, texture.file, spec.compiler.texturedir):
             continue

@@ -1,4 +1,4 @@
-"""Digest of a robot's compiled model: trained policies are bound to it."""
+"""Digest of a robot's compiled model. A trained policy stores it and is valid only for robots with the same digest."""
 
 import hashlib
 from collections.abc import Iterable
@@ -15,20 +15,20 @@ DIGEST_FIELDS = (
     *("geom_type", "geom_size", "geom_pos", "geom_quat", "geom_contype", "geom_conaffinity", "geom_friction"),
     *("actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "key_qpos"),
 )
-"""Arrays of a compiled model that determine its motion."""
+"""Fields of a compiled model that enter the digest, because they determine the motion."""
 OPTIONAL_DIGEST_FIELDS = ("jnt_stiffnesspoly", "dof_dampingpoly")
-"""Arrays that are zero in most models. They enter a digest only if they are not zero: older digests lack them."""
+"""Fields that enter the digest only if they are not zero, so that digests of older versions remain valid."""
 
 
 def digest(names: Iterable[str], model: Any) -> str:
-    """Return the SHA-256 of a robot, see `Robot.sha256`.
+    """Compute the digest of a robot, see `Robot.sha256`.
 
     Args:
-        names: Names of its legs and joints.
-        model: Compiled `mujoco.MjModel` of the scene with flat ground.
+        names: Names of the robot's legs and joints.
+        model: Compiled `mujoco.MjModel` of the robot on flat ground.
 
     Returns:
-        The SHA-256 of a robot, see `Robot.sha256`.
+        SHA-256 in hexadecimal digits.
     """
     sha256 = hashlib.sha256(" ".join(names).encode())
     for name in (*DIGEST_FIELDS, *(name for name in OPTIONAL_DIGEST_FIELDS if getattr(model, name).any())):

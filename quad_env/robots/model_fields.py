@@ -1,6 +1,6 @@
-"""Treatment of each field of a user's compiled model: kept, replaced, named, or without effect on the motion.
+"""Treatment of each field of a user's compiled model: kept, replaced, reported, or without effect on the motion.
 
-The lists are complete: a test walks all fields of MuJoCo and fails for a field that is in no list or in two.
+The lists are complete: a test visits all fields of MuJoCo and fails for a field that is in no list or in two lists.
 """
 
 
@@ -60,7 +60,7 @@ _DERIVED = _fields("""
     tendon_adr tendon_invweight0 tendon_length0 tendon_num tendon_plasticadr tendon_treeid tendon_treenum
     tree_bodyadr tree_bodynum tree_dofadr tree_dofnum
 """)
-"""Fields that MuJoCo computes from others."""
+"""Fields that MuJoCo computes from other fields."""
 _SIZES = _fields("""
     nB nC nD nJfe nJmom nJten nM na nactuator narena nbody nbuffer nbvh nbvhdynamic nbvhstatic ncam nconmax
     nefm0L nefm0dof nefmCvert nemax neq nexclude nflex nflexbending nflexedge nflexelem nflexelemdata
@@ -85,8 +85,10 @@ KEPT = _fields("""
     actuator_armature actuator_damping actuator_dampingpoly
     qpos0 qpos_spring plugin plugin_attr
 """)
-"""Fields with the model's value, in the joint coordinates of `Robot`. A motor's armature and damping are its joint's.
-Spring, damping, armature and friction of the free joint are not kept: they are named.
+"""Fields that keep the value of the user's model, converted to the joint coordinates of `Robot`.
+
+Armature and damping of a motor are added to its joint. Spring, damping, armature and friction of the free joint are not
+kept; `omissions` reports them.
 """
 REPLACED = _fields("""
     geom_condim geom_priority geom_margin geom_gap geom_solref geom_solimp geom_solmix geom_fluid
@@ -100,7 +102,7 @@ REPLACED = _fields("""
     tree_sleep_policy
     hfield_adr hfield_data hfield_ncol hfield_nrow hfield_pathadr hfield_size
 """)
-"""Fields with SimpleQuad's value, or with one that follows from its figures; see docs/your-robot.md."""
+"""Fields that get SimpleQuad's value, or a value computed from SimpleQuad's parameters; see docs/your-robot.md."""
 NAMED = _fields("""
     body_gravcomp body_plugin body_mocapid
     jnt_actgravcomp jnt_springyield
@@ -118,11 +120,11 @@ NAMED = _fields("""
     flex_plasticmode flex_priority flex_radius flex_rigid flex_selfcollide flex_size flex_solimp flex_solmix
     flex_solref flex_stiffness flex_vert flex_vert0 flex_vertbodyid flex_yield
 """)
-"""Fields that the robot lacks; `omissions` names each in a line."""
+"""Fields that the robot lacks; `omissions` reports each of them."""
 WITHOUT_EFFECT = _SHOWN + _NAMES + _SENSORS + _DERIVED + _SIZES
 """Fields that do not affect the motion."""
 MODEL_FIELDS = {"kept": KEPT, "replaced": REPLACED, "named": NAMED, "without effect": WITHOUT_EFFECT}
-"""Fields of `mujoco.MjModel` by their treatment."""
+"""Treatment -> fields of `mujoco.MjModel` with this treatment."""
 OPTION_FIELDS = {
     "kept": (),
     "replaced": _fields("""
@@ -135,4 +137,4 @@ OPTION_FIELDS = {
     """),
     "without effect": ("magnetic",),
 }
-"""Fields of `mujoco.MjOption` by their treatment."""
+"""Treatment -> fields of `mujoco.MjOption` with this treatment."""

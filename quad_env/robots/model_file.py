@@ -1,6 +1,7 @@
-"""A user's model file, MJCF or URDF, as MuJoCo compiles it.
+"""Reading and compiling of a user's model file, MJCF or URDF.
 
-MuJoCo can crash on a file, or work on it for hours. A limited process therefore reads each file first.
+MuJoCo can crash or run for hours on an invalid file. A limited process, a subprocess with time and memory limits,
+therefore reads each file first.
 """
 
 import os
@@ -24,22 +25,24 @@ from quad_env.robots.structure import ModelError, RobotStructure, detect_structu
 from quad_env.robots.urdf import load_urdf
 
 MAX_PARTS = 2000
-"""Largest number of parts of a kind, as keyframes or sensors. MuJoCo's time to delete them grows with the square
-of their number; published models have some hundreds at most.
+"""Largest number of parts of one kind, such as keyframes or sensors.
+
+The time in which MuJoCo deletes parts grows with the square of their number. Published models have some hundreds of
+parts at most.
 """
 _LIMITED_KINDS = ("keys", "sensors", "actuators", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
-"""Kinds of parts with this limit: the scene deletes them, see `scene`."""
+"""Kinds of parts to which MAX_PARTS applies, because `scene` deletes all of them."""
 _DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
 
 @dataclass(frozen=True, eq=False)
 class UserModel:
-    """A user's model file as compiled, with the joints that belong to no leg locked; made by `read`."""
+    """Compiled model of a user's file, in which joints that belong to no leg are locked; made by `read`."""
 
     spec: Any
-    """Specification, `mujoco.MjSpec`; copy it before changing it."""
+    """Specification of the model, `mujoco.MjSpec`; it must be copied before a change."""
     model: Any
-    """Compiled `mujoco.MjModel` of it."""
+    """Compiled `mujoco.MjModel` of `spec`."""
     structure: RobotStructure
     """Trunk and legs of the model."""
     modified: int
@@ -47,22 +50,23 @@ class UserModel:
 
 
 def read(path: Path) -> UserModel:
-    """Read a model file, after a limited process has read it.
+    """Read a model file, after a limited process has read it without error.
 
     Args:
-        path: MJCF or URDF. The files of installed packages are read here at once.
+        path: MJCF or URDF file. A file of an installed package is trusted and read directly.
 
     Returns:
         The compiled model.
 
     Raises:
         FileNotFoundError: The file is missing.
-        ModelError: MuJoCo cannot read it within its limits, or it is no quadruped.
+        ModelError: MuJoCo cannot read the file within the limits, or the model is no quadruped.
     """
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
     if not _is_installed(path):
-        from quad_env.cli.limited_process import CrashError, LimitExceededError, read_limited  # here: a slow import
+        # The import is local because it is slow.
+        from quad_env.cli.limited_process import CrashError, LimitExceededError, read_limited
 
         try:
             read_limited(check, path, again=False)
@@ -74,7 +78,7 @@ def read(path: Path) -> UserModel:
 
 
 def check(path: Path) -> None:
-    """Check in a limited process that the file at `path` can be read as by `read`. Raises ModelError."""
+    """Check that the model file at `path` can be read; runs in the limited process. Raises ModelError."""
     check_referenced_files(path)
     try:
         _read(path)
@@ -86,7 +90,7 @@ def check(path: Path) -> None:
 
 @cache
 def _installed_folders() -> tuple[str, ...]:
-    """Return the folders of this package and of installed packages, with trusted code."""
+    """Return the folders of this package and of installed packages; the files in them are trusted."""
     places = [str(Path(__file__).parents[1]), *(sysconfig.get_paths()[name] for name in ("purelib", "platlib"))]
     return tuple(os.path.realpath(place) + os.sep for place in places)
 
@@ -96,14 +100,14 @@ def _is_installed(path: Path) -> bool:
 
 
 def _read(path: Path) -> UserModel:
-    """Read a model file in this process. Raises ModelError."""
+    """Read and compile a model file in this process. Raises ModelError."""
     import mujoco
 
     log_to_console()
     modified = path.stat().st_mtime_ns
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about deprecated attributes, which are read nevertheless
+            warnings.simplefilter("ignore")  # Ignore warnings about deprecated attributes: MuJoCo still reads them.
             spec, model, omissions = _compile(mujoco, path)
             model, structure = _detect_locked_structure(mujoco, spec, model)
     except ModelError:
@@ -115,7 +119,20 @@ def _read(path: Path) -> UserModel:
 
 
 def _compile(mujoco: Any, path: Path) -> tuple[Any, Any, Lines]:
-    """Return the specification of a file, its compiled model, and the lines about omitted parts. Raises ModelError."""
+    """Compile a model file with corrected inertias and without missing visual files.
+
+    Args:
+        mujoco: The package `mujoco`.
+        path: MJCF or URDF file.
+
+    Returns:
+        spec: Specification of the model, `mujoco.MjSpec`.
+        model: Compiled `mujoco.MjModel`.
+        lines: Report of the parts that the robot lacks, see `omissions`.
+
+    Raises:
+        ModelError: The model is invalid.
+    """
     is_urdf = path.suffix == ".urdf"
     spec = load_urdf(mujoco, path) if is_urdf else mujoco.MjSpec.from_file(str(path))
     _check_counts(spec)
@@ -130,7 +147,7 @@ def _compile(mujoco: Any, path: Path) -> tuple[Any, Any, Lines]:
 
 
 def _detect_locked_structure(mujoco: Any, spec: Any, model: Any) -> tuple[Any, RobotStructure]:
-    """Lock the joints of a specification that belong to no leg; return its model and structure. Raises ModelError."""
+    """Lock the joints that belong to no leg, and return the new compiled model and its structure. Raises ModelError."""
     joints = find_non_leg_joints(mujoco, model)
     if not joints:
         return model, detect_structure(mujoco, model)
@@ -142,14 +159,14 @@ def _detect_locked_structure(mujoco: Any, spec: Any, model: Any) -> tuple[Any, R
 
 
 def _check_counts(spec: Any) -> None:
-    """Raise ModelError for a kind with more parts than `MAX_PARTS`."""
+    """Raise ModelError if a specification has more than `MAX_PARTS` parts of one kind."""
     for kind in _LIMITED_KINDS:
         if (count := len(getattr(spec, kind))) > MAX_PARTS:
             raise ModelError(f"it has {count} {kind}: at most {MAX_PARTS} are read")
 
 
 def _inertia_lines(massless: Iterable[str], balanced: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """Yield lines about links without a mass and about changed inertias."""
+    """Yield lines of the report about links without a mass, and about bodies with a changed inertia."""
     if names := join_names(massless):
         yield "no mass", f"{names}: the URDF gives none, and shapes do not"
     if names := join_names(balanced):
@@ -157,13 +174,16 @@ def _inertia_lines(massless: Iterable[str], balanced: Iterable[str]) -> Iterator
 
 
 def _missing_file_lines(spec: Any) -> Iterator[tuple[str, str]]:
-    """Yield a line about missing files."""
+    """Yield a line of the report about missing visual files, if there are any."""
     if (files := recorded_missing_files(spec)) is not None:
         yield "not there", f"visual files, left out: {files}"
 
 
 def _keep_parts(mujoco: Any, spec: Any) -> None:
-    """Have the compiler keep every body, geom and frame as the file has it: parts are found by their ids."""
+    """Set the compiler options so that MuJoCo keeps every body, geom and frame of the file.
+
+    This is needed because elements of the specification are found by their ids in the compiled model.
+    """
     for part in (spec, *spec.bodies, *spec.joints, *spec.geoms):
         compiler = part.compiler
         compiler.fusestatic = 0
@@ -174,7 +194,7 @@ def _keep_parts(mujoco: Any, spec: Any) -> None:
 
 
 def log_to_console() -> None:
-    """Keep MuJoCo's warnings out of MUJOCO_LOG.TXT in the working folder; a log file that the user chose is kept."""
+    """Stop MuJoCo from writing warnings to MUJOCO_LOG.TXT in the working folder; another log file is still written."""
     import mujoco
 
     log = mujoco.MjLogConfig.get()

@@ -1,4 +1,4 @@
-"""Remarks on a user's model for `describe` and `doctor`: feet, omitted parts, overlaps, and the file's body names."""
+"""Remarks on a user's model for `describe` and `doctor`: feet, omitted parts, overlaps and body names."""
 
 from collections.abc import Iterator
 
@@ -11,7 +11,7 @@ from quad_env.robots.structure import LINKS
 
 
 def describe_extras(robot: RobotParameters) -> Iterator[tuple[str, str]]:
-    """Yield the remarks on an imported robot's model, heading and text of each line."""
+    """Yield heading and text of each remark on an imported robot's model: feet, trunk and omitted parts."""
     import mujoco
 
     model = robot.user_model.model
@@ -26,11 +26,12 @@ def describe_extras(robot: RobotParameters) -> Iterator[tuple[str, str]]:
 
 
 def omission_lines(user_model: UserModel, keeps_contact: bool = False) -> Iterator[tuple[str, str]]:
-    """Yield heading and text of a line for each part of a user's model that the robot lacks.
+    """Yield the lines about parts of a user's model that the robot lacks.
 
     Args:
         user_model: The model.
-        keeps_contact: True for a robot with the contact parameters of its model, see `RobotParameters.keeps_contact`.
+        keeps_contact: True if the robot keeps the contact parameters of its model, so that the line about them is
+            skipped; see `RobotParameters.keeps_contact`.
 
     Yields:
         Heading and text of a line.
@@ -41,7 +42,7 @@ def omission_lines(user_model: UserModel, keeps_contact: bool = False) -> Iterat
 
 
 def overlap_remark(robot: RobotParameters) -> str | None:
-    """Return the line that names the shapes of a user's robot that overlap in its home pose; None without any."""
+    """Return a line about the bodies of a user's robot that overlap in the home pose; None if no bodies overlap."""
     import mujoco
 
     if not robot.imported:
@@ -52,9 +53,9 @@ def overlap_remark(robot: RobotParameters) -> str | None:
 
 
 def body_names(robot: RobotParameters) -> dict[str, str]:
-    """Return the body names of the user's file by the body names in the scene.
+    """Return the dictionary: name of a body in the scene -> name of the same body in the user's file.
 
-    Bodies without a name in the file are missing. The result is empty for a robot that is not imported.
+    Bodies without a name in the file are left out. The dictionary is empty for a robot that is not imported.
     """
     if not robot.imported:
         return {}

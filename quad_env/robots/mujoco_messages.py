@@ -1,4 +1,4 @@
-"""Explanations of MuJoCo's messages about a model file, with remedies."""
+"""Explanations of MuJoCo's error messages about a model file, with remedies."""
 
 _MEANINGS = {
     "mjMINVAL": "a body that moves has no mass or no inertia: give it an <inertial>, or geoms with mass",
@@ -22,11 +22,11 @@ _MEANINGS = {
     "zero quaternion": "a rotation is four zeros: correct it",
     "size": "a size is missing or not above 0: correct it",
 }
-"""Cause and remedy by a part of the message; the first match counts."""
+"""Part of a message of MuJoCo -> cause and remedy. The first part that occurs in the message is used."""
 
 
 def explain_message(message: str) -> str:
-    """Return a message of MuJoCo on one line, behind its explanation if one is known."""
+    """Return a message of MuJoCo on one line, preceded by its explanation if one is known."""
     line = " ".join(message.split())
     meaning = next((meaning for part, meaning in _MEANINGS.items() if part in line), None)
     return line if meaning is None else f"{meaning} ({line})"

@@ -1,7 +1,7 @@
-"""Report of the parts of a user's model that the robot lacks: lines on removed and on replaced parts.
+"""Report of the parts of a user's model that were removed or replaced for the robot in our scene.
 
-`model_fields` lists the treatment of every field. The lines are made before joints of no leg are held and the scene is
-removed, since both steps remove tendons, equalities and motors.
+`model_fields` lists the treatment of every field. The report is made from the file's model, before joints are locked
+and the user's scene is removed, because these steps delete tendons, equalities and motors.
 """
 
 from collections.abc import Iterable, Iterator
@@ -13,13 +13,13 @@ from quad_env.robots.model_fields import OPTION_FIELDS
 from quad_env.robots.shapes import Bools, collision_mask, descendant_mask
 
 Lines = tuple[tuple[str, str], ...]
-"""Heading and text of each line."""
+"""Lines of the report, each a pair of heading and text."""
 MAX_NAMES = 6
-"""Largest number of names in a list."""
+"""Largest number of names that a line of the report lists."""
 CONTACT = "contact"
 """Heading of the line about contact parameters."""
 _CONTACT_FIELDS = ("condim", "priority", "margin", "gap", "solref", "solimp", "solmix", "adhesion", "surfacevel")
-"""Contact parameters of geoms."""
+"""Names of the contact parameters of a geom."""
 _PAIR_FIELDS = {
     "dim": 3.0,
     "margin": 0.0,
@@ -29,32 +29,32 @@ _PAIR_FIELDS = {
     "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
     "adhesion": 0.0,
 }
-"""Contact parameters of explicit pairs, and MuJoCo's defaults."""
+"""Name of a contact parameter of an explicit geom pair -> MuJoCo's default value."""
 _SUPPORTING_FIELDS = {
     "spring": ("jnt_stiffness", "jnt_stiffnesspoly"),
     "damping": ("dof_damping", "dof_dampingpoly"),
     "armature": ("dof_armature",),
     "friction loss": ("dof_frictionloss",),
 }
-"""Fields of a free joint that act on the trunk as a support would."""
+"""Quantity of a free joint that would support the trunk -> fields of the compiled model with this quantity."""
 _FLAGS = (
     *("mjDSBL_CONSTRAINT", "mjDSBL_EQUALITY", "mjDSBL_FRICTIONLOSS", "mjDSBL_LIMIT", "mjDSBL_CONTACT", "mjDSBL_SPRING"),
     *("mjDSBL_DAMPER", "mjDSBL_GRAVITY", "mjDSBL_CLAMPCTRL", "mjDSBL_FILTERPARENT", "mjDSBL_ACTUATION"),
 )
-"""Disable flags of physics; the other flags concern numerics."""
+"""MuJoCo's disable flags that change the physics; the other disable flags concern only the numerics."""
 
 
 def find_omissions(mujoco: Any, spec: Any, model: Any, root: int) -> Lines:
-    """Return the parts of a model that the robot lacks.
+    """Report the parts of a model that the robot lacks.
 
     Args:
-        mujoco: The package.
-        spec: The model's `mujoco.MjSpec`, as the file has it.
-        model: Compiled `mujoco.MjModel` of it.
+        mujoco: The package `mujoco`.
+        spec: The unchanged `mujoco.MjSpec` of the file.
+        model: Compiled `mujoco.MjModel` of `spec`.
         root: Id of the robot's body with the free joint.
 
     Returns:
-        Heading and text of each line.
+        Heading and text of each line of the report.
     """
     is_robot_body = descendant_mask(model, root)
     return (
@@ -66,15 +66,18 @@ def find_omissions(mujoco: Any, spec: Any, model: Any, root: int) -> Lines:
 
 
 def join_names(names: Iterable[str]) -> str:
-    """Join names with commas; the last ones are counted where there are many."""
+    """Join names with commas. Only the first MAX_NAMES are listed; the number of the others follows."""
     names = list(names)
     more = len(names) - MAX_NAMES
     return ", ".join(names) if more <= 0 else f"{', '.join(names[:MAX_NAMES])} and {more} more"
 
 
 def _omitted_parts(mujoco: Any, spec: Any, model: Any, is_robot_body: Bools) -> Iterator[tuple[str, str]]:
-    """Yield the scene, tendons, equalities, soft bodies, and actuators of neither joints nor tendons."""
-    scene = np.flatnonzero(~is_robot_body & (model.body_parentid == 0))[1:]  # the first is the world
+    """Yield a line about removed parts: the user's scene, tendons, equalities, flexes, plugins and some actuators.
+
+    These actuators act on neither a joint nor a tendon.
+    """
+    scene = np.flatnonzero(~is_robot_body & (model.body_parentid == 0))[1:]  # Skip the first body, the world.
     parts = [f"body {model.body(int(body)).name or body}" for body in scene]
     geoms = sum(geom.parent.id == 0 for geom in spec.geoms)
     parts += [f"{geoms} {'geom' if geoms == 1 else 'geoms'} of the world"] if geoms else []
@@ -107,21 +110,21 @@ def _body(model: Any, body: Any) -> str:
 
 
 def unlimited_joint_lines(model: Any, joints: Iterable[int]) -> Lines:
-    """Return a line about leg joints without a range; they get ±π rad.
+    """Report the leg joints without a range, which get the range ±π rad.
 
     Args:
         model: Compiled model.
         joints: Ids of the leg joints.
 
     Returns:
-        Heading and text of the line; empty if all joints have a range.
+        One line of the report; empty if all joints have a range.
     """
     names = [model.joint(joint).name for joint in joints if not model.jnt_limited[joint]]
     return (("no range", f"of {join_names(names)} in the model: ±π rad"),) if names else ()
 
 
 def _omitted_forces(mujoco: Any, model: Any, is_robot_body: Bools, root: int) -> Iterator[tuple[str, str]]:
-    """Yield the forces on the robot besides its weight, its motors and the ground."""
+    """Yield a line for each omitted kind of force: gravity compensation, forces of the free joint, plastic springs."""
     if (lifted := np.flatnonzero(is_robot_body & (model.body_gravcomp != 0.0))).size:
         names = join_names(_body(model, body) for body in lifted)
         yield "gravcomp", f"of {names} is left out: the feet carry the whole weight"
@@ -143,7 +146,7 @@ def _omitted_forces(mujoco: Any, model: Any, is_robot_body: Bools, root: int) ->
 
 
 def _contact_lines(mujoco: Any, model: Any, is_robot_body: Bools) -> Iterator[tuple[str, str]]:
-    """Yield the contact parameters that the file sets."""
+    """Yield a line about the contact parameters in which the file differs from MuJoCo's defaults."""
     is_robot_geom = is_robot_body[model.geom_bodyid]
     geoms = is_robot_geom & collision_mask(model)
     pairs = is_robot_geom[model.pair_geom1] & is_robot_geom[model.pair_geom2]
@@ -168,7 +171,7 @@ def _differs(values: Any, neutral: Any) -> bool:
 
 
 def _settings_lines(mujoco: Any, model: Any) -> Iterator[tuple[str, str]]:
-    """Yield the physics of the file's options that differs from the bench's."""
+    """Yield a line about the physics options in which the file differs from MuJoCo's defaults."""
     default = mujoco.MjSpec().option
     has_override = bool(model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE)
     settings = []

@@ -1,7 +1,7 @@
-"""Collision shapes of a robot that overlap in its home pose: a rotor inside the trunk, or a thigh that enters it.
+"""Detection of collision shapes of a robot that overlap in the home pose, such as a rotor inside the trunk.
 
-Two bodies with overlapping shapes push each other apart against every servo. Makers leave these overlaps in models for
-simulators without self-collision. On our ground these bodies do not collide with each other; feet are left as they are.
+Models that were made for simulators without self-collision often have overlaps. Two overlapping bodies would push each
+other apart against the servos, so our scene excludes their collision. Overlaps of feet are not excluded.
 """
 
 import copy
@@ -15,24 +15,24 @@ class Overlap(NamedTuple):
     """Two bodies with shapes that overlap in the home pose; made by `find_overlaps`."""
 
     bodies: tuple[int, int]
-    """Ids in the model."""
+    """Ids of the two bodies in the model, in ascending order."""
     geoms: tuple[int, int]
-    """Ids of the two shapes with the largest overlap."""
+    """Ids of the two geoms with the largest penetration depth."""
     depth: float
-    """Penetration depth of these two, m."""
+    """Penetration depth of these two geoms, m."""
 
 
 def find_overlaps(mujoco: Any, model: Any, structure: RobotStructure, home_pose: Floats) -> list[Overlap]:
-    """Return the body pairs that overlap in the home pose and collide in the model, in the model's order.
+    """Find the pairs of bodies of the robot that collide in the home pose.
 
     Args:
-        mujoco: The package.
-        model: Compiled model, as its file has it.
-        structure: Its structure.
+        mujoco: The package `mujoco`.
+        model: Compiled model of the user's file.
+        structure: Structure of the model.
         home_pose: Joint angles in the robot's convention, (12,), rad.
 
     Returns:
-        The body pairs that overlap in the home pose and collide in the model, in the model's order.
+        One overlap per pair of bodies, in the order of the body ids; contacts of feet are left out.
     """
     model = copy.copy(model)
     model.opt.disableflags = 0
@@ -54,7 +54,7 @@ def find_overlaps(mujoco: Any, model: Any, structure: RobotStructure, home_pose:
 
 
 def format_overlaps(model: Any, overlaps: list[Overlap]) -> str:
-    """Return a line with the names of the body pairs in `overlaps`, in the compiled `model`, and their depths."""
+    """Return a line with the names of the bodies in `overlaps`, from the compiled `model`, and the depths."""
     pairs = [
         f"{_name(model, overlap.bodies[0])} and {_name(model, overlap.bodies[1])} by {1e3 * overlap.depth:.1f} mm"
         for overlap in overlaps

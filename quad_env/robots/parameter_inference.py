@@ -1,4 +1,4 @@
-"""Robot parameters, inferred from a user's MJCF or URDF or given in a TOML file."""
+"""Robot parameters that are inferred from a user's MJCF or URDF, or given in a TOML file."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,38 +15,41 @@ from quad_env.robots.structure import JOINTS_PER_LEG, LEGS, MIN_BEND_ANGLE, Leg,
 from quad_env.robots.torque_limits import torque_ranges
 
 GIVEN_PARAMETERS = ("home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness")
-"""Fields of a robot that may be given instead of being inferred."""
+"""Names of the parameters that the user may give instead of having them inferred."""
 MIN_STAND_HEIGHT_RATIO = 0.5
-"""Least height of the hip joints above the feet in a keyframe that counts as a stand, as a share of a leg's length."""
+"""Smallest height of the hips above the feet in a keyframe of a stand, as a fraction of the leg length."""
 MAX_STAND_HEIGHT_RATIO = 0.97
-"""Largest height of the hip joints above the feet in such a keyframe, as a share of a leg's length."""
+"""Largest height of the hips above the feet in a keyframe of a stand, as a fraction of the leg length."""
 MIN_MASS = 1e-3
-"""kg. Least mass of a robot."""
+"""Smallest valid mass of a robot, kg."""
 MAX_MASS = 1e6
-"""kg. Largest mass of a robot."""
+"""Largest valid mass of a robot, kg."""
 _MAX_LEVEL_ITERATIONS = 10
-"""Iterations that level the feet; the depth of a foot that is no ball depends on the tilt of its shin."""
+"""Largest number of iterations that level the feet.
+
+Iterations are needed because the depth of a foot that is no ball depends on the tilt of its shin.
+"""
 _MIN_KNEE_CLEARANCE = 1e-3
-"""m. Least height of a leg above its height with the knee folded."""
+"""Smallest distance of a leg's length from its length with the knee fully folded, m."""
 
 
 class GivenParameterError(ModelError):
-    """A given parameter does not fit the model."""
+    """Error that a parameter in the user's TOML does not fit the model."""
 
 
 def load_parameters(path: Path, name: str | None = None, **figures: Any) -> RobotParameters:
-    """Return the parameters of the robot in a file, see `Robot.from_mjcf`.
+    """Read the parameters of a robot from a file, see `Robot.from_mjcf`.
 
     Args:
-        path: MJCF, URDF, or a TOML that names one of them and gives parameters.
+        path: MJCF or URDF file, or a TOML file that names one of them and gives parameters.
         name: Name of the robot; None for the name in the TOML or the name of the file.
-        **figures: Parameters by name that are given instead of being inferred; they override the TOML's.
+        **figures: Parameters that are given instead of being inferred; they override the parameters in the TOML.
 
     Returns:
-        The parameters of the robot in a file, see `Robot.from_mjcf`.
+        The parameters.
 
     Raises:
-        ModelError: The file is no quadruped of this kind, or a parameter is invalid or missing.
+        ModelError: The model is not a quadruped with four legs of three hinges, or a parameter is invalid or missing.
     """
     source = path
     own_name = path.stem
@@ -68,7 +71,7 @@ def load_parameters(path: Path, name: str | None = None, **figures: Any) -> Robo
 
 
 def _checked_name(name: Any) -> str:
-    """Return a robot's name. Raises ModelError for an invalid name."""
+    """Return the name of a robot unchanged. Raises ModelError if the name is invalid."""
     is_name = isinstance(name, str) and name and not name.startswith(".") and Path(name).name == name
     if not is_name or not name.isprintable():
         raise ModelError(f"name: a robot's name must be valid as a folder's name, such as my_robot; got {name!r}")
@@ -76,15 +79,15 @@ def _checked_name(name: Any) -> str:
 
 
 def _infer_parameters(path: Path, name: str, given: dict[str, Any]) -> RobotParameters:
-    """Return the parameters of a model file, apart from their source. Raises ModelError.
+    """Infer the parameters of a robot from a model file. Raises ModelError.
 
     Args:
-        path: MJCF or URDF.
+        path: MJCF or URDF file.
         name: Name of the robot.
-        given: Parameters that are not inferred.
+        given: Name -> value of each parameter that is not inferred.
 
     Returns:
-        The parameters of a model file, apart from their source.
+        The parameters; `source` is not set.
     """
     user_model = read(path)
     robot = _measure(path, name, user_model, _choose_parameters(user_model, given))
@@ -98,10 +101,10 @@ def _infer_parameters(path: Path, name: str, given: dict[str, Any]) -> RobotPara
 
 
 def _choose_parameters(user_model: UserModel, given: dict[str, Any]) -> dict[str, Any]:
-    """Return the given parameters, and the inferred values of all others in `GIVEN_PARAMETERS`.
+    """Return the values of all `GIVEN_PARAMETERS`: the user's if given, else inferred.
 
     Servo gains and rated speed are SimpleQuad's, scaled by mass and leg length. The home pose is zero until
-    `_with_home_pose` infers it.
+    `_with_home_pose` infers the angles.
     """
     model = user_model.model
     structure = user_model.structure
@@ -129,7 +132,7 @@ def _choose_parameters(user_model: UserModel, given: dict[str, Any]) -> dict[str
 
 
 def _measure(path: Path, name: str, user_model: UserModel, chosen: dict[str, Any]) -> RobotParameters:
-    """Return the robot with the lengths of its model and the chosen parameters."""
+    """Return the parameters of a robot: measured from its model, or as in `chosen`."""
     model = user_model.model
     structure = user_model.structure
     leg = structure.legs[0]
@@ -162,7 +165,10 @@ def _measure(path: Path, name: str, user_model: UserModel, chosen: dict[str, Any
 
 
 def _with_home_pose(robot: RobotParameters, user_model: UserModel) -> RobotParameters:
-    """Return the robot with the height of its keyframe's stand or, without one, by SimpleQuad's proportions."""
+    """Return the robot with an inferred home pose.
+
+    Its height is the height of the model's keyframe of a stand, or has SimpleQuad's proportions if there is none.
+    """
     structure = user_model.structure
     stand = _stand_angles(user_model.model, structure)
     if stand is None:
@@ -174,14 +180,14 @@ def _with_home_pose(robot: RobotParameters, user_model: UserModel) -> RobotParam
 
 
 def _check_finite(robot: RobotParameters) -> None:
-    """Raise ModelError for the first parameter of a robot that is not finite."""
+    """Raise ModelError if a parameter of a robot is not finite; the message names the first."""
     for name, value in robot.by_name.items():
         if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
             raise ModelError(f"its {name.replace('_', ' ')} is not finite, got {value}")
 
 
 def _check_home_pose(robot: RobotParameters, user_model: UserModel, is_given: bool) -> None:
-    """Raise ModelError, or GivenParameterError for a given pose, if the home pose lies outside the joint limits."""
+    """Raise ModelError, or GivenParameterError for a user's home pose, if the pose is outside of the joint limits."""
     lower, upper = user_model.structure.limits(user_model.model)
     outside = (robot.home_pose < lower) | (robot.home_pose > upper)
     if outside.any():
@@ -191,14 +197,27 @@ def _check_home_pose(robot: RobotParameters, user_model: UserModel, is_given: bo
 
 
 def _check_mass(user_model: UserModel) -> None:
-    """Raise ModelError for a mass outside `MIN_MASS` to `MAX_MASS`."""
+    """Raise ModelError if the mass of the robot is outside of the range `MIN_MASS` to `MAX_MASS`."""
     mass = float(user_model.model.body_subtreemass[user_model.structure.root])
     if not MIN_MASS <= mass <= MAX_MASS:
         raise ModelError(f"its mass is beyond any robot's: got {mass:g} kg; valid: {MIN_MASS:g} to {MAX_MASS:g} kg")
 
 
 def _read_toml(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
-    """Return the model file that a TOML names, and its parameters updated with `figures`. Raises ModelError."""
+    """Read a TOML file of parameters. Raises ModelError.
+
+    Args:
+        path: The TOML file.
+        figures: Name -> value of each parameter that overrides the TOML.
+
+    Returns:
+        model: Path of the model file that the TOML names.
+        parameters: Name -> value of each parameter, including the robot's name.
+
+    Raises:
+        FileNotFoundError: The TOML file is missing.
+        ModelError: The file is no valid TOML, or names no model.
+    """
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
     try:
@@ -211,7 +230,7 @@ def _read_toml(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any
 
 
 def _parse_parameter(name: str, value: Any) -> Any:
-    """Return a given parameter as `Robot` has it. Raises ModelError for an invalid value."""
+    """Convert a user's parameter to the type of the field of `Robot`. Raises ModelError for an invalid value."""
     if name not in GIVEN_PARAMETERS:
         raise ModelError(f"{name!r} cannot be given; valid: {', '.join(GIVEN_PARAMETERS)}")
     try:
@@ -235,16 +254,27 @@ def _parse_parameter(name: str, value: Any) -> Any:
 
 
 def _parse_home_pose(numbers: Floats, value: Any) -> Floats:
-    """Return twelve angles, rad, of three or twelve `numbers`; `value` is for the error. Raises ModelError."""
+    """Convert three angles per leg, or twelve angles, to twelve angles, rad. Raises ModelError.
+
+    Args:
+        numbers: The angles, (3,) or (12,), rad.
+        value: The user's value, for the error message.
+
+    Returns:
+        Joint angles, (12,), rad.
+
+    Raises:
+        ModelError: The number of angles is wrong, or an angle is not finite.
+    """
     if numbers.shape not in ((JOINTS_PER_LEG,), (LEGS * JOINTS_PER_LEG,)) or not np.isfinite(numbers).all():
         raise ModelError(f"home_pose is three angles, the same of every leg, or twelve, rad; got {value!r}")
     return np.resize(numbers, LEGS * JOINTS_PER_LEG)
 
 
 def _infer_knee_direction(model: Any, structure: RobotStructure) -> Floats:
-    """Return the knee direction of each leg, (4,), by its calf's limits, else by the keyframe's stand.
+    """Return the knee direction of each leg, (4,): inferred from the calf's limits, else from a keyframe of a stand.
 
-    Raises ModelError where neither shows it.
+    Raises ModelError if neither shows the direction.
     """
     lower, upper = structure.limits(model)
     middles = 0.5 * (lower + upper)[2::JOINTS_PER_LEG]
@@ -262,7 +292,7 @@ def _infer_knee_direction(model: Any, structure: RobotStructure) -> Floats:
 
 
 def _infer_rated_torque(model: Any, structure: RobotStructure) -> float:
-    """Return the least of the largest torques of the joints, N·m. Raises ModelError where one is unknown or 0."""
+    """Return the smallest of the joints' largest torques, N·m. Raises ModelError if one of them is unknown or zero."""
     lower, upper = torque_ranges(model, structure.joints).T
     largest = np.minimum(-lower, upper)
     for wrong, fault in (
@@ -276,7 +306,11 @@ def _infer_rated_torque(model: Any, structure: RobotStructure) -> float:
 
 
 def _stand_angles(model: Any, structure: RobotStructure) -> Floats | None:
-    """Return the joint angles of the first keyframe that counts as a stand, robot's convention, (12,), rad, or None."""
+    """Return the joint angles of the first keyframe in which the robot stands; None if there is none.
+
+    The robot stands if the height of the hips above the feet is between MIN_STAND_HEIGHT_RATIO and
+    MAX_STAND_HEIGHT_RATIO. The angles are in the robot's convention, (12,), rad.
+    """
     qpos = model.jnt_qposadr[structure.joints]
     leg = structure.legs[0]
     for key in range(model.nkey):
@@ -288,12 +322,20 @@ def _stand_angles(model: Any, structure: RobotStructure) -> Floats | None:
 
 
 def _hip_height(leg: Leg, angles: Floats) -> float:
-    """Return the height of the hip joint of `leg` above its foot with the first leg's `angles` of (12,), rad; in m."""
+    """Return the height of the hip above the foot of `leg`, the first leg, at the joint `angles`, (12,), rad; in m."""
     return float(leg.thigh_length * np.cos(angles[1]) + leg.calf_length * np.cos(angles[1] + angles[2]))
 
 
 def _bent_pose(robot: RobotParameters, heights: Sequence[float]) -> Floats:
-    """Return a pose with the feet below the thigh joints, (12,), rad; `heights` is the height of each leg, m."""
+    """Compute a pose with bent knees and the feet below the thigh joints (inverse kinematics).
+
+    Args:
+        robot: The robot.
+        heights: Height of the hip above the foot of each leg, m.
+
+    Returns:
+        Joint angles, (12,), rad.
+    """
     upper = robot.thigh_length
     lower = robot.calf_length
     pose = []
@@ -302,11 +344,14 @@ def _bent_pose(robot: RobotParameters, heights: Sequence[float]) -> Floats:
         thigh = np.arccos(np.clip((upper**2 + height**2 - lower**2) / (2.0 * upper * height), -1.0, 1.0))
         calf = np.pi - np.arccos(np.clip((upper**2 + lower**2 - height**2) / (2.0 * upper * lower), -1.0, 1.0))
         pose += [0.0, -knee * thigh, knee * calf]
-    return np.array(pose) + 0.0  # avoids -0.0 at the hips
+    return np.array(pose) + 0.0  # The sum turns -0.0 into 0.0.
 
 
 def _level_feet(robot: RobotParameters) -> RobotParameters:
-    """Return the robot with a home pose in which all feet touch: deeper or lower feet get a more bent leg."""
+    """Return the robot with a home pose in which all feet touch the ground while the trunk is level.
+
+    Legs that reach lower are bent more.
+    """
     for _ in range(_MAX_LEVEL_ITERATIONS):
         heights = robot.leg_heights
         if np.ptp(heights) < LEVEL_TOLERANCE:
@@ -317,14 +362,16 @@ def _level_feet(robot: RobotParameters) -> RobotParameters:
 
 
 def _foot_hulls(structure: RobotStructure) -> tuple[Floats, Floats]:
-    """Return the points of the feet from their centres in the kinematics, with equal lengths of all legs.
+    """Return the points of the feet relative to the foot centres in the kinematics.
+
+    The kinematics have equal lengths for all legs, so the points include the small differences between the legs.
 
     Args:
         structure: Structure of the model.
 
     Returns:
-        points: (4, k, 3), m; k is 0 where all feet are balls.
-        radii: Radii about the points, (4, k), m.
+        points: Points of each foot, base frame with the legs straight down, (4, k, 3), m; k is 0 if all feet are balls.
+        radii: Radii of the balls about the points, (4, k), m.
     """
     legs = structure.legs
     if not any(leg.foot.points.size for leg in legs):
@@ -346,7 +393,10 @@ def _foot_hulls(structure: RobotStructure) -> tuple[Floats, Floats]:
 
 
 def _thigh_radius(model: Any, structure: RobotStructure, leg: Leg) -> float:
-    """Return the distance from the line between a thigh's joints to its farthest colliding point, rounded up, m."""
+    """Return the distance from the line between a thigh's joints to the farthest corner of its colliding geoms, m.
+
+    It is rounded up to a centimetre. The foot's radius is returned if the thigh has no colliding geom.
+    """
     thigh_joint, calf_joint = leg.joints[1:]
     thigh = int(model.jnt_bodyid[thigh_joint])
     geoms = geom_ids(model, [thigh], structure.collides_with_ground)
@@ -364,7 +414,7 @@ def _thigh_line(model: Any, structure: RobotStructure, thigh_joint: int, calf_jo
     thigh = int(model.jnt_bodyid[thigh_joint])
     calf = int(model.jnt_bodyid[calf_joint])
     line = model.body_pos[calf] + rotation_matrix(model.body_quat[calf]) @ model.jnt_pos[calf_joint]
-    if model.body_parentid[calf] != thigh:  # a body that is welded to the thigh lies between
+    if model.body_parentid[calf] != thigh:  # The calf's parent is another body, which is welded to the thigh.
         positions = structure.body_positions
         rotations = structure.body_rotations
         line = positions[calf] + rotations[calf] @ model.jnt_pos[calf_joint] - positions[thigh]

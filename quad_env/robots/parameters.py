@@ -1,7 +1,7 @@
-"""Parameters of a robot with four legs of three joints each: lengths, home pose, servos, names.
+"""Parameters of a robot with four legs of three joints each: names, lengths, home pose and servos.
 
-Frames: base frame x forward, y left, z up, origin at the trunk's centre. Joint angles are zero with the legs hanging
-straight down; hips turn about +x (abduction), thighs and calves about +y. Lengths in m, angles in rad, masses in kg.
+Base frame: x forward, y left, z up, origin at the trunk's centre. Joint angles are zero with the legs straight down;
+hips turn about +x (abduction), thighs and calves about +y. Lengths are in m, angles in rad, masses in kg.
 """
 
 import dataclasses
@@ -20,74 +20,80 @@ from quad_env.robots.shapes import Floats as Floats
 
 T = TypeVar("T")
 LEVEL_TOLERANCE = 2e-4
-"""m. Largest height difference of the feet in the home pose that counts as a manufacturing tolerance."""
+"""Largest height difference between the feet in the home pose that is considered a manufacturing tolerance, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class RobotParameters:
-    """Parameters of a robot; made by `load_parameters`, or for SimpleQuad here.
+    """Parameters of a robot; made by `load_parameters`. `SIMPLE_QUAD_PARAMETERS` are SimpleQuad's.
 
-    Legs are in the order of `leg_names`, joints in the order of `joint_names`, three a leg.
+    Legs are in the order of `leg_names`, joints in the order of `joint_names`, three joints per leg.
     """
 
     name: str
     mjcf: Path
     urdf: Path | None
     leg_names: tuple[str, ...]
-    """Names in the order of the model; SimpleQuad has front before hind, left before right."""
+    """Names of the legs in the order of the model; SimpleQuad's order is fl, fr, hl, hr."""
     joint_names: tuple[str, ...]
-    """Names of hip, thigh and calf of each leg, as in the MJCF."""
+    """Names of the hip, thigh and calf joint of each leg, as in the MJCF."""
     home_pose: Floats
-    """Standing pose, shape (12,), rad."""
+    """Joint angles of the standing pose, (12,), rad."""
     hip_positions: Floats
     """Positions of the hip joints, base frame, (4, 3), m."""
     hip_offset: float
-    """Distance from the hip joint outboard to the thigh joint, m."""
+    """Lateral distance from the hip joint to the thigh joint, positive outward, m."""
     thigh_length: float
     """Distance from the thigh joint to the calf joint, m."""
     calf_length: float
     """Distance from the calf joint to the centre of the foot, m."""
     foot_radius: float
-    """Radius of the ball that is the foot, or that stands for a foot of another shape, see `feet`, m."""
+    """Radius of the ball that models the foot, m. `feet` describes the ball of a foot of another shape."""
     thigh_radius: float
-    """Distance from the line between a thigh's joints to the farthest point of its shape, rounded up, m."""
+    """Distance from the line between a thigh's joints to the farthest point of the thigh's shape, rounded up, m."""
     trunk_size: Floats
-    """Full lengths of the trunk's box along x, y, z, shape (3,), m."""
+    """Full lengths of the trunk's box along x, y and z, base frame, (3,), m."""
     servo_stiffness: Floats
-    """Gain of the joint servos on the angle, (12,), N·m/rad; one number is accepted for all joints."""
+    """Gain of the joint servos on the angle, one number for all joints or (12,), N·m/rad; stored as (12,)."""
     servo_damping: Floats
-    """Gain of the joint servos on the speed, (12,), N·m·s/rad; one number is accepted for all joints."""
+    """Gain of the joint servos on the speed, one number for all joints or (12,), N·m·s/rad; stored as (12,)."""
     rated_torque: float
     """Largest joint torque, N·m."""
     rated_speed: float
-    """Rated joint speed, rad/s; reported, not enforced, with the ideal actuator."""
+    """Rated joint speed, rad/s. It is reported; the ideal actuator does not enforce it."""
     knee_direction: Floats = field(default_factory=lambda: np.array(-1.0))
-    """Sign of each calf's angle when the knee is bent, (4,); one number is accepted for all legs."""
+    """Sign of each calf's angle when the knee is bent, one number for all legs or (4,); stored as (4,)."""
     trunk_centre: Floats = field(default_factory=lambda: np.zeros(3))
-    """Centre of the trunk's box in the base frame, shape (3,), m."""
+    """Centre of the trunk's box, base frame, (3,), m."""
     foot_points: Floats = field(default_factory=lambda: np.zeros((4, 0, 3)))
-    """Points from the centre of each foot, base frame with the legs straight down, (4, k, 3), m; empty if all feet are
-    balls. The foot is their hull, each grown by its radius.
+    """Points of each foot relative to its centre, base frame with the legs straight down, (4, k, 3), m.
+
+    The foot is the convex hull of balls about these points, with the radii in `foot_radii`. k is 0 if all feet are
+    balls.
     """
     foot_radii: Floats = field(default_factory=lambda: np.zeros((4, 0)))
-    """Radii about the points, (4, k), m."""
+    """Radii of the balls about the points in `foot_points`, (4, k), m."""
     stiff_servo: Floats = field(default_factory=lambda: np.array((300.0, 10.0)))
-    """Stiffness and damping for controllers that need stiff servos, (2, 12), N·m/rad and N·m·s/rad.
+    """Stiffness, N·m/rad, and damping, N·m·s/rad, for controllers that need stiff servos; stored as (2, 12).
 
-    They are SimpleQuad's, scaled by mass and leg length, or from a user's TOML. Two numbers are valid for all joints.
+    They are SimpleQuad's gains, scaled by mass and leg length, or the gains in the user's TOML. Two numbers are valid
+    for all joints.
     """
     servo_fixed: bool = False
     """True if every controller has to use `servo_stiffness` and `servo_damping`, see `Robot.with_servo`."""
     locked_joints: tuple[str, ...] = ()
-    """Names of the model's joints that belong to no leg and are locked at their reference, see `locked_joints`."""
+    """Names of the model's joints that belong to no leg and are locked, see the module `locked_joints`."""
     imported: bool = False
-    """True if the MJCF is a user's, which `quad_env.robots.scene` attaches to SimpleQuad's scene."""
+    """True if the MJCF is not SimpleQuad's, so that `quad_env.robots.scene` attaches it to SimpleQuad's scene."""
     source: Path | None = None
-    """User's file from which it was read, MJCF, URDF or TOML; None for a robot of the registry."""
+    """User's MJCF, URDF or TOML file from which the robot was read; None for a robot of the registry."""
 
     @property
     def keeps_contact(self) -> bool:
-        """True if geoms keep the model's contact parameters: for named robots, with published results."""
+        """True if geoms keep the contact parameters of the model.
+
+        This holds for the imported robots of the registry, because results with them have been published.
+        """
         return self.imported and self.source is None
 
     @property
@@ -107,16 +113,16 @@ class RobotParameters:
 
     @property
     def by_name(self) -> dict[str, Any]:
-        """Parameters by the names of the fields."""
+        """Dictionary: name of a field -> value of this parameter."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @cached_property
     def user_model(self) -> UserModel:
-        """The model of an imported robot, as it was read for these parameters. Raises ModelError."""
+        """Compiled model of an imported robot, as it was read for these parameters. Raises ModelError."""
         return read(self.mjcf)
 
     def replace(self, **changes: Any) -> Self:
-        """Return a copy with other values of the fields named in `changes`; it keeps the user's model as read."""
+        """Return a copy with other values of the fields named in `changes`; the user's model is not read again."""
         copy = dataclasses.replace(self, **changes)
         if "user_model" in vars(self):
             vars(copy)["user_model"] = self.user_model
@@ -129,7 +135,7 @@ class RobotParameters:
 
     @property
     def servo(self) -> str:
-        """Gains of the servos, as text."""
+        """Text with the servo gains and their units."""
         return f"{format_range(self.servo_stiffness)} N·m/rad and {format_range(self.servo_damping)} N·m·s/rad"
 
     @cached_property
@@ -138,13 +144,13 @@ class RobotParameters:
         return read_only_array(np.sign(self.hip_positions[:, 1]))
 
     def in_leg_order(self, corners: Sequence[T]) -> tuple[T, ...]:
-        """Return values in the order of the legs.
+        """Sort values of the four corners into the order of `leg_names`.
 
         Args:
             corners: Values for the front left, front right, hind left and hind right leg.
 
         Returns:
-            Values in the order of the legs.
+            The same values in the order of `leg_names`.
         """
         ahead, left = np.sign(self.hip_positions[:, :2]).T
         return tuple(corners[2 * int(x < 0) + int(y < 0)] for x, y in zip(ahead, left, strict=True))
@@ -170,7 +176,7 @@ class RobotParameters:
 
     @cached_property
     def home_height(self) -> float:
-        """Height of the base frame's origin above flat ground in the level home pose, lowest foot in contact, m."""
+        """Height of the base frame's origin above flat ground when the robot stands level in the home pose, m."""
         parts = (self.hip_heights, self._foot_depths, self.hip_positions[:, 2], self.leg_heights)
         if max(np.ptp(part) for part in parts) < LEVEL_TOLERANCE:
             return self.home_hip_height + self.foot_depth - self.hip_rise
@@ -178,7 +184,7 @@ class RobotParameters:
 
     @property
     def leg_heights(self) -> Floats:
-        """Height of the level base frame's origin above the underside of each foot in the home pose, (4,), m."""
+        """Height of the base frame's origin above the underside of each foot in the level home pose, (4,), m."""
         return self.hip_heights + self._foot_depths - self.hip_positions[:, 2]
 
     @cached_property
@@ -188,7 +194,7 @@ class RobotParameters:
 
     @cached_property
     def foot_depth(self) -> float:
-        """Depth of the lowest point of a foot below its centre in the home pose, m: the radius of a ball."""
+        """Largest depth of a foot's lowest point below its centre in the home pose, m; the radius if feet are balls."""
         return float(self._foot_depths.max())
 
     @cached_property
@@ -201,7 +207,7 @@ class RobotParameters:
 
 
 def format_range(values: Floats) -> str:
-    """Return `25`, or `25 to 40` for different values."""
+    """Format the smallest and largest value as `25 to 40`, or as `25` if they are equal."""
     return " to ".join(f"{value:.3g}" for value in sorted({float(values.min()), float(values.max())}))
 
 
@@ -233,6 +239,6 @@ SIMPLE_QUAD_PARAMETERS = RobotParameters(
     rated_torque=100.0,
     rated_speed=10.0,
 )
-"""SimpleQuad's parameters, as in its compiled model; they scale to values that the models of other robots lack."""
+"""SimpleQuad's parameters, as in its compiled model. Values that other models lack are scaled from these."""
 REFERENCE_MASS = 14.2
-"""kg. Mass of SimpleQuad."""
+"""Mass of SimpleQuad, kg; the reference for scaling by mass."""

@@ -1,6 +1,6 @@
-"""Warnings about implausible parameters of a robot: most often a placeholder, or a model in other units.
+"""Warnings about implausible parameters of a robot, which most often are placeholders or have other units.
 
-Nothing is refused.
+The robot is accepted in spite of these warnings.
 """
 
 from collections.abc import Iterator
@@ -13,26 +13,30 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.unlikely_inertias import find_unlikely_armatures, find_unlikely_inertias
 
 MIN_LEG_LENGTH = 0.05
-"""m. Least leg length of quadrupeds with twelve joints."""
+"""Smallest plausible leg length, m."""
 MAX_LEG_LENGTH = 3.0
-"""m. Largest leg length of quadrupeds with twelve joints."""
+"""Largest plausible leg length, m."""
 MAX_TORQUE_RATIO = 2.5
-"""Largest plausible torque as a share of weight times leg length: SimpleQuad has 1.2, the robots of the `robots` extra
-0.2 to 0.6.
+"""Largest plausible rated torque, as a fraction of weight times leg length.
+
+SimpleQuad has 1.2, the robots of the `robots` extra have 0.2 to 0.6.
 """
 MAX_PRINTED_RATIO = 1e6
-"""Largest ratio of torques that a warning writes out."""
+"""Largest ratio of torques that a warning prints as a number; a larger ratio is printed as this one "or more"."""
 _NEGATIVE = {
     "damping": ("dof_damping", "dof_jntid"),
     "armature": ("dof_armature", "dof_jntid"),
     "friction loss": ("dof_frictionloss", "dof_jntid"),
     "stiffness": ("jnt_stiffness", None),
 }
-"""Fields of a model that are at least 0 in any robot, and the fields with the joints of their rows."""
+"""Quantity that must not be negative -> model field with its values, and model field with the joint of each row.
+
+The second field is None if the rows are the joints themselves.
+"""
 
 
 def find_warnings(robot: Robot) -> Iterator[str]:
-    """Yield a line for each implausible parameter of a robot."""
+    """Yield a one-line warning for each implausible parameter of a robot."""
     yield from _inertia_warnings(robot)
     yield from _negative_values(robot)
     yield from _length_warnings(robot)
@@ -40,7 +44,7 @@ def find_warnings(robot: Robot) -> Iterator[str]:
 
 
 def _inertia_warnings(robot: Robot) -> Iterator[str]:
-    """Yield lines about inertias of links and armatures of joints that are too large."""
+    """Yield warnings about links with too large inertias and joints with too large armatures."""
     if inertias := find_unlikely_inertias(robot):
         first = inertias[0]
         links = f"{first.name} and {len(inertias) - 1} more have" if len(inertias) > 1 else f"{first.name} has"
@@ -56,7 +60,7 @@ def _inertia_warnings(robot: Robot) -> Iterator[str]:
 
 
 def _length_warnings(robot: Robot) -> Iterator[str]:
-    """Yield a line about legs that are too long or too short."""
+    """Yield a warning if the legs are too long or too short."""
     length = robot.leg_length
     if length > MAX_LEG_LENGTH:
         yield f"its legs are {length:.3g} m long: a model in millimetres? MJCF is in metres"
@@ -65,7 +69,7 @@ def _length_warnings(robot: Robot) -> Iterator[str]:
 
 
 def _torque_warnings(robot: Robot) -> Iterator[str]:
-    """Yield a line about motors that are too strong, or too weak to stand."""
+    """Yield a warning if the motors are implausibly strong, or too weak for the robot to stand."""
     torque = robot.rated_torque
     need = standing_torque(robot)
     if torque > MAX_TORQUE_RATIO * robot.mass * GRAVITY * robot.leg_length:
@@ -81,7 +85,7 @@ def _torque_warnings(robot: Robot) -> Iterator[str]:
 
 
 def _negative_values(robot: Robot) -> Iterator[str]:
-    """Name the joints with a negative damping, armature, friction loss or stiffness."""
+    """Yield warnings about joints with a negative damping, armature, friction loss or stiffness."""
     model = robot.model
     for quantity, (field, joints) in _NEGATIVE.items():
         rows = np.flatnonzero(getattr(model, field) < 0.0)
@@ -93,7 +97,7 @@ def _negative_values(robot: Robot) -> Iterator[str]:
 
 
 def standing_torque(robot: Robot) -> float:
-    """Return the largest torque of a thigh or calf joint when the robot rests on four legs in the home pose, N·m."""
+    """Return the largest torque of a thigh or calf joint while the robot stands on four legs in the home pose, N·m."""
     foot = foot_positions(robot, robot.home_pose.reshape(1, -1, 3))[0]
     knee = -robot.thigh_length * np.sin(robot.home_pose[1::3])
     levers = np.abs(np.concatenate((foot[:, 0], foot[:, 0] - knee)))

@@ -1,4 +1,4 @@
-"""Check of the files that a model file names: regular files of a bounded size."""
+"""Check of the files that a model file names: each must be regular and not too large."""
 
 import os
 import re
@@ -11,21 +11,21 @@ from quad_env.robots.structure import ModelError
 _FILES = re.compile(rb"""\b(?:file|filename)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
 _FOLDERS = re.compile(rb"""\b(?:meshdir|texturedir|assetdir)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
 _MODEL_SUFFIXES = (".xml", ".mjcf", ".urdf")
-"""Endings of files that can name further files."""
+"""Endings of model files, which can name further files."""
 _MAX_FILES = 5000
-"""Largest number of checked files of a model."""
+"""Largest number of files that are checked for one model."""
 _MAX_FILE_SIZE = 2**28
-"""Byte. Largest file of a model; the largest published meshes have 50 MiB."""
+"""Largest size of a file that a model names, byte. The largest published meshes have 50 MiB."""
 
 
 def check_referenced_files(path: Path) -> None:
     """Check the files that a model and its included models name.
 
     Args:
-        path: The model, MJCF or URDF.
+        path: MJCF or URDF file of the model.
 
     Raises:
-        ModelError: A model cannot be read; a named file is too large or not regular.
+        ModelError: A model cannot be read, or a named file is too large or not regular.
     """
     waiting = [path]
     checked = set[Path]()
@@ -44,7 +44,10 @@ def check_referenced_files(path: Path) -> None:
 
 
 def _named_files(text: bytes, folder: Path) -> Iterator[Path]:
-    """Yield the paths that a model's text names, relative to `folder` and to each folder of the text."""
+    """Yield the paths of the files that the text of a model names.
+
+    A path may be relative to `folder` or to a mesh, texture or asset folder in the text, so all of them are yielded.
+    """
     folders = {b"", *(match[2] for match in _FOLDERS.finditer(text))}
     for match in _FILES.finditer(text):
         for inner in folders:
@@ -52,7 +55,10 @@ def _named_files(text: bytes, folder: Path) -> Iterator[Path]:
 
 
 def _is_regular(file: Path) -> bool:
-    """Return False for a folder or a missing file, which MuJoCo reports; raise ModelError for an unreadable file."""
+    """Return True for a regular file, False for a folder or a missing file, which MuJoCo itself reports.
+
+    Raises ModelError for a file that is too large or not regular.
+    """
     try:
         check_file(file, _MAX_FILE_SIZE)
     except (FileNotFoundError, NotADirectoryError, ValueError):

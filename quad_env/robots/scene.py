@@ -1,9 +1,9 @@
-"""The scene: a robot on flat ground, SimpleQuad from its own file, a user's model attached to SimpleQuad's scene.
+"""Scene with a robot on flat ground.
 
-Of a user's model the scene takes the body with the free joint and all bodies below it. The joints keep their names and
-their order. Axes, limits and `ref` are rewritten where an axis points the other way or the leg is bent at zero: angles
-are zero with the leg straight down and grow about +x (hips) or +y (thighs and calves). Bodies and geoms that the
-simulation finds by name get SimpleQuad's names.
+SimpleQuad's scene is its MJCF file. The model of any other robot is attached to SimpleQuad's scene in place of
+SimpleQuad: the body with the free joint and all bodies below it. The joints keep their names and their order. Axes,
+limits and `ref` are rewritten to the robot's convention: angles are zero with the leg straight down, hips turn about
++x, thighs and calves about +y. Bodies and geoms that the simulation finds by name get SimpleQuad's names.
 """
 
 from functools import lru_cache
@@ -33,18 +33,18 @@ from quad_env.robots.shapes import GROUND_BIT
 _SENSOR_FIELDS = ("name", "type", "objtype", "objname", "reftype", "refname", "intprm")
 _LIGHT_FIELDS = ("mode", "type", "dir", "cutoff", "exponent", "diffuse")
 _REMOVED = ("actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
-"""Kinds of elements that the scene does not take from a user's model."""
+"""Kinds of elements that are deleted from a user's model before the attachment to the scene."""
 _IMU_SIZE = 0.005
-"""m. Radius of the IMU's site, for pictures alone."""
+"""Radius of the site of the IMU, m. It affects only the rendering."""
 
 
 def build_spec(robot: RobotParameters) -> Any:
-    """Return the robot on flat ground with its servo gains, a new `mujoco.MjSpec`. Raises ModelError."""
-    import mujoco  # here: a slow import
+    """Build a new `mujoco.MjSpec` with the robot on flat ground, with its servo gains. Raises ModelError."""
+    import mujoco  # The import is local because it is slow.
 
     if robot.imported:
         modified = robot.mjcf.stat().st_mtime_ns if robot.mjcf.is_file() else 0
-        spec = _attach_to_scene(robot, modified).copy()  # a copy compiles to the same bits
+        spec = _attach_to_scene(robot, modified).copy()  # The copy compiles to exactly the same numbers.
     else:
         spec = mujoco.MjSpec.from_file(str(robot.mjcf))
     for actuator, stiffness, damping in zip(spec.actuators, robot.servo_stiffness, robot.servo_damping, strict=True):
@@ -56,29 +56,29 @@ def build_spec(robot: RobotParameters) -> Any:
 
 @lru_cache(maxsize=16)
 def _attach_to_scene(robot: RobotParameters, modified: int) -> Any:
-    """Return the scene with a user's robot, its servos without gains; it takes up to half a second.
+    """Attach a user's robot to SimpleQuad's scene. This takes up to half a second.
 
-    The steps depend on their order: elements lose the ids of the compiled model when the specification changes.
+    The order of the steps matters, because elements lose the ids of the compiled model when the specification changes.
 
     Args:
-        robot: Parameters of an imported robot; robots that differ in servo gains alone are equal.
-        modified: Modification time of its file, ns.
+        robot: Parameters of an imported robot; robots that differ only in servo gains are equal.
+        modified: Modification time of the robot's model file, ns; it is part of the cache's key.
 
     Returns:
-        The scene with a user's robot, its servos without gains; it takes up to half a second.
+        Specification of the scene; its servos have no gains yet.
     """
     import mujoco
 
-    # 1. Start from the compiled model, with the joints of no leg locked, see `model_file.read`.
+    # 1. Start from the compiled model, in which joints that belong to no leg are locked, see `model_file.read`.
     attached = copy_user_model(robot, modified)
     scene = mujoco.MjSpec.from_file(str(SIMPLE_QUAD_PARAMETERS.mjcf))
-    # 2. Write the compiled masses and joints, since the attachment loses the compiler's settings.
+    # 2. Write the compiled masses and joints, because the attachment loses the compiler's settings.
     keep_compiled_inertias(attached)
     align_joint_axes(attached)
-    # 3. Remove the parts and forces that the robot does not have here.
+    # 3. Remove the parts and forces that the scene does not simulate.
     remove_forces(attached)
     delete_elements(attached.spec, *_REMOVED)
-    # 4. Decide about collisions while the elements have their ids, and name them.
+    # 4. Set the collision rules while the elements still have their ids, then rename the elements.
     overlaps = find_overlaps(mujoco, attached.model, attached.structure, robot.home_pose)
     rules = collect_rules(attached, overlaps)
     rename_elements(attached)
@@ -86,11 +86,11 @@ def _attach_to_scene(robot: RobotParameters, modified: int) -> Any:
         set_contact_parameters(attached, scene.geom("fl_foot"))
     measured_parts = dict(contact_parts(attached))
     set_ground_bits(attached)
-    # 5. Put the base frame into the trunk, with SimpleQuad's IMU and cameras.
+    # 5. Move the base frame to the trunk's frame, and add SimpleQuad's IMU and cameras.
     move_base_frame(attached)
     apply_rules(rules)
     _add_imu_and_cameras(attached, scene)
-    # 6. Put the robot into SimpleQuad's place.
+    # 6. Replace SimpleQuad in the scene by the robot.
     sensors = [{field: getattr(sensor, field) for field in _SENSOR_FIELDS} for sensor in scene.sensors]
     _replace_simple_quad(attached, scene)
     _remove_prefixes(scene)
@@ -102,7 +102,7 @@ def _attach_to_scene(robot: RobotParameters, modified: int) -> Any:
 
 
 def _add_imu_and_cameras(attached: AttachedModel, scene: Any) -> None:
-    """Add SimpleQuad's IMU, cameras and lamp to the trunk; their distances grow with the size of the robot."""
+    """Add SimpleQuad's IMU, cameras and lights to the trunk; the distances scale with the size of the robot."""
     robot = attached.robot
     trunk = attached.root
     imu = {"type": 2, "pos": np.zeros(3), "size": np.full(3, _IMU_SIZE), "rgba": (0.0, 0.0, 0.0, 0.0)}
@@ -120,7 +120,7 @@ def _add_imu_and_cameras(attached: AttachedModel, scene: Any) -> None:
 
 
 def _replace_simple_quad(attached: AttachedModel, scene: Any) -> None:
-    """Attach the robot to the scene in SimpleQuad's place; options and sizes are the scene's."""
+    """Replace SimpleQuad in the scene by the robot. Options and sizes of the scene do not change."""
     spec = attached.spec
     scene.delete(scene.body("base_link"))
     delete_elements(scene, "actuators", "sensors", "keys")
@@ -132,7 +132,7 @@ def _replace_simple_quad(attached: AttachedModel, scene: Any) -> None:
 
 
 def _remove_prefixes(scene: Any) -> None:
-    """Remove the prefixes of renamed elements, in their own names and in the collision rules."""
+    """Remove the prefixes from the names of renamed elements, and from the same names in the collision rules."""
     elements = (*scene.bodies, *scene.joints, *scene.geoms, *scene.sites, *scene.cameras, *scene.lights)
     for element in elements:
         element.name = scene_name(element.name)
@@ -143,7 +143,10 @@ def _remove_prefixes(scene: Any) -> None:
 
 
 def _add_position_actuators(scene: Any, robot: RobotParameters) -> None:
-    """Add the joint servos, in the order of the joints, with the range of their joints and the rated torque."""
+    """Add a position servo for each joint, in the order of the joints.
+
+    The control range is the range of the joint, and the force range is the rated torque.
+    """
     import mujoco
 
     for name in robot.joint_names:
@@ -159,13 +162,13 @@ def _add_position_actuators(scene: Any, robot: RobotParameters) -> None:
 def _add_sensors(
     scene: Any, robot: RobotParameters, sensors: list[dict[str, Any]], measured_parts: dict[str, list[Any]]
 ) -> None:
-    """Add SimpleQuad's sensors, except joint sensors: `qpos` and `qvel` have their readings.
+    """Add SimpleQuad's sensors, except its joint sensors, because `qpos` and `qvel` contain their readings.
 
     Args:
         scene: Specification with the robot.
-        robot: Its parameters.
+        robot: Parameters of the robot.
         sensors: Fields of SimpleQuad's sensors.
-        measured_parts: Bodies and geoms of each part with a contact sensor, see `contact_parts`.
+        measured_parts: Name of a part with contact sensors -> its bodies and geoms, see `contact_parts`.
     """
     import mujoco
 
@@ -195,7 +198,7 @@ def _add_contact_sensors(scene: Any, sensor: dict[str, Any], parts: list[Any]) -
 
 
 def _set_home_pose(scene: Any, robot: RobotParameters) -> None:
-    """Add the keyframe of the home pose, and place the trunk so that straight legs reach the ground."""
+    """Add the keyframe of the home pose, and place the trunk in `qpos0` so that straight legs reach the ground."""
     qpos = (0.0, 0.0, robot.home_height, 1.0, 0.0, 0.0, 0.0, *robot.home_pose)
     scene.add_key(name="home", qpos=qpos, ctrl=robot.home_pose)
     scene.body("base_link").pos = (0.0, 0.0, robot.leg_length + robot.foot_radius)

@@ -1,4 +1,4 @@
-"""Shapes of a compiled model's geoms: bounding boxes, surface points, end spheres, and collisions with the ground."""
+"""Geometry of a compiled model's geoms: bounding boxes, surface points, end spheres, and masks of collisions."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -10,50 +10,53 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 GROUND_BIT = 1 << 30
-"""Bit of `contype` of the geoms that collide with the ground, and of `conaffinity` of the ground. The geoms collide
-with the ground for any bits of the model, and no two geoms of a robot collide that do not in its model.
+"""Bit in `contype` of the geoms that collide with the ground, and in `conaffinity` of the ground.
+
+With this bit the geoms collide with the ground, independent of the bits in the user's model. The self-collisions of the
+robot do not change.
 """
 _SIGNS = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)], indexing="ij"), axis=-1).reshape(-1, 3)
-"""Signs of the corners of a box, (8, 3)."""
+"""Signs of the coordinates of a box's corners relative to its centre, (8, 3)."""
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
 _CIRCLE = np.stack((np.cos(_ANGLES), np.sin(_ANGLES)), axis=1)
 """Points of the unit circle, (96, 2)."""
 _HEIGHTS = np.sin(np.linspace(-0.5, 0.5, 25) * np.pi)
 _SPHERE = np.concatenate([np.insert(np.sqrt(max(0.0, 1.0 - z * z)) * _CIRCLE, 2, z, axis=1) for z in _HEIGHTS])
-"""Points of the unit sphere on circles of latitude, poles included, (k, 3)."""
+"""Points of the unit sphere on circles of latitude, including the poles, (k, 3)."""
 
 
 def descendant_mask(model: Any, body: int) -> Bools:
-    """Return True for the body with id `body` and all bodies below it, (nbody,), in the compiled `model`."""
+    """Return the mask of the body with id `body` and all bodies below it in the compiled `model`, (nbody,)."""
     mask = np.zeros(model.nbody, bool)
     mask[body] = True
-    for each in range(body + 1, model.nbody):  # a parent comes before its children
+    for each in range(body + 1, model.nbody):  # The id of a parent is smaller than the ids of its children.
         mask[each] = mask[model.body_parentid[each]]
     return mask
 
 
 def welded_bodies(model: Any, body: int) -> list[int]:
-    """Return the id `body` first, then the ids of all bodies of the compiled `model` that are welded to it."""
+    """Return the ids of `body` and of all bodies welded to it in the compiled `model`; `body` is the first."""
     same = np.flatnonzero(model.body_weldid == model.body_weldid[body])
     return [body, *(int(each) for each in same if each != body)]
 
 
 def collision_mask(model: Any) -> Bools:
-    """Return True for the geoms that collide by their bits, (ngeom,)."""
+    """Return the mask of the geoms with a bit in `contype` or `conaffinity`, so that they can collide, (ngeom,)."""
     return np.asarray((model.geom_contype | model.geom_conaffinity) != 0)
 
 
 def ground_collision_mask(model: Any, root: int) -> Bools:
-    """Return True for the geoms of the robot that collide with a ground, (ngeom,).
+    """Find the geoms of the robot that collide with the ground.
 
-    A geom does if its bits say so, or if an explicit pair has it and a geom that is not the robot's.
+    These are the geoms with a bit in `contype` or `conaffinity`, and the geoms in an explicit pair with a geom that
+    does not belong to the robot.
 
     Args:
         model: Compiled model.
         root: Id of the robot's root body.
 
     Returns:
-        True for the geoms of the robot that collide with a ground, (ngeom,).
+        Mask of the geoms, (ngeom,).
     """
     is_robot_geom = descendant_mask(model, root)[model.geom_bodyid]
     mask = is_robot_geom & collision_mask(model)
@@ -69,26 +72,26 @@ def geom_ids(model: Any, bodies: Iterable[int], among: Bools | None = None) -> l
     Args:
         model: Compiled model.
         bodies: Ids of the bodies.
-        among: Mask of the geoms to choose from, (ngeom,); None for all.
+        among: Mask of the geoms to choose from, (ngeom,); None to choose from all geoms.
 
     Returns:
-        The ids of the geoms of some bodies.
+        Ids of the geoms, in ascending order.
     """
     mask = np.isin(model.geom_bodyid, list(bodies))
     return [int(geom) for geom in np.flatnonzero(mask if among is None else mask & among)]
 
 
 def bounding_box(model: Any, geom: int) -> tuple[Floats, Floats, Floats]:
-    """Return the box around a geom, in the frame of its body.
+    """Return the bounding box of a geom, aligned with the axes of the geom.
 
     Args:
         model: Compiled model.
         geom: Id of the geom.
 
     Returns:
-        centre: (3,), m.
-        half_sizes: (3,), m.
-        rotation: From the geom frame to the body frame, (3, 3).
+        centre: Centre of the box, body frame, (3,), m.
+        half_sizes: Half lengths of the box along the axes of the geom, (3,), m.
+        rotation: Rotation from the geom frame to the body frame, (3, 3).
     """
     rotation = rotation_matrix(model.geom_quat[geom])
     centre, half_sizes = model.geom_aabb[geom].reshape(2, 3)
@@ -96,21 +99,21 @@ def bounding_box(model: Any, geom: int) -> tuple[Floats, Floats, Floats]:
 
 
 def box_corners(model: Any, geom: int) -> Floats:
-    """Return the corners of the box around the geom with id `geom` of `model`, in its body's frame, (8, 3), m."""
+    """Return the corners of the bounding box of the geom with id `geom` in `model`, body frame, (8, 3), m."""
     centre, half_sizes, rotation = bounding_box(model, geom)
     corners: Floats = centre + (_SIGNS * half_sizes) @ rotation.T
     return corners
 
 
 def end_spheres(model: Any, geom: int) -> list[tuple[Floats, float]]:
-    """Return the sphere of a sphere geom, or the two end spheres of a capsule; nothing for other shapes.
+    """Return the sphere of a sphere geom, or the two end spheres of a capsule geom.
 
     Args:
         model: Compiled model.
         geom: Id of the geom.
 
     Returns:
-        Centre in the frame of the body, (3,), m, and radius, m, of each.
+        Centre, body frame, (3,), m, and radius, m, of each sphere; an empty list for other shapes.
     """
     import mujoco
 
@@ -126,16 +129,16 @@ def end_spheres(model: Any, geom: int) -> list[tuple[Floats, float]]:
 
 
 def surface_points(model: Any, geom: int) -> Floats:
-    """Return points with the geom as their convex hull, in the frame of its body, (k, 3), m.
+    """Return points on the surface of a geom; their convex hull is the geom, or the convex hull of a mesh.
 
-    The hull of points on a curved shape is accurate to half a per cent.
+    The hull is accurate to half a per cent for a curved shape.
 
     Args:
         model: Compiled model.
         geom: Id of the geom.
 
     Returns:
-        Points with the geom as their convex hull, in the frame of its body, (k, 3), m.
+        Points, body frame, (k, 3), m.
     """
     import mujoco
 
@@ -158,15 +161,15 @@ def surface_points(model: Any, geom: int) -> Floats:
 
 
 def rounded_hull(model: Any, geom: int) -> tuple[Floats, float]:
-    """Return a geom as the convex hull of points, grown by a radius.
+    """Represent a geom as the convex hull of balls of one radius.
 
     Args:
         model: Compiled model.
         geom: Id of the geom.
 
     Returns:
-        points: In the frame of its body, (k, 3), m.
-        radius: m.
+        points: Centres of the balls, body frame, (k, 3), m.
+        radius: Radius of the balls, m; 0 unless the geom is a sphere or a capsule.
     """
     if ends := end_spheres(model, geom):
         return np.stack([centre for centre, _ in ends]), ends[0][1]
@@ -174,7 +177,7 @@ def rounded_hull(model: Any, geom: int) -> tuple[Floats, float]:
 
 
 def rotation_matrix(quaternion: Any) -> Floats:
-    """Return the rotation matrix of a quaternion (w, x, y, z), (3, 3)."""
+    """Return the rotation matrix, (3, 3), of a quaternion (w, x, y, z)."""
     import mujoco
 
     flat = np.zeros(9)

@@ -1,8 +1,9 @@
-"""Dynamic similarity: scales a value that was chosen for SimpleQuad to a robot of another size and mass.
+"""Dynamic similarity: scales values that were chosen for SimpleQuad to a robot of another size and mass.
 
 Animals of all sizes move in dynamically similar ways at equal Froude numbers v²/(g·L) (R. McN. Alexander and A. S.
-Jayes, A dynamic similarity hypothesis for the gaits of quadrupedal mammals, 1983). Gravity is the same: lengths scale
-with the leg length L, masses with the mass m, times with √L, and all other values by their units.
+Jayes, A dynamic similarity hypothesis for the gaits of quadrupedal mammals, 1983). Gravity g is the same for all
+robots. Lengths therefore scale with the leg length L, masses with the mass m, times with √L, and other values by their
+units.
 """
 
 import numpy as np
@@ -24,34 +25,36 @@ _UNITS = {
     (1.5, 1.0): ("N·m·s",),
     (0.0, -2.0): ("1/N²",),
 }
-"""Units by the exponents of leg length and mass."""
+"""Exponents of leg length and mass -> units of values that scale with these exponents."""
 _EXPONENTS = {unit: exponents for exponents, units in _UNITS.items() for unit in units}
-"""Exponents of leg length and mass by unit."""
+"""Unit -> exponents of leg length and mass."""
 LATERAL_LENGTH = "m wide"
-"""Unit of distances between left and right feet, m: their difference from the distance between the thigh joints scales
-with the leg length.
+"""Unit of distances between left and right feet, in m.
+
+The difference between this distance and the distance between the thigh joints scales with the leg length.
 """
 LONGITUDINAL_LENGTH = "m long"
-"""Unit of distances between fore and hind feet, m; scaled as `LATERAL_LENGTH`."""
+"""Unit of distances between fore and hind feet, in m; they are scaled in the same way as `LATERAL_LENGTH`."""
 HIP_HEIGHT = "m high"
-"""Unit of heights of the hips above the feet, m: they scale with the hip height in the home pose."""
+"""Unit of heights of the hips above the feet, in m; they scale with the hip height in the home pose."""
 KNEE_SIGN_SUFFIX = " ahead"
-"""End of the unit of values that depend on the bend direction of the knees: they are negated for knees that bend
-forward, and 0 with as many of each.
+"""Suffix of the unit of values that depend on the bend direction of the knees.
+
+These values are negated for a robot with knees that bend forward, and 0 if two knees bend forward and two backward.
 """
 
 
 def scale_factor(robot: Robot, unit: str) -> float:
-    """Return the ratio of a robot's values to SimpleQuad's; 1 for SimpleQuad itself and for angles.
+    """Compute the factor that scales values with a unit from SimpleQuad to a robot.
 
     An unknown unit raises KeyError.
 
     Args:
         robot: The robot.
-        unit: Unit of the values, as "m/s" or "N·m".
+        unit: Unit of the values, such as "m/s" or "N·m"; "" for angles and ratios.
 
     Returns:
-        The ratio of a robot's values to SimpleQuad's; 1 for SimpleQuad itself and for angles.
+        Factor on SimpleQuad's value; 1 for SimpleQuad itself, and for angles and ratios.
     """
     length_exponent, mass_exponent = _EXPONENTS[unit]
     length_ratio = robot.leg_length / SIMPLE_QUAD.leg_length
@@ -60,33 +63,33 @@ def scale_factor(robot: Robot, unit: str) -> float:
 
 
 def scaled_servo_gains(robot: Robot) -> tuple[float, float]:
-    """Return SimpleQuad's servo gains, scaled to a robot.
+    """Scale SimpleQuad's servo gains to a robot.
 
     Args:
         robot: The robot.
 
     Returns:
-        stiffness: N·m/rad.
-        damping: N·m·s/rad.
+        stiffness: Gain on the joint angle, N·m/rad.
+        damping: Gain on the joint speed, N·m·s/rad.
     """
     stiffness, damping = SIMPLE_QUAD.stiff_servo[:, 0].tolist()
     return scale_factor(robot, "N·m") * stiffness, scale_factor(robot, "N·m") * scale_factor(robot, "s") * damping
 
 
 def scale_to_robot(robot: Robot, value: float, unit: str) -> float:
-    """Return a value that was chosen for SimpleQuad, scaled to a robot.
+    """Scale a value that was chosen for SimpleQuad to a robot.
 
     Args:
         robot: The robot.
         value: Value for SimpleQuad.
-        unit: Its unit, also `LATERAL_LENGTH`, `LONGITUDINAL_LENGTH`, `HIP_HEIGHT` or one that ends in
-            `KNEE_SIGN_SUFFIX`.
+        unit: Unit of the value. `LATERAL_LENGTH`, `LONGITUDINAL_LENGTH`, `HIP_HEIGHT` and units that end in
+            `KNEE_SIGN_SUFFIX` are also valid.
 
     Returns:
-        A value that was chosen for SimpleQuad, scaled to a robot.
+        Value for the robot.
     """
     if robot == SIMPLE_QUAD:
-        return value  # to the last bit
+        return value  # Return the exact value, because the computation below could round it.
     if unit in (LATERAL_LENGTH, LONGITUDINAL_LENGTH):
         return _thigh_distance(robot, unit) + scale_factor(robot, "m") * (value - _thigh_distance(SIMPLE_QUAD, unit))
     if unit == HIP_HEIGHT:

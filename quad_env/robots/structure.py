@@ -1,9 +1,11 @@
-"""Structure of a quadruped, detected in its compiled model by tree and axes, without names or a fixed order.
+"""Detection of trunk and legs of a quadruped in a compiled model, by the kinematic tree and the joint axes.
 
-The robot is the body with the free joint, and all bodies below it. The trunk is that body, or one that is welded to it
-and from which all legs hang. A leg is a chain of three hinges below the trunk: the first about the trunk's x axis, the
-others about the leg's y axis. `Leg` has the names, signs and offsets of its joints. In the convention of `Robot` angles
-are zero with the legs straight down, hips turn about +x, thighs and calves about +y.
+Names and order of bodies and joints do not matter. The robot is the body with the free joint, and all bodies below it.
+The trunk is the body from which all legs hang: the body with the free joint, or a body welded to it. A leg is a chain
+of three hinges below the trunk: the first about the trunk's x axis, the others about the leg's y axis.
+
+The robot's convention of joint angles: angles are zero with the legs straight down, hips turn about +x, thighs and
+calves about +y. Signs and offsets of the joints in `Leg` convert the model's angles to this convention.
 """
 
 import re
@@ -37,21 +39,24 @@ LEGS = 4
 JOINTS_PER_LEG = 3
 LINKS = ("hip", "thigh", "calf")
 LEG_WORDS = {word: words[:2] for words in ("fl lf", "fr rf", "hl rl lh bl", "hr rr rh br") for word in words.split()}
-"""Leg by word of a joint's name; only words that mean one leg wherever they are used."""
+"""Word of a joint's name -> leg; only words that mean the same leg in all models."""
 LINK_WORDS = {"hip": "01", "haa": "0", "abad": "0", "thigh": "1", "hfe": "1", "calf": "2", "knee": "2", "kfe": "2"}
-"""Positions in the leg that a word may mean, counted from the trunk: some call the thigh's joint a hip too."""
+"""Word of a joint's name -> possible positions in the leg, digits counted from the trunk.
+
+The word hip has two positions, because some makers use it for the thigh joint, too.
+"""
 MIN_BEND_ANGLE = 0.1
-"""rad. Least middle of a calf's range that shows the bend direction of its knee."""
+"""Smallest distance of the middle of a calf's range from zero that shows the bend direction of the knee, rad."""
 _PARALLEL_COSINE = 0.999
-"""Least cosine of two axes that count as parallel."""
+"""Smallest cosine of the angle between two axes that are considered parallel."""
 _LENGTH_TOLERANCE = 0.02
-"""Largest difference between the legs of a robot in a length, as a share of a leg's length."""
+"""Largest difference between lengths of a robot's legs, as a fraction of the leg length."""
 _MIN_LINK_LENGTH = 1e-3
-"""m. Least length of a thigh or calf."""
+"""Smallest valid length of a thigh or calf, m."""
 
 
 class ModelError(ValueError):
-    """A model that is no quadruped of this kind; the text names the fault in a line."""
+    """Error of a model that is not a quadruped with four legs of three hinges; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -59,21 +64,21 @@ class Leg:
     """A leg in the compiled model; lengths in m, angles in rad."""
 
     name: str
-    """Name by the position of its hip: fl, fr, hl or hr."""
+    """Name of the leg by the position of its hip: fl, fr, hl or hr."""
     joints: tuple[int, int, int]
-    """Ids of hip, thigh and calf in the model."""
+    """Ids of the hip, thigh and calf joints in the model."""
     signs: Floats
-    """Signs of the model's joint axes relative to the robot's convention, (3,)."""
+    """Signs of the model's joint axes relative to the robot's convention, +1 or -1, (3,)."""
     joint_offsets: Floats
-    """Joint angles in the robot's convention at the model's `qpos0`, (3,)."""
+    """Joint angles in the robot's convention at the model's `qpos0`, (3,), rad."""
     hip: Floats
-    """Position on the hip's axis of the thigh joint, base frame, (3,)."""
+    """Point on the hip's axis at the x position of the thigh joint, base frame, (3,), m."""
     hip_offset: float
-    """Distance outboard from the hip joint to the plane in which the leg bends."""
+    """Lateral distance from the hip joint to the plane in which the leg bends, positive outward, m."""
     thigh_length: float
     calf_length: float
     foot: Foot
-    """Foot with its points in the base frame, the leg straight down."""
+    """Foot of the leg; its points are in the base frame with the leg straight down."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +88,7 @@ class RobotStructure:
     root: int
     """Id of the body with the free joint."""
     trunk: int
-    """Id of the body from which the legs hang: the root, or one that is welded to it."""
+    """Id of the body from which the legs hang: the root, or a body welded to the root."""
     is_robot_body: Bools
     """True for the root and all bodies below it, (nbody,)."""
     collides_with_ground: Bools
@@ -91,29 +96,29 @@ class RobotStructure:
     body_positions: Floats
     """Positions of the bodies in the base frame at `qpos0`, (nbody, 3), m."""
     body_rotations: Floats
-    """Rotations from the bodies' frames to the base frame at `qpos0`, (nbody, 3, 3)."""
+    """Rotations from the body frames to the base frame at `qpos0`, (nbody, 3, 3)."""
     legs: tuple[Leg, ...]
     """Legs in the order of the model."""
     locked_joints: tuple[str, ...] = ()
-    """Names of the joints that belong to no leg and are gone from the model, see `locked_joints`."""
+    """Names of the joints that belong to no leg and were removed from the model, see `locked_joints`."""
     carried_bodies: frozenset[int] = frozenset()
-    """Ids of the bodies that the locked joints would move."""
+    """Ids of the bodies that moved with the locked joints before these were removed."""
     omission_lines: tuple[tuple[str, str], ...] = ()
-    """Parts of the model that the robot lacks, heading and text of each line, see `omissions`."""
+    """Report of the parts of the file that the robot lacks: heading and text of each line, see `omissions`."""
 
     @property
     def bodies(self) -> list[int]:
-        """Ids of the robot's bodies, with the bodies that are welded to the trunk."""
+        """Ids of all bodies of the robot, including bodies welded to the trunk."""
         return [int(body) for body in np.flatnonzero(self.is_robot_body)]
 
     @property
     def joints(self) -> list[int]:
-        """Ids of the twelve joints, in the order of the model."""
+        """Ids of the twelve leg joints, in the order of `legs`."""
         return [joint for leg in self.legs for joint in leg.joints]
 
     @cached_property
     def signs(self) -> Floats:
-        """Signs of the joint axes relative to the robot's convention, (12,)."""
+        """Signs of the model's joint axes relative to the robot's convention, +1 or -1, (12,)."""
         return np.concatenate([leg.signs for leg in self.legs])
 
     @cached_property
@@ -122,25 +127,28 @@ class RobotStructure:
         return np.concatenate([leg.joint_offsets for leg in self.legs])
 
     def trunk_collides(self, model: Any) -> bool:
-        """Return True if the trunk, or a body that is welded to it in the file, collides with the ground."""
+        """Return True if the trunk, or a body welded to the trunk in the file, collides with the ground."""
         return bool(geom_ids(model, self._trunk_bodies(model), self.collides_with_ground))
 
     def _trunk_bodies(self, model: Any) -> list[int]:
-        """Return the ids of the trunk and the bodies welded to it in the file; a locked arm is not among them."""
+        """Return the ids of the trunk and of the bodies welded to it in the file; locked parts are left out."""
         return [body for body in welded_bodies(model, self.trunk) if body not in self.carried_bodies]
 
     def trunk_box(self, model: Any) -> tuple[Floats, Floats]:
-        """Return the box around the trunk along its own axes, in the base frame.
+        """Compute the bounding box of the trunk, aligned with the axes of the base frame.
 
-        The box holds the trunk's geoms that collide with the ground, else these geoms of the bodies welded to it, else
-        the trunk's visible geoms, else the visible geoms of the bodies welded to it.
+        The box encloses the first of these sets of geoms that is not empty:
+        1. the trunk's geoms that collide with the ground,
+        2. the geoms that collide with the ground, of the trunk and the bodies welded to it,
+        3. all geoms of the trunk,
+        4. all geoms of the trunk and the bodies welded to it.
 
         Args:
             model: Compiled model.
 
         Returns:
-            centre: (3,), m.
-            size: Full lengths, (3,), m.
+            centre: Centre of the box, base frame, (3,), m.
+            size: Full lengths of the box, (3,), m.
 
         Raises:
             ModelError: The trunk has no geom.
@@ -168,8 +176,8 @@ class RobotStructure:
             model: Compiled model.
 
         Returns:
-            lower: (12,), rad.
-            upper: (12,), rad.
+            lower: Lower limits, (12,), rad.
+            upper: Upper limits, (12,), rad.
         """
         apart = model.jnt_range[self.joints] - model.qpos0[model.jnt_qposadr[self.joints]][:, None]
         limits = self.joint_offsets[:, None] + np.sort(self.signs[:, None] * apart, axis=1)
@@ -178,16 +186,16 @@ class RobotStructure:
 
 
 def detect_structure(mujoco: Any, model: Any) -> RobotStructure:
-    """Return the structure of a compiled model, without locked joints and omission lines.
+    """Detect trunk and legs of a quadruped in a compiled model.
 
-    A model that is no quadruped of this kind raises ModelError.
+    A model that is not a quadruped with four legs of three hinges raises ModelError.
 
     Args:
-        mujoco: The package.
+        mujoco: The package `mujoco`.
         model: Compiled `mujoco.MjModel`.
 
     Returns:
-        The structure.
+        The structure; its `locked_joints`, `carried_bodies` and `omission_lines` are empty.
     """
     root = find_root_body(mujoco, model)
     chains = _find_chains(mujoco, model, root)
@@ -205,7 +213,7 @@ def detect_structure(mujoco: Any, model: Any) -> RobotStructure:
 
 
 def _check_equal_legs(legs: Sequence[Leg]) -> None:
-    """Raise ModelError for legs that differ in a length."""
+    """Raise ModelError if the legs differ in hip offset, thigh length, calf length or foot radius."""
     for length in ("hip_offset", "thigh_length", "calf_length", "foot.radius"):
         values = [attrgetter(length)(leg) for leg in legs]
         if np.ptp(values) > _LENGTH_TOLERANCE * (legs[0].thigh_length + legs[0].calf_length):
@@ -218,17 +226,19 @@ def _name(part: Any) -> str:
 
 
 def find_root_body(mujoco: Any, model: Any) -> int:
-    """Return the id of the body with the free joint that has most hinges below it: crates and balls have none.
+    """Find the root body of the robot: of all bodies with a free joint, the body with most joints below it.
+
+    Other objects with a free joint, such as crates and balls, have no joints below them.
 
     Args:
-        mujoco: The package.
+        mujoco: The package `mujoco`.
         model: Compiled `mujoco.MjModel`.
 
     Returns:
-        The id of the body with the free joint that has most hinges below it: crates and balls have none.
+        Id of the root body.
 
     Raises:
-        ModelError: There is no free joint, or the choice is unclear.
+        ModelError: There is no free joint, or several bodies have the most joints.
     """
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     if not len(free):
@@ -244,7 +254,10 @@ def find_root_body(mujoco: Any, model: Any) -> int:
 
 
 def _free_joint_remedy(model: Any) -> str:
-    """Return the remedy for a model without a free joint: its root is fixed, or moves by joints of its own."""
+    """Return the remedy for a model without a free joint.
+
+    Its trunk is fixed to the world, or moves by other joints, or the legs hang from the world.
+    """
     firsts = [int(body) for body in np.flatnonzero(model.body_parentid == 0)[1:]]
     counts = {body: int(descendant_mask(model, body)[model.jnt_bodyid].sum()) for body in firsts}
     if not counts or max(counts.values()) == 0:
@@ -258,7 +271,7 @@ def _free_joint_remedy(model: Any) -> str:
         )
     root_joints: list[int] = []
     body = root
-    while True:  # a planar root may have its joints on several nested bodies
+    while True:  # Follow nested bodies, because the joints of a planar root may belong to several of them.
         start = int(model.body_jntadr[body])
         root_joints += range(start, start + int(model.body_jntnum[body]))
         below = [each for each in np.flatnonzero(model.body_parentid == body) if each != body]
@@ -274,21 +287,21 @@ def _free_joint_remedy(model: Any) -> str:
 
 
 def _joints_below(model: Any, body: int) -> Bools:
-    """Return True for the joints that move bodies below `body`, (njnt,)."""
+    """Return the mask of the joints of all bodies below `body`, (njnt,)."""
     below = descendant_mask(model, body)
     below[body] = False
     return np.asarray(below[model.jnt_bodyid])
 
 
 def find_branches(model: Any, trunk: int) -> dict[int, list[int]]:
-    """Return the branches below the trunk or the bodies welded to it.
+    """Find the branches of the kinematic tree that start at the trunk or at a body welded to the trunk.
 
     Args:
         model: Compiled model.
         trunk: Id of the trunk's body.
 
     Returns:
-        Id of the first body with a joint of each branch -> ids of the joints of the branch, in order.
+        Id of the first body of a branch -> ids of the joints in this branch, in the order of the model.
     """
     branches: dict[int, list[int]] = {}
     fixed = welded_bodies(model, trunk)
@@ -301,7 +314,10 @@ def find_branches(model: Any, trunk: int) -> dict[int, list[int]]:
 
 
 def _find_chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
-    """Return the first body of each leg and its joints, hip first. Raises ModelError unless they are four chains."""
+    """Return the dictionary: id of the first body of a leg -> ids of its three hinges, hip first.
+
+    Raises ModelError unless the branches below the trunk are four chains of three hinges.
+    """
     chains = find_branches(model, trunk)
     joints = [joint for chain in chains.values() for joint in chain]
     if others := [joint for joint in joints if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE]:
@@ -322,33 +338,33 @@ def _find_chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
 
 
 def is_hip_axis(axis: Floats) -> bool:
-    """Return True if a joint axis, base frame, (3,), is parallel to the trunk's x axis, as a hip's axis is."""
+    """Return True if the joint axis `axis`, base frame, (3,), can be a hip's: parallel to the trunk's x axis."""
     return bool(abs(axis[0]) >= _PARALLEL_COSINE)
 
 
 def are_lateral_axes(thigh: Floats, calf: Floats) -> bool:
-    """Return True if the axes of `thigh` and `calf`, base frame, (3,) each, are parallel and normal to the x axis."""
+    """Return True if the axes of `thigh` and `calf` are parallel and normal to the x axis, base frame, (3,) each."""
     return bool(abs(thigh @ calf) >= _PARALLEL_COSINE and abs(thigh[0]) <= 1.0 - _PARALLEL_COSINE)
 
 
 class _Chain(NamedTuple):
-    """Joints of a leg at `qpos0`, positions and axes in the base frame; made by `_read_chain`."""
+    """Hip, thigh and calf joints of a leg at `qpos0`; made by `_read_chain`."""
 
     joints: list[int]
-    """Ids of hip, thigh and calf."""
+    """Ids of the hip, thigh and calf joints."""
     names: list[str]
     anchors: list[Floats]
-    """Positions of the joints, (3,) each, m."""
+    """Positions of the joints, base frame, (3,) each, m."""
     axes: list[Floats]
-    """Unit axes of the joints, (3,) each."""
+    """Unit vectors of the joint axes, base frame, (3,) each."""
     signs: Floats
-    """Signs of the axes relative to the robot's convention, (3,)."""
+    """Signs of the axes relative to the robot's convention, +1 or -1, (3,)."""
     leg_rotation: Floats
     """Rotation from the base frame to the leg frame, x forward and y along the thigh's axis, (3, 3)."""
 
 
 class _LegVectors(NamedTuple):
-    """Vectors of a leg at `qpos0`, leg frame, (3,) each, m."""
+    """Vectors between the joints and the foot of a leg at `qpos0`, leg frame, (3,) each, m."""
 
     hip_to_thigh: Floats
     thigh_to_knee: Floats
@@ -356,18 +372,18 @@ class _LegVectors(NamedTuple):
 
     @property
     def lengths(self) -> list[float]:
-        """Lengths of thigh and calf in the plane of the leg, m."""
+        """Lengths of thigh and calf in the plane in which the leg bends, m."""
         return [float(np.hypot(link[0], link[2])) for link in (self.thigh_to_knee, self.knee_to_foot)]
 
     @property
     def pitches(self) -> tuple[float, float]:
-        """Angles of thigh and calf from straight down about the leg's y axis, rad."""
+        """Pitch angles of thigh and calf about the leg's y axis, zero for straight down, rad."""
         thigh, calf = (float(np.arctan2(-link[0], -link[2])) for link in (self.thigh_to_knee, self.knee_to_foot))
         return thigh, calf
 
 
 def _read_chain(model: Any, data: Any, trunk: int, joints: list[int]) -> _Chain:
-    """Return the joints of a leg. Raises ModelError for axes that no leg has."""
+    """Read positions and axes of a leg's joints. Raises ModelError if the axes do not form a leg."""
     base = data.xmat[trunk].reshape(3, 3)
     anchors = [(data.xanchor[joint] - data.xpos[trunk]) @ base for joint in joints]
     hip, thigh, calf = (data.xaxis[joint] @ base for joint in joints)
@@ -386,7 +402,21 @@ def _read_chain(model: Any, data: Any, trunk: int, joints: list[int]) -> _Chain:
 
 
 def _find_sole(model: Any, data: Any, chain: _Chain, collides: Bools) -> tuple[Foot, list[int]]:
-    """Return the foot of the straight leg and the ids of all geoms of its link that may touch. Raises ModelError."""
+    """Find the foot of the straight leg.
+
+    Args:
+        model: Compiled model.
+        data: State with the kinematics of `qpos0`.
+        chain: Joints of the leg.
+        collides: Mask of the geoms that collide with the ground, (ngeom,).
+
+    Returns:
+        foot: The lowest geoms of the last link.
+        candidates: Ids of all geoms of the last link that collide with the ground.
+
+    Raises:
+        ModelError: No geom of the last link collides with the ground, or all of these geoms lie at the knee.
+    """
     knee = chain.joints[-1]
     candidates = geom_ids(model, welded_bodies(model, int(model.jnt_bodyid[knee])), collides)
     if not candidates:
@@ -401,7 +431,7 @@ def _find_sole(model: Any, data: Any, chain: _Chain, collides: Bools) -> tuple[F
 
 
 def _check_lengths(vectors: _LegVectors, names: list[str]) -> None:
-    """Raise ModelError for a link without a length, and for a thigh joint off the height of the hip's axis."""
+    """Raise ModelError if a link has no length, or if the thigh joint is above or below the hip's axis."""
     lengths = vectors.lengths
     if min(lengths) < _MIN_LINK_LENGTH:
         raise ModelError(f"a link below joint {names[1]} has no length")
@@ -411,17 +441,17 @@ def _check_lengths(vectors: _LegVectors, names: list[str]) -> None:
 
 
 def _measure_leg(model: Any, data: Any, trunk: int, collides: Bools, joints: list[int]) -> Leg:
-    """Return a leg without a name; its hip offset is positive to the left. Raises ModelError.
+    """Measure the lengths, signs, offsets and foot of a leg. Raises ModelError for an invalid leg.
 
     Args:
         model: Compiled model.
-        data: Its state, with the kinematics of `qpos0`.
+        data: State with the kinematics of `qpos0`.
         trunk: Id of the trunk's body.
         collides: Mask of the geoms that collide with the ground, (ngeom,).
-        joints: Ids of its hinges, hip first.
+        joints: Ids of the leg's hinges, hip first.
 
     Returns:
-        A leg without a name; its hip offset is positive to the left.
+        The leg; its name is empty, and its hip offset is positive to the left. `_name_legs` completes both.
     """
     chain = _read_chain(model, data, trunk, joints)
     foot, candidates = _find_sole(model, data, chain, collides)
@@ -446,7 +476,7 @@ def _measure_leg(model: Any, data: Any, trunk: int, collides: Bools, joints: lis
 
 
 def _leg_vectors(chain: _Chain, foot_position: Floats) -> _LegVectors:
-    """Return the vectors of a leg with its foot at `foot_position`, base frame, (3,), m."""
+    """Return the vectors between the joints of a leg and its foot at `foot_position`, base frame, (3,), m."""
     hip, thigh, knee = chain.anchors
     return _LegVectors(*(chain.leg_rotation @ link for link in (thigh - hip, knee - thigh, foot_position - knee)))
 
@@ -461,17 +491,18 @@ def _joint_offsets(chain: _Chain, vectors: _LegVectors) -> Floats:
 
 
 def _straighten_foot(data: Any, base: Floats, chain: _Chain, foot: Foot, calf_pitch: float) -> tuple[Floats, Floats]:
-    """Return the points of a foot and their radii, base frame with the leg straight down.
+    """Rotate the points of a foot to the base frame with the leg straight down, and drop redundant points.
 
     Args:
         data: State with the kinematics of `qpos0`.
         base: Rotation from the base frame to the world frame, (3, 3).
         chain: Joints of the leg.
-        foot: The foot, its points in the frame of its body.
-        calf_pitch: Angle of the calf from straight down at `qpos0`, rad.
+        foot: The foot, with its points in the frame of its body.
+        calf_pitch: Pitch angle of the calf at `qpos0`, zero for straight down, rad.
 
     Returns:
-        The points of a foot and their radii, base frame with the leg straight down.
+        points: Points from the centre of the foot, base frame with the leg straight down, (k, 3), m.
+        radii: Radii about the points, (k,), m.
     """
     body_rotation = data.xmat[foot.body].reshape(3, 3)
     sin, cos = np.sin(calf_pitch), np.cos(calf_pitch)
@@ -481,7 +512,7 @@ def _straighten_foot(data: Any, base: Floats, chain: _Chain, foot: Foot, calf_pi
 
 
 def _tilts(model: Any, joints: list[int], signs: Floats, offsets: Floats) -> tuple[float, float]:
-    """Return the least and largest tilt of a shin about its knee axis in a stance, from the leg straight down, rad."""
+    """Return the smallest and largest tilt of a shin in a stance, about the knee axis, zero for straight down, rad."""
     qpos = model.jnt_qposadr[joints]
     angles = offsets + signs * (model.key_qpos[:, qpos] - model.qpos0[qpos])
     standing = float(np.abs(angles[:, 1] + angles[:, 2]).max()) if model.nkey else 0.0
@@ -492,16 +523,16 @@ def _tilts(model: Any, joints: list[int], signs: Floats, offsets: Floats) -> tup
 
 
 def bend_direction(model: Any, joint: int, sign: float, offset: float) -> float:
-    """Return the bend direction of a knee by its joint limits: -1 backward, 1 forward, 0 if both are possible.
+    """Infer the bend direction of a knee from the limits of the calf joint.
 
     Args:
         model: Compiled model.
-        joint: Id of the calf's joint.
-        sign: Sign of its axis, see `Leg.signs`.
-        offset: Its angle in the robot's convention at `qpos0`, rad.
+        joint: Id of the calf joint.
+        sign: Sign of the joint's axis, see `Leg.signs`.
+        offset: Angle of the joint at `qpos0` in the robot's convention, rad.
 
     Returns:
-        The bend direction of a knee by its joint limits: -1 backward, 1 forward, 0 if both are possible.
+        -1 if the knee bends backward, 1 if it bends forward, 0 if the limits do not show the direction.
     """
     if not model.jnt_limited[joint]:
         return 0.0
@@ -510,7 +541,10 @@ def bend_direction(model: Any, joint: int, sign: float, offset: float) -> float:
 
 
 def _name_legs(legs: list[Leg]) -> tuple[Leg, ...]:
-    """Return the legs with their names and hip offsets outboard. Raises ModelError unless the hips are at corners."""
+    """Name the legs by the positions of their hips, and make the hip offsets positive outward.
+
+    Raises ModelError unless the hips are at four corners around the trunk's origin.
+    """
     ahead, left = np.array([leg.hip[:2] for leg in legs]).T
     named = tuple(
         replace(

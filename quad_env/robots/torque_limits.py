@@ -1,8 +1,8 @@
-"""Ranges of the joint torques of a user's model, as MuJoCo adds and clamps the forces of its actuators.
+"""Ranges of the joint torques of a user's model, computed in the way MuJoCo adds and clamps actuator forces.
 
-The forces of all actuators of a joint add. An actuator acts on a joint, or through a fixed tendon on several joints.
-The torque is unknown where the lever depends on the pose (a site, a slider-crank, a spatial tendon) or the force has no
-limit.
+The torques of all actuators of a joint are added. An actuator acts on one joint, or through a fixed tendon on several
+joints. A torque is unknown if the force has no limit, or if the lever of the actuator depends on the pose. The latter
+holds for actuators of sites, slider-cranks and spatial tendons.
 """
 
 from collections.abc import Sequence
@@ -15,20 +15,21 @@ from quad_env.robots.shapes import Bools, Floats
 UNKNOWN = (-np.inf, np.inf)
 """Range of a torque or force that the model does not limit."""
 NUM_POSES = 4
-"""Number of random poses that reveal the joints of an actuator with a pose-dependent lever."""
+"""Number of random poses in which `_moved_joints` searches for the joints that an actuator moves."""
 _POSE_STD = 0.3
-"""rad. Standard deviation of the joint angles in these poses."""
+"""Standard deviation of the joint angles in the random poses, rad."""
 
 
 def torque_ranges(model: Any, joints: Sequence[int]) -> Floats:
-    """Return the ranges of the torques of hinges of a compiled model.
+    """Compute the ranges of the torques that the actuators of a model can apply to hinges.
 
     Args:
         model: Compiled `mujoco.MjModel`.
         joints: Ids of k hinges.
 
     Returns:
-        Ranges, (k, 2), N·m; infinite where the model does not say, which includes joints without an actuator.
+        Smallest and largest torque of each hinge, (k, 2), N·m. They are infinite if the model does not limit the
+        torque, or if the hinge has no actuator and no limit.
     """
     import mujoco
 
@@ -43,27 +44,27 @@ def torque_ranges(model: Any, joints: Sequence[int]) -> Floats:
 
 
 class _JointTotals(NamedTuple):
-    """Sums over the actuators of a model, by joint."""
+    """Sums of the actuator torques on each joint of a model."""
 
     ranges: Floats
-    """Ranges of the torques, (njnt, 2), N·m."""
+    """Smallest and largest torque of each joint, (njnt, 2), N·m."""
     is_driven: Bools
-    """True for joints with an actuator, (njnt,)."""
+    """Mask of the joints with an actuator, (njnt,)."""
 
     def add(self, joint: int, torque: Floats) -> None:
-        """Add the range of a `torque`, (2,), N·m, to the `joint` with this id."""
+        """Add the range `torque`, (2,), N·m, of an actuator to the joint with id `joint`."""
         self.ranges[joint] += torque
         self.is_driven[joint] = True
 
 
 _TendonForces = dict[int, list[tuple[float, Floats]]]
-"""Id of a tendon -> gear, and range of the force before it, of each of its actuators."""
+"""Id of a tendon -> gear ratio, and range of the force before the gear, of each actuator of the tendon."""
 
 
 def _add_actuators(mujoco: Any, model: Any, totals: _JointTotals) -> _TendonForces:
-    """Add the torques of the actuators of joints, and return the forces on fixed tendons.
+    """Add the torques of the actuators that act directly on joints, and return the forces on fixed tendons.
 
-    The torques of joints under an actuator with a pose-dependent lever become unknown.
+    The torque of a joint becomes unknown if an actuator with a pose-dependent lever moves the joint.
     """
     kinds = mujoco.mjtTrn
     tendon_forces: _TendonForces = {}
@@ -83,7 +84,7 @@ def _add_actuators(mujoco: Any, model: Any, totals: _JointTotals) -> _TendonForc
 
 
 def _add_tendons(model: Any, totals: _JointTotals, tendon_forces: _TendonForces) -> None:
-    """Add the torques of fixed tendons to the joints of the tendons."""
+    """Add the torques that fixed tendons apply to their joints."""
     for tendon, forces in tendon_forces.items():
         limits = model.tendon_actfrcrange[tendon] if model.tendon_actfrclimited[tendon] else None
         tension = _tension_range(forces, limits)
@@ -93,14 +94,14 @@ def _add_tendons(model: Any, totals: _JointTotals, tendon_forces: _TendonForces)
 
 
 def _tension_range(actuators: Sequence[tuple[float, Floats]], limits: Floats | None) -> Floats:
-    """Return the range of the force along a tendon, (2,), N or N·m.
+    """Compute the range of the force along a tendon.
 
     Args:
-        actuators: Gear, and range of the force before it, of each actuator of the tendon.
-        limits: Range of the sum of the forces before their gears; None without one.
+        actuators: Gear ratio, and range of the force before the gear, of each actuator of the tendon.
+        limits: Limits of the sum of the forces before the gears; None if the tendon has no limits.
 
     Returns:
-        The range of the force along a tendon, (2,), N or N·m.
+        Smallest and largest force along the tendon, (2,), N or N·m.
     """
     if len(actuators) == 1 and limits is not None:
         gear, force = actuators[0]
@@ -112,7 +113,17 @@ def _tension_range(actuators: Sequence[tuple[float, Floats]], limits: Floats | N
 
 
 def _max_tension(actuators: Sequence[tuple[float, Floats]], limits: Floats) -> float:
-    """Return the largest sum of gears times forces with a sum in the limits; the smallest gear yields first."""
+    """Compute the largest force along a tendon with a limited sum of actuator forces.
+
+    The force of the actuator with the smallest gear ratio is reduced first, because this costs least.
+
+    Args:
+        actuators: Gear ratio, and range of the force before the gear, of each actuator.
+        limits: Limits of the sum of the forces before the gears, (2,).
+
+    Returns:
+        Largest sum of gear ratios times forces, N or N·m.
+    """
     gears = np.array([gear for gear, _ in actuators])
     lower, upper = np.array([force for _, force in actuators]).T
     forces = np.where(gears > 0.0, upper, lower)
@@ -129,13 +140,13 @@ def _gear(model: Any, actuator: int) -> float:
 
 
 def _scale_range(factor: float, force: Floats) -> Floats:
-    """Return the range of a force times a factor, lower end first; zero times infinity is zero."""
-    with np.errstate(over="ignore"):  # infinite: unknown
+    """Multiply the range of a force by a factor; return the lower end first. Zero times infinity is zero."""
+    with np.errstate(over="ignore"):  # An overflow gives infinity, which means that the range is unknown.
         return np.sort(factor * force) if factor else np.zeros(2)
 
 
 def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
-    """Return the range of an actuator's force before its gear, (2,), N or N·m; infinite without a limit."""
+    """Return the range of an actuator's force before the gear, (2,), N or N·m; infinite if the force has no limit."""
     if model.opt.disableactuator & (1 << int(model.actuator_group[actuator])):
         return np.zeros(2)
     force = np.array(UNKNOWN)
@@ -149,17 +160,17 @@ def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
         bias = 0.0 if no_bias else float(biases[0])
         force = _scale_range(float(gains[0]), _input_range(mujoco, model, actuator)) + bias
     if model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_MUSCLE:
-        force = np.array((-np.inf, 0.0))  # it only pulls
+        force = np.array((-np.inf, 0.0))  # A muscle only pulls.
     brakes = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_AFFINE and not gains[:2].any()
     if brakes and no_bias and model.actuator_plugin[actuator] < 0:
-        return np.zeros(2)  # a damper, which drives nothing
+        return np.zeros(2)  # The actuator is a damper, which cannot drive the joint.
     if model.actuator_forcelimited[actuator]:
         force = force.clip(*model.actuator_forcerange[actuator])
     return force
 
 
 def _input_range(mujoco: Any, model: Any, actuator: int) -> Floats:
-    """Return the range of the input of an actuator's gain: its control or its activation."""
+    """Return the range of the input that an actuator's gain multiplies: the control or the activation, (2,)."""
     kinds = mujoco.mjtDyn
     kind = int(model.actuator_dyntype[actuator])
     control = int(model.actuator_ctrladr[actuator])
@@ -173,7 +184,7 @@ def _input_range(mujoco: Any, model: Any, actuator: int) -> Floats:
 
 
 def _moved_joints(mujoco: Any, model: Any, actuator: int) -> list[int]:
-    """Return the ids of the joints on which an actuator has a lever in some sampled pose."""
+    """Return the ids of the joints that an actuator moves in at least one of NUM_POSES random poses."""
     data = mujoco.MjData(model)
     rng = np.random.default_rng(0)
     first = int(model.actuator_outadr[actuator])

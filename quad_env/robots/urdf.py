@@ -1,4 +1,4 @@
-"""URDF files: prepared for MuJoCo's reader, with their meshes found in packages and next to the file."""
+"""Loading of URDF files into MuJoCo; meshes are searched in ROS packages and next to the URDF."""
 
 import re
 from pathlib import Path
@@ -10,29 +10,30 @@ from quad_env.robots.missing_files import record_missing_files
 from quad_env.robots.structure import ModelError
 
 MESH_SUFFIXES = (".stl", ".obj", ".msh")
-"""Endings of the meshes that MuJoCo reads from a URDF."""
+"""Endings of the mesh files that MuJoCo can read from a URDF."""
 MIN_LINK_INERTIA = 1e-12
-"""kg·m². Smaller moments of a link become 0: converters write them for links that are mere frames, and MuJoCo refuses
-them.
+"""Smallest moment of inertia of a link that is kept, kg·m².
+
+Smaller moments are set to 0. Converters write them for links that are only frames, and MuJoCo refuses them.
 """
 _PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.*)")
 
 
 def load_urdf(mujoco: Any, path: Path) -> Any:
-    """Return the `mujoco.MjSpec` of a URDF; visual shapes with meshes that MuJoCo does not read are left out.
+    """Load a URDF. The root link gets a free joint if the model has none.
 
-    The root link gets a free joint. Its functions raise ModelError for a file that is no XML, and for a collision mesh
-    that is missing or that MuJoCo does not read.
+    Visual shapes are left out if their mesh is missing or MuJoCo cannot read it. A collision mesh with the same fault
+    raises ModelError.
 
     Args:
-        mujoco: The package.
-        path: The file.
+        mujoco: The package `mujoco`.
+        path: The URDF file.
 
     Returns:
-        The `mujoco.MjSpec` of a URDF; visual shapes with meshes that MuJoCo does not read are left out.
+        The `mujoco.MjSpec` of the model.
 
     Raises:
-        ModelError: The file is no XML.
+        ModelError: The file is no valid XML.
     """
     try:
         robot = ElementTree.fromstring(read_bytes(path))
@@ -52,7 +53,7 @@ def load_urdf(mujoco: Any, path: Path) -> Any:
 
 
 def _set_compiler_options(robot: ElementTree.Element) -> ElementTree.Element:
-    """Have MuJoCo keep all shapes and links, and the inertias of the file; return its compiler element."""
+    """Set MuJoCo's compiler options so that it keeps all shapes, links and inertias; return the compiler element."""
     extension = robot.find("mujoco")
     extension = ElementTree.SubElement(robot, "mujoco") if extension is None else extension
     compiler = extension.find("compiler")
@@ -63,7 +64,7 @@ def _set_compiler_options(robot: ElementTree.Element) -> ElementTree.Element:
 
 
 def _remove_unreadable_visuals(robot: ElementTree.Element, path: Path, folder: str) -> list[str]:
-    """Remove visual shapes with unreadable or missing meshes; return the names of the missing ones."""
+    """Remove visual shapes with unreadable or missing meshes; return the names of the missing meshes."""
     missing: list[str] = []
     for link in robot.iter("link"):
         for visual in link.findall("visual"):
@@ -80,16 +81,24 @@ def _remove_unreadable_visuals(robot: ElementTree.Element, path: Path, folder: s
 
 
 def _zero_tiny_inertias(robot: ElementTree.Element) -> None:
-    """Set inertias to 0 with all moments below `MIN_LINK_INERTIA`."""
+    """Set an inertia to 0 if all of its moments are below `MIN_LINK_INERTIA`."""
     for inertia in robot.iter("inertia"):
         if all(abs(float(moment)) < MIN_LINK_INERTIA for moment in inertia.attrib.values()):
             inertia.attrib.update(dict.fromkeys(inertia.attrib, "0"))
 
 
 def _number_meshes(robot: ElementTree.Element, path: Path, folder: str) -> dict[str, Path]:
-    """Name the meshes by numbers and return the file of each name.
+    """Replace the file names of the meshes by numbers.
 
-    MuJoCo takes two files of one name in two folders for the same file.
+    This is needed because MuJoCo considers two files with the same name in different folders as the same file.
+
+    Args:
+        robot: Root element of the URDF.
+        path: The URDF file.
+        folder: Value of `meshdir` in the URDF.
+
+    Returns:
+        New name of a mesh -> path of its file.
     """
     files: dict[str, Path] = {}
     for mesh in robot.iter("mesh"):
@@ -101,7 +110,7 @@ def _number_meshes(robot: ElementTree.Element, path: Path, folder: str) -> dict[
 
 
 def _mesh_exists(path: Path, folder: str, name: str) -> bool:
-    """Return whether the mesh file that a URDF names exists."""
+    """Return True if the mesh file `name` of a URDF exists, see `_find_mesh`."""
     try:
         _find_mesh(path, folder, name)
     except ModelError:
@@ -114,18 +123,18 @@ def _is_readable(name: str) -> bool:
 
 
 def _find_mesh(path: Path, folder: str, name: str) -> Path:
-    """Return the file of a mesh, in the package of its URDF or next to the URDF.
+    """Find the file of a mesh, in the ROS package of its URDF or next to the URDF.
 
     Args:
-        path: The URDF.
-        folder: Its `meshdir`.
-        name: Name of the mesh in the URDF, as `package://robot/meshes/thigh.stl`.
+        path: The URDF file.
+        folder: Value of `meshdir` in the URDF.
+        name: Name of the mesh in the URDF, such as `package://robot/meshes/thigh.stl`.
 
     Returns:
-        The file of a mesh, in the package of its URDF or next to the URDF.
+        Path of the mesh file.
 
     Raises:
-        ModelError: MuJoCo does not read its kind, or the file is missing.
+        ModelError: MuJoCo cannot read meshes of this type, or the file is missing.
     """
     if not _is_readable(name):
         raise ModelError(f"MuJoCo cannot read it: convert {name!r}, which collides, to {' or '.join(MESH_SUFFIXES)}")
