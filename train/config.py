@@ -59,8 +59,8 @@ MIXTURE = (
 )  # fmt: skip
 """Default scenarios of the training, each with the fraction of the robots that train on it.
 
-Every axis of disturbance has one or two levels above its nominal level. The small delay of `latency:2` is included
-because robots that are trained on a delay of 0.08 s only perform worse at 0.03 s than their base policy."""
+Every axis of disturbance has one or two levels above its nominal level. The small delay of `latency:2` is included for
+a reason: robots that are trained only on a delay of 0.08 s perform worse than their base policy at 0.03 s."""
 REWARDS = RewardWeights(
     linear_velocity_error=-0.6, yaw_rate_error=-0.3, crouch=-3.0, action_rate=-0.05, mechanical_power=-0.0025, fall=-5.0
 )

@@ -43,7 +43,7 @@ SCORE_WORDS = (
 )
 """Explanation above the table of scores."""
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
-"""Alternative text of the figure of success, for readers who cannot see the figure."""
+"""Alternative text of the figure of success."""
 HARDWARE_SCORES = "hardware_scores"
 """Key of a results.json for the scores with the robot's hardware profile."""
 KINDS = "scores", HARDWARE_SCORES

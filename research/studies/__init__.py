@@ -1,1 +1,1 @@
-"""Studies, each of which answers one question by measurements in simulation."""
+"""Studies in simulation; each study answers one question by measurements."""

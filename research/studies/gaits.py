@@ -59,7 +59,7 @@ SIZE = (400, 300)
 SKY = 50
 """Height that is cut off at the top of a rendered frame, pixels."""
 SAMPLES = 2
-"""Factor by which frames are reduced in width and height for the film of several walks."""
+"""Reduction factor of the width and height of frames in the film of several walks."""
 SMALL = (160, 100)
 """Width and height of a frame in all other pictures, pixels."""
 QUALITY = 20
@@ -125,8 +125,8 @@ def _draw_walks(
         folder: Folder of the pictures.
 
     Returns:
-        Robot and policy -> measures of the walk, as text by column; and robot and policy -> images of the walk for the
-        film of several walks.
+        Two dictionaries with the keys of `walks`: the measures of each walk, as text by column; and the images of each
+        walk for the film of several walks.
     """
     with ProcessPoolExecutor(available_cores(), get_context("spawn")) as pool:
         results = pool.map(draw_walk, walks.values(), repeat(folder))
@@ -222,8 +222,8 @@ def find_stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
         contact: True for feet in contact, (steps, feet).
 
     Returns:
-        Indices of the first and the second touch-down of the first foot that has two; of the start and the end of
-        `contact` if no foot has two.
+        Start and end of the stride, indices into `contact`. The stride is of the first foot with two touch-downs. If no
+        foot has two, the result is the whole range of `contact`.
     """
     stance = debounce(contact, round(MIN_SWING_TIME / CONTROL_PERIOD))
     for foot_stance in stance.T:

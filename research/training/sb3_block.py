@@ -93,8 +93,8 @@ def main(options: SB3BlockOptions) -> int:
 def find_block(text: str) -> str:
     """Return the Python code block of a page that trains with Stable-Baselines3.
 
-    Raises UsageError if the page does not have exactly one code block of this kind, or if the block does not have
-    exactly one seed line and one call of `learn`.
+    Raises UsageError unless the page has exactly one code block of this kind. The block must have exactly one seed line
+    and one call of `learn`.
     """
     python_blocks = re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
     blocks = [block for block in python_blocks if "stable_baselines3" in block]

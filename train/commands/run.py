@@ -44,7 +44,7 @@ MOVED_COMMANDS = {
 MOVED_COMMANDS |= {
     name: f"gone: revision 59ce5e8 has it as `python -m research {name}`" for name in ("sweep", "trials")
 }
-"""Command of an older version -> answer to a user who calls it."""
+"""Name of a command of an older version -> message that is shown if a user calls the command."""
 
 
 def run(words: list[str]) -> int:

@@ -79,7 +79,7 @@ def episode_costs(measures: Measures) -> Floats:
     """
     total = np.array([OUTCOME_COSTS[outcome] for outcome in measures.outcome])
     deviation = RULES[SUCCESS_RULE].deviations(measures.commands, measures.mean_velocities)
-    # The deviation is NaN in a command interval that was not completed; such an interval has the largest cost.
+    # A command interval that was not completed has the deviation NaN, and therefore the largest cost.
     total += DEVIATION_COST * np.clip(np.nan_to_num(deviation, nan=np.inf) / MAX_DEVIATION, 0.0, 1.0).max(axis=1)
     for name, (maximum, threshold, scale) in GRADES.items():
         beyond = np.maximum((getattr(measures, name) - threshold) / scale, 0.0)

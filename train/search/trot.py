@@ -159,8 +159,9 @@ def candidate_costs(
 ) -> Floats:
     """Compute the mean cost of each candidate over all scenarios.
 
-    The tracking error of a candidate is measured against the velocity that its linear response on the first scenario
-    predicts, because its command map is fitted after the search. A weak response has an extra cost.
+    The command map of a candidate is fitted after the search. So the tracking error is not measured against the
+    command, but against the velocity that the candidate's linear response on the first scenario predicts for the
+    command. A weak response has an extra cost.
 
     Args:
         candidates: Parameters of each candidate.
@@ -212,9 +213,13 @@ def fit_command_map(
 def invert_command_response(parameters: TrotParameters, response: Floats) -> TrotParameters:
     """Return the parameters of a gait with the command map that inverts its measured response.
 
-    The model of the gait has an input u and an achieved velocity v for each direction: forward v = a u + b, lateral
-    v = a u, and yaw rate ω = a u + c u_lateral. Raises ValueError if the new parameters exceed their limits, because
-    the response is too weak.
+    The model of the gait has an input u and an achieved velocity v in each direction, with constants a, b and c:
+
+        forward: v = a u + b
+        lateral: v = a u
+        yaw rate: ω = a u + c u_lateral
+
+    Raises ValueError if the new parameters exceed their limits, because the response is too weak.
 
     Args:
         parameters: Parameters of the gait with which the response was measured.
