@@ -1,1 +1,1 @@
-"""Studies behind the project's own figures."""
+"""Studies that measure the numbers in the documentation of the project, and writers of their pages."""

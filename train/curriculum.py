@@ -41,13 +41,16 @@ def with_terrain_seed(name: str | Scenario, purpose: Purpose, seed: int = 0, rob
 
 
 FAST_PROMOTION_RATE = 0.9
-"""The difficulty rises by two steps if a larger fraction of the command intervals is tracked."""
+"""Fraction of tracked command intervals above which the difficulty rises by two steps."""
 PROMOTION_RATE = 0.7
-"""The difficulty rises by one step if a larger fraction of the command intervals is tracked."""
+"""Fraction of tracked command intervals above which the difficulty rises by one step."""
 DEMOTION_RATE = 0.5
-"""The difficulty falls by one step if a smaller fraction of the command intervals is tracked."""
+"""Fraction of tracked command intervals below which the difficulty falls by one step."""
 DIFFICULTY_STEP = 0.1
-"""One step of the difficulty, which goes from 0 (mildest level of the axis) to 1 (severity in the mixture)."""
+"""Step by which the difficulty changes.
+
+The difficulty goes from 0, the mildest level of the scenario's axis of disturbance, to 1, the severity of the scenario
+in the training mixture."""
 MIN_INTERVALS = 10
 """Smallest number of command intervals after which the difficulty may change."""
 
@@ -86,7 +89,8 @@ class CommandIntervalTracker:
 
         Returns:
             ended: True for robots with an interval that ended, by a new command or by a fall, (n,).
-            tracked: True for robots that tracked the command of the ended interval, (n,); meaningless elsewhere.
+            tracked: True for robots that tracked the command of the ended interval, (n,). The entries of robots with no
+                ended interval have no meaning.
         """
         new = (command != self._command).any(axis=1)
         counted = self._steps - self._settling_steps

@@ -51,11 +51,10 @@ class BaseGroup:
         self.width = self._feature_extractor.width
         """Number of features of a robot."""
         self._reset_base = copy.deepcopy(base)
-        """Copy of the base policy that acts on the first observation of an episode.
+        """Copy of the base policy that acts on the first observations of restarted robots.
 
-        The base policy then copies the state of these robots from it. The base policy cannot act on the first
-        observation itself, because it has already acted for all robots in the step that ended the last episode. A
-        second call would advance the clocks of the other robots twice."""
+        `base` then takes over the state of the restarted robots from the copy. `base` has already acted for all robots
+        in the same step. A second call of `base` would advance the clocks of the other robots twice."""
         self._reset_feature_extractor = Features(self._reset_base, inputs)
 
     def reset(self) -> None:

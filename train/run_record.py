@@ -30,7 +30,7 @@ def to_dict(config: TrainConfig) -> dict[str, Any]:
 
 
 def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
-    """Convert `settings`, the dictionary of `to_dict`, to a TrainConfig. Raises UsageError if they are not valid."""
+    """Convert `settings`, a dictionary made by `to_dict`, to a TrainConfig. Raises UsageError if they are not valid."""
     try:
         return typing.cast(TrainConfig, decode(TrainConfig, settings))
     except (TypeError, ValueError, AttributeError, OverflowError) as error:

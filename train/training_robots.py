@@ -28,7 +28,7 @@ from train.residual_env import BoolArray, FloatArray, Infos, Step
 PUSH_SCALE = 500.0
 """Pushing force that the value network observes as 1, N."""
 NO_TRUNCATION = np.iinfo(np.int64).max
-"""Length at which a first episode is truncated if it must not be truncated: never reached, control steps."""
+"""Truncation length of a first episode that is not truncated: a number of control steps that is never reached."""
 
 
 class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):

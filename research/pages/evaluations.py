@@ -153,7 +153,10 @@ def _overview_caption(results: dict[str, Any], effort_note: str) -> str:
 
 
 def _with_text_column(lines: list[str], heads: dict[str, str]) -> list[str]:
-    """Return the `lines` of a table with its second column aligned to the left, if that is the column `about`."""
+    """Return the `lines` of a Markdown table with the second column, `about`, aligned to the left.
+
+    The lines are returned unchanged if `heads` has no column `about`.
+    """
     if "about" not in heads:
         return lines
     return [lines[0], lines[1].replace("|---|---:|", "|---|---|", 1), *lines[2:]]
@@ -179,8 +182,8 @@ def _on_flat_ground(cells_by_policy: dict[str, Any]) -> str:
 def robots_table(results: Sequence[dict[str, Any]]) -> list[str]:
     """Return the lines of the table of other robots, with one row per robot and one column per policy.
 
-    The columns are the policies that were evaluated on all robots. A second row of a robot has the scores with its
-    hardware profile, if they exist.
+    The columns are the policies that were evaluated on all robots. A robot has a second row if it was also evaluated
+    with its hardware profile.
     """
     scores_by_robot = [{score.policy: score for score in scores_of(entry)} for entry in results]
     policies = [name for name in scores_by_robot[0] if all(name in scores for scores in scores_by_robot)]

@@ -117,7 +117,9 @@ def _scenario(results: Results, scenario: str, policies: Sequence[str]) -> Itera
 
 
 def _difference(comparison: Comparison | None) -> str:
-    """Format a difference from the reference with its interval, and with the result of the test if it is of success.
+    """Format a difference from the reference policy with its interval.
+
+    A difference of the success rate is followed by the result of the test.
 
     Args:
         comparison: Comparison with the reference; None for the reference itself.

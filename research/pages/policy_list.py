@@ -135,7 +135,7 @@ def resolve_references(policy_list: PolicyList, file: Path, folder: Path, *, fet
 
 
 def _missing(published: PublishedPolicy, folder: Path, *, fetch: bool) -> Iterator[str]:
-    """Check the files of a published policy, and yield a line for each one that is missing.
+    """Check the files of a published policy, and yield a line of text for each missing file.
 
     Args:
         published: Published policy.

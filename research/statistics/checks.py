@@ -65,7 +65,7 @@ class CalibrationCheck:
     count: int
     """Number of episodes in a data set."""
     fall_probability: float
-    """Fall probability of the first policy; NaN if it is not the same in all episodes."""
+    """Fall probability of the first policy; NaN in a check with several severities, which have no common value."""
     outcome: CheckFunction
     """Function that returns the result on one data set."""
     bounds: Interval

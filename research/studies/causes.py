@@ -80,7 +80,8 @@ def main(options: CausesOptions) -> int:
 def count_causes() -> Iterator[dict[str, Any]]:
     """Yield a row for each cause of failure: name of the column -> value.
 
-    A row counts the episodes that were made to fail for this cause, by the cause that the rules give them.
+    A row is about the episodes that were made to fail for the cause. It has the number of these episodes to which the
+    rules assign each cause.
     """
     for made_for in CAUSES:
         runs = (case.run() for case in CASES if case.cause == made_for)

@@ -86,7 +86,8 @@ class EstimationOptions:
 class EstimationErrors(NamedTuple):
     """Errors (true minus estimated) of one estimator in n episodes. Entries after a fall are NaN.
 
-    The readings of the sensors are delayed. An estimate is compared with the true state at the time of its readings.
+    The sensor readings are delayed. An estimate is compared with the true state at the time of the readings from which
+    it was made.
     """
 
     tilt: Floats

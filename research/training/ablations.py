@@ -148,7 +148,7 @@ def make_rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dic
         variants: Name of the variant -> results of `read_results` for each seed.
 
     Returns:
-        Rows with the success rate, and the difference of its mean over the seeds from the default variant.
+        Rows with the success rate of each seed, and the difference of the mean success rate from the default variant.
     """
     success = {name: np.array([run["success"] for run in runs]) for name, runs in variants.items()}
     rows = []

@@ -168,19 +168,19 @@ _REMOVED_SETTINGS: Mapping[str, Mapping[str, Any]] = {
     | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
     "rewards": {"foot_clearance": 0.0, "foot_slip": 0.0, "foot_impact": 0.0},
 }
-"""Group of settings -> setting that was removed from this version -> the only value that can be dropped.
+"""Settings of older shipped policies that this version does not have: group -> name -> the only allowed value.
 
-Shipped policies of older versions have these settings. None means that every value can be dropped."""
+A setting with the allowed value is ignored. None allows every value."""
 _ADDED_SETTINGS: Mapping[str, Any] = {"effort_ramp": 0.0}
-"""Setting that older versions did not have -> value with which training works as in these versions.
+"""Settings that older versions did not have: name -> value with which the training is the same as in older versions.
 
-Only settings with another default value are listed."""
+Settings with this value as default are not listed."""
 
 
 def migrate_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Convert the settings of a shipped policy of an older version to the settings of this version.
 
-    Raises ValueError if a removed setting has a value that cannot be dropped.
+    Raises ValueError if a removed setting has a value that is not allowed.
     """
     migrated = {**_ADDED_SETTINGS, **settings}
     migrated |= {group: dict(settings[group]) for group in _REMOVED_SETTINGS if group in settings}

@@ -52,7 +52,7 @@ _FIELDS = {"shares": "difficulties"}
 
 @dataclasses.dataclass
 class CallbackState:
-    """State of the callback, of JSON types, that checkpoints save so that a later session can continue.
+    """State of the callback that checkpoints save, so that a later session can continue. All values are JSON types.
 
     A session is the part of a run that one process trains.
     """

@@ -1,7 +1,8 @@
 """Checkpoints of a run between two rollouts: arrays as safetensors, everything else as JSON, and no pickle.
 
-The learner, the schedules and the random generators are restored exactly. The states of the robots are not saved: a
-checkpoint has the actions of the robots since their last common start, and a resumed run repeats them.
+The learner, the schedules and the random generators are restored exactly. The states of the robots are not saved. A
+checkpoint has the actions of the robots since the start of the segment, see `segment_steps`. A resumed run repeats
+these actions.
 
 A checkpoint has two files. STEPS.safetensors is written first, then STEPS.json with the hash of the first file. A
 checkpoint without STEPS.json is ignored, so that the previous checkpoint remains valid if a run is killed. The last two
@@ -50,7 +51,10 @@ class Checkpoint:
 
     @property
     def actions(self) -> list[NDArray[np.float32]]:
-        """Actions of all robots in each step since their last common start, each (n, k); empty at a start."""
+        """Actions of all robots in each step since the start of the segment, each (n, k).
+
+        The list is empty if the checkpoint is at the end of a segment.
+        """
         return list(self.tensors[_ACTIONS].numpy()) if _ACTIONS in self.tensors else []
 
 
@@ -60,7 +64,7 @@ def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np
     Args:
         model: Learner.
         remembered: State of the callback, of JSON types.
-        actions: Actions of all robots in each step since their last common start, each (n, k).
+        actions: Actions of all robots in each step since the start of the segment, each (n, k).
 
     Returns:
         The checkpoint, with copies of all arrays.

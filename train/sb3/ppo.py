@@ -22,7 +22,7 @@ MIN_LEARNING_RATE = 1e-5
 MAX_LEARNING_RATE = 1e-2
 """Upper bound of the adaptive learning rate."""
 REWARD_SCALE = 10.0
-"""Factor on the rewards of the learner, with which the returns have a magnitude of about one."""
+"""Factor on the rewards of the learner. The factor gives the returns a magnitude of about one."""
 
 
 @dataclasses.dataclass

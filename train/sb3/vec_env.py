@@ -90,8 +90,8 @@ class TrainingVecEnv(VecEnv):
         """Execute one step with the stored actions.
 
         Returns:
-            Observations, (n, m); scaled rewards, (n,); True for robots that finished an episode, (n,); infos of each
-            robot. The infos of a robot are an empty dictionary if it finished no episode.
+            Observations, (n, m); scaled rewards, (n,); True for robots that finished an episode, (n,); and the infos of
+            each robot, which are empty without a finished episode.
         """
         observation, rewards, terminated, truncated, infos = self.env.step(self._actions)
         finished = terminated | truncated

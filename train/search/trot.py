@@ -42,9 +42,9 @@ COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_
 
 The command map converts a velocity command to the input of the gait."""
 MIN_RESPONSE = 0.7
-"""Smallest ratio of achieved to commanded velocity without extra cost.
+"""Smallest ratio of achieved to commanded velocity that has no extra cost.
 
-A candidate that stands still would otherwise have the lowest cost."""
+Without the extra cost a candidate that stands still would have the lowest cost."""
 WEAK_RESPONSE_WEIGHT = 2.0
 """Factor of the extra cost: cost per unit of (`MIN_RESPONSE` - ratio), for each of the three velocities."""
 MIN_INVERTIBLE_RESPONSE = 0.1
