@@ -1,4 +1,4 @@
-"""Behaviours of the robot as explicit states with explicit transitions, and their motions."""
+"""Behaviours of a robot as a state machine, and the motions that perform the behaviours."""
 
 from policies.behaviour.machine import BehaviourMachine
 from policies.behaviour.policy import Behaviour

@@ -1,4 +1,4 @@
-"""State machine of the behaviours, driven by the transition table alone."""
+"""State machine of the behaviours; the transition table defines all its transitions."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +10,7 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 _SOURCE = np.zeros((len(TRANSITIONS), len(State)), np.bool_)
-"""True where a transition applies to a state, (transitions, states)."""
+"""Mask (transitions, states): True if the transition can start from the state."""
 for _number, _transition in enumerate(TRANSITIONS):
     _SOURCE[_number, list(_transition.sources)] = True
 _TARGET = np.array([transition.target for transition in TRANSITIONS], np.int8)
@@ -18,9 +18,10 @@ _TARGET = np.array([transition.target for transition in TRANSITIONS], np.int8)
 
 
 class BehaviourMachine(PerRobotState):
-    """States of n robots. `request` asks for a behaviour, `observe` takes the transitions that need no request.
+    """States of n robots, changed by `request` and `observe`.
 
-    `Behaviour` holds one.
+    `request` triggers transitions on demand. `observe` triggers the transitions that need no request. The policy
+    `Behaviour` uses one object of this class.
 
     Args:
         start: State after a reset.
@@ -41,11 +42,11 @@ class BehaviourMachine(PerRobotState):
 
     @property
     def state(self) -> NDArray[np.int8]:
-        """`State` of each robot, (n,), a copy."""
+        """Copy of the `State` of each robot, (n,)."""
         return self._state.copy()
 
     def take_changes(self) -> Mask:
-        """Return True for robots that entered a state since the last call, (n,)."""
+        """Return True for robots that have entered a state since the last call of this method, (n,)."""
         changed = self._changed
         self._changed = np.zeros_like(changed)
         return changed
@@ -58,7 +59,8 @@ class BehaviourMachine(PerRobotState):
             mask: Robots, (n,) bool; all by default.
 
         Returns:
-            True for robots that the table does not allow it, under the conditions of the latest observation, (n,).
+            True for robots that refuse the request, (n,), because the transition table does not allow it under the
+            conditions of the latest observation.
 
         Raises:
             ValueError: The name is unknown.
@@ -69,14 +71,17 @@ class BehaviourMachine(PerRobotState):
         return asked & ~self._take(name, asked)
 
     def observe(self, observation: NDArray[np.float32]) -> None:
-        """Count a control step, and take the transitions without a request that an `observation`, (n, k), triggers."""
+        """Count a control step, and take the transitions that an `observation`, (n, k), triggers by itself."""
         self.ticks += 1
         holds = conditions(self._robot, self._period, observation, self._state, self.ticks)
         self._holds = np.stack([holds[guard] for guard in GUARDS], axis=1)
         self._take("", np.ones(len(self._state), np.bool_))
 
     def _take(self, request: str, asked: Mask) -> Mask:
-        """Take the first transition of a `request` that applies to each of the `asked` robots; return their mask."""
+        """Take the first transition of each robot in the mask `asked` that applies to a `request`.
+
+        Returns True for the robots that took a transition, (n,).
+        """
         taken = np.full(len(self._state), -1, np.int64)
         for number, transition in reversed([*enumerate(TRANSITIONS)]):
             if transition.request != request:

@@ -1,4 +1,4 @@
-"""Motions of the legs: damping, a controlled stop, and sequences of poses like the jump."""
+"""Motions of the legs: damping, a controlled stop, and sequences of poses, for example the jump."""
 
 from abc import ABC, abstractmethod
 from typing import Any
@@ -16,7 +16,9 @@ Floating = NDArray[np.floating[Any]]
 
 
 class Motion(PerRobotState, ABC):
-    """Joint targets over time for n robots. The targets of a robot depend on its own starts and readings alone.
+    """Base class of motions: joint targets over time for n robots.
+
+    The targets of a robot depend only on the calls of `start` for this robot and on its observations.
 
     Args:
         robot: Robot.
@@ -32,7 +34,7 @@ class Motion(PerRobotState, ABC):
         super().__init__(_target=robot.home_pose)
 
     def start(self, mask: Mask, joints: Floats) -> None:
-        """Start the motion of the robots in the `mask`, (n,), from their `joints`, (k, 12), rad."""
+        """Start the motion of the k robots in the `mask`, (n,), from the joint angles `joints`, (k, 12), rad."""
         self._target[mask] = joints
         self._ticks[mask] = 0
 
@@ -42,8 +44,8 @@ class Motion(PerRobotState, ABC):
 
         Args:
             rows: Indices of the robots, (k,).
-            observation: Their observation, (k, m).
-            joints: Their joint angles, (k, 12), rad.
+            observation: Observation of these robots, (k, m).
+            joints: Joint angles of these robots, (k, 12), rad.
 
         Returns:
             Joint targets, (k, 12), rad.
@@ -53,13 +55,13 @@ class Motion(PerRobotState, ABC):
 def interpolate_toward(
     current: Floats, goal: Floats, elapsed: Floating, duration: ArrayLike, control_period: float
 ) -> Floats:
-    """Interpolate joints toward a goal.
+    """Return the joint targets of the next control step on a straight way to a goal.
 
     Args:
         current: Current targets, (k, 12), rad.
         goal: Targets at the end, (k, 12), rad.
         elapsed: Time since the start, (k,), s.
-        duration: Duration of the whole way, (k,), s.
+        duration: Duration of the way from the start to the goal, (k,), s.
         control_period: Control period, s.
 
     Returns:
@@ -71,25 +73,27 @@ def interpolate_toward(
 
 
 class Damp(Motion):
-    """Damping: with targets at the joint angles the servos only damp, and the robot sinks slowly."""
+    """Damping: the targets are the present joint angles, so the servos only damp and the robot sinks slowly."""
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
-        """Return the `joints` of the robots in `rows`, without a use of the `observation`."""
+        """Return the joint angles `joints` unchanged; `rows` and `observation` are not used."""
         return joints
 
 
 LOWERING_SPEED = 0.2
-"""Speed of the trunk in a controlled stop, m/s; over 0.3 m/s a stop does not count as controlled."""
+"""Speed at which the trunk is lowered in a controlled stop, m/s; above 0.3 m/s a stop would not count as controlled."""
 FOLDING_SPEED = 4.0
 """Largest rate of a joint target in a controlled stop, rad/s."""
 STOP_HEIGHT = 0.2
-"""Hip joints above the feet's centres at the end of a controlled stop, m: as low as the knees fold without a fall."""
+"""Height of the hip joints above the centres of the feet after a controlled stop, m.
+
+It is the smallest height to which the knees fold without a fall."""
 STOP_OUTWARD = 0.04
-"""Distance of the feet outward of a hanging leg, m."""
+"""Outward distance of the feet from the position of a leg that hangs straight down, m."""
 
 
 class Stop(Motion):
-    """Controlled stop: feet below the hips, trunk lowered slowly, then held at its height."""
+    """Controlled stop: the feet move below the hips, and the trunk is lowered slowly and held at STOP_HEIGHT."""
 
     _height: Floats = per_robot(0.0)
 
@@ -125,15 +129,15 @@ class Stop(Motion):
 def jump_keyframes(robot: Robot) -> tuple[tuple[float, float, float, float], ...]:
     """Return the keyframes of the jump: crouch, thrust, flight and landing, stand.
 
-    They come from a random search for the smallest pitch at 0.165 m of rise or more. Knees that all bend backward turn
-    the trunk, and the feet behind the hips at take-off compensate part of it.
+    The keyframes come from a random search for the smallest pitch among jumps that rise by 0.165 m or more. The trunk
+    pitches because all knees bend backward. The feet are behind the hips at take-off, which reduces this pitch.
 
     Args:
         robot: Robot.
 
     Returns:
-        For each keyframe: feet ahead of the hips, m, hips above the feet's centres, m, duration of the way, s, and
-        duration of the hold, s.
+        For each keyframe: forward position of the feet relative to the hips, m, height of the hips above the centres of
+        the feet, m, duration of the way to the pose, s, and duration of the hold, s.
     """
     return (
         (0.007, 0.377, 0.35, 0.1),
@@ -144,7 +148,7 @@ def jump_keyframes(robot: Robot) -> tuple[tuple[float, float, float, float], ...
 
 
 class PoseSequence(Motion):
-    """Sequence of poses on a clock.
+    """Motion through a sequence of poses at fixed times.
 
     Args:
         robot: Robot.
@@ -184,16 +188,16 @@ class PoseSequence(Motion):
 
 
 HOLD_TIME = 0.4
-"""Duration of the way to the home pose, s."""
+"""Duration of the motion to the home pose, s."""
 
 
 def make_hold(robot: Robot, control_period: float) -> PoseSequence:
-    """Make the motion to the home pose of a `robot` within HOLD_TIME, at a `control_period`, s."""
+    """Make the motion of a `robot` to its home pose within HOLD_TIME, for a `control_period`, s."""
     return PoseSequence(robot, control_period, robot.home_pose[None], [HOLD_TIME], [0.0])
 
 
 def make_jump(robot: Robot, control_period: float) -> PoseSequence:
-    """Make the jump of a `robot` at a `control_period`, s; the joint servos absorb the landing."""
+    """Make the jump of a `robot` for a `control_period`, s; the joint servos absorb the landing."""
     forwards, heights, durations, holds = np.transpose(jump_keyframes(robot))
     frames = zip(forwards, heights, strict=True)
     feet = [[(forward, side * robot.hip_offset, -height) for side in robot.side] for forward, height in frames]

@@ -1,4 +1,4 @@
-"""Behaviours as a policy: a state machine selects the behaviour of each robot, and a motion or a gait performs it."""
+"""Policy of behaviours: a state machine selects the behaviour of each robot, a motion or a gait performs it."""
 
 from typing import Unpack
 
@@ -15,13 +15,13 @@ from policies.trot.open_loop import Trot
 from quad_env import OBSERVATION
 
 WALKING_SPEED = 0.6
-"""Largest planar speed of a walking robot, m/s; a running one follows the command."""
+"""Largest horizontal speed of a walking robot, m/s; a running robot follows the command without this limit."""
 RUN_ABOVE = 0.7
-"""Commanded speed above which a robot that follows the command runs, m/s."""
+"""Commanded speed above which a walking robot starts to run if `follow` is True, m/s."""
 WALK_BELOW = 0.5
-"""Commanded speed below which a running robot walks again, m/s."""
+"""Commanded speed below which a running robot walks again if `follow` is True, m/s."""
 MOVE_ABOVE = 0.02
-"""Command above which a robot walks, m/s or rad/s; below, it stands."""
+"""Command component above which a standing robot walks if `follow` is True, m/s or rad/s; below, it stands."""
 BLEND_TIME = 0.2
 """Duration of the blend from the targets of the last behaviour to the targets of the gait, s."""
 
@@ -29,11 +29,11 @@ _COMMAND = OBSERVATION["command"]
 
 
 class Behaviour(Policy):
-    """Behaviours of n robots, each in one `State`: ask for one with `request`, and read `state`.
+    """Policy with behaviours: each robot is in one `State`, which `state` returns and `request` changes.
 
     Args:
         start: State after a reset.
-        follow: Request stand, walk and run from the commanded velocity. Without it only `request` changes the state.
+        follow: True to request stand, walk and run automatically from the commanded velocity. If False, call `request`.
         **kwargs: See `Policy`.
     """
 
@@ -63,7 +63,7 @@ class Behaviour(Policy):
         return self.machine.state
 
     def request(self, name: str, mask: ArrayLike | None = None) -> Mask:
-        """Ask the robots in the `mask` for the behaviour `name`; see `BehaviourMachine.request`."""
+        """Request the behaviour `name` of the robots in the `mask`; see `BehaviourMachine.request`."""
         return self.machine.request(name, mask)
 
     def _allocate(self, num_envs: int) -> None:
@@ -87,7 +87,7 @@ class Behaviour(Policy):
             within = state == behaviour
             if within.any():
                 if (entering := within & changed).any():
-                    # From the last targets, so that a change of behaviour is smooth.
+                    # The motion starts from the last targets, so that the change of behaviour is smooth.
                     motion.start(entering, self._targets[entering])
                 members = np.flatnonzero(within)
                 targets[members] = motion.targets(members, rows[members], joints[members])
@@ -95,7 +95,7 @@ class Behaviour(Policy):
         return to_actions(self.robot, targets)
 
     def _gait_targets(self, observation: NDArray[np.float32], state: NDArray[np.int8]) -> Floats:
-        """Return the targets of the robots that walk or run, (n, 12), rad, blended; the last targets of the others."""
+        """Return the blended targets of robots that walk or run, and the last targets of the others, (n, 12), rad."""
         moving = (state == State.WALK) | (state == State.RUN)
         starting = moving & ~self._was_moving
         self._was_moving = moving
@@ -129,7 +129,7 @@ class Behaviour(Policy):
 
 
 def limit_to_walking_speed(command: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Limit the planar velocity of commands, (n, 3), to WALKING_SPEED."""
+    """Limit the horizontal velocity of commands, (n, 3), to WALKING_SPEED."""
     speed = np.sqrt(command[:, 0] ** 2 + command[:, 1] ** 2)
     share = np.minimum(1.0, np.float32(WALKING_SPEED) / np.maximum(speed, np.float32(1e-6)))
     return np.concatenate((command[:, :2] * share[:, None], command[:, 2:]), axis=1)

@@ -1,1 +1,1 @@
-"""Gaits as clocks and footfall patterns, changes between them, and the policies that follow a command with them."""
+"""Gaits by name, smooth changes between gaits, and the policies that follow a velocity command in a gait."""

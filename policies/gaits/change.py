@@ -12,9 +12,9 @@ _ROUNDING = 1e-9
 
 
 class GaitTransition(PerRobotState):
-    """Interpolates parameters, (n, k), and phase offsets, (n, 4), between two gaits, each robot at its own time.
+    """Interpolates gait parameters, (n, k), and phase offsets, (n, 4), in transitions between gaits.
 
-    `Gaits` holds one. All robots start settled.
+    Each robot has its own transition. `Gaits` uses one object of this class. No robot is in a transition at the start.
 
     Args:
         values: Initial parameters, (k,).
@@ -28,7 +28,7 @@ class GaitTransition(PerRobotState):
     _old_offsets: Floats = per_robot()
     _new_offsets: Floats = per_robot()
     _share: Floats = per_robot(1.0)
-    """Progress of the transition, 0 … 1, (n,)."""
+    """Progress of the transition, 0 to 1, (n,)."""
 
     def __init__(self, values: Floats, offsets: ArrayLike, control_period: float) -> None:
         self._step = control_period / CHANGE_TIME
@@ -41,12 +41,12 @@ class GaitTransition(PerRobotState):
 
     @property
     def offsets(self) -> Floats:
-        """Current phase offsets, (n, 4), rad; not wrapped."""
+        """Current phase offsets, (n, 4), rad; not wrapped to one turn."""
         return self._interpolate(self._old_offsets, self._new_offsets)
 
     @property
     def settled(self) -> NDArray[np.bool_]:
-        """True for robots without a transition, (n,)."""
+        """True for robots that are not in a transition, (n,)."""
         return self._share >= 1.0
 
     def advance(self) -> None:
@@ -64,7 +64,8 @@ class GaitTransition(PerRobotState):
         rows = mask[:, None]
         old = self.values
         old_offsets = self.offsets
-        # The shorter way round; half a cycle always backward, so that all legs that shift by it go together.
+        # Shift each phase the shorter way round. A shift of half a cycle always goes backward, so that all legs with
+        # this shift move in the same direction.
         shift = (offsets - old_offsets + np.pi + _ROUNDING) % TURN - np.pi - _ROUNDING
         self._old = np.where(rows, old, self._old)
         self.goal = np.where(rows, values, self.goal)
@@ -73,7 +74,7 @@ class GaitTransition(PerRobotState):
         self._share = np.where(mask, 0.0, self._share)
 
     def place(self, mask: NDArray[np.bool_], values: Floats, offsets: Floats) -> None:
-        """Set some robots to a gait, settled.
+        """Set some robots to a gait at once, without a transition.
 
         Args:
             mask: Robots, (n,).

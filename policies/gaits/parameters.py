@@ -14,7 +14,7 @@ from quad_env.robots.similarity import LATERAL_LENGTH
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PARAMETERS_FILE = Path(__file__).with_name("gaits.json")
-"""File of the searched parameters of each gait."""
+"""Path of the file with the searched parameters of each gait."""
 
 OFFSETS = {
     "bound": BOUND_OFFSETS,
@@ -23,45 +23,45 @@ OFFSETS = {
     "trot": TROT_OFFSETS,
     "walk": WALK_OFFSETS,
 }
-"""Phase of each leg ahead of the clock, rad, order fl, fr, hl, hr, of each gait that steps."""
+"""Name of each gait that steps -> phase of each leg minus the phase of the clock, order fl, fr, hl, hr, rad."""
 STAND = "stand"
 GAITS = (*OFFSETS, STAND)
 """Names of all gaits."""
 
 UNLIMITED = 10.0
-"""Limit for a command that has none, m/s or rad/s; no command reaches it."""
+"""Value of a command limit that never applies, because no command reaches it, m/s or rad/s."""
 
 
 @dataclass(frozen=True)
 class GaitParameters(CommandMap):
-    """Parameters of one gait; a robot that changes gait goes through all values in between."""
+    """Parameters of one gait; a change of gait interpolates all of them."""
 
     frequency: float = parameter(3.0, limits=(0.05, 50.0), unit="Hz")
-    """Gait cycles a second at rest, Hz."""
+    """Gait cycles per second if the commanded velocity is zero, Hz."""
     frequency_rise: float = parameter(0.5, limits=(0.0, 50.0), unit="Hz")
-    """Added to the frequency at Froude number 1, Hz; in proportion to the root of the Froude number."""
+    """Increase of the frequency at Froude number 1, Hz; proportional to the root of the Froude number below 1."""
     duty: float = parameter(0.6, limits=(0.1, 0.95))
-    """Share of the cycle that a foot is on the ground, at rest."""
+    """Duty factor, the fraction of the cycle that a foot is on the ground, if the commanded velocity is zero."""
     duty_fall: float = parameter(0.05, limits=(0.0, 0.5))
-    """Taken off the duty factor at Froude number 1; in proportion to the root of the Froude number."""
+    """Decrease of the duty factor at Froude number 1; proportional to the root of the Froude number below 1."""
     body_height: float = parameter(0.32, limits=(0.01, 5.0), unit="m")
-    """Hip joints above the centres of the standing feet, m."""
+    """Height of the hip joints above the centres of the stance feet, m."""
     step_height: float = parameter(0.08, limits=(0.0, 2.0), unit="m")
     """Lift of the foot at mid-swing, m."""
     stance_width: float = parameter(0.5, limits=(0.005, 10.0), unit=LATERAL_LENGTH)
-    """Distance between the lines of the left and the right feet, m; at 0.5 the legs hang straight down."""
+    """Lateral distance between the left and the right feet, m; at 0.5 the legs of SimpleQuad hang straight down."""
     stance_shift: float = parameter(0.0, limits=(-2.0, 2.0), unit="m ahead")
-    """Middle of the strides ahead of the hip joints, m."""
+    """Forward distance of the middle of the strides from the hip joints, m."""
     bounce: float = parameter(0.0, limits=(0.0, 2.0))
-    """Height that each hip is thrown up while its leg swings, per free flight of the same time."""
+    """Rise of a hip while its leg swings, as a fraction of the rise in a free flight of the same duration."""
     sway: float = parameter(0.0, limits=(-2.0, 2.0), unit="m")
     """Displacement of the trunk towards the standing feet while the feet of the other side swing, m."""
     stance_load: float = parameter(0.8, limits=(0.0, 3.0))
-    """Share of a standing leg's mean load that the joint targets compensate the sag of the servos for."""
+    """Load for which the joint targets compensate the servo sag, as a fraction of the mean load of a stance leg."""
     servo_lead: float = parameter(0.01, limits=(0.0, 1.0), unit="s")
-    """Lead of the targets along the tangent of the path, s; it compensates the lag of the joint servos."""
+    """Lead time of the targets along the tangent of their path, s; it compensates the lag of the joint servos."""
     forward_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="m/s")
-    """Fastest forward command, m/s; a faster one is scaled down, see `limit_command`."""
+    """Fastest forward command, m/s; a faster command is scaled down, see `limit_command`."""
     backward_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="m/s")
     """Fastest backward command, m/s."""
     lateral_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="m/s")
@@ -71,7 +71,7 @@ class GaitParameters(CommandMap):
 
 
 NO_LIMITS = dict.fromkeys(("forward_limit", "backward_limit", "lateral_limit", "yaw_limit"), UNLIMITED)
-"""Unlimited commands, by field name: forward, backward, lateral and yaw, in this order."""
+"""Field name of each command limit -> UNLIMITED, in the order forward, backward, lateral, yaw."""
 MIN_FREQUENCY = 0.3
 """Lower bound of the frequency at any speed, Hz."""
 MAX_FREQUENCY = 15.0
@@ -83,13 +83,13 @@ MAX_DUTY = 0.95
 
 NAMES = tuple(field.name for field in fields(GaitParameters))
 INDEX = {name: column for column, name in enumerate(NAMES)}
-"""Column of each parameter in an array of robots' parameters, (n, len(NAMES))."""
+"""Name of each parameter -> its column in an array of the parameters of n robots, (n, len(NAMES))."""
 
 
 def stand_parameters(robot: Robot) -> GaitParameters:
-    """Return the parameters of standing in the home pose.
+    """Return the parameters of the gait `stand`, in which the robot stands in the home pose.
 
-    Until the robot has come to rest it steps in place as in a walk.
+    The robot steps in place as in a walk until its feet are in place.
     """
     return GaitParameters(
         frequency=2.5,
@@ -121,7 +121,7 @@ def froude_number(robot: Robot, command: Floats, body_height: Floats) -> Floats:
 def limit_command(values: Floats, command: Floats) -> Floats:
     """Limit velocity commands to the ellipsoid with the limits of the gait as half axes.
 
-    A command outside of it is scaled to its surface, so that the direction and the turning radius stay.
+    A command outside of the ellipsoid is scaled to its surface, which keeps the direction and the turning radius.
 
     Args:
         values: Parameters, (n, len(NAMES)).
@@ -157,14 +157,14 @@ def gait_timing(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, 
 
 
 def parameter_row(parameters: GaitParameters) -> Floats:
-    """Return the parameters as an array, (len(NAMES),)."""
+    """Return the parameters as an array in the order of NAMES, (len(NAMES),)."""
     return np.array([getattr(parameters, name) for name in NAMES], dtype=np.float64)
 
 
 def searched_parameters(robot: Robot = SIMPLE_QUAD) -> dict[str, GaitParameters]:
-    """Load the searched parameters of each gait that steps, scaled to a `robot`.
+    """Load the dictionary gait name -> searched parameters of all gaits that step, scaled to a `robot`.
 
-    PolicyError if PARAMETERS_FILE is damaged.
+    Raises PolicyError if PARAMETERS_FILE is damaged.
     """
 
     def decode(gaits: dict[str, Any]) -> dict[str, GaitParameters]:

@@ -1,8 +1,8 @@
-"""Gaits that follow a velocity command and change into one another, each robot of a batch at its own time.
+"""Gaits that follow a velocity command, with smooth changes of gait, each robot of a batch at its own time.
 
-A change moves phase offsets, duty factor, frequency and all other parameters of the gait smoothly to their new values.
-A foot on the ground always moves against the body's velocity at its place, whatever the clock does, and a swing always
-starts where the foot left the ground. So nothing jumps and no foot scuffs, neither in a change nor within a gait.
+A change of gait moves phase offsets, duty factor, frequency and all other parameters smoothly to their new values. A
+stance foot always moves against the velocity of the body at this foot, and a swing always starts where the foot left
+the ground. Therefore targets do not jump and feet do not scuff, neither within a gait nor during a change.
 """
 
 from collections.abc import Mapping
@@ -40,14 +40,14 @@ LINEAR_ACCELERATION = 3.0
 YAW_ACCELERATION = 8.0
 """Largest rate of the yaw-rate command that the gait follows, rad/s²."""
 MAX_REACH = 0.2
-"""Largest distance of a foot from the middle of its strides, forward and sideways each, m."""
+"""Largest distance of a foot from the middle of its strides, along x and along y, m."""
 PLACEMENT_TOLERANCE = 0.005
-"""Distance from the middle of its strides at which a foot may come to rest, forward and sideways each, m."""
+"""Largest distance of a foot that comes to rest from the middle of its strides, along x and along y, m."""
 _ACCELERATION = np.array([LINEAR_ACCELERATION, LINEAR_ACCELERATION, YAW_ACCELERATION])
 
 
 class ParameterView:
-    """Parameters of n robots by name, each (n, 1).
+    """Access to the parameters of n robots as attributes, each (n, 1).
 
     Args:
         values: Parameters, (n, len(NAMES)).
@@ -61,25 +61,29 @@ class ParameterView:
 
 
 class GaitState(NamedTuple):
-    """Leg phases and swing and stance times of n robots, at one control step."""
+    """Leg cycles, swing and stance times of n robots in one control step."""
 
     cycle: LegCycle
-    """Scheduled leg cycle, (n, 4)."""
+    """Leg cycle by the clock, (n, 4)."""
     swing_time: Floats
     """Duration of a swing, (n, 1), s."""
     stance_time: Floats
     """Duration of a stance, (n, 1), s."""
     sway: Floats
-    """First harmonic of the difference between left and right swing feet, -1 … 1, (n, 1); 1: left feet in the air."""
+    """First harmonic of the number of left minus right swing feet, scaled to [-1, 1], (n, 1).
+
+    It is 1 if the left feet are in the air."""
 
 
 class Gaits(GaitedPolicy):
-    """Steps in a gait, which `request` changes for all robots or some. A reset puts them in the home pose.
+    """Policy that walks in a gait; `request` changes the gait of all or some robots.
+
+    A robot starts from the home pose after a reset.
 
     Args:
-        gait: Gait after a reset, one of `policies.gaits.parameters.GAITS`. The policy has its name, or `gaits` if it is
-            the trot.
-        parameters: Parameters of every gait that steps, by name; None for the searched ones.
+        gait: Gait after a reset, one of `policies.gaits.parameters.GAITS`. The name of the policy is the name of this
+            gait, or `gaits` if it is the trot.
+        parameters: Name of every gait that steps -> its parameters; None for the searched parameters.
         robot: See `Policy`.
         control_period: See `Policy`.
     """
@@ -129,22 +133,22 @@ class Gaits(GaitedPolicy):
 
     @property
     def settled(self) -> Mask:
-        """True for robots without a transition, and at rest if they stand, (n,)."""
+        """True for robots that are not in a transition, (n,); robots that stand must also be at rest."""
         still = ~self.swing.any(axis=1) & (self._command == 0.0).all(axis=1)
         settled: Mask = self._transition.settled & (~self._standing | still)
         return settled
 
     @property
     def offsets(self) -> Floats:
-        """Current phase of each leg ahead of the clock, (n, 4), rad."""
+        """Current phase of each leg minus the phase of the clock, (n, 4), rad."""
         return self._transition.offsets
 
     def request(self, gait: str, mask: ArrayLike | None = None) -> None:
         """Change the gait of some robots.
 
         Args:
-            gait: Name of the gait; ValueError for an unknown one.
-            mask: Robots, (n,) bool; all by default.
+            gait: Name of the gait; an unknown name raises ValueError.
+            mask: Robots that change their gait, (n,) bool; all by default.
         """
         _check_gait(gait)
         self._start_transition(gait, validate_mask(mask, self.num_envs))
@@ -158,14 +162,15 @@ class Gaits(GaitedPolicy):
         self._start_first_gait(mask)
 
     def _start_first_gait(self, mask: Mask) -> None:
-        """Start the first gait of robots that stand."""
+        """Start the gait after a reset, for the robots in the mask."""
         self.clock_rate, self.duty = gait_timing(self.robot, self._transition.values, self._command)
         self._start_transition(self._initial_gait, mask)
 
     def _start_transition(self, gait: str, mask: Mask) -> None:
-        """Start the change of the masked robots to a gait."""
+        """Start the transition of the robots in the mask to a gait."""
         offsets = np.array(_leg_offsets(self.robot, gait))
-        # A robot at rest has no footfalls to shift: it starts with the new offsets, without step height.
+        # A robot that stands still takes the new offsets at once, because no foot is in the air. Its step height starts
+        # at zero.
         unlifted = np.where(np.array(NAMES) == "step_height", 0.0, self._transition.values)
         self._transition.place(mask & self._standing & self.settled, unlifted, offsets)
         self._transition.start(mask, parameter_row(self.parameters[gait]), offsets)
@@ -173,7 +178,7 @@ class Gaits(GaitedPolicy):
 
     @property
     def _standing(self) -> Mask:
-        """True for robots with a request to stand, (n,)."""
+        """True for robots with the requested gait `stand`, (n,)."""
         standing: Mask = self._gait == GAITS.index(STAND)
         return standing
 
@@ -190,15 +195,15 @@ class Gaits(GaitedPolicy):
         return to_actions(self.robot, joints + lead)
 
     def _follow(self, command: Floats, values: Floats) -> None:
-        """Move the followed command towards a given one, within the limits of the gait and of its acceleration."""
-        # During a change both the current limits and the new ones hold.
+        """Move the internal command towards the given command, within the velocity and acceleration limits."""
+        # During a change of gait the current and the new limits must both hold.
         limited = limit_command(np.minimum(values, self._transition.goal), command)
         goal = np.where(self._standing[:, None], 0.0, limited)
         reach = self.control_period * _ACCELERATION
         self._command = self._command + np.clip(goal - self._command, -reach, reach)
 
     def _joint_path(self, state: GaitState, p: ParameterView) -> Floats:
-        """Return the joint targets at the current feet, (n, 12), rad, with the sag of the servos compensated."""
+        """Return the joint targets for the current foot positions, (n, 12), rad; servo sag is compensated."""
         robot = self.robot
         _, lift = cycloid(state.cycle.progress)
         z = np.where(self.swing, p.step_height * lift, 0.0) - p.body_height
@@ -210,7 +215,7 @@ class Gaits(GaitedPolicy):
         return flat_joints(np.stack(compensate_servo_load(robot, hip, thigh, calf, self._x, y, force), axis=-1))
 
     def _advance_gait(self, values: Floats) -> GaitState:
-        """Advance the clock by a step, and start and end swings."""
+        """Advance the clocks by a control step, and start and end swings."""
         self.clock_rate, self.duty = gait_timing(self.robot, values, self._command)
         self._phase = (self._phase + TURN * self.control_period * self.clock_rate) % TURN
         phases = (self._phase[:, None] + self.offsets) % TURN
@@ -218,7 +223,8 @@ class Gaits(GaitedPolicy):
         duty = self.duty[:, None]
         cycle = leg_cycles(phases, duty)
         window = cycle.swing
-        # A robot that stands keeps the feet down that are in place; other feet lift at the start of their own swing.
+        # A robot that stands keeps a foot on the ground if the foot is in place. Its other feet lift off when their
+        # swing starts.
         staying = (self._standing & self._transition.settled & (self._command == 0.0).all(axis=1))[:, None]
         starting = window & ~self._window & ~(staying & self._in_place(values))
         swing = window & (self.swing | starting)
@@ -231,13 +237,13 @@ class Gaits(GaitedPolicy):
         return GaitState(cycle, (1.0 - duty) / rate, duty / rate, sway[:, None])
 
     def _in_place(self, values: Floats) -> Mask:
-        """Return True for feet in their places at rest, (n, 4)."""
+        """Return True for feet within PLACEMENT_TOLERANCE of the middle of their strides, (n, 4)."""
         p = ParameterView(values)
         x, y = _stride_middle(self.robot, p)
         return (np.abs(self._x - x) < PLACEMENT_TOLERANCE) & (np.abs(self._y - y) < PLACEMENT_TOLERANCE)
 
     def _move_feet(self, state: GaitState, p: ParameterView, velocity: tuple[Floats, Floats, Floats]) -> None:
-        """Move the feet by a step: at -(v + ω × r) on the ground, to the next foothold in the air."""
+        """Move the feet by a control step: stance feet at -(v + ω × r), swing feet towards the next foothold."""
         forward, lateral, yaw_rate = velocity
         hip_x = self.robot.hip_positions[:, 0]
         hip_y = self.robot.hip_positions[:, 1]
@@ -254,10 +260,10 @@ def _swing_position(state: GaitState, liftoff: Floats, middle: Floats, velocity:
     """Return one coordinate of the swing feet on their way to the next foothold, hip frames, (n, 4), m.
 
     Args:
-        state: Gait.
-        liftoff: Coordinate where the foot left the ground, m.
+        state: Leg cycles, swing and stance times.
+        liftoff: Coordinate at which the foot left the ground, m.
         middle: Coordinate of the middle of the strides, m.
-        velocity: Velocity of the body at the middle of the strides, m/s.
+        velocity: Velocity of the body at the middle of the strides, along the same axis, m/s.
 
     Returns:
         Coordinate, (n, 4), m.
@@ -265,7 +271,7 @@ def _swing_position(state: GaitState, liftoff: Floats, middle: Floats, velocity:
     half_stance = 0.5 * state.stance_time
     landing = middle + np.clip(half_stance * velocity, -MAX_REACH, MAX_REACH)
     share, _ = cycloid(state.cycle.progress)
-    # Relative to the ground the foot moves by `share` of the way, while the ground passes evenly.
+    # The foot covers the fraction `share` of its way relative to the ground, while the ground moves at constant speed.
     passed = state.swing_time * (share - state.cycle.progress)
     return liftoff + (landing - liftoff) * share + passed * velocity
 

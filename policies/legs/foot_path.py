@@ -1,8 +1,8 @@
-"""Foot paths: dimensionless shapes of a leg's progress through its cycle, and swing trajectories to a foothold.
+"""Foot paths: dimensionless functions of the progress of a leg cycle, and swing trajectories to a foothold.
 
-A stride carries the foot from +1/2 to -1/2 of its length at constant speed in stance, and back in swing. The swing
-leaves the ground with the velocity that the stance ended with and lands with the velocity that the next one starts
-with, so a foot that moves with the ground neither scuffs at lift-off nor brakes at touch-down.
+In stance a foot moves from +1/2 to -1/2 of the stride length at constant speed, and in swing back again. At lift-off
+and at touch-down the swing has the velocity of the stance. The foot therefore moves with the ground at both ends, and
+neither scuffs at lift-off nor brakes at touch-down.
 """
 
 import numpy as np
@@ -14,15 +14,15 @@ from quad_env.config import GRAVITY
 def stride_displacement(cycle: LegCycle, duty: float) -> Floats:
     """Compute the displacement of a foot along its stride, in stride lengths.
 
-    In swing it is the cubic with u(0) = -1/2, u(1) = 1/2 and the slope of the stance at both ends. Per unit of swing
-    progress this slope is -r, with r = (swing time)/(stance time).
+    In swing the displacement u is the cubic with u(0) = -1/2, u(1) = 1/2 and the slope of the stance at both ends. Per
+    unit of swing progress this slope is -r, with r = (swing time)/(stance time).
 
     Args:
         cycle: Leg cycle.
         duty: Duty factor.
 
     Returns:
-        +0.5 at touch-down, -0.5 at lift-off; shape of the cycle.
+        Displacement, +0.5 at touch-down and -0.5 at lift-off, in the shape of `cycle.progress`.
     """
     t = cycle.progress
     ratio = (1.0 - duty) / duty
@@ -31,46 +31,51 @@ def stride_displacement(cycle: LegCycle, duty: float) -> Floats:
 
 
 def swing_lift(cycle: LegCycle) -> Floats:
-    """Compute the height of a foot in step heights: 0 in stance, 1 at mid-swing, level at both ends of the swing."""
+    """Compute the height of a foot as a fraction of the step height: 0 in stance, 1 at mid-swing.
+
+    The height has slope 0 at both ends of the swing.
+    """
     t = cycle.progress
     arc = 4.0 * t * (1.0 - t)
     return np.where(cycle.swing, arc * arc, 0.0)
 
 
 def load_fraction(cycle: LegCycle) -> Floats:
-    """Compute the share of its load that a foot carries: 0 in swing, 1 for most of the stance."""
+    """Compute the fraction of its full load that a foot carries: 0 in swing, near 1 for most of the stance."""
     t = cycle.progress
     edge = (2.0 * t - 1.0) ** 2
     return np.where(cycle.swing, 0.0, 1.0 - edge * edge)
 
 
 def cycloid(progress: Floats) -> tuple[Floats, Floats]:
-    """Compute a cycloid: t - sin(2πt)/2π forward and sin²(πt) up, so that the foot lifts off and lands at rest.
+    """Compute a cycloid: t - sin(2πt)/2π forward and sin²(πt) up.
+
+    The foot has zero velocity at lift-off and at landing.
 
     Args:
-        progress: Progress t of the swing, 0 … 1.
+        progress: Progress t of the swing, 0 to 1.
 
     Returns:
-        Share of the way over the ground, and share of the step height; shapes of `progress`.
+        Fraction of the way over the ground, and fraction of the step height, both in the shape of `progress`.
     """
     turn = 2.0 * np.pi * progress
     return progress - np.sin(turn) / (2.0 * np.pi), 0.5 - 0.5 * np.cos(turn)
 
 
 def hip_bounce(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce: Floats) -> Floats:
-    """Compute the height of a hip above its mean over a cycle: the stance throws it up, and the next one catches it.
+    """Compute the bounce of a hip, a height that varies over the leg cycle: up in swing, down in stance.
 
-    With `bounce` 1 the hip flies freely in swing, g·t·(T - t)/2, and its stance dips along a half-sine that takes up
-    and gives back the same speed, gT/2. A smaller `bounce` scales both.
+    For `bounce` 1 the hip flies freely in swing, along g·t·(T - t)/2 at the time t. In stance the hip dips along a
+    half-sine with the vertical speed gT/2 at both ends. A smaller `bounce` scales both parts.
 
     Args:
         cycle: Leg cycle.
         swing_time: Duration T of a swing, s; broadcasts with the cycle.
         stance_time: Duration of a stance, s; broadcasts with the cycle.
-        bounce: Scale, 0 … 1; broadcasts with the cycle.
+        bounce: Scale, 0 to 1; broadcasts with the cycle.
 
     Returns:
-        Height, m.
+        Height relative to the hip at touch-down and lift-off, m.
     """
     t = cycle.progress
     fall = 0.5 * GRAVITY * bounce * swing_time
@@ -87,10 +92,10 @@ def cubic_swing(start: Floats, end: Floats, slope: Floats, progress: Floats) -> 
         start: Value at progress 0.
         end: Value at progress 1.
         slope: Slope at both ends per unit of progress; for a foot, the velocity of the ground.
-        progress: Progress, 0 … 1.
+        progress: Progress, 0 to 1.
 
     Returns:
-        Value at the progress.
+        Interpolated value.
     """
     t = progress
     return start + smoothstep(t) * (end - start) + slope * (t * (1.0 - t) * (1.0 - 2.0 * t))

@@ -1,6 +1,7 @@
 """Ground plane through the footprints, the places where the feet last stood.
 
-Everything is in the level frame (see `policies.legs.level_frame`), legs along the first axis: arrays of shape (4, n).
+All quantities are in the level frame (see `policies.legs.level_frame`). The legs are on the first axis of a coordinate,
+which is an array (4, n).
 """
 
 import numpy as np
@@ -10,16 +11,17 @@ from policies.legs.level_frame import Vector
 from quad_env.columns import ordered_sum
 
 MAX_SLOPE = 1.2
-"""Largest slope of a fit in each direction, m/m."""
+"""Largest slope of a fitted plane along each axis, m/m."""
 _SPREAD_REGULARISATION = 1e-6
 """Added to the spread of the footprints, so that footprints on a line also define a plane, m²."""
 
 Plane = tuple[Floats, Floats, Floats]
-"""Height below the trunk's centre, relative to it, m, and rise per metre forward and to the left; each (n,)."""
+"""Height of the plane below the trunk, relative to the trunk centre, (n,), m, and rise per metre forward and to the
+left, (n,) each."""
 
 
 def advect_footprints(prints: Floats, velocity: Vector | Floats, yaw_rate: Floats, period: float) -> Floats:
-    """Move footprints under a trunk that moves and turns.
+    """Return the footprints relative to the trunk after a time step in which the trunk moves and turns.
 
     Args:
         prints: Footprints, (3, 4, n), m.
@@ -53,12 +55,12 @@ def fit_plane(prints: Floats) -> Plane:
 
 
 def plane_height(plane: Plane, x: Floats, y: Floats) -> Floats:
-    """Compute the height of the plane relative to the trunk's centre.
+    """Compute the height of the plane at some points, relative to the trunk centre.
 
     Args:
         plane: Plane.
-        x: Forward coordinate, m; broadcasts with (n,).
-        y: Lateral coordinate, m; broadcasts with (n,).
+        x: Forward coordinate of the points, broadcasts with (n,), m.
+        y: Lateral coordinate of the points, broadcasts with (n,), m.
 
     Returns:
         Height, m.
@@ -69,6 +71,6 @@ def plane_height(plane: Plane, x: Floats, y: Floats) -> Floats:
 
 
 def height_above_plane(plane: Plane, prints: Floats) -> Floats:
-    """Compute the height of the footprints `prints`, (3, 4, n), above the `plane`, (4, n), m."""
+    """Compute the height above the `plane`, (4, n), m, of the footprints `prints`, (3, 4, n), m."""
     height: Floats = prints[2] - plane_height(plane, prints[0], prints[1])
     return height

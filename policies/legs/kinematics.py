@@ -1,13 +1,13 @@
-"""Exact kinematics of one leg, joint angles to foot position and back, and the sag of its servos under a load.
+"""Exact forward and inverse kinematics of a leg, and compensation of the sag of its servos under a load.
 
-Hip frame: origin at the hip joint, axes parallel to the base frame (x forward, y left, z up). The hip turns the leg
-about +x; the thigh joint sits D = `hip_offset` outboard of it; thigh and calf, L1 and L2 long, turn about +y in the
-plane that the hip has tilted. In that plane (x forward, z towards the hip's own "up") a foot is at
+Hip frame: origin at the hip joint, axes parallel to the base frame (x forward, y left, z up). The hip joint rotates the
+leg about +x. The thigh joint is D = `hip_offset` outboard of the hip joint. Thigh and calf, of lengths L1 and L2,
+rotate about +y in the plane that the hip has tilted. In this leg plane (x forward, z up before the tilt) a foot is at
 
     x = -L1 sin(thigh) - L2 sin(thigh + calf)        z = -L1 cos(thigh) - L2 cos(thigh + calf)
 
-and the hip carries (x, ±D, z) over to the hip frame. Calf angles have the sign of `knee_direction`, and of the two ways
-to reach a point the inverse takes the one with the foot below the thigh joint (z <= 0 in the leg's plane).
+and the rotation of the hip takes (x, ±D, z) to the hip frame. Calf angles have the sign of `knee_direction`. A point
+can be reached in two ways; the inverse takes the one with the foot below the thigh joint (z <= 0 in the leg plane).
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ from quad_env.robots.robot import Robot
 
 
 def min_leg_length(robot: Robot) -> float:
-    """Return the distance from thigh joint to foot with a folded knee, without joint limits, m."""
+    """Return the distance from thigh joint to foot if the knee is fully folded and joint limits are ignored, m."""
     return abs(robot.thigh_length - robot.calf_length)
 
 
@@ -42,14 +42,14 @@ def joint_angles(robot: Robot, feet: ArrayLike) -> Floats:
 def leg_angles(
     robot: Robot, x: Floats, y: Floats, z: Floats, *, legs_first: bool = False
 ) -> tuple[Floats, Floats, Floats]:
-    """Compute the inverse kinematics of `joint_angles` with separate coordinates and angles.
+    """Compute the inverse kinematics as `joint_angles` does, with separate arrays for coordinates and angles.
 
     Args:
         robot: Robot.
-        x: Foot position forward, hip frames, (..., legs), or (legs, n) with `legs_first`, m.
-        y: Foot position to the left, of the same shape, m.
-        z: Foot position up, of the same shape, m.
-        legs_first: The legs are the first axis.
+        x: Foot position forward, hip frames, (..., legs), or (legs, n) if `legs_first`, m.
+        y: Foot position to the left, same shape, m.
+        z: Foot position up, same shape, m.
+        legs_first: True if the legs are on the first axis.
 
     Returns:
         Hip, thigh and calf angles, each of the same shape, rad.
@@ -58,26 +58,28 @@ def leg_angles(
     if legs_first:
         side, knee = side[:, None], knee[:, None]
     outboard = side * robot.hip_offset
-    # Foot below the thigh joint, in the plane of the leg.
+    # Distance of the foot below the thigh joint, in the leg plane.
     drop = np.sqrt(np.maximum(y * y + z * z - robot.hip_offset**2, 0.0))
-    # The hip angle takes the vector (outboard, -drop) to (y, z): its sine and cosine are their cross and dot product.
+    # The hip rotates the vector (outboard, -drop) to (y, z). The cross product of both vectors is proportional to the
+    # sine of the hip angle, their dot product to the cosine.
     hip = np.arctan2(z * outboard + y * drop, y * outboard - z * drop)
     thigh, calf = _plane_angles(robot, x, drop, knee)
     return hip, thigh, calf
 
 
 def _plane_angles(robot: Robot, x: Floats, drop: Floats, knee: Floats) -> tuple[Floats, Floats]:
-    """Return the thigh and calf angles, rad, of a foot at x and `drop` below the thigh joint in the leg's plane, m."""
+    """Return the thigh and calf angles, rad, for a foot at `x` forward and `drop` below the thigh joint, m."""
     upper = robot.thigh_length
     lower = robot.calf_length
     squared_length = np.clip(x * x + drop * drop, min_leg_length(robot) ** 2, robot.leg_length**2)
     bend = (squared_length - upper**2 - lower**2) / (2.0 * upper * lower)
-    bend = np.clip(bend, -1.0, 1.0)  # rounding alone takes it out
+    bend = np.clip(bend, -1.0, 1.0)  # because rounding can put it slightly outside of [-1, 1]
     calf = knee * np.arccos(bend)
-    # From the thigh joint, the foot is `along` down the thigh and `behind` off its line (negative: to the front).
+    # Position of the foot relative to the thigh joint: `along` is the component along the thigh, `behind` the component
+    # perpendicular to the thigh, negative to the front.
     along = upper + lower * bend
     behind = knee * lower * np.sqrt(1.0 - bend * bend)
-    # As for the hip: the thigh angle takes (behind, along) to (-x, drop).
+    # As for the hip angle: the thigh rotates (behind, along) to (-x, drop).
     thigh = np.arctan2(-x * along - drop * behind, drop * along - x * behind)
     return thigh, calf
 
@@ -103,9 +105,9 @@ def compensate_servo_load(
 ) -> tuple[Floats, Floats, Floats]:
     """Compensate servo sag: joint targets at which the servos hold the given angles under an upward foot force.
 
-    A servo of stiffness k holds its target up to torque/k, and the torque is the force times ∂z/∂(joint). This is y for
-    the hip, -x cos(hip) for the thigh and L2 sin(thigh + calf) cos(hip) for the calf. Arrays are (n, 4), or (4, n) with
-    `leg_axis` 0.
+    The joint angle of a servo with stiffness k deviates from its target by torque / k. The torque is the force times
+    ∂z/∂(joint angle), which is y for the hip, -x cos(hip) for the thigh and L2 sin(thigh + calf) cos(hip) for the calf.
+    Arrays are (n, 4), or (4, n) if `leg_axis` is 0.
 
     Args:
         robot: Robot.
@@ -130,9 +132,9 @@ def compensate_servo_load(
 
 
 def leg_height(robot: Robot, gravity: Floats, joints: Floats) -> Floats:
-    """Compute the height of the trunk's centre above the underside of its lowest foot.
+    """Compute the height of the trunk centre above the underside of the lowest foot.
 
-    On level ground this is the height of the fall rule.
+    On level ground this is the trunk height that the fall rule uses.
 
     Args:
         robot: Robot.

@@ -1,7 +1,6 @@
-"""Level frame: origin at the trunk's centre, x along the trunk's heading, z up.
+"""Level frame: origin at the trunk centre, x along the heading of the trunk, z up.
 
-It is the contract's heading frame with a vertical axis. Vectors are tuples of three arrays that broadcast, or arrays
-(3, …).
+A vector is a tuple of three arrays that broadcast, or an array (3, …).
 """
 
 from typing import NamedTuple
@@ -13,32 +12,32 @@ from policies.gait_cycle import Floats
 Vector = tuple[Floats, Floats, Floats]
 
 _NO_HEADING = 1e-6
-"""Length of the horizontal part of the trunk's x axis below which it has no heading."""
+"""Smallest length of the horizontal part of the trunk's x axis; it avoids a division by zero for a vertical trunk."""
 
 
 class LevelFrame(NamedTuple):
-    """Attitude of the trunk as the world's up direction in the base frame, and its transform to the level frame.
+    """Attitude of n trunks, given by the up direction of the world in the base frame.
 
     `level_frame` makes one from the gravity vector. Each field is (n,).
     """
 
     up_x: Floats
-    """Rise of the trunk's x axis: positive with the nose up."""
+    """Component x of the up direction; positive if the nose is up."""
     up_y: Floats
-    """Rise of the trunk's y axis: positive with the left side up."""
+    """Component y of the up direction; positive if the left side is up."""
     up_z: Floats
-    """Cosine of the tilt."""
+    """Component z of the up direction, the cosine of the tilt."""
     level_x: Floats
     """Length of the horizontal part of the trunk's x axis."""
 
     @property
     def roll(self) -> Floats:
-        """Roll about +x, (n,), rad; positive with the left side up."""
+        """Roll about +x, (n,), rad; positive if the left side is up."""
         return np.arctan2(self.up_y, self.up_z)
 
     @property
     def pitch(self) -> Floats:
-        """Pitch about +y, (n,), rad; positive with the nose down."""
+        """Pitch about +y, (n,), rad; positive if the nose is down."""
         pitch: Floats = -np.arcsin(self.up_x.clip(-1.0, 1.0))
         return pitch
 
@@ -59,6 +58,6 @@ class LevelFrame(NamedTuple):
 
 
 def level_frame(projected_gravity: Floats) -> LevelFrame:
-    """Return the level frame of unit gravity vectors in the base frame, (3, n)."""
+    """Return the level frames of n robots from their unit gravity vectors, base frame, (3, n)."""
     up_x, up_y, up_z = -projected_gravity
     return LevelFrame(up_x, up_y, up_z, np.maximum(np.sqrt(up_y * up_y + up_z * up_z), _NO_HEADING))

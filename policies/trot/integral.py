@@ -1,7 +1,7 @@
 """Trot with integral action: the integral of the velocity error is added to the command that the trot follows.
 
-The trot has no other input than the command, so that a slope, a steady force, a load or a slippery floor cause a
-lasting velocity error. The integral removes it.
+The command is the only input of the trot. A slope, a steady force, a load or a slippery floor therefore cause a lasting
+velocity error, which the integral removes.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -26,16 +26,16 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class IntegralParameters(TrotParameters):
-    """Parameters of the trot and of the integral. Defaults of the integral were chosen by hand on search episodes."""
+    """Parameters of the trot and of the integral; defaults of the integral were chosen by hand on search episodes."""
 
     integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
     """Rate of the velocity correction per velocity error, 1/s."""
     yaw_integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
     """Rate of the yaw-rate correction per yaw-rate error, 1/s."""
     settling_time: float = parameter(0.3, limits=(0.01, 100.0), search=(0.05, 1.0), unit="s")
-    """Time constant of the expected response to a new command, s; the error is relative to this response."""
+    """Time constant of the expected velocity after a new command, s; the velocity error is relative to it."""
     largest_error: float = parameter(0.5, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m/s")
-    """Largest velocity error that counts, m/s: a larger one is a push or a fall, and no bias.
+    """Largest velocity error that the integral counts, m/s, because a larger error is caused by a push or a fall.
 
     The limit of SimpleQuad's yaw-rate error has the same number, rad/s."""
     largest_correction: float = parameter(0.8, limits=(0.0, 100.0), search=(0.2, 2.0), unit="m/s")
@@ -51,15 +51,15 @@ SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
     "yaw_gain": (0.8, 1.8),
     "yaw_per_lateral": (-0.8, 0.2),
 }
-"""Bounds of a search, also for the command map, which the search of the trot fits."""
+"""Parameter name -> bounds of a search. It also includes the command map, which the search of the trot fits instead."""
 FILE = ParameterFile(Path(__file__).with_name("trot_integral.json"), IntegralParameters)  # TROT_INTEGRAL.md
 
 
 def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:
-    """Return the parameters of a `robot`, see `ParameterFile`.
+    """Return the parameters of the integral trot for a `robot`, see `ParameterFile`.
 
-    If only its trot was searched, they have the searched parameters of the trot. PolicyError if the file is missing or
-    damaged.
+    If only the trot of the robot was searched, the function takes the parameters of that trot and the scaled parameters
+    of the integral. Raises PolicyError if the file is missing or damaged.
     """
     parameters = FILE.load_for_robot(robot)
     folder = models_folder(robot)
@@ -69,7 +69,7 @@ def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:
 
 
 class TrotIntegral(Trot):
-    """Command-following trot without a lasting velocity error; steps in place at zero command."""
+    """Trot that follows a velocity command without a lasting error; steps in place if the command is zero."""
 
     name = "trot_integral"
     parameters: IntegralParameters
@@ -81,7 +81,7 @@ class TrotIntegral(Trot):
 
     @cached_property
     def _limit_scale(self) -> Floats:
-        """Factors from the limits to m/s and rad/s, (3,); they are 1 on SimpleQuad."""
+        """Factors on the limits for forward, lateral and yaw velocity, (3,); all are 1 on SimpleQuad."""
         return np.array([1.0, 1.0, scale_to_robot(self.robot, 1.0, "rad/s") / scale_to_robot(self.robot, 1.0, "m/s")])
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
@@ -98,7 +98,7 @@ class TrotIntegral(Trot):
         return super()._act(corrected)
 
     def _velocity_error(self, observation: NDArray[np.float32]) -> Floats:
-        """Update the expected velocity, and return the error relative to it, (n, 3), m/s and rad/s."""
+        """Update the expected velocity, and return expected minus measured velocity, (n, 3), m/s and rad/s."""
         command = observation[:, OBSERVATION["command"]].astype(np.float64)
         gain = lowpass_gain(self.control_period, self.parameters.settling_time)
         self._expected = self._expected + (command - self._expected) * gain

@@ -1,7 +1,7 @@
-"""Diagonal trot that follows a velocity command: the baseline, and the base of the residual.
+"""Open-loop diagonal trot that follows a velocity command; the baseline of the benchmark.
 
-Each stance foot moves against the commanded velocity of the body at that foot, -(v + ω × r), so that forward, lateral
-and turning commands are one formula. Each swing brings it back. The command is its only input.
+Each stance foot moves against the commanded velocity of the body at this foot, -(v + ω × r). One formula thus serves
+forward, lateral and turning commands. Each swing moves the foot back. The command is the only input of the trot.
 """
 
 from dataclasses import dataclass
@@ -27,25 +27,25 @@ class TrotParameters(CommandMap):
     """Parameters of the trot, which a search tunes."""
 
     frequency: float = parameter(2.8, limits=(0.1, 50.0), search=(2.0, 3.1), unit="Hz")
-    """Gait cycles a second, Hz."""
+    """Gait cycles per second, Hz."""
     duty: float = parameter(0.55, limits=(0.01, 0.99), search=(0.5, 0.65))
-    """Share of the cycle that a foot is on the ground."""
+    """Duty factor, the fraction of the cycle that a foot is on the ground."""
     body_height: float = parameter(0.47, limits=(0.01, 5.0), search=(0.45, 0.52), unit=HIP_HEIGHT)
-    """Hip joints above the centres of the standing feet, m."""
+    """Height of the hip joints above the centres of the stance feet, m."""
     step_height: float = parameter(0.07, limits=(-1.0, 1.0), search=(0.03, 0.14), unit="m")
     """Lift of the foot at mid-swing, m."""
     stance_width: float = parameter(0.54, limits=(-10.0, 10.0), search=(0.4, 0.72), unit=LATERAL_LENGTH)
-    """Distance between the lines of the left and the right feet, m; at 0.5 the legs hang straight down."""
+    """Lateral distance between the left and the right feet, m; at 0.5 the legs of SimpleQuad hang straight down."""
     stance_shift: float = parameter(-0.02, limits=(-1.0, 1.0), search=(-0.1, 0.05), unit="m ahead")
-    """Middle of the strides ahead of the hip joints, m."""
+    """Forward distance of the middle of the strides from the hip joints, m."""
     servo_lead: float = parameter(0.01, limits=(-1.0, 1.0), search=(0.0, 0.05), unit="s")
-    """Lead of the targets along the tangent of the path, s; it compensates the lag of the joint servos."""
+    """Lead time of the targets along the tangent of their path, s; it compensates the lag of the joint servos."""
     stance_load: float = parameter(50.0, limits=(-1e5, 1e5), search=(0.0, 90.0), unit="N")
-    """Ground force on a stance foot that the joint targets compensate the sag of the servos for, N."""
+    """Force on a stance foot for which the joint targets compensate the sag of the servos, N."""
     blend_time: float = parameter(0.3, limits=(1e-3, 100.0), unit="s")
     """Duration of the blend from the home pose to the gait at the start of an episode, s."""
     turn_lead: float = parameter(0.06, limits=(-10.0, 10.0), search=(0.0, 0.2), unit="s")
-    """Lead of the gait's velocity in a curve, at the commanded yaw rate, s: the body lags behind."""
+    """Lead time of the gait direction over the commanded direction in a curve, s, because the body lags behind."""
     linear_acceleration: float = parameter(14.0, limits=(1e-3, 1e6), search=(2.0, 20.0), unit="m/s²")
     """Largest rate of the forward and of the lateral command that the gait follows, m/s²."""
     yaw_acceleration: float = parameter(16.0, limits=(1e-3, 1e6), search=(3.0, 40.0), unit="rad/s²")
@@ -62,10 +62,10 @@ def searched_parameters(robot: Robot = SIMPLE_QUAD) -> TrotParameters:
 
 
 class Trot(GaitedPolicy):
-    """Command-following trot; steps in place at zero command.
+    """Open-loop trot that follows a velocity command; steps in place if the command is zero.
 
     Args:
-        parameters: Parameters; the searched ones by default.
+        parameters: Parameters of the gait; the searched parameters by default.
         robot: See `Policy`.
         control_period: See `Policy`.
     """
@@ -89,7 +89,7 @@ class Trot(GaitedPolicy):
         initialize_state(self, _joints=self.robot.home_pose)
 
     def _searched(self) -> TrotParameters:
-        """Return the default parameters of the robot."""
+        """Return the searched parameters of the robot."""
         return searched_parameters(self.robot)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
@@ -103,13 +103,13 @@ class Trot(GaitedPolicy):
         return to_actions(self.robot, joints + self.parameters.servo_lead * velocity)
 
     def _follow(self, command: Floats) -> None:
-        """Move the command that the gait follows towards the given one, within its acceleration limits."""
+        """Move the internal command towards the given command, within the acceleration limits."""
         p = self.parameters
         reach = self.control_period * np.array([p.linear_acceleration, p.linear_acceleration, p.yaw_acceleration])
         self._command = self._command + np.clip(command - self._command, -reach, reach)
 
     def _gait_velocity(self, command: Floats) -> Floats:
-        """Return the input of the gait at which the robot achieves the commanded velocity, (n, 3)."""
+        """Return the gait velocity at which the robot achieves the commanded velocity, (n, 3), m/s and rad/s."""
         p = self.parameters
         yaw_rate = command[:, 2]
         forward = command[:, 0] - p.turn_lead * yaw_rate * command[:, 1]
@@ -117,7 +117,7 @@ class Trot(GaitedPolicy):
         return np.stack(map_command(p, forward, lateral, yaw_rate), axis=-1)
 
     def _targets(self, phase: Floats, velocity: Floats) -> Floats:
-        """Return the joint targets, (n, 12), rad, at a phase, (n,), and a velocity of the gait, (n, 3)."""
+        """Return the joint targets, (n, 12), rad, for a phase, (n,), rad, and a gait velocity, (n, 3)."""
         robot = self.robot
         cycle = self._gait.legs(phase)
         x, y = self._foot_positions(cycle, velocity)
@@ -127,12 +127,12 @@ class Trot(GaitedPolicy):
         return flat_joints(np.stack(compensate_servo_load(robot, hip, thigh, calf, x, y, force), axis=-1))
 
     def _foot_positions(self, cycle: LegCycle, velocity: Floats) -> tuple[Floats, Floats]:
-        """Return the feet along x and y in their hip frames, each (n, 4), m."""
+        """Return the coordinates x and y of the feet, hip frames, each (n, 4), m."""
         p = self.parameters
         foot_x = self.robot.hip_positions[:, 0] + p.stance_shift
         foot_y = self.robot.side * (p.stance_width / 2.0)
         forward, lateral, yaw_rate = np.split(velocity, 3, axis=1)
-        # A stance foot passes under the body at -(v + ω × r), r from the trunk's centre to the foot.
+        # A stance foot moves under the body at -(v + ω × r), with r from the trunk centre to the foot.
         stance_time = p.duty / p.frequency
         along = stride_displacement(cycle, p.duty) * stance_time
         x = p.stance_shift + along * (forward - yaw_rate * foot_y)

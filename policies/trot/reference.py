@@ -1,8 +1,8 @@
-"""Upright trot on compliant servos that learned policies correct: a trajectory for them to modulate.
+"""Upright trot on compliant servos, the reference trajectory that learned policies modulate.
 
-It is the trot with integral action, with parameters chosen by hand: tall, slow for a trot that does not balance, and
-on servos that yield at impacts. It informs the network when each foot swings, how high, and how tall the robot stands
-(A. Iscen et al., Policies Modulating Trajectory Generators, 2018).
+The reference is the trot with integral action. Its parameters are chosen by hand: the robot stands tall, steps slowly
+for a trot that does not balance, and its servos yield at impacts. The reference gives the network the swing times, the
+step height and the body height (A. Iscen et al., Policies Modulating Trajectory Generators, 2018).
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class ReferenceParameters(IntegralParameters):
     """Parameters of the integral trot, chosen by hand, and the servo gains."""
 
     body_height: float = parameter(0.34, limits=(0.01, 5.0), unit="m")
-    """Hip joints above the centres of the standing feet, m; as much of the leg for every robot."""
+    """Height of the hip joints above the centres of the stance feet, m; it scales with the leg length of the robot."""
     stiffness: float = parameter(150.0, limits=(1e-9, 1e9), unit="N·m")
     """Stiffness of the servos, N·m/rad."""
     damping: float = parameter(7.5, limits=(1e-9, 1e9), unit="N·m·s")
@@ -32,10 +32,10 @@ FILE = ParameterFile(Path(__file__).with_name("trot_reference.json"), ReferenceP
 
 
 class TrotReference(TrotIntegral):
-    """Integral trot as a reference trajectory; steps in place at zero command.
+    """Integral trot as a reference trajectory; steps in place if the command is zero.
 
     Args:
-        parameters: Parameters; from the file by default.
+        parameters: Parameters of the gait and the servos; from the file of the robot by default.
         robot: See `Policy`.
         control_period: See `Policy`.
     """
