@@ -1,4 +1,4 @@
-"""Session: one robot in an episode that a user steers and pushes while it walks."""
+"""Session: one robot in an episode, which a user can steer and push during the episode."""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -14,33 +14,33 @@ from policies.gait_cycle import smoothstep
 from quad_env.scenarios.scenario import Scenario
 
 POLICY_BLEND_TIME = 0.4
-"""s. Time in which the joint targets blend from their last values into the ones of a new policy."""
+"""Time in which the joint targets blend from the last targets to the targets of a new policy, s."""
 
 
 class Session:
-    """One robot with the start, ground, pushes and commands of an episode, without a time limit.
+    """One robot in an episode that has no time limit.
 
-    A fallen robot goes on. Commands and pushes are the scenario's until `steer` and `push`. Observers get the start of
-    every episode, as step 0, and every control step after it. Listeners get a short text about every intervention:
-    `reset, seed 4`, `trot chosen`. Sessions with the same scenario and seed have the same episode for any policy. A
-    policy that was made for another robot or another control period raises ValueError.
+    The episode continues after a fall. Commands and pushes come from the scenario until a user calls `steer` or `push`.
+    Two sessions with the same scenario and seed have the same initial state, ground, pushes and commands for any
+    policy. A policy that was made for another robot or another control period raises ValueError.
 
     Args:
         policy: Policy of the robot.
-        scenario: Scenario of the episodes, or its name.
+        scenario: Scenario of the episodes, or name of a scenario.
         seed: Seed of the first episode.
-        command: Command from the first step on, as by `steer`; None for the scenario's commands.
+        command: Fixed command, in the units of `steer`; None for the scenario's commands.
         hardware: Robot, motors, sensors and simulator.
-        observers: Called with every step.
+        observers: Functions that are called with the start of every episode, as step 0, and with every control step.
 
     Attributes:
-        env: The environment of one robot.
-        policy: The present policy.
-        observers: Called with every step.
-        listeners: Called with a text about every intervention.
-        command: Fixed command, (3,); None while the scenario draws commands.
+        env: Environment with one robot.
+        policy: Present policy.
+        observers: Functions that are called with every step.
+        listeners: Functions that are called with a short text about every intervention, for example `trot chosen`.
+        command: Fixed command: forward and left velocity, m/s, and yaw rate, rad/s, (3,); None for the scenario's
+            commands.
         seed: Seed of the present episode.
-        latest: The last control step, or the start of the episode.
+        latest: Last control step, or the start of the episode before the first control step.
         user_intervened: True if a user steered, pushed or changed the policy in the present episode.
     """
 
@@ -69,21 +69,24 @@ class Session:
             close_on_error.pop_all()
 
     def reset(self, seed: int | None = None) -> Step:
-        """Start the episode of a `seed`, by default the next one; a fixed command stays. Return its start."""
+        """Start the episode of a `seed`, by default the present seed plus 1, and return the first step.
+
+        A fixed command stays fixed.
+        """
         self.seed = self.seed + 1 if seed is None else seed
         self.notify(f"reset, seed {self.seed}")
         return self._begin()
 
     def step(self) -> Step:
-        """Advance the robot by one control step, and return the step."""
+        """Advance the robot by one control step and return the step."""
         return self._notify_observers(advance(self.latest, self._action())[0])
 
     def steer(self, command: ArrayLike | None) -> None:
         """Fix the command of the robot.
 
         Args:
-            command: Heading frame, (3,): forward and left m/s, yaw rate rad/s; the environment raises ValueError for an
-                invalid one. None returns the commands to the scenario, from the next episode on.
+            command: Forward and left velocity, heading frame, m/s, and yaw rate, rad/s, (3,). None for the scenario's
+                commands, from the next episode on. The environment raises ValueError for an invalid command.
         """
         if command is not None:
             self.env.steer(command)
@@ -94,7 +97,7 @@ class Session:
         """Push the trunk.
 
         Args:
-            force: World frame, (2,), N; the environment raises ValueError for an invalid one.
+            force: Horizontal force, world frame, (2,), N. The environment raises ValueError for an invalid force.
             duration: Duration of the push, s.
         """
         self.env.push(force, duration)
@@ -105,8 +108,8 @@ class Session:
     def set_policy(self, policy: Policy) -> None:
         """Replace the policy; joint targets blend within `POLICY_BLEND_TIME`.
 
-        On an error nothing changes: ValueError as from the constructor, or PolicyError for a `policy` that needs other
-        observations than the first.
+        A `policy` for another robot or control period raises ValueError. A `policy` that needs another height scan than
+        the present policy raises PolicyError. On an error the present policy stays.
         """
         self._check(policy)
         policy.reset(num_envs=1, seed=0)
@@ -126,27 +129,27 @@ class Session:
         self.env.close()
 
     def _check(self, policy: Policy) -> None:
-        """Raise ValueError or PolicyError for a policy that does not fit the environment."""
+        """Raise ValueError or PolicyError if the policy does not fit the environment."""
         policy.check_compatible(self.env.robot, self.env.dt)
         if policy.height_scan != self.policy.height_scan:
             raise PolicyError(f"{policy.name} needs other ground heights than {self.policy.name}")
 
     def _begin(self) -> Step:
-        """Start the episode of the present seed."""
+        """Start the episode of the present seed and return the first step."""
         self._policy_changed_at = self._offset = None
         self.user_intervened = False
         self.policy.reset(num_envs=1, seed=0)
         return self._notify_observers(reset_episodes(self.env, np.array([self.seed]), self.command))
 
     def _notify_observers(self, step: Step) -> Step:
-        """Store the step and call the observers."""
+        """Store the step, call the observers with the step, and return the step."""
         self.latest = step
         for observer in self.observers:
             observer(step)
         return step
 
     def _action(self) -> Actions:
-        """Return the joint targets, blended after a change of the policy."""
+        """Return the joint targets of the next step; after a change of the policy the targets are blended."""
         action = self.policy.act(self.latest.observation)
         if self._policy_changed_at is None:
             return action

@@ -1,4 +1,4 @@
-"""Ideal IMU at the trunk's centre: the specific force, which the environment's infos do not contain."""
+"""Ideal accelerometer at the trunk's centre, for the specific force that the `infos` of a step do not contain."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,7 +13,9 @@ WORLD_UP = np.array([0.0, 0.0, 1.0])
 
 
 class TrunkImu:
-    """Ideal accelerometer of one robot. It differentiates the velocity, so it needs every control step in order.
+    """Ideal accelerometer of one robot.
+
+    It differentiates the velocity, so it must be called with every control step in order.
 
     Args:
         dt: Control period, s.
@@ -28,7 +30,7 @@ class TrunkImu:
 
         Args:
             infos: Infos of the robot after the step.
-            is_first: True at the start of an episode, where the robot counts as being at rest.
+            is_first: True at the start of an episode, when the acceleration is assumed to be zero.
 
         Returns:
             Specific force, base frame, (3,), m/s².

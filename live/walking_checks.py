@@ -1,7 +1,7 @@
 """Checks of `python -m quad_env doctor` that need policies.
 
-They test that the robot follows commands, that a policy works, and that a policy with a description loads, stands and
-walks.
+The checks test three things: the robot follows commands with a reference policy; a given policy works; a policy with a
+description loads, stands and walks.
 """
 
 from collections.abc import Iterable, Iterator
@@ -25,17 +25,17 @@ from quad_env.robots.plausibility import find_warnings
 from quad_env.robots.robot import Robot
 
 REFERENCE_POLICY = "trot_feedback"
-"""Policy that tests a robot; it walks on every robot of `quad_env.ROBOTS` without a search."""
+"""Policy that tests a robot; it walks on every robot of `quad_env.ROBOTS` without tuned parameters for the robot."""
 COMMANDS = {"forward": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "turning left": (0.0, 0.0, 0.8)}
-"""Name -> command of SimpleQuad, m/s and rad/s; scaled to the size of other robots."""
+"""Name -> command for SimpleQuad: forward and left velocity, m/s, and yaw rate, rad/s; scaled to other robots."""
 MIN_REPORTED_DAMPING_RATIO = 0.05
-"""Smallest ratio of the joints' own damping to the servos' damping that is reported."""
+"""Ratio of passive joint damping to servo damping above which the joint damping is reported."""
 NAME_REMEDY = "name an existing policy: python -m quad_env policies"
 INTERFACE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
 
 
 def check_reference_policy(subject: DoctorSubject) -> Finding:
-    """Check that the robot of `subject` walks with a policy that works on others."""
+    """Check that the robot of `subject` walks with the reference policy, which works on other robots."""
     robot = subject.robot
     tracked, not_tracked = walk(policies.make(REFERENCE_POLICY, robot=robot), subject)
     if not not_tracked:
@@ -52,7 +52,7 @@ def check_reference_policy(subject: DoctorSubject) -> Finding:
 
 
 def check_policy(subject: DoctorSubject) -> Finding:
-    """Check that the policy of `subject` loads, fits robot and control period, and follows commands."""
+    """Check that the policy of `subject` loads, fits the robot and the control period, and follows commands."""
     assert subject.policy is not None
     try:
         policy = policies.resolve(
@@ -72,7 +72,7 @@ def check_policy(subject: DoctorSubject) -> Finding:
 
 
 def _load_problem(reference: str, error: PolicyError) -> Finding:
-    """Return the problem of a policy that does not load."""
+    """Return the finding for a policy that does not load, with cause and remedy."""
     if policies.is_reference(reference):
         return _policy_code_problem(str(error))
     remedy = error.remedy or NAME_REMEDY
@@ -83,15 +83,15 @@ def _load_problem(reference: str, error: PolicyError) -> Finding:
 
 
 def walk(policy: Policy, subject: DoctorSubject) -> tuple[list[str], list[str]]:
-    """Let a policy walk at each of `COMMANDS`.
+    """Let a policy walk at each command of `COMMANDS`.
 
     Args:
-        policy: The policy.
-        subject: The robot.
+        policy: Policy to test.
+        subject: Subject of the checks, with the robot.
 
     Returns:
-        tracked: Text about each command that it follows, for example `forward 0.49 of 0.50 m/s`.
-        not_tracked: Text about each other command.
+        tracked: Text about each command that the policy follows, for example `forward 0.49 of 0.50 m/s`.
+        not_tracked: Text about each command that the policy does not follow.
     """
     results = run_walks(policy, HardwareConfig(robot=subject.name), COMMANDS, np.arange(1))
     tracked = [result.description for result in results if result.deviation <= 1.0]
@@ -100,7 +100,7 @@ def walk(policy: Policy, subject: DoctorSubject) -> tuple[list[str], list[str]]:
 
 
 def _policy_code_problem(observed: str) -> Finding:
-    """Return the problem of a policy with an error in its own code."""
+    """Return the finding for a policy with an error in the policy's own code."""
     return problem(observed, "the policy's own code, or its input and output", f"correct it there: {INTERFACE}")
 
 
@@ -109,7 +109,10 @@ DESCRIPTION_REMEDY = "in the description: --write mine.toml writes it, to correc
 
 
 def check_description(subject: DoctorSubject) -> Finding:
-    """Check that the description of the policy of `subject` is complete and fits the robot."""
+    """Check that the policy of `subject` has a complete description that fits the robot.
+
+    The description defines the observations and actions of a policy from another project.
+    """
     try:
         policy = _load_policy(subject)
     except PolicyError as error:
@@ -136,12 +139,12 @@ def _check_without_description(subject: DoctorSubject) -> Finding:
 
 
 def check_standing(subject: DoctorSubject) -> Finding:
-    """Check that the policy of `subject` stands at command zero; otherwise diagnose its description."""
+    """Check that the policy of `subject` stands at zero command; diagnose the description if it does not."""
     return _check_walks(subject, (diagnosis.STAND,))
 
 
 def check_walking(subject: DoctorSubject) -> Finding:
-    """Check that the policy of `subject` follows moderate commands; otherwise diagnose its description."""
+    """Check that the policy of `subject` follows moderate commands; diagnose the description if it does not."""
     return _check_walks(subject, tuple(name for name in diagnosis.COMMANDS if name != diagnosis.STAND))
 
 
@@ -149,11 +152,11 @@ def describe_spec(spec: PolicySpec, robot: Robot) -> Iterator[str]:
     """Describe a policy specification in text.
 
     Args:
-        spec: The specification.
-        robot: Robot of the policy.
+        spec: Specification of the policy.
+        robot: Robot that the policy controls.
 
     Yields:
-        Lines of text.
+        Lines about control rate, joints, servos, observation and open questions.
     """
     yield f"rate    {spec.control_rate:g} Hz"
     yield f"joints  {joint_order_in_words(spec.joints, robot)}: {' '.join(spec.joints)}"
@@ -167,19 +170,19 @@ def describe_spec(spec: PolicySpec, robot: Robot) -> Iterator[str]:
 
 
 def _format_term(term: SpecTerm) -> str:
-    """Return a term in text, for example `joint_velocity 12 × 0.05`, with the length of its history."""
+    """Format an observation term: name, width, scale and length of the history, as in `joint_velocity 12 × 0.05`."""
     scale = "" if set(term.scale) == {1.0} else f" × {_format_numbers(term.scale)}"
     history = f" of {term.history} steps" if term.history > 1 else ""
     return f"{term.name} {term.width}{scale}{history}"
 
 
 def _format_numbers(values: Iterable[float]) -> str:
-    """Return numbers in text, separated by spaces."""
+    """Format numbers as text, separated by spaces."""
     return " ".join(f"{value:g}" for value in values)
 
 
 def _check_walks(subject: DoctorSubject, command_names: tuple[str, ...]) -> Finding:
-    """Check the walks at some commands."""
+    """Check that the policy passes the walking test at each command in `command_names`."""
     policy = _load_policy(subject)
     if policy.spec is None:
         return NO_DESCRIPTION
@@ -195,7 +198,7 @@ def _check_walks(subject: DoctorSubject, command_names: tuple[str, ...]) -> Find
 
 @lru_cache(maxsize=1)
 def _load_policy(subject: DoctorSubject) -> ExternalPolicy:
-    """Load the policy, or raise PolicyError."""
+    """Load the policy of `subject`; raise PolicyError if it cannot be loaded."""
     assert subject.policy is not None
     reference = subject.policy.removeprefix(policies.SAFE)
     return ExternalPolicy(reference, robot=subject.robot, control_period=CONTROL_PERIOD, trust=subject.trust)
@@ -203,5 +206,5 @@ def _load_policy(subject: DoctorSubject) -> ExternalPolicy:
 
 @lru_cache(maxsize=1)
 def _run_walks(subject: DoctorSubject) -> list[Walk]:
-    """Let the policy stand and walk at the commands of `diagnosis`."""
+    """Run the walking test at each command of `diagnosis.COMMANDS` with the policy of `subject`."""
     return diagnosis.run_walk_tests(_load_policy(subject), subject.name)

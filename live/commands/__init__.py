@@ -1,1 +1,1 @@
-"""Commands of `python -m quad_env` that need policies, a module each."""
+"""Commands of `python -m quad_env` that need policies; each command is one module."""

@@ -13,17 +13,17 @@ CHECKS = (
     DoctorCheck("walks", "live.walking_checks:check_reference_policy", ("stands",)),
     DoctorCheck("policy", "live.walking_checks:check_policy", ("walks", "walking")),
 )
-"""Checks after the ones of `quad_env.doctor`; the second is for runs with a policy."""
+"""Checks that follow the checks of `quad_env.doctor`; the second check runs only if a policy is given."""
 DESCRIPTION_CHECKS = (
     DoctorCheck("description", "live.walking_checks:check_description", ("stands",)),
     DoctorCheck("standing", "live.walking_checks:check_standing", ("description",)),
     DoctorCheck("walking", "live.walking_checks:check_walking", ("standing",)),
 )
-"""Checks between them, for a policy from another project."""
+"""Checks between the two `CHECKS`, for a policy from another project."""
 
 
 def main(options: DoctorOptions) -> int:
-    """Run all checks, also of walking and of the policy.
+    """Run all checks, including the checks of walking and of the policy.
 
     Args:
         options: Robot, policy and file to write.
@@ -47,7 +47,7 @@ def main(options: DoctorOptions) -> int:
 
 
 def _write(policy: Path, trust: bool, file: Path) -> None:
-    """Write the policy's description as TOML, with missing fields as comments."""
+    """Write the description of the policy to a TOML `file`; missing fields are written as comments."""
     from policies.external.readers import IncompleteSpecError, write_draft, write_toml
     from policies.external.reference import draft_without_spec, resolve_reference
 
@@ -74,11 +74,11 @@ def check_exists(name_or_path: str) -> None:
         name_or_path: Name, file or folder of the policy.
 
     Raises:
-        UsageError: It is neither a name nor a file or folder, or a file of an unsupported kind.
+        UsageError: There is no policy, file or folder of this name, or the kind of file is not supported.
     """
     try:
         import policies
-    except ImportError:  # the checks report it in more detail
+    except ImportError:  # because the checks report a missing package in more detail
         return
     name = name_or_path.removeprefix(policies.SAFE)
     file = Path(name.partition(".py:")[0] + ".py") if ".py:" in name else Path(name)

@@ -1,4 +1,4 @@
-"""Options of the episode that a command shows, films, records or offers."""
+"""Options of commands that simulate an episode: `view`, `film`, `record` and `ros`."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from quad_env.config import COMMAND_BOUND
 from quad_env.scenarios.scenario import Scenario
 
 Command = tuple[float, float, float]
-"""Forward m/s, left m/s, yaw rate rad/s."""
+"""Command of a robot: forward and left velocity, m/s, and yaw rate, rad/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,14 +27,14 @@ class EpisodeOptions:
     """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
 
     def resolve(self) -> tuple[HardwareConfig, Scenario]:
-        """Find the robot's hardware and the scenario.
+        """Resolve the names of the robot and the scenario.
 
         Returns:
             hardware: Robot, motors, sensors and simulator.
             scenario: Scenario of the episode.
 
         Raises:
-            UsageError: The scenario does not exist; also for an unknown robot.
+            UsageError: The scenario or the robot is unknown.
         """
         hardware = parse_robot_option(self.robot)
         try:
@@ -43,9 +43,9 @@ class EpisodeOptions:
             raise UsageError(f"--scenario: {error}") from error
 
     def check(self, **limits: tuple[float, float]) -> None:
-        """Raise UsageError for a number beyond its `limits`: name -> smallest, largest value.
+        """Raise UsageError if a number is outside its `limits`: option -> smallest and largest value.
 
-        Seed and command are checked in any case.
+        Seed and command are always checked.
         """
         if getattr(self, "command", None) is not None:
             limits["command"] = (-COMMAND_BOUND, COMMAND_BOUND)

@@ -22,7 +22,7 @@ from quad_env.cli.progress import show_bar
 MAX_POLICIES = 9
 """Maximum number of policies side by side."""
 LIMITS = {"seconds": (CONTROL_PERIOD, 86_400.0), "speed": (0.01, 100.0), "fps": (1.0, 100.0), "size": (64, 4096)}
-"""Option -> its smallest and largest value."""
+"""Option -> smallest and largest value."""
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ def main(options: PoliciesOptions) -> int:
 
 
 def _lines(robot: Robot) -> Iterator[str]:
-    """Yield the lines of the list for a robot."""
+    """Yield the lines of the list of policies for a robot."""
     width = 2 + max(map(len, policies.names()))
     yield "controllers, for any robot"
     of_extensions = [name for name in policies.names() if name not in MAKERS]
@@ -52,7 +52,7 @@ def _lines(robot: Robot) -> Iterator[str]:
 
 
 def _training_lines(folder: Path) -> Iterator[str]:
-    """Yield a line about base and training of a bundle, or about the error in it."""
+    """Yield a line about base policy and training of a trained policy's `folder`, or about an error in the folder."""
     try:
         description = parse_description(folder, read_bytes(folder / bundle.DESCRIPTION))
         base = description.base["name"]
@@ -65,5 +65,5 @@ def _training_lines(folder: Path) -> Iterator[str]:
         )
     except (policies.PolicyError, OSError) as error:
         yield str(error)
-    except (KeyError, TypeError, ValueError):  # a trainer may write anything as training
+    except (KeyError, TypeError, ValueError):  # because other trainers may write other fields
         yield f"of unknown training: {bundle.DESCRIPTION} has none"

@@ -65,7 +65,7 @@ def main(options: RosOptions) -> int:
 
 
 def _run(session: Session, ros_process: RosProcess, speed: float, record: Path | None) -> None:
-    """Simulate until Ctrl-C or until ROS ends."""
+    """Simulate in real time until Ctrl-C or until the ROS process ends."""
 
     def log(text: str) -> None:
         print(f"{bridge.time:8.2f} s  {text}", flush=True)

@@ -1,1 +1,1 @@
-"""Recordings of a walking robot as MCAP files, which a separate process writes."""
+"""Recordings of a robot as MCAP files, which a separate process writes."""

@@ -1,4 +1,7 @@
-"""Schema of a recording's rows, and the frames of the robot's links as in a URDF: at the joint that moves the link."""
+"""Frames of the robot's links, and schema of the rows of a recording.
+
+As in a URDF, the origin of a link's frame is at the joint that moves the link.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,41 +20,41 @@ IMU_LINK = "imu_link"
 
 @dataclass(frozen=True)
 class LinkFrame:
-    """Frame of a link relative to the frame of its parent link."""
+    """Frame of a link relative to the frame of the parent link."""
 
     name: str
     parent: str
     """Name of the parent link."""
     translation: Floats
-    """Origin in the parent's frame, (3,), m."""
+    """Origin of the link, parent frame, (3,), m."""
     rotation: Floats
-    """Orientation in the parent's frame with the joint at its reference, quaternion w x y z, (4,)."""
+    """Orientation of the link at the joint angle `reference`, parent frame, quaternion w x y z, (4,)."""
     joint: int | None = None
-    """Index of the robot's joint that moves the link; None for a fixed link."""
+    """Index of the joint that moves the link; None for a fixed link."""
     axis: Floats | None = None
-    """Axis of the joint in the link's frame, unit vector, (3,)."""
+    """Unit vector of the joint axis, link frame, (3,); None for a fixed link."""
     reference: float = 0.0
-    """Angle of the joint in the model's initial pose, rad."""
+    """Joint angle in the initial pose of the model, rad."""
 
 
 def link_frames(model: Any, data: Any, robot: Robot) -> tuple[LinkFrame, ...]:
-    """Return the frame of every link that a joint moves, of the feet and of the IMU.
+    """Return the frames of all links that a joint moves, of the feet, and of the IMU.
 
     Args:
-        model: Compiled model of the robot.
-        data: Its data in any state; the result does not depend on it.
-        robot: The robot.
+        model: Compiled `mujoco.MjModel` of the robot.
+        data: `mujoco.MjData` of the model in any state; the result does not depend on the state.
+        robot: Robot that the model describes.
 
     Returns:
-        The frames, moving links first.
+        Frames of the moving links, then of the feet and the IMU.
     """
     return (*_moving_frames(model, data), *_fixed_frames(model, data, robot))
 
 
 def _moving_frames(model: Any, data: Any) -> list[LinkFrame]:
-    """Return the frames of the links that hinges move."""
+    """Return the frames of the links that hinge joints move."""
     frames = []
-    for hinge in range(1, model.njnt):  # joint 0 is the trunk's free joint
+    for hinge in range(1, model.njnt):  # from 1, because joint 0 is the free joint of the trunk
         body = model.jnt_bodyid[hinge]
         address = model.jnt_qposadr[hinge]
         axis = model.jnt_axis[hinge].copy()
@@ -82,14 +85,27 @@ def _fixed_frames(model: Any, data: Any, robot: Robot) -> list[LinkFrame]:
 
 
 def _body_frame(model: Any, data: Any, body: int) -> tuple[Floats, Rotation]:
-    """Return the origin of a body's frame, at its joint, and its orientation, world frame."""
+    """Return the origin, which is at the body's joint, and the orientation of a body's frame, world frame, m."""
     return data.xanchor[model.body_jntadr[body]], Rotation.from_matrix(data.xmat[body].reshape(3, 3))
 
 
 def _relative_frame(
     model: Any, data: Any, body: int, origin: Floats, orientation: Rotation
 ) -> tuple[Floats, Floats, str]:
-    """Return translation, quaternion and parent link of a world frame that is attached to a body."""
+    """Express a frame that is attached to a body in the frame of the body's link.
+
+    Args:
+        model: Compiled `mujoco.MjModel` of the robot.
+        data: `mujoco.MjData` of the model.
+        body: Index of the body to which the frame is attached.
+        origin: Origin of the frame, world frame, (3,), m.
+        orientation: Orientation of the frame, world frame.
+
+    Returns:
+        translation: Origin of the frame, link frame, (3,), m.
+        rotation: Orientation of the frame, link frame, quaternion w x y z, (4,).
+        parent: Name of the link. Bodies that are welded together are one link.
+    """
     parent = model.body_weldid[body]
     parent_origin, parent_orientation = _body_frame(model, data, parent)
     parent_from_world = parent_orientation.inv()
@@ -98,14 +114,14 @@ def _relative_frame(
 
 
 def rotations(links: Sequence[LinkFrame], angles: Floats) -> Floats:
-    """Compute the orientations of moving links in the frames of their parents.
+    """Compute the orientations of moving links relative to the parent links.
 
     Args:
-        links: Links that joints move.
+        links: Frames of links that joints move.
         angles: Joint angles, (12,), rad.
 
     Returns:
-        Quaternions w x y z, (links, 4).
+        Orientations, parent frames, quaternions w x y z, (links, 4).
     """
     joint_rotations = [(angles[link.joint] - link.reference) * np.array(link.axis) for link in links]
     fixed = Rotation.from_quat([link.rotation for link in links], scalar_first=True)
@@ -114,24 +130,27 @@ def rotations(links: Sequence[LinkFrame], angles: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class RecordingSchema:
-    """Contents of a recording's rows, one per control step or start of an episode."""
+    """Contents of the rows of a recording; there is one row per control step and per start of an episode."""
 
     widths: dict[str, int]
-    """Number of columns of each reading, in the order of a row. It includes `reward`, `correction`, NaN for a policy
-    without one, and `start`, 1 where an episode or the recording begins."""
+    """Name of each reading -> number of columns, in the order of a row.
+
+    The readings include `reward`, `correction` and `start`. `correction` is NaN if the policy has no residual
+    correction. `start` is 1 in the first row of an episode or of the recording.
+    """
     joints: tuple[str, ...]
     """Names of the joints."""
     legs: tuple[str, ...]
     """Names of the legs."""
     links: tuple[LinkFrame, ...]
-    """Frames of the links."""
+    """Frames of the robot's links."""
     description: str
-    """URDF of the robot; empty without one."""
+    """URDF of the robot as text; empty if the robot has no URDF."""
     dt: float
     """Control period, s."""
 
     @property
     def slices(self) -> dict[str, slice]:
-        """Name of each reading -> its columns."""
+        """Columns of each reading in a row: name -> slice."""
         ends = np.cumsum(list(self.widths.values())).tolist()
         return {name: slice(end - width, end) for end, (name, width) in zip(ends, self.widths.items(), strict=True)}

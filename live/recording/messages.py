@@ -1,4 +1,7 @@
-"""Standard ROS 2 messages of control steps, and MCAP files, which Foxglove opens and `ros2 bag` plays."""
+"""Conversion of control steps to standard ROS 2 messages, and MCAP files of messages.
+
+Foxglove opens the files, and `ros2 bag` plays them.
+"""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -27,35 +30,35 @@ STANDARD_TOPICS = {
     "/reward": "std_msgs/msg/Float64",
     "/events": "rcl_interfaces/msg/Log",
 }
-"""Topic -> its type, for the topics of every robot; `Messages.topics` adds the contacts of a robot's legs."""
+"""Topic -> message type, for topics that every robot has; `Messages.topics` adds the contact topics of a robot."""
 LATCHED_TOPICS = ("/robot_description", "/tf_static")
-"""Topics with one message, at the start, which ROS keeps for later subscribers."""
+"""Topics with a single message at the start, which ROS stores for later subscribers."""
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 _T: Any = TYPES.types
 _EPISODE_END = "over"
-"""Event text at the end of a push or a fall."""
+"""Text of the event at the end of a push or a fall."""
 _NO_COMMAND = np.full(3, np.nan)
 _UNKNOWN_COVARIANCE = np.zeros(9)
-"""Covariance in a message that gives none."""
+"""Covariance field of messages with unknown covariance; zero by the convention of `sensor_msgs/msg/Imu`."""
 
 
 class Message(NamedTuple):
-    """One ROS 2 message with its topic and time."""
+    """One ROS 2 message with topic and time."""
 
     topic: str
     time: int
     """Simulated time since the start of the recording, ns."""
     content: Any
-    """Message of `TYPES`."""
+    """Message object of a type in `TYPES`."""
 
     @property
     def data(self) -> bytes:
-        """Content in CDR encoding."""
+        """Content as bytes in CDR, the encoding of ROS 2."""
         return bytes(TYPES.serialize_cdr(self.content, self.content.__msgtype__))
 
 
 class Messages:
-    """Converts consecutive rows of a recording to messages.
+    """Converts consecutive rows of a recording to ROS 2 messages.
 
     Args:
         schema: Contents of the rows.
@@ -74,7 +77,7 @@ class Messages:
 
     @property
     def topics(self) -> dict[str, str]:
-        """Topic -> its type."""
+        """Topics of the recording: topic -> message type."""
         return STANDARD_TOPICS | dict.fromkeys(self._contact_topics, "std_msgs/msg/Bool")
 
     def initial_messages(self) -> Iterator[Message]:
@@ -85,7 +88,7 @@ class Messages:
             yield Message("/robot_description", 0, _T["std_msgs/msg/String"](data=self._schema.description))
 
     def row_messages(self, row: Floats) -> Iterator[Message]:
-        """Yield the command and targets at the start of a step, new events, and the state at its end."""
+        """Yield the messages of a `row`: command and joint targets at the start of a step, events, and the end state."""
         readings = {name: row[columns] for name, columns in self._slices.items()}
         if readings["start"][0] > 0.0:
             yield from self._start_messages()
@@ -94,7 +97,7 @@ class Messages:
         yield from (Message(topic, self._time, content) for topic, content in self._state(readings))
 
     def _start_messages(self) -> Iterator[Message]:
-        """Yield the event of a reset, except at the start of the recording, and advance the time."""
+        """Advance the time and yield the event `reset`; at the start of the recording there is no event."""
         self._time += self._period
         if self._time > 0:
             yield self._event_message("reset")
@@ -102,7 +105,7 @@ class Messages:
         self._last_event = _EPISODE_END
 
     def _step_messages(self, readings: dict[str, Floats]) -> Iterator[Message]:
-        """Yield command, targets and new events of a control step, and advance the time."""
+        """Yield command, joint targets and new events of a control step, and advance the time."""
         command = readings["command"]
         event = _event_text(readings)
         if not np.array_equal(command, self._last_command):
@@ -118,7 +121,7 @@ class Messages:
         self._last_event = event
 
     def _event_message(self, text: str) -> Message:
-        """Return a log message at the present time; falls and divergences are errors."""
+        """Return a log message at the present time; falls and divergence have the level ERROR, other events INFO."""
         log = _T["rcl_interfaces/msg/Log"]
         level = log.ERROR if text.startswith(("fell", "diverged")) else log.INFO
         stamp = _stamp(self._time)
@@ -126,7 +129,7 @@ class Messages:
         return Message("/events", self._time, line)
 
     def _state(self, readings: dict[str, Floats]) -> Iterator[tuple[str, Any]]:
-        """Yield topic and content of the messages at the end of a step."""
+        """Yield topic and content of each message about the state at the end of a step."""
         stamp = _stamp(self._time)
         yield "/clock", _T["rosgraph_msgs/msg/Clock"](clock=stamp)
         transforms = [_transform(stamp, "world", TRUNK, readings["position"], readings["quaternion"])]
@@ -153,7 +156,10 @@ class Messages:
 
 
 def _event_text(readings: dict[str, Floats]) -> str:
-    """Return the text of the event in a control step: divergence, fall or push, else the end of one."""
+    """Return the text of the event in a control step.
+
+    The event is a divergence, a fall or a push. The text is `_EPISODE_END` if none of them is present.
+    """
     if readings["diverged"][0]:
         return "diverged"
     if fall := int(readings["fall"][0]):
@@ -162,55 +168,55 @@ def _event_text(readings: dict[str, Floats]) -> str:
 
 
 def topic_name(family: str, name: str) -> str:
-    """Return the topic `/family/name` with a `name` that ROS allows in a `family` of topics.
+    """Return the topic `/family/name`, with characters replaced that ROS does not allow.
 
     Args:
         family: First part of the topic.
-        name: Name of a part of the robot; other characters than letters, digits and underscores are replaced.
+        name: Name of a part of the robot. Underscores replace all characters except letters, digits and underscores.
 
     Returns:
-        The topic.
+        The topic. If the name starts with a digit, an underscore precedes the name.
     """
     part = re.sub(r"\W", "_", name, flags=re.ASCII)
     return f"/{family}/{'_' * part[:1].isdigit()}{part}"
 
 
 def _stamp(time: int) -> Any:
-    """Return a time in ns as a message."""
+    """Convert a time, ns, to a message."""
     return _T["builtin_interfaces/msg/Time"](sec=time // 10**9, nanosec=time % 10**9)
 
 
 def _header(stamp: Any, frame: str) -> Any:
-    """Return the header of a message."""
+    """Return the header message with a time stamp and the name of a frame."""
     return _T["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
 
 
 def _numbers(values: Floats) -> Any:
-    """Return an array as a message."""
+    """Convert an array to a message."""
     layout = _T["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
     return _T["std_msgs/msg/Float64MultiArray"](layout=layout, data=values)
 
 
 def _vector(values: Iterable[float]) -> Any:
-    """Return three numbers as a message."""
+    """Convert three numbers to a vector message."""
     x, y, z = map(float, values)
     return _T["geometry_msgs/msg/Vector3"](x=x, y=y, z=z)
 
 
 def _quaternion(values: Floats) -> Any:
-    """Return a quaternion w x y z as a message; ROS orders it x y z w."""
+    """Convert a quaternion w x y z to a message; ROS has the order x y z w."""
     w, x, y, z = map(float, values)
     return _T["geometry_msgs/msg/Quaternion"](x=x, y=y, z=z, w=w)
 
 
 def _twist(command: Floats) -> Any:
-    """Return a command as a message."""
+    """Convert a command, forward and left m/s and yaw rate rad/s, to a message."""
     forward, left, yaw_rate = command
     return _T["geometry_msgs/msg/Twist"](linear=_vector((forward, left, 0.0)), angular=_vector((0.0, 0.0, yaw_rate)))
 
 
 def _imu(stamp: Any, quaternion: Floats, angular_velocity: Floats, specific_force: Floats) -> Any:
-    """Return the readings of an IMU as a message, without covariances."""
+    """Convert orientation, angular velocity and specific force to an IMU message with unknown covariances."""
     return _T["sensor_msgs/msg/Imu"](
         header=_header(stamp, IMU_LINK),
         orientation=_quaternion(quaternion),
@@ -223,12 +229,12 @@ def _imu(stamp: Any, quaternion: Floats, angular_velocity: Floats, specific_forc
 
 
 def _link_transform(stamp: Any, link: LinkFrame, rotation: Floats) -> Any:
-    """Return the transform of a link with this orientation in its parent's frame."""
+    """Return the transform message of a link that has the orientation `rotation` relative to the parent link."""
     return _transform(stamp, link.parent, link.name, link.translation, rotation)
 
 
 def _transform(stamp: Any, parent: str, name: str, translation: Floats, rotation: Floats) -> Any:
-    """Return the transform of a frame in its parent's frame as a message."""
+    """Return the message with translation and rotation of the frame `name` relative to the frame `parent`."""
     return _T["geometry_msgs/msg/TransformStamped"](
         header=_header(stamp, parent),
         child_frame_id=name,
@@ -237,21 +243,23 @@ def _transform(stamp: Any, parent: str, name: str, translation: Floats, rotation
 
 
 _INFINITE = "{sec: 9223372036, nsec: 854775807}"
-"""Infinite duration in ROS 2: no deadline, lifespan or lease."""
+"""Infinite duration in ROS 2, which turns deadline, lifespan and lease off."""
 _LATCHED_QOS = (
     "- {history: keep_last, depth: 1, reliability: reliable, durability: transient_local, "
     f"deadline: {_INFINITE}, lifespan: {_INFINITE}, liveliness: automatic, liveliness_lease_duration: {_INFINITE}, "
     "avoid_ros_namespace_conventions: false}"
 )
-"""Quality of service with which `ros2 bag play` keeps a message for later subscribers."""
+"""Quality of service of latched topics: `ros2 bag play` stores the message for later subscribers."""
 
 
 class McapFile:
-    """MCAP file of ROS 2 messages; its finished chunks survive any end of the writing process.
+    """MCAP file of ROS 2 messages.
+
+    The file consists of blocks (MCAP chunks). Complete blocks stay readable even if the writing process is killed.
 
     Args:
-        path: File to write, which may not exist.
-        topics: Topic -> its type.
+        path: File to write; the file must not exist.
+        topics: Topic -> message type.
     """
 
     def __init__(self, path: Path, topics: Mapping[str, str]) -> None:
@@ -268,7 +276,7 @@ class McapFile:
             self._channels[topic] = self._writer.register_channel(topic, "cdr", schemas[name], quality)
 
     def write(self, message: Message) -> None:
-        """Add a `message`; OSError if it cannot be written."""
+        """Add a `message` to the file; raise OSError if the message cannot be written."""
         self._writer.add_message(self._channels[message.topic], message.time, message.data, message.time)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""MCAP recorder: an observer of control steps that sends them to a writer process."""
+"""MCAP recorder: observes control steps and sends each step to a writer process."""
 
 import contextlib
 import multiprocessing
@@ -21,31 +21,34 @@ from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.task.rewards import REWARD
 
 PACKAGES = ("mcap", "rosbags")
-"""Packages of the extra `recording`."""
+"""Required packages, which the extra `recording` installs."""
 PIPE_SIZE = 1 << 20
-"""Bytes. Size of the pipe to the writer, where the system allows it: about ten seconds of control steps, for the start
-of the writer and for times without a free core."""
+"""Size of the pipe to the writer process if the operating system allows it, bytes.
+
+The pipe stores about ten seconds of control steps while the writer process starts or waits for a free core.
+"""
 SIGNALS = (
     *("position", "quaternion", "angular_velocity", "heading_velocity", "vertical_velocity"),
     *("joint_position", "joint_velocity", "joint_torque", "action", "command", "push"),
     *("foot_contact", "leg_contact", "trunk_contact", "fall", "diverged"),
 )
-"""Names of the infos of a control step that are recorded."""
+"""Keys of a step's `infos` that are recorded."""
 
 
 @contextmanager
 def recorder_for(path: Path, policy: Policy) -> Iterator["McapRecorder"]:
-    """Open a recorder of the first robot as a context; the recording is kept however the block ends.
+    """Open a recorder of the first robot as a context manager.
 
-    A further episode continues where the first ended. A missing package or an invalid path raises UsageError. A full
-    disk raises OSError; the part that was written remains.
+    The file is kept even if the block ends with an exception. If there are several episodes, the time of the recording
+    continues from one episode to the next. A missing package or an invalid path raises UsageError. A full disk raises
+    OSError; the part that was already written remains.
 
     Args:
-        path: MCAP file to write, which may not exist.
-        policy: Policy of the robot, for its residual correction.
+        path: MCAP file to write; the file must not exist.
+        policy: Policy of the robot; its residual correction is recorded if it has one.
 
     Yields:
-        The recorder, an observer.
+        The recorder, an observer of control steps.
     """
     check_recordable(path)
     recorder = McapRecorder(path, policy)
@@ -62,7 +65,8 @@ def check_recordable(path: Path) -> None:
         path: MCAP file to write.
 
     Raises:
-        UsageError: A package is missing, or the path exists already, is no .mcap file or has no folder.
+        UsageError: A package is missing, the file already exists, the suffix is not .mcap, or the folder cannot be
+            created.
     """
     if missing := [package for package in PACKAGES if find_spec(package) is None]:
         raise UsageError(f'recording needs {missing[0]}: pip install -e ".[recording]"')
@@ -74,11 +78,11 @@ def check_recordable(path: Path) -> None:
 
 
 class McapRecorder:
-    """Observer that records the first robot; `recorder_for` makes and closes it.
+    """Observer of control steps that records the first robot; `recorder_for` creates and closes it.
 
     Args:
         path: MCAP file to write.
-        policy: Policy of the robot, for its residual correction.
+        policy: Policy of the robot; its residual correction is recorded if it has one.
     """
 
     def __init__(self, path: Path, policy: Policy) -> None:
@@ -88,7 +92,7 @@ class McapRecorder:
         self._rows: Connection | None = None
 
     def __call__(self, step: Step) -> None:
-        """Record a control `step`, or the start of an episode; OSError if it cannot be written."""
+        """Record a control `step` or the start of an episode; raise OSError if the step cannot be written."""
         is_first = self._rows is None
         if is_first:
             self._start_writer(step)
@@ -100,7 +104,7 @@ class McapRecorder:
         self._send(np.concatenate([np.ravel(reading) for reading in readings.values()], dtype=np.float64))
 
     def _start_writer(self, step: Step) -> None:
-        """Start the writer process for the robot of a step."""
+        """Start the writer process with the recording schema of the robot in `step`."""
         env = step.env
         robot = env.robot
         widths = {name: step.infos[name][0].size for name in SIGNALS}
@@ -115,25 +119,25 @@ class McapRecorder:
         context = multiprocessing.get_context("spawn")
         writer_end, self._rows = context.Pipe(duplex=False)
         self._answer, answer = context.Pipe(duplex=False)
-        with contextlib.suppress(ImportError, AttributeError, OSError):  # not everywhere
+        with contextlib.suppress(ImportError, AttributeError, OSError):  # because only Linux can set the size of a pipe
             import fcntl
 
             fcntl.fcntl(self._rows.fileno(), fcntl.F_SETPIPE_SZ, PIPE_SIZE)
         self._process = context.Process(target=write, args=(writer_end, answer, self._path, schema))
-        with closing(writer_end), closing(answer), without_ctrl_c():  # also on Ctrl-C, else `close` waits for ever
+        with closing(writer_end), closing(answer), without_ctrl_c():  # else `close` waits forever after Ctrl-C
             self._process.start()
 
     def _send(self, row: NDArray[np.float64]) -> None:
-        """Send a row to the writer; this blocks while the pipe is full."""
+        """Send a row to the writer process; the call blocks while the pipe is full."""
         assert self._rows is not None
         try:
             if not self._rows.closed:
                 self._rows.send(row)
-        except OSError:  # the writer has ended, and sent its reason
+        except OSError:  # because the writer has ended; `close` raises the reason
             self.close()
 
     def close(self) -> None:
-        """Wait until the recording is written; OSError if it could not be."""
+        """Wait until the recording is written; raise OSError if the recording could not be written."""
         if self._process is None or self._rows is None or self._rows.closed:
             return
         self._rows.close()

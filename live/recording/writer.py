@@ -1,4 +1,4 @@
-"""Writer process of a recording: rows of control steps in, messages of ROS 2 out."""
+"""Writer process of a recording: receives rows of control steps and writes ROS 2 messages to a file."""
 
 import contextlib
 import os
@@ -9,18 +9,18 @@ from pathlib import Path
 from live.recording.link_frames import RecordingSchema
 
 NICENESS = 5
-"""Niceness of the writer process: the simulation and other programs go first on few cores."""
+"""Niceness of the writer process, so that the simulation and other programs have priority if there are few cores."""
 
 
 def write(rows: Connection, answer: Connection, path: Path, schema: RecordingSchema) -> None:
-    """Write rows until the other end is closed, then answer with None or with the OSError that ended it.
+    """Write the rows to a file until the other end of `rows` is closed, then send the result to `answer`.
 
-    If the simulation is interrupted or killed, the rows that it sent are written. The process starts with SIGINT
-    blocked.
+    If the simulation is interrupted or killed, the rows that were already sent are still written. The process starts
+    with SIGINT blocked.
 
     Args:
-        rows: Rows of control steps.
-        answer: Receives None or the OSError.
+        rows: Connection from which the rows of control steps are received.
+        answer: Connection to which None is sent at the end, or the OSError if the file could not be written.
         path: MCAP file to write.
         schema: Contents of the rows.
     """
@@ -31,13 +31,13 @@ def write(rows: Connection, answer: Connection, path: Path, schema: RecordingSch
         _write(rows, path, schema)
     except OSError as error:
         failure = OSError(error.errno, error.strerror or str(error), str(path))
-    with contextlib.suppress(OSError):  # if the simulation has ended
+    with contextlib.suppress(OSError):  # because the simulation may have ended
         answer.send(failure)
 
 
 def _write(rows: Connection, path: Path, schema: RecordingSchema) -> None:
     """Convert the rows to messages and write them."""
-    # Imported here, because the process that simulates does not need it.
+    # Imported here because the simulation process imports this module and does not need the message classes.
     from live.recording.messages import McapFile, Messages
 
     messages = Messages(schema)

@@ -1,4 +1,5 @@
-"""The simulated robot as a ROS node, with the interface of the source document, in ROS 1 and ROS 2.
+"""The simulated robot as a node in ROS 1 or ROS 2, with the topics of the source document.
 
-The simulation does not import ROS. A separate process, run by a Python that has ROS, passes messages on as numbers.
+The simulation does not import ROS. A separate process runs in a Python that has ROS; it exchanges ROS messages with
+other nodes, and numbers with the simulation.
 """

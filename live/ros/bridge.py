@@ -1,4 +1,7 @@
-"""Robot side of the ROS interface, without ROS: messages in as numbers, readings out, once per control step."""
+"""Robot side of the ROS interface: controls the robot by received numbers and returns readings at each control step.
+
+This module does not import ROS.
+"""
 
 from collections.abc import Callable, Sequence
 
@@ -16,20 +19,22 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 JOIN_TIME = 0.2
-"""s. Time in which the joint targets blend into the first ones from outside."""
+"""Time in which the joint targets blend from the present targets to the first external targets, s."""
 HOME_TIME = 0.4
-"""s. Time in which they return to the home pose."""
+"""Time in which the joint targets return to the home pose after external joint targets end, s."""
 VELOCITY_TIMEOUT = 0.5
-"""s without a valid velocity after which the command is zero."""
+"""Time since the last valid velocity message after which the command becomes zero, s."""
 TARGET_TIMEOUT = 0.2
-"""s without valid joint targets after which the robot returns to its standing pose."""
+"""Time since the last valid joint targets after which the robot returns to the home pose, s."""
 
 
 class JointTargetPolicy(Policy):
-    """Policy that follows external joint targets: it stands until `follow`; all its robots get the same targets.
+    """Policy that follows external joint targets; the robot stands in the home pose until `follow` is called.
+
+    If there are several robots, all robots get the same targets.
 
     Args:
-        robot: The robots.
+        robot: Robot that the policy controls.
     """
 
     name = "driven"
@@ -41,20 +46,20 @@ class JointTargetPolicy(Policy):
         self._allocate(1)
 
     def follow(self, targets: Floats) -> None:
-        """Follow joint `targets`, (12,), rad, clipped to the joint limits, until the next ones."""
+        """Follow the joint `targets`, clipped to the joint limits, until the next call, (12,), rad."""
         if not self._following:
             self._following = True
             self._steps_left = self._steps(JOIN_TIME)
         self._goal = np.clip(targets, self.robot.joint_lower, self.robot.joint_upper)
 
     def release(self) -> None:
-        """Stop following, return to the home pose and stay there."""
+        """Stop following external targets, return to the home pose and stay there."""
         self._following = False
         self._goal = self.robot.home_pose
         self._steps_left = self._steps(HOME_TIME)
 
     def _steps(self, duration: float) -> int:
-        """Return the control steps of a blend of this duration, s."""
+        """Return the number of control steps of a blend that takes `duration`, s."""
         return 1 + round(duration / self.control_period)
 
     def _allocate(self, num_envs: int) -> None:
@@ -71,13 +76,14 @@ class JointTargetPolicy(Policy):
 
 
 class Bridge:
-    """Drives the robot of a session by messages: joint targets if its policy is a `JointTargetPolicy`, else velocities.
+    """Controls the robot of a session by messages from ROS.
 
-    The simulation goes on in any case: invalid messages are refused, and without valid ones the robot stands.
+    The messages are joint targets if the policy of the session is a `JointTargetPolicy`, otherwise velocities. Invalid
+    messages are refused. The robot stands if no valid messages arrive; the simulation never stops.
 
     Args:
-        session: Session of the robot; the bridge sets its commands from now on.
-        log: Called with lines for the terminal.
+        session: Session of the robot; the bridge sets the commands of the session.
+        log: Function that is called with each line for the terminal.
     """
 
     def __init__(self, session: Session, log: Callable[[str], None]) -> None:
@@ -87,9 +93,9 @@ class Bridge:
         self._topic = VELOCITY if self._target_policy is None else JOINT_TARGETS
         self._timeout = VELOCITY_TIMEOUT if self._target_policy is None else TARGET_TIMEOUT
         self._last_message_step: int | None = None
-        """Control step before which the last valid message came; None before the first and after a timeout."""
+        """Number of control steps before the last valid message; None before the first message and after a timeout."""
         self._refused: set[tuple[str, str]] = set()
-        """Topics and reasons of refused messages; each pair is logged once."""
+        """Pairs of topic and reason of refused messages; each pair is logged only once."""
         self._imu = TrunkImu(session.env.dt)
         self._has_fallen = False
         self._steps = 0
@@ -99,16 +105,16 @@ class Bridge:
 
     @property
     def time(self) -> float:
-        """Simulated time since the start, s; a reset does not change it."""
+        """Simulated time since the start of the bridge, s; a reset of the robot does not change it."""
         return self._steps * self._period * 1e-9
 
     def handle_message(self, topic: str, values: Sequence[float], size: int) -> None:
-        """Handle a message of ROS.
+        """Handle a message from ROS.
 
         Args:
-            topic: Its topic.
-            values: Its numbers; may be empty if the message is too long.
-            size: Count of its numbers.
+            topic: Topic of the message.
+            values: Numbers of the message; may be empty if the message is too long.
+            size: Count of the numbers in the message.
         """
         if topic == RESET:
             self._session.reset()
@@ -129,7 +135,7 @@ class Bridge:
         self._last_message_step = self._steps
 
     def step(self) -> Packet:
-        """Advance the robot by one control step, and return its packet."""
+        """Advance the robot by one control step and return the packet of readings for ROS."""
         if self._has_timed_out():
             self._stand()
         step = self._session.step()
@@ -156,7 +162,10 @@ class Bridge:
             self._session.reset()
 
     def _validation_error(self, topic: str, values: Floats, size: int) -> tuple[str, str] | None:
-        """Return the reason to refuse a message, a fixed text per fault, and details; None if valid."""
+        """Return the reason why a message is refused, and details; None if the message is valid.
+
+        The reason is the same text for every message with the same fault; the details differ.
+        """
         joints = self._session.env.robot.num_joints
         if topic != self._topic:
             return f"{self._topic} moves this robot", ""
@@ -169,7 +178,7 @@ class Bridge:
         return None
 
     def _stand(self) -> None:
-        """Let the robot stand after a timeout."""
+        """Make the robot stand after a timeout."""
         self._last_message_step = None
         if self._target_policy is None:
             self._session.steer(np.zeros(3))
@@ -180,11 +189,11 @@ class Bridge:
         self._log(f"nothing good on {self._topic} for {self._timeout:g} s: {standing} until the next")
 
     def _packet(self, step: Step) -> Packet:
-        """Return the readings of the robot after a control step."""
+        """Return the packet with the readings of the robot after a control step."""
         infos = {name: values[0] for name, values in step.infos.items()}
 
         def numbers(**names: str) -> dict[str, list[float]]:
-            """Return infos as lists under other names."""
+            """Return the infos named by the keyword values as lists under the keyword names."""
             return {name: infos[reading].tolist() for name, reading in names.items()}
 
         imu = numbers(quaternion="quaternion", angular_velocity="angular_velocity")

@@ -1,4 +1,4 @@
-"""Choice of a Python that has ROS, and of an environment in which it listens on this machine alone."""
+"""Search for a Python that has ROS, and environment variables that make ROS listen only on this machine."""
 
 import os
 import subprocess
@@ -12,7 +12,7 @@ from quad_env.cli.command_line import UsageError
 
 _MESSAGES = ("geometry_msgs", "rosgraph_msgs", "sensor_msgs", "std_msgs")
 REQUIRED_MODULES = {"1": ("rospy", "rosmaster", *_MESSAGES), "2": ("rclpy", *_MESSAGES)}
-"""Version of ROS -> the modules that must be importable."""
+"""Version of ROS -> modules that the Python must be able to import."""
 ROOT = Path(__file__).parents[2]
 """Folder that contains the package `live`."""
 DEFAULT_MASTER = "http://localhost:11311"
@@ -20,13 +20,14 @@ _PROFILE = str(Path(__file__).with_name("loopback.xml"))
 LOOPBACK_ENVIRONMENT = {
     # ROS 1 listens on all interfaces unless its own address is a loopback one.
     "ROS_IP": "127.0.0.1",
-    # Either of these limits the discovery of ROS 2 to this machine, but Fast DDS would still receive from everywhere.
+    # Each of the next two variables limits the discovery of ROS 2 to this machine, depending on the version of ROS 2.
+    # The profile is also needed, because Fast DDS would still receive packets from other machines.
     "ROS_LOCALHOST_ONLY": "1",
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     "FASTRTPS_DEFAULT_PROFILES_FILE": _PROFILE,
     "FASTDDS_DEFAULT_PROFILES_FILE": _PROFILE,
 }
-"""Variables that limit a node to the loopback interface."""
+"""Environment variables that limit a node to the loopback interface: name -> value."""
 INSTALL_HINT = (
     "on Debian: apt-get install python3-rospy python3-rosmaster python3-std-msgs python3-sensor-msgs "
     "python3-geometry-msgs python3-rosgraph-msgs; or source the setup.bash of your ROS"
@@ -37,11 +38,11 @@ def find(version: str | None) -> tuple[str, str]:
     """Find a Python that can import ROS.
 
     Args:
-        version: Version of ROS; None for the sourced one, else for any.
+        version: Version of ROS, `1` or `2`. None for the version that is sourced, or for any version if none is.
 
     Returns:
-        version: Version of ROS.
-        python: Path of the Python.
+        version: Version of ROS that the Python has.
+        python: Path of the Python executable.
 
     Raises:
         UsageError: No Python here has ROS.
@@ -59,26 +60,26 @@ def find(version: str | None) -> tuple[str, str]:
 
 
 def _can_import(python: str, modules: Sequence[str]) -> bool:
-    """Return True if a Python finds all the modules."""
+    """Return True if the Python at the path `python` finds all `modules`."""
     probe = f"import importlib.util as u, sys; sys.exit(None in map(u.find_spec, {tuple(modules)!r}))"
     return subprocess.run([python, "-c", probe], capture_output=True, check=False).returncode == 0
 
 
 def environment(base: Mapping[str, str], network: bool) -> dict[str, str]:
-    """Build the environment of the ROS process.
+    """Build the environment variables of the ROS process.
 
     Args:
-        base: Environment of this process.
-        network: True to listen as the variables of ROS say; False for the loopback interface alone.
+        base: Environment variables of this process.
+        network: True to listen as the variables of ROS say; False to listen only on the loopback interface.
 
     Returns:
-        The environment.
+        Environment variables: name -> value.
 
     Raises:
         UsageError: The ROS master is on another machine, and `network` is False.
     """
     variables = {"ROS_MASTER_URI": DEFAULT_MASTER, **base}
-    # The project's folder is last, so that none of its names hides one of ROS.
+    # The folder of the project is last, so that no module of the project hides a module of ROS.
     variables["PYTHONPATH"] = os.pathsep.join(filter(None, (base.get("PYTHONPATH"), str(ROOT))))
     if network:
         return variables
@@ -90,9 +91,9 @@ def environment(base: Mapping[str, str], network: bool) -> dict[str, str]:
 
 
 def _is_local(uri: str) -> bool:
-    """Return True for an address on the loopback interface."""
+    """Return True if the URI has the host `localhost` or a loopback address."""
     host = urlsplit(uri).hostname
     try:
         return host == "localhost" or ip_address(host or "").is_loopback
-    except ValueError:  # a name, and its address may change
+    except ValueError:  # False for a host name, because its address may change
         return False

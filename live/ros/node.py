@@ -1,7 +1,7 @@
 """The ROS process: `python3 -m live.ros.node VERSION JOINT…`.
 
-Its standard input is a socket to the simulation. It runs under any Python that has ROS, 3.8 or later, and imports only
-the standard library and ROS.
+The standard input of the process is a socket to the simulation. The module runs under any Python from 3.8 on that has
+ROS, and imports only the standard library and ROS.
 """
 
 from __future__ import annotations
@@ -13,25 +13,31 @@ import sys
 from typing import Any
 
 JOINT_TARGETS = "/position_controller/command"
-"""Subscribed, std_msgs/Float64MultiArray: joint targets, rad, in the robot's joint order."""
+"""Subscribed topic of type std_msgs/Float64MultiArray: joint targets in the robot's joint order, rad."""
 VELOCITY = "/cmd_vel"
-"""Subscribed, geometry_msgs/Twist: linear.x and linear.y, m/s, and angular.z, rad/s, are the command of a policy."""
+"""Subscribed topic of type geometry_msgs/Twist: command of the policy.
+
+The command is linear.x and linear.y, m/s, and angular.z, rad/s.
+"""
 RESET = "/reset"
-"""Subscribed, std_msgs/Empty: a new episode from the home pose."""
+"""Subscribed topic of type std_msgs/Empty: a message starts a new episode."""
 JOINT_STATES = "/joint_states"
-"""Published, sensor_msgs/JointState: rad, rad/s and N·m."""
+"""Published topic of type sensor_msgs/JointState: joint angles, rad, velocities, rad/s, and torques, N·m."""
 IMU = "/imu"
-"""Published, sensor_msgs/Imu: orientation, angular velocity and specific force of the trunk."""
+"""Published topic of type sensor_msgs/Imu: orientation, angular velocity and specific force of the trunk."""
 CLOCK = "/clock"
-"""Published, rosgraph_msgs/Clock: simulated time."""
+"""Published topic of type rosgraph_msgs/Clock: simulated time."""
 JOINT_STATE_PERIOD = 0.02
-"""s. Period of `JOINT_STATES`; the other topics are published at every control step."""
+"""Period of the topic `JOINT_STATES`, s; the other topics are published at every control step."""
 NODE = "simple_quad"
-"""Name of the node."""
+"""Name of the ROS node."""
 MAX_NUMBERS = 256
-"""Maximum numbers of a message that are passed on; of a longer one, which fits no robot, only the size."""
+"""Maximum count of numbers in a message that are passed to the simulation.
+
+If a message is longer, which no robot accepts, only the count of the numbers is passed on.
+"""
 MAX_PACKET_SIZE = 65_536
-"""Bytes. Maximum size of a packet."""
+"""Maximum size of a packet between the ROS process and the simulation, bytes."""
 
 
 def main(version: str, joints: list[str]) -> None:
@@ -49,11 +55,11 @@ def main(version: str, joints: list[str]) -> None:
         return
     Node(link, transport, joints).run()
     transport.close()
-    os._exit(0)  # ends the threads that ROS still has
+    os._exit(0)  # because threads of ROS may still run
 
 
 def _transport(version: str) -> Any:
-    """Return the class of the node for a version of ROS."""
+    """Return the node class for the ROS `version`, `1` or `2`."""
     if version == "1":
         from live.ros.ros1 import Ros1
 
@@ -64,11 +70,11 @@ def _transport(version: str) -> Any:
 
 
 class Node:
-    """Converts packets of the simulation to messages, and messages to packets.
+    """Converts packets from the simulation to ROS messages, and ROS messages to packets.
 
     Args:
         link: Socket to the simulation.
-        transport: Node of ROS 1 or ROS 2.
+        transport: Node of ROS 1 or ROS 2 that sends and receives the messages.
         joints: Names of the robot's joints.
     """
 
@@ -89,7 +95,7 @@ class Node:
         _send_packet(link, {"ready": transport.where})
 
     def run(self) -> None:
-        """Publish the packets of the simulation until it closes the socket."""
+        """Publish the packets from the simulation until the simulation closes the socket."""
         while True:
             try:
                 data = self._link.recv(MAX_PACKET_SIZE)
@@ -100,14 +106,14 @@ class Node:
             self._publish_packet(json.loads(data))
 
     def _publish_packet(self, packet: dict[str, Any]) -> None:
-        """Publish a packet as messages."""
+        """Publish the readings in a packet as ROS messages."""
         stamp = self._stamp(packet["time"])
         clock = self._message_types[CLOCK]()
         clock.clock = stamp
         self._publish[CLOCK](clock)
         imu = self._message(IMU, stamp)
         reading = packet[IMU]
-        w, x, y, z = reading["quaternion"]  # ROS has w last
+        w, x, y, z = reading["quaternion"]  # the simulation has w first, ROS has w last
         imu.orientation.x = x
         imu.orientation.y = y
         imu.orientation.z = z
@@ -125,31 +131,31 @@ class Node:
             self._publish[JOINT_STATES](state)
 
     def _message(self, topic: str, stamp: Any) -> Any:
-        """Return an empty message with a header."""
+        """Return an empty message for a topic, with a header that has the time `stamp`."""
         message = self._message_types[topic]()
         message.header.stamp = stamp
         message.header.frame_id = "base_link"
         return message
 
     def _receive_joint_targets(self, message: Any) -> None:
-        """Pass joint targets on."""
+        """Send received joint targets to the simulation."""
         size = len(message.data)
         self._forward(JOINT_TARGETS, list(message.data) if size <= MAX_NUMBERS else [], size)
 
     def _receive_velocity(self, message: Any) -> None:
-        """Pass a velocity on."""
+        """Send a received velocity to the simulation."""
         self._forward(VELOCITY, [message.linear.x, message.linear.y, message.angular.z], 3)
 
     def _forward(self, topic: str, values: list[float], size: int) -> None:
-        """Send a message to the simulation as numbers."""
+        """Send topic, numbers and count of the numbers of a ROS message to the simulation."""
         _send_packet(self._link, {"topic": topic, "values": values, "size": size})
 
 
 def _send_packet(link: socket.socket, packet: dict[str, Any]) -> None:
-    """Send a packet to the simulation; end the process if that has ended."""
+    """Send a packet to the simulation; end this process if the simulation has ended."""
     try:
         link.send(json.dumps(packet).encode())
-    except OSError:  # the simulation has ended
+    except OSError:  # because the simulation has ended
         os._exit(0)
 
 

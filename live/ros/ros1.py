@@ -1,4 +1,4 @@
-"""Node of ROS 1 with rospy; it starts a master if there is none."""
+"""Node of ROS 1, implemented with rospy; the node starts a ROS master if no master runs."""
 
 from __future__ import annotations
 
@@ -13,25 +13,27 @@ import rosmaster.master
 import rospy
 
 QUEUE_SIZE = 100
-"""Maximum messages that wait for a slow subscriber or for this node; older ones are dropped."""
+"""Maximum number of messages that wait for a slow subscriber or for this node; the oldest messages are dropped."""
 
 MASTER_TIMEOUT = 3.0
-"""s. Limit for a master to answer."""
+"""Time limit for the answer of a ROS master, s."""
 
 
 class Ros1:
-    """Node of ROS 1; OSError if no master answers and none can be started.
+    """Node of ROS 1.
+
+    The constructor raises OSError if no ROS master answers and no master can be started.
 
     Args:
         name: Name of the node.
-        on_end: Called with the reason when ROS ends the node.
+        on_end: Function that is called with the reason if ROS ends the node.
     """
 
     def __init__(self, name: str, on_end: Callable[[str], None]) -> None:
         _refuse_web_pages(rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler)
         uri = rosgraph.get_master_uri()
         self.where = "ROS 1, master " + uri
-        socket.setdefaulttimeout(MASTER_TIMEOUT)  # another program may listen there
+        socket.setdefaulttimeout(MASTER_TIMEOUT)  # because another program may listen at the URI
         online = rosgraph.is_master_online()
         socket.setdefaulttimeout(None)
         if not online:
@@ -42,7 +44,7 @@ class Ros1:
 
     @staticmethod
     def stamp(nanoseconds: int) -> Any:
-        """Return a time in `nanoseconds` as messages contain it."""
+        """Convert a time, `nanoseconds`, to the time type of ROS messages."""
         return rospy.Time(nanoseconds // 10**9, nanoseconds % 10**9)
 
     @staticmethod
@@ -58,15 +60,15 @@ class Ros1:
 
     @staticmethod
     def close() -> None:
-        """Unregister from the master."""
+        """Unregister the node from the ROS master."""
         rospy.signal_shutdown("the simulation has ended")
 
 
 def _start_master(uri: str) -> None:
-    """Start a ROS master, or raise OSError if its port is taken."""
+    """Start a ROS master at a URI; raise OSError if the port of the URI is in use."""
     port = urlsplit(uri).port or rosmaster.master.DEFAULT_MASTER_PORT
     address = rosgraph.network.get_bind_address()
-    with socket.socket() as probe:  # a master reports a taken port nowhere
+    with socket.socket() as probe:  # because a master does not report a port in use
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((address, port))
@@ -76,9 +78,10 @@ def _start_master(uri: str) -> None:
 
 
 def _refuse_web_pages(handler: Any) -> None:
-    """Let a class of HTTP request handlers refuse requests of web pages, which always name their origin.
+    """Change a class of HTTP request handlers so that it refuses requests from web pages.
 
-    No ROS client names one. Otherwise any page in a browser on this machine could end nodes or act as a publisher.
+    Otherwise any page in a browser on this machine could end nodes or act as a publisher. Requests from web pages have
+    the header `Origin`; requests from ROS clients do not.
     """
     answer = handler.do_POST
 

@@ -1,4 +1,4 @@
-"""Node of ROS 2 with rclpy, Humble or later."""
+"""Node of ROS 2, Humble or later, implemented with rclpy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Ros2:
 
     Args:
         name: Name of the node.
-        on_end: Called with the reason when ROS ends the node.
+        on_end: Function that is called with the reason if ROS ends the node.
     """
 
     where = "ROS 2"
@@ -36,7 +36,7 @@ class Ros2:
 
     @staticmethod
     def stamp(nanoseconds: int) -> Any:
-        """Return a time in `nanoseconds` as messages contain it."""
+        """Convert a time, `nanoseconds`, to the time type of ROS messages."""
         return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
     def publisher(self, topic: str, kind: Any) -> Callable[[Any], None]:
@@ -45,10 +45,10 @@ class Ros2:
         return publish
 
     def subscribe(self, topic: str, kind: Any, callback: Callable[[Any], None]) -> None:
-        """Call `callback` with messages of type `kind` on `topic`, in the thread that spins."""
+        """Call `callback` with messages of type `kind` on `topic`, in the thread that processes messages."""
         self._node.create_subscription(kind, topic, callback, 10)
 
     @staticmethod
     def close() -> None:
-        """Leave the network."""
+        """Shut ROS down, which ends the node."""
         rclpy.try_shutdown()

@@ -1,4 +1,4 @@
-"""Parent side of the ROS process: packets of numbers over a socket between simulation and ROS."""
+"""Simulation side of the ROS process: starts the process and exchanges packets with it over a socket."""
 
 import contextlib
 import json
@@ -12,26 +12,26 @@ from live.ros.node import MAX_PACKET_SIZE
 from quad_env.cli.command_line import UsageError
 
 START_TIMEOUT = 30.0
-"""s. Limit for the process to become a node."""
+"""Time limit for the process to start a ROS node, s."""
 MAX_PACKETS_PER_STEP = 500
-"""Maximum packets that are read in one control step; a faster sender waits."""
+"""Maximum number of packets that are read in one control step; further packets wait for the next step."""
 EXIT_TIMEOUT = 2.0
-"""s. Limit for the process to unregister from its master; then it is killed."""
+"""Time limit for the process to end, s; the process is killed after this time."""
 
 Packet = dict[str, Any]
-"""Content of a packet, as JSON."""
+"""Content of a packet, sent as JSON: name -> value."""
 
 
 class RosProcessError(UsageError):
-    """The ROS process has ended; the message gives the reason, if it is known."""
+    """Error for a ROS process that cannot start, does not answer or has ended; the message gives the reason."""
 
 
 class RosProcess:
-    """Runs the ROS process and exchanges packets with it; neither side ever blocks the other.
+    """Runs the ROS process and exchanges packets with it; neither process waits for the other during the simulation.
 
     Args:
         command: Command line of the process.
-        environment: Environment of the process.
+        environment: Environment variables of the process.
 
     Raises:
         RosProcessError: This system is not Linux.
@@ -40,20 +40,21 @@ class RosProcess:
     def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
         if sys.platform != "linux":
             raise RosProcessError("the ROS node runs on Linux alone: in a container or a virtual machine elsewhere")
-        # Packets arrive whole or not at all, and no other process can connect: the socket has no address.
+        # A sequential-packet socket pair, because packets arrive complete or not at all. No other process can connect,
+        # because the socket has no address.
         self._socket, child_socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with child_socket:
-            # In a session of its own, Ctrl-C does not reach it: the simulation ends it.
+            # The process has its own session so that Ctrl-C does not reach it, because the simulation ends the process.
             self._process = subprocess.Popen(
                 command, stdin=child_socket.fileno(), env=dict(environment), start_new_session=True
             )
         self._socket.settimeout(START_TIMEOUT)
 
     def wait_until_ready(self) -> str:
-        """Wait until the process is a node.
+        """Wait until the process has started a ROS node.
 
         Returns:
-            Description of the node.
+            Description of the node: version of ROS, and the master of ROS 1.
 
         Raises:
             RosProcessError: The process has not answered in time, or has ended.
@@ -66,18 +67,18 @@ class RosProcess:
         return str(packet["ready"])
 
     def received(self) -> Iterator[Packet]:
-        """Yield the packets since the last call, oldest first; RosProcessError if the process has ended."""
+        """Yield the packets received since the last call, oldest first; raise RosProcessError if the process ended."""
         with contextlib.suppress(BlockingIOError):
             for _ in range(MAX_PACKETS_PER_STEP):
                 yield self._read()
 
     def send(self, packet: Packet) -> None:
-        """Send a `packet`; it is lost if the other side does not keep up."""
+        """Send a `packet` to the process; the packet is dropped if the process does not read fast enough."""
         with contextlib.suppress(BlockingIOError, BrokenPipeError, ConnectionResetError):
             self._socket.send(json.dumps(packet).encode())
 
     def close(self) -> None:
-        """End the process, which unregisters first."""
+        """End the process; it first unregisters its node."""
         self._socket.close()
         try:
             self._process.wait(EXIT_TIMEOUT)
@@ -86,7 +87,7 @@ class RosProcess:
             self._process.wait()
 
     def _read(self) -> Packet:
-        """Return the next packet, or raise RosProcessError."""
+        """Return the next packet; raise RosProcessError if the process has ended."""
         try:
             data = self._socket.recv(MAX_PACKET_SIZE)
         except ConnectionResetError:

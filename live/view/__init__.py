@@ -1,1 +1,1 @@
-"""Live view: a page, served on this machine alone, with robots that the user steers."""
+"""Live view: a web page with robots that the user steers, served only to browsers on the same machine."""

@@ -1,4 +1,4 @@
-"""Controller of the live view: sessions side by side, and the requests that change them."""
+"""Controller of the live view: steps one session per robot, and executes the requests of pages."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -23,13 +23,13 @@ from quad_env.scenarios.axes import axes_of
 from quad_env.scenarios.scenario import Scenario
 
 PUSH_TIME = 0.1
-"""s. Duration of a push by hand."""
+"""Duration of a push by hand, s."""
 MAX_EVENTS = 40
-"""Maximum number of past events that a new page gets."""
+"""Maximum number of events that are stored until the next state message."""
 
 
 class ViewController:
-    """Steps robots in real time and carries out the requests of pages.
+    """Steps robots in real time and executes the requests of pages.
 
     An unknown scenario or policy raises ValueError.
 
@@ -38,11 +38,11 @@ class ViewController:
         scenario: Name of the first scenario.
         hardware: Robot, motors, sensors and simulator.
         seed: Seed of the first episode.
-        command: Fixed command: forward and left m/s, yaw rate rad/s; None leaves commands to the scenario.
-        trust: True to load policies from files in which code can be hidden.
+        command: Fixed command: forward and left velocity, m/s, and yaw rate, rad/s; None for the scenario's commands.
+        trust: True to load policies also from files that can contain hidden code.
 
     Attributes:
-        paused: True while the robots stand still.
+        paused: True while the simulation is paused.
         sessions: One session per robot.
         orbit: Viewpoint of the camera.
     """
@@ -86,11 +86,14 @@ class ViewController:
         }
 
     def handle(self, request: Request) -> None:
-        """Carry out a `request`; on ValueError, ImportError or OSError nothing has changed."""
+        """Execute a `request`.
+
+        If it fails with ValueError, ImportError or OSError, the sessions stay as before.
+        """
         self._handlers[request.do](**request.values)
 
     def step(self) -> bool:
-        """Advance the robots by one control step when it is due; return False while paused."""
+        """Wait until the next control step is due and advance all robots; return False while paused."""
         if self.paused and not self._single_step:
             return False
         if not self._single_step:
@@ -100,7 +103,7 @@ class ViewController:
         return True
 
     def choices(self) -> dict[str, Any]:
-        """Return the choices of a page: names of policies and axes of scenarios; also the robot."""
+        """Return the name of the robot, and the policies and scenario axes that a page offers."""
         robot = self.sessions[0].env.robot
         return {
             "robot": robot.name,
@@ -112,7 +115,7 @@ class ViewController:
         }
 
     def state(self) -> dict[str, Any]:
-        """Return the present state for pages, with rows and events since the last call."""
+        """Return the present state for pages, including the telemetry rows and events since the last call."""
         first = self.sessions[0]
         events = list(self._events)
         self._events.clear()
@@ -131,7 +134,7 @@ class ViewController:
         }
 
     def render_requests(self) -> list[RenderRequest]:
-        """Return a render request for every robot now."""
+        """Return a render request for every robot in its present state."""
         self.orbit = self.orbit.at(self.sessions[0].latest.infos["position"][0])
         return [telemetry.render_request(self.orbit, len(self.sessions)) for telemetry in self._telemetry]
 
@@ -140,12 +143,12 @@ class ViewController:
         self._each(Session.close)
 
     def _each(self, call: Callable[[Session], object]) -> None:
-        """Call a function with every session."""
+        """Call the function `call` with every session."""
         for session in self.sessions:
             call(session)
 
     def _begin(self, scenario: Scenario, names: Sequence[str], seed: int, command: ArrayLike | None) -> None:
-        """Begin an episode with these policies; nothing changes if one of them cannot be loaded."""
+        """Start an episode with new sessions; the present sessions stay if a policy cannot be loaded."""
         with ExitStack() as stack:
             sessions = []
             for name in names:
@@ -163,31 +166,34 @@ class ViewController:
         self._aim_at_start()
 
     def _restart(self, scenario: Scenario, names: Sequence[str]) -> None:
-        """Begin an episode of the same seed and command on another scenario or with other policies."""
+        """Start an episode with the same seed and command, on another scenario or with other policies."""
         self._begin(scenario, names, self.sessions[0].seed, self.sessions[0].command)
         self._events.append(f"{scenario.name}, {' and '.join(session.policy.name for session in self.sessions)}")
 
     def _reset(self, seed: int | None = None) -> None:
-        """Begin the episode of a seed, by default the next one."""
+        """Start the episode of a seed, by default the present seed plus 1."""
         self._each(lambda session: session.reset(seed))
         self._aim_at_start()
 
     def _release_command(self) -> None:
-        """Begin the episode again, with the commands of its scenario."""
+        """Start the present episode again, with the commands of the scenario."""
         self._each(lambda session: session.steer(None))
         self._reset(self.sessions[0].seed)
 
     def _resolve_scenario(self, name: str) -> Scenario:
-        """Return the scenario of a name; only the first one may be in a user's file."""
+        """Return the scenario that a name describes; raise ValueError for a name or file that is not allowed.
+
+        A page may not name a scenario in a user's file, except for the scenario with which the view was started.
+        """
         if battery.is_file_reference(name) and name != self._first_scenario:
             raise ValueError(f"{name}: a scenario in a file is named when the view is started, with --scenario")
         return battery.resolve_single(name, self._hardware.robot_model)
 
     def _choose_policy(self, robot: int, name: str) -> None:
-        """Give a robot another policy, or add a robot.
+        """Give a robot another policy, or add a robot if `robot` is the number of robots.
 
-        A single robot changes its policy while it walks, if the policy allows that. Otherwise all robots begin the
-        episode again, so that all have the same.
+        A single robot changes the policy during the episode if the policy fits the session. Otherwise all robots start
+        the episode again, so that all robots have the same episode.
         """
         if robot > len(self.sessions):
             raise ValueError(f"there is no robot {robot}")
@@ -195,7 +201,7 @@ class ViewController:
             raise PolicyError(f"no policy {name!r} is offered: there are {', '.join(self._policy_names)}")
         names = [*self._names[:robot], name, *self._names[robot + 1 :]]
         if len(names) == 1:
-            # A policy with another height scan or other servos raises ValueError: it needs a new session.
+            # A policy with another height scan or other servos raises ValueError, because it needs a new session.
             with suppress(ValueError):
                 policy = self._hardware.policy(name, self._trust, on_hardware_profile=self._scenario.hardware)
                 self.sessions[0].set_policy(policy)
@@ -204,25 +210,30 @@ class ViewController:
         self._restart(self._scenario, names)
 
     def _push(self, direction: float, impulse: float) -> None:
-        """Push all robots, in degrees from the first robot's heading to its left and in N·s."""
+        """Push all robots in the same direction.
+
+        Args:
+            direction: Angle from the first robot's heading, positive to the left, degrees.
+            impulse: Impulse of the push, N·s.
+        """
         angle = heading_angle(self.sessions[0].latest) + np.radians(direction)
         force = impulse / PUSH_TIME * np.array([np.cos(angle), np.sin(angle)])
         self._each(lambda session: session.push(force, PUSH_TIME))
 
     def _pause(self, on: bool) -> None:
-        """Pause or resume."""
+        """Pause the simulation if `on` is True, otherwise resume."""
         self.paused = on
         self._real_time_rate.resume()
 
     def _step_once(self) -> None:
-        """Pause after the next control step."""
+        """Execute one more control step, then pause."""
         self.paused = True
         self._single_step = True
 
     def _set_orbit(self, orbit: Orbit) -> None:
-        """Set the viewpoint."""
+        """Set the viewpoint of the camera."""
         self.orbit = orbit
 
     def _aim_at_start(self) -> None:
-        """Aim the camera at the first robot's start."""
+        """Aim the camera at the initial position of the first robot."""
         self.orbit = replace(self.orbit, target=tuple(self.sessions[0].latest.infos["position"][0].tolist()))

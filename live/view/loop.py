@@ -1,4 +1,4 @@
-"""Loop of the live view: handles requests, steps the robots in real time, and sends frames and states to pages."""
+"""Main loop of the live view: executes requests, steps the robots in real time, sends frames and states to pages."""
 
 import json
 import queue
@@ -13,28 +13,31 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 
 FRAME_RATE = 30.0
-"""Hz. Maximum rate of frames."""
+"""Maximum rate of frames, Hz."""
 STATE_RATE = 10.0
-"""Hz. Rate of state messages."""
+"""Maximum rate of state messages, Hz."""
 MAX_PENDING_REQUESTS = 256
-"""Maximum number of pending requests; more are refused."""
+"""Maximum number of pending requests; further requests are refused."""
 HANDSHAKE = "hello"
 """First message of a page."""
 EPISODE_STARTS = frozenset(("scenario", "policy", "alone", "reset", "next", "let_go"))
-"""Requests that start an episode. A start takes up to 50 ms, so only the last of each kind is carried out."""
+"""Requests that start an episode.
+
+Starting an episode takes up to 50 ms. If several requests of one kind are pending, only the last one is executed.
+"""
 IDLE_PERIOD = 0.01
-"""s. Polling period of requests while paused."""
+"""Polling period of requests while the simulation is paused, s."""
 
 _REQUEST_ERRORS = (ValueError, UsageError, OSError, ImportError)
-"""Errors of a request that are reported to pages: a missing scenario or policy, or a full disk."""
+"""Errors of a request that are reported to pages, for example a missing scenario or policy, or a full disk."""
 
 
 class LiveView:
-    """Serves pages and steps the robots that they steer, until Ctrl-C.
+    """Serves pages, and steps the robots that the pages steer, until Ctrl-C.
 
     Args:
-        controller: The robots.
-        port: Port of the server, see `Server`.
+        controller: Controller of the robots.
+        port: Port of the server, as `Server` accepts it.
 
     Attributes:
         server: Server of the pages.
@@ -50,7 +53,14 @@ class LiveView:
         self._render_thread = RenderThread(self.server.show)
 
     def receive(self, text: str) -> str | None:
-        """Return the answer to a page's `text`, or None; requests wait for the next control step."""
+        """Handle a message from a page: answer the handshake, or queue a request until the next control step.
+
+        Args:
+            text: Message from the page.
+
+        Returns:
+            Answer to the page: the choices after the handshake, or an error; None if there is no answer.
+        """
         if text == HANDSHAKE:
             return self._choices
         try:
@@ -62,7 +72,7 @@ class LiveView:
         return None
 
     def run(self, seconds: float = float("inf")) -> None:
-        """Run the view for `seconds` of wall time; KeyboardInterrupt after Ctrl-C."""
+        """Run the view for `seconds`, s of wall time; raise KeyboardInterrupt after Ctrl-C."""
         end = time.perf_counter() + seconds
         with Interrupt() as interrupt:
             while time.perf_counter() < end:
@@ -73,7 +83,7 @@ class LiveView:
                 self._show(time.perf_counter())
 
     def _show(self, now: float) -> None:
-        """Draw a frame and send the state if they are due."""
+        """Draw a frame if a frame is due, and send the state if a state message is due."""
         if self.server.wanted.is_set() and self._render_thread.idle and now >= self._next_frame_time:
             self._render_thread.submit(self._controller.render_requests())
             self._next_frame_time = max(now, self._next_frame_time + 1.0 / FRAME_RATE)
@@ -88,8 +98,9 @@ class LiveView:
         self.server.close()
 
     def _process_requests(self) -> None:
-        """Carry out the pending requests and report their errors to the pages."""
-        pending = [self._requests.get_nowait() for _ in range(self._requests.qsize())]  # without later ones
+        """Execute the pending requests and report errors to the pages."""
+        # The queue size is read once, because requests that arrive in the meantime wait for the next control step.
+        pending = [self._requests.get_nowait() for _ in range(self._requests.qsize())]
         for request in drop_superseded(pending):
             try:
                 self._controller.handle(request)
@@ -98,7 +109,7 @@ class LiveView:
 
 
 def drop_superseded(requests: Sequence[Request]) -> list[Request]:
-    """Return the requests without superseded ones: only the last of each kind in EPISODE_STARTS stays."""
+    """Return the requests, but only the last request of each kind in `EPISODE_STARTS`."""
     latest: dict[object, Request] = {}
     for number, request in enumerate(requests):
         key = (request.do, request.values.get("robot")) if request.do in EPISODE_STARTS else number
@@ -108,5 +119,5 @@ def drop_superseded(requests: Sequence[Request]) -> list[Request]:
 
 
 def _error(text: str) -> str:
-    """Return an error message for a page."""
+    """Return a message to a page that reports the error `text`, as JSON."""
     return json.dumps({"kind": "error", "text": text})

@@ -1,6 +1,6 @@
-"""Outcome of the shown episode, with its story and cause, by the rules of an evaluation.
+"""Outcome of the episode in the live view, with the events and the cause, by the rules of an evaluation.
 
-It is undecided until the robot falls or the time of an episode is over.
+The outcome is undecided until the robot falls, the policy fails, or the duration of an evaluation episode is over.
 """
 
 from collections import deque
@@ -25,19 +25,19 @@ class _RecordedStep(NamedTuple):
 
     step: Step
     failure: Any
-    """Failure of the policy per robot, or None."""
+    """Failure of the policy for each robot; None if the policy does not report failures."""
     is_stopped: bool
-    """True if the safety layer was stopping the robot."""
+    """True if the safety layer stopped the robot in this step."""
 
 
 class EpisodeOutcome:
-    """Records the latest control steps of a session's episode, from its start, and judges the episode.
+    """Records the control steps of the present episode of a session, and evaluates the episode.
 
     Args:
-        session: The session, at the start of an episode.
+        session: Session at the start of an episode.
 
     Attributes:
-        story: Events of the episode, with the outcome and its cause last; empty while undecided.
+        story: One line per event of the episode; the last line is the outcome. Empty while the outcome is undecided.
     """
 
     def __init__(self, session: Session) -> None:
@@ -63,7 +63,7 @@ class EpisodeOutcome:
 
     @property
     def words(self) -> str:
-        """Outcome in words, as far as it is known."""
+        """Outcome in words; the reason if the outcome is undecided."""
         if self.story:
             return self.story[-1].replace("  ", ": ", 1)
         if self._session.user_intervened:
@@ -72,19 +72,25 @@ class EpisodeOutcome:
 
     @property
     def failed(self) -> bool:
-        """True if the outcome is decided and no success."""
+        """True if the outcome is decided and the episode failed."""
         return bool(self.story) and not self.story[-1].endswith(SUCCEEDED)
 
 
 def _story(recorded: Sequence[_RecordedStep], session: Session) -> list[str]:
-    """Return the lines of `evaluate.causes.story` for the recorded steps, with the times of the episode."""
+    """Return the lines that `evaluate.causes.story` writes about the recorded steps.
+
+    Times are counted from the start of the episode, although the first recorded step may be a later one.
+    """
     episodes = _episodes(recorded, session)
     start_time = recorded[0].step.number * episodes.dt
     return in_lines((start_time + time, words) for time, words in timeline(episodes, measure(episodes)))
 
 
 def _episodes(recorded: Sequence[_RecordedStep], session: Session) -> Episodes:
-    """Return the recorded steps as an episode that starts with the first, with the pushes by hand."""
+    """Convert the recorded steps to an episode that starts with the first recorded step.
+
+    The pushes of the episode include pushes by hand.
+    """
     policy: Any = SimpleNamespace()
     recorder = EpisodeRecorder(policy, np.array([session.seed]), STEPS)
     for number, (step, failure, is_stopped) in enumerate(recorded):
@@ -97,7 +103,7 @@ def _episodes(recorded: Sequence[_RecordedStep], session: Session) -> Episodes:
     episodes = recorder.episodes()
     scenario = session.env.scenario
     if recorded[0].step.number != 0:
-        scenario = replace(scenario, dropouts=None)  # their times are counted from the start of the episode
+        scenario = replace(scenario, dropouts=None)  # because their times count from the true start of the episode
     return replace(
         episodes,
         push_step=push_starts[None],

@@ -1,4 +1,4 @@
-"""Render thread: draws frames of robots while the simulation goes on."""
+"""Render thread: draws frames of the robots while the main thread continues the simulation."""
 
 import io
 from collections.abc import Callable, Sequence
@@ -12,25 +12,25 @@ from live.view.render_request import RenderRequest
 from quad_env.physics.rendering import Camera
 
 JPEG_QUALITY = 80
-"""Quality of the JPEG frames, 0 … 100; a larger value makes larger frames."""
+"""Quality of the JPEG frames, 0 to 100; a larger value gives larger files."""
 WIDTH = 720
-"""Pixels. Width of a frame, which a processor draws fast enough."""
+"""Width of a frame, pixels; small enough that a processor without a GPU draws frames in time."""
 HEIGHT = 360
-"""Pixels. Height of a frame."""
+"""Height of a frame, pixels."""
 COLOURS = ((255, 200, 46), (88, 166, 255), (255, 140, 200), (160, 230, 120))
-"""Colours of the robots' names, the same as of their curves in page/view.css."""
+"""Colour of the policy name of each robot, RGB; page/view.css has the same colours for the curves."""
 _OUTLINE = (30, 34, 38)
-"""Colour of the outline of names."""
+"""Colour of the outline of the policy names, RGB."""
 
 
 class RenderThread:
     """Draws JPEG frames in a separate thread.
 
     Args:
-        show: Called with each frame, in that thread.
+        show: Function that is called with each JPEG frame, in the render thread.
 
     Attributes:
-        failure: Reason why nothing can be drawn; None as long as drawing works.
+        failure: Reason why nothing can be drawn; None while drawing works.
     """
 
     def __init__(self, show: Callable[[bytes], None]) -> None:
@@ -43,23 +43,23 @@ class RenderThread:
 
     @property
     def idle(self) -> bool:
-        """True if the thread can draw and has drawn the last submission."""
+        """True if the thread can draw and has finished the last frame."""
         return self.failure is None and (self._work is None or self._work.done())
 
     def submit(self, requests: Sequence[RenderRequest]) -> None:
-        """Draw a frame of the `requests`, one per robot, in the thread."""
+        """Start drawing a frame of the `requests`, one per robot, in the render thread."""
         self._work = self._thread.submit(self._draw_and_show, requests)
 
     def close(self) -> None:
-        """End the thread and free its renderers."""
+        """End the render thread and free the renderers."""
         self._thread.submit(self._close_renderers)
         self._thread.shutdown()
 
     def _draw_and_show(self, requests: Sequence[RenderRequest]) -> None:
-        """Draw a frame and pass it on, or store the failure."""
+        """Draw a frame and call `show` with the frame; store the failure if the frame cannot be drawn."""
         try:
             frame = self._draw(requests)
-        except Exception as error:  # graphics drivers raise errors of any kind
+        except Exception as error:  # because graphics drivers raise many kinds of errors
             self.failure = f"nothing can be drawn here ({type(error).__name__}: {error})"
             return
         self._show(frame)
@@ -90,7 +90,7 @@ class RenderThread:
 
 
 def _draw_names(image: Image.Image, requests: Sequence[RenderRequest]) -> None:
-    """Write the name of each robot's policy into its tile, in the colour of its curves."""
+    """Write the name of each robot's policy into the robot's tile, in the colour of the robot's curves."""
     draw = ImageDraw.Draw(image)
     size = image.height // 22
     for index, (request, colour) in enumerate(zip(requests, COLOURS, strict=False)):

@@ -1,4 +1,4 @@
-"""Requests of a page: JSON objects with the name of an action and its arguments, validated here."""
+"""Requests of a page: JSON objects with an action and arguments, which this module validates."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -6,31 +6,31 @@ from dataclasses import dataclass
 from typing import Any
 
 MAX_COMMAND = 3.0
-"""m/s and rad/s. Largest magnitude of a command."""
+"""Largest magnitude of each component of a command, m/s and rad/s."""
 MAX_ROBOTS = 4
 """Maximum number of robots side by side."""
 MAX_IMPULSE = 500.0
-"""N·s. Largest impulse of a push."""
+"""Largest impulse of a push, N·s."""
 SPEED_RANGE = (0.05, 10.0)
-"""Smallest and largest ratio of simulated to wall time."""
+"""Smallest and largest ratio of simulated time to wall time."""
 MAX_SEED = 2**53 - 1
-"""Largest seed; JavaScript does not represent larger integers exactly."""
+"""Largest seed, because JavaScript does not represent larger integers exactly."""
 MAX_NAME_LENGTH = 200
-"""Maximum number of characters of the name of a policy or scenario."""
+"""Maximum length of the name of a policy or scenario, characters."""
 
 
 class RequestError(ValueError):
-    """Invalid request; the message names the fault."""
+    """Error for an invalid request; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """A valid request."""
+    """A valid request of a page."""
 
     do: str
     """Name of the action, a key of `REQUESTS`."""
     values: Mapping[str, Any]
-    """Arguments of the action by name."""
+    """Arguments of the action: name -> value."""
 
 
 def parse(text: str) -> Request:
@@ -43,7 +43,7 @@ def parse(text: str) -> Request:
         The request.
 
     Raises:
-        RequestError: The text is no JSON object, or names no action, or has invalid arguments.
+        RequestError: The text is not a JSON object, its action is unknown, or its arguments are invalid.
     """
     try:
         given = json.loads(text, parse_constant=_no_constant)
@@ -60,12 +60,15 @@ def parse(text: str) -> Request:
 
 
 def _no_constant(name: str) -> float:
-    """Raise ValueError for NaN or infinity."""
+    """Raise ValueError, because the JSON parser calls this function for NaN and infinity."""
     raise ValueError(name)
 
 
 def _number(low: float, high: float, kinds: Any = int | float) -> Callable[[str, Any], Any]:
-    """Return a validator of numbers in a range."""
+    """Return a validator that accepts numbers from `low` to `high`.
+
+    The validator takes the name and the value of an argument. It returns the value, or raises RequestError.
+    """
     kind = "whole number" if kinds is int else "number"
 
     def _validate(name: str, value: Any) -> Any:
@@ -77,14 +80,14 @@ def _number(low: float, high: float, kinds: Any = int | float) -> Callable[[str,
 
 
 def _flag(name: str, value: Any) -> bool:
-    """Return a truth value, or raise RequestError."""
+    """Return `value` if it is a bool, or raise RequestError that names the argument `name`."""
     if not isinstance(value, bool):
         raise RequestError(f"{name} is true or false")
     return value
 
 
 def _name(name: str, value: Any) -> str:
-    """Return a printable name, or raise RequestError."""
+    """Return `value` if it is a printable string of valid length, or raise RequestError that names `name`."""
     if not isinstance(value, str) or not 0 < len(value) <= MAX_NAME_LENGTH or not value.isprintable():
         raise RequestError(f"{name} is a name of 1 to {MAX_NAME_LENGTH} characters")
     return value
@@ -108,7 +111,8 @@ REQUESTS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
     "zoom": {"wheel": _PIXELS},
     "follow": {"on": _flag},
 }
-"""Name of each action -> its arguments and their validators.
+"""Action -> arguments of the action: name -> validator.
 
-Units: m/s and rad/s, degrees from the heading to the left, N·s, pixels.
+Units: `forward` and `left` m/s, `turn` rad/s, `direction` degrees from the heading to the left, `impulse` N·s, `right`
+and `down` pixels.
 """

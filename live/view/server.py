@@ -1,4 +1,4 @@
-"""Server of the page: HTTP and one WebSocket on one port, for browsers on this machine alone."""
+"""Server of the live view: serves HTTP and WebSocket on one port, only to browsers on the same machine."""
 
 import asyncio
 import contextlib
@@ -19,7 +19,7 @@ from websockets.http11 import Request, Response
 from quad_env.cli.command_line import UsageError
 
 PAGE = Path(__file__).parent / "page"
-"""Folder of the page's files."""
+"""Folder with the files of the page."""
 CONTENT_TYPES = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript",
@@ -27,16 +27,19 @@ CONTENT_TYPES = {
     ".svg": "image/svg+xml",
 }
 _LOGGER = logging.getLogger(__name__)
-_LOGGER.setLevel(logging.CRITICAL)  # invalid connections print nothing in the terminal of the view
+_LOGGER.setLevel(logging.CRITICAL)  # so that invalid connections do not print errors in the user's terminal
 MAX_MESSAGE_SIZE = 4096
-"""Bytes. Maximum size of a page's message; a larger one ends its connection."""
+"""Maximum size of a message from a page, bytes; a larger message closes the connection."""
 MAX_PAGES = 8
 """Maximum number of connected pages."""
 FRAME_ACK = "drawn"
-"""Message of a page that has shown a frame and can take the next one."""
+"""Message from a page that has shown a frame and is ready for the next frame."""
 _FILES = {f"/{file.name}": file for file in PAGE.iterdir() if file.suffix in CONTENT_TYPES} | {"/": PAGE / "index.html"}
 Receive = Callable[[str], str | None]
-"""Called with every text of a page, in the server's thread; a returned text is sent back to that page."""
+"""Function that is called in the server's thread with every text from a page.
+
+The server sends the result back to the same page, unless the result is None.
+"""
 HOST = "127.0.0.1"
 PORT = 8080
 """Default port."""
@@ -52,18 +55,18 @@ _HEADERS = {
 
 
 class Server:
-    """Sends texts and frames to pages and passes on their messages, in a separate thread.
+    """Sends texts and frames to pages, and passes messages from pages on, in a separate thread.
 
-    It listens on `HOST` and answers only requests that name this machine as their host and come from its own page. A
-    port that is taken raises UsageError.
+    The server listens on `HOST`. It refuses requests to other host names and requests from other web pages. If the
+    `port` is in use, the constructor raises UsageError.
 
     Args:
-        port: Port; 0 for a free one, None for `PORT`, or a free one if that is taken.
-        receive: Called with the texts of pages.
+        port: Port to listen on, 0 for any free port. None for `PORT`, or for any free port if `PORT` is in use.
+        receive: Function that is called with every text from a page.
 
     Attributes:
-        port: Port that is listened on.
-        wanted: Set while a page waits for a frame.
+        port: Port on which the server listens.
+        wanted: Event that is set while a page waits for a frame.
     """
 
     def __init__(self, port: int | None, receive: Receive) -> None:
@@ -104,18 +107,18 @@ class Server:
         self._thread.join(timeout=5.0)
 
     def _show(self, frame: bytes) -> None:
-        """Send a frame, in the server's thread."""
+        """Send a frame to the waiting pages; must be called in the server's thread."""
         waiting = [page for page, waits in self._pages.items() if waits]
         self._pages |= dict.fromkeys(waiting, False)
         websocket_broadcast(waiting, frame)
 
     def _call_in_thread(self, call: Callable[[], object]) -> None:
         """Schedule a call in the server's thread."""
-        with contextlib.suppress(RuntimeError):  # the thread has ended
+        with contextlib.suppress(RuntimeError):  # because the thread may have ended
             self._loop.call_soon_threadsafe(call)
 
     async def _run(self) -> None:
-        """Serve until `close`."""
+        """Serve pages until `close` is called."""
         self._loop = asyncio.get_running_loop()
         self._stop = asyncio.Event()
         server = await serve(
@@ -137,11 +140,11 @@ class Server:
         try:
             path = urllib.parse.urlsplit(request.path).path
             refusal = _refusal(request)
-        except (ValueError, LookupError):  # an invalid address, or a repeated header
+        except (ValueError, LookupError):  # because of an invalid address or a repeated header
             return connection.respond(http.HTTPStatus.BAD_REQUEST, "that is no request\n")
         if refusal is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, f"{refusal}\n")
-        method = getattr(request, "method", "GET")  # older versions of websockets refuse other methods themselves
+        method = getattr(request, "method", "GET")  # older websockets accept only GET
         if method not in ("GET", "HEAD") or (method == "HEAD" and path == "/socket"):
             refused = connection.respond(http.HTTPStatus.METHOD_NOT_ALLOWED, "only GET and HEAD are answered\n")
             refused.headers["Allow"] = "GET, HEAD"
@@ -173,13 +176,13 @@ class Server:
             del self._pages[connection]
 
     def _await_frame(self, page: ServerConnection) -> None:
-        """Note that a page waits for a frame."""
+        """Mark a page as waiting for a frame."""
         self._pages[page] = True
         self.wanted.set()
 
 
 def _listen(port: int | None) -> socket.socket:
-    """Return a listening socket, or raise UsageError."""
+    """Return a listening socket; raise UsageError if the port is in use."""
     try:
         return socket.create_server((HOST, PORT if port is None else port))
     except OSError as error:
@@ -189,7 +192,7 @@ def _listen(port: int | None) -> socket.socket:
 
 
 def _refusal(request: Request) -> str | None:
-    """Return the reason to refuse a request; None to accept it."""
+    """Return the reason why a request is refused; None if it is accepted."""
     host = request.headers.get("Host", "")
     origin = request.headers.get("Origin")
     address = urllib.parse.urlsplit(f"//{host}")

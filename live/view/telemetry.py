@@ -1,4 +1,4 @@
-"""Telemetry of a robot for pages: rows of its curves, one per control step, its present state, and its scene."""
+"""Telemetry of a robot for pages: present state, scene, and one row per control step for the curves."""
 
 from collections import deque
 from typing import Any
@@ -14,14 +14,14 @@ from policies.base import Policy
 from quad_env.task.rewards import REWARD
 
 MAX_ROWS = 600
-"""Maximum number of rows, as many as the curves of a page show."""
+"""Maximum number of rows that are stored; the curves of a page show the same number."""
 
 
 class Telemetry:
     """Observer of a session that collects its telemetry.
 
     Args:
-        session: The session; it is observed from now on.
+        session: Session to observe; the constructor adds this object to the observers of the session.
     """
 
     def __init__(self, session: Session) -> None:
@@ -31,7 +31,7 @@ class Telemetry:
         self(session.latest)
 
     def __call__(self, step: Step) -> None:
-        """Record a control `step`; the start of an episode clears the rows."""
+        """Record a control `step`; step 0, the start of an episode, deletes all rows."""
         if step.number == 0:
             self._rows.clear()
             self._outcome = EpisodeOutcome(self._session)
@@ -42,14 +42,14 @@ class Telemetry:
         self._rows.append(self._row(step))
 
     def render_request(self, orbit: Orbit, count: int) -> RenderRequest:
-        """Return the scene of the robot now.
+        """Return the render request for the present state of the robot.
 
         Args:
             orbit: Viewpoint of the camera.
             count: Number of robots side by side.
 
         Returns:
-            Snapshot, name, viewpoint and arrows of the robot.
+            Snapshot of the simulation, name of the policy, viewpoint and arrows.
         """
         simulation = self._session.env.simulation
         viewpoint = orbit.for_tile(self._session.latest.infos["position"][0], count)
@@ -62,7 +62,7 @@ class Telemetry:
         )
 
     def state(self) -> dict[str, Any]:
-        """Return the present state for pages, with the rows since the last call."""
+        """Return the present state for pages, including the rows since the last call."""
         infos = self._session.latest.infos
         policy = self._session.policy
         rows = list(self._rows)
@@ -85,8 +85,8 @@ class Telemetry:
     def _row(self, step: Step) -> list[Any]:
         """Return the row of a control step.
 
-        Time, s; command and velocity (forward m/s, left m/s, yaw rate rad/s); foot contacts; largest torque as a
-        fraction of the rated one; reward of the step.
+        The entries are: time, s; command and velocity, each forward m/s, left m/s and yaw rate rad/s; foot contacts;
+        largest joint torque as a fraction of the rated torque; reward of the step.
         """
         infos = step.infos
         return [
@@ -104,11 +104,11 @@ class Telemetry:
 
 
 def rounded(values: Any) -> list[float]:
-    """Return `values` rounded to three decimals, for pages."""
+    """Return the `values` as floats rounded to three decimals, for JSON messages to pages."""
     return [round(float(value), 3) for value in values]
 
 
 def _correction(policy: Policy) -> float | None:
-    """Return the largest fraction of a residual's authority in use; None for other policies."""
+    """Return the largest correction of a residual policy, as a fraction of its limit; None for other policies."""
     correction = getattr(policy, "correction", None)
     return None if correction is None else round(float(np.abs(correction).max()), 3)
