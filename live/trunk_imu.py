@@ -1,4 +1,4 @@
-"""Ideal accelerometer at the trunk's centre, for the specific force that the `infos` of a step do not contain."""
+"""Ideal accelerometer at the trunk's centre; the `infos` of a step do not contain the specific force."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -25,9 +25,12 @@ from quad_env.robots.plausibility import find_warnings
 from quad_env.robots.robot import Robot
 
 REFERENCE_POLICY = "trot_feedback"
-"""Policy that tests a robot; it walks on every robot of `quad_env.ROBOTS` without tuned parameters for the robot."""
+"""Policy that tests a robot; walks on all robots of `quad_env.ROBOTS` without parameters tuned for each."""
 COMMANDS = {"forward": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "turning left": (0.0, 0.0, 0.8)}
-"""Name -> command for SimpleQuad: forward and left velocity, m/s, and yaw rate, rad/s; scaled to other robots."""
+"""Name -> command: forward and left velocity, m/s, and yaw rate, rad/s.
+
+The commands are for SimpleQuad and are scaled to other robots.
+"""
 MIN_REPORTED_DAMPING_RATIO = 0.05
 """Ratio of passive joint damping to servo damping above which the joint damping is reported."""
 NAME_REMEDY = "name an existing policy: python -m quad_env policies"
@@ -52,7 +55,7 @@ def check_reference_policy(subject: DoctorSubject) -> Finding:
 
 
 def check_policy(subject: DoctorSubject) -> Finding:
-    """Check that the policy of `subject` loads, fits the robot and the control period, and follows commands."""
+    """Check that the policy of `subject` loads, fits robot and control period, and follows commands."""
     assert subject.policy is not None
     try:
         policy = policies.resolve(
@@ -139,12 +142,12 @@ def _check_without_description(subject: DoctorSubject) -> Finding:
 
 
 def check_standing(subject: DoctorSubject) -> Finding:
-    """Check that the policy of `subject` stands at zero command; diagnose the description if it does not."""
+    """Check that the policy of `subject` stands at zero command; diagnose the description otherwise."""
     return _check_walks(subject, (diagnosis.STAND,))
 
 
 def check_walking(subject: DoctorSubject) -> Finding:
-    """Check that the policy of `subject` follows moderate commands; diagnose the description if it does not."""
+    """Check that the policy of `subject` follows moderate commands; diagnose the description otherwise."""
     return _check_walks(subject, tuple(name for name in diagnosis.COMMANDS if name != diagnosis.STAND))
 
 
@@ -170,7 +173,7 @@ def describe_spec(spec: PolicySpec, robot: Robot) -> Iterator[str]:
 
 
 def _format_term(term: SpecTerm) -> str:
-    """Format an observation term: name, width, scale and length of the history, as in `joint_velocity 12 × 0.05`."""
+    """Format an observation term: name, width, scale and history, as in `joint_velocity 12 × 0.05`."""
     scale = "" if set(term.scale) == {1.0} else f" × {_format_numbers(term.scale)}"
     history = f" of {term.history} steps" if term.history > 1 else ""
     return f"{term.name} {term.width}{scale}{history}"

@@ -52,7 +52,7 @@ def _lines(robot: Robot) -> Iterator[str]:
 
 
 def _training_lines(folder: Path) -> Iterator[str]:
-    """Yield a line about base policy and training of a trained policy's `folder`, or about an error in the folder."""
+    """Yield a line about base policy and training of the policy in `folder`, or about an error there."""
     try:
         description = parse_description(folder, read_bytes(folder / bundle.DESCRIPTION))
         base = description.base["name"]

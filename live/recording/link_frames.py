@@ -85,7 +85,7 @@ def _fixed_frames(model: Any, data: Any, robot: Robot) -> list[LinkFrame]:
 
 
 def _body_frame(model: Any, data: Any, body: int) -> tuple[Floats, Rotation]:
-    """Return the origin, which is at the body's joint, and the orientation of a body's frame, world frame, m."""
+    """Return origin, m, and orientation of a body's frame, world frame; the origin is at the body's joint."""
     return data.xanchor[model.body_jntadr[body]], Rotation.from_matrix(data.xmat[body].reshape(3, 3))
 
 

@@ -30,7 +30,10 @@ STANDARD_TOPICS = {
     "/reward": "std_msgs/msg/Float64",
     "/events": "rcl_interfaces/msg/Log",
 }
-"""Topic -> message type, for topics that every robot has; `Messages.topics` adds the contact topics of a robot."""
+"""Topic -> message type, for topics that every robot has.
+
+`Messages.topics` adds the contact topics of a robot.
+"""
 LATCHED_TOPICS = ("/robot_description", "/tf_static")
 """Topics with a single message at the start, which ROS stores for later subscribers."""
 TYPES = get_typestore(Stores.ROS2_JAZZY)
@@ -39,7 +42,7 @@ _EPISODE_END = "over"
 """Text of the event at the end of a push or a fall."""
 _NO_COMMAND = np.full(3, np.nan)
 _UNKNOWN_COVARIANCE = np.zeros(9)
-"""Covariance field of messages with unknown covariance; zero by the convention of `sensor_msgs/msg/Imu`."""
+"""Value of the covariance field for unknown covariances, by the convention of `sensor_msgs/msg/Imu`."""
 
 
 class Message(NamedTuple):
@@ -88,7 +91,10 @@ class Messages:
             yield Message("/robot_description", 0, _T["std_msgs/msg/String"](data=self._schema.description))
 
     def row_messages(self, row: Floats) -> Iterator[Message]:
-        """Yield the messages of a `row`: command and joint targets at the start of a step, events, and the end state."""
+        """Yield the messages of a `row`.
+
+        A row contains the command and joint targets at the start of a step, events, and the state at the end.
+        """
         readings = {name: row[columns] for name, columns in self._slices.items()}
         if readings["start"][0] > 0.0:
             yield from self._start_messages()
@@ -121,7 +127,10 @@ class Messages:
         self._last_event = event
 
     def _event_message(self, text: str) -> Message:
-        """Return a log message at the present time; falls and divergence have the level ERROR, other events INFO."""
+        """Return a log message at the present time.
+
+        Falls and divergence have the level ERROR, other events the level INFO.
+        """
         log = _T["rcl_interfaces/msg/Log"]
         level = log.ERROR if text.startswith(("fell", "diverged")) else log.INFO
         stamp = _stamp(self._time)
@@ -229,7 +238,7 @@ def _imu(stamp: Any, quaternion: Floats, angular_velocity: Floats, specific_forc
 
 
 def _link_transform(stamp: Any, link: LinkFrame, rotation: Floats) -> Any:
-    """Return the transform message of a link that has the orientation `rotation` relative to the parent link."""
+    """Return the transform message of a link with the orientation `rotation` in the parent frame."""
     return _transform(stamp, link.parent, link.name, link.translation, rotation)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from live.recording.link_frames import RecordingSchema
 
 NICENESS = 5
-"""Niceness of the writer process, so that the simulation and other programs have priority if there are few cores."""
+"""Niceness of the writer process, so that the simulation has priority if there are few cores."""
 
 
 def write(rows: Connection, answer: Connection, path: Path, schema: RecordingSchema) -> None:

@@ -1,6 +1,6 @@
-"""Robot side of the ROS interface: controls the robot by received numbers and returns readings at each control step.
+"""Robot side of the ROS interface, which does not import ROS.
 
-This module does not import ROS.
+It controls the robot by numbers from ROS messages, and returns readings at every control step.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,9 +29,9 @@ TARGET_TIMEOUT = 0.2
 
 
 class JointTargetPolicy(Policy):
-    """Policy that follows external joint targets; the robot stands in the home pose until `follow` is called.
+    """Policy that follows external joint targets.
 
-    If there are several robots, all robots get the same targets.
+    The robot stands in the home pose until `follow` is called. If there are several robots, all get the same targets.
 
     Args:
         robot: Robot that the policy controls.
@@ -93,7 +93,7 @@ class Bridge:
         self._topic = VELOCITY if self._target_policy is None else JOINT_TARGETS
         self._timeout = VELOCITY_TIMEOUT if self._target_policy is None else TARGET_TIMEOUT
         self._last_message_step: int | None = None
-        """Number of control steps before the last valid message; None before the first message and after a timeout."""
+        """Number of control steps before the last valid message; None before the first and after a timeout."""
         self._refused: set[tuple[str, str]] = set()
         """Pairs of topic and reason of refused messages; each pair is logged only once."""
         self._imu = TrunkImu(session.env.dt)

@@ -1,4 +1,4 @@
-"""Search for a Python that has ROS, and environment variables that make ROS listen only on this machine."""
+"""Search for a Python that has ROS, and environment variables that limit ROS to this machine."""
 
 import os
 import subprocess

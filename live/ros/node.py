@@ -22,9 +22,9 @@ The command is linear.x and linear.y, m/s, and angular.z, rad/s.
 RESET = "/reset"
 """Subscribed topic of type std_msgs/Empty: a message starts a new episode."""
 JOINT_STATES = "/joint_states"
-"""Published topic of type sensor_msgs/JointState: joint angles, rad, velocities, rad/s, and torques, N·m."""
+"""Published topic of type sensor_msgs/JointState: joint angles, rad, speeds, rad/s, and torques, N·m."""
 IMU = "/imu"
-"""Published topic of type sensor_msgs/Imu: orientation, angular velocity and specific force of the trunk."""
+"""Published topic of type sensor_msgs/Imu: trunk orientation, angular velocity and specific force."""
 CLOCK = "/clock"
 """Published topic of type rosgraph_msgs/Clock: simulated time."""
 JOINT_STATE_PERIOD = 0.02

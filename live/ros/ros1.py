@@ -13,7 +13,7 @@ import rosmaster.master
 import rospy
 
 QUEUE_SIZE = 100
-"""Maximum number of messages that wait for a slow subscriber or for this node; the oldest messages are dropped."""
+"""Maximum number of waiting messages, to a slow subscriber or to this node; the oldest are dropped."""
 
 MASTER_TIMEOUT = 3.0
 """Time limit for the answer of a ROS master, s."""

@@ -23,11 +23,13 @@ Packet = dict[str, Any]
 
 
 class RosProcessError(UsageError):
-    """Error for a ROS process that cannot start, does not answer or has ended; the message gives the reason."""
+    """Error if the ROS process cannot start, does not answer or has ended; the message gives the reason."""
 
 
 class RosProcess:
-    """Runs the ROS process and exchanges packets with it; neither process waits for the other during the simulation.
+    """Runs the ROS process and exchanges packets with it.
+
+    Neither process waits for the other during the simulation.
 
     Args:
         command: Command line of the process.
@@ -67,7 +69,7 @@ class RosProcess:
         return str(packet["ready"])
 
     def received(self) -> Iterator[Packet]:
-        """Yield the packets received since the last call, oldest first; raise RosProcessError if the process ended."""
+        """Yield the packets since the last call, oldest first; raise RosProcessError if the process ended."""
         with contextlib.suppress(BlockingIOError):
             for _ in range(MAX_PACKETS_PER_STEP):
                 yield self._read()

@@ -1,4 +1,4 @@
-"""Main loop of the live view: executes requests, steps the robots in real time, sends frames and states to pages."""
+"""Main loop of the live view: executes requests, steps robots, and sends frames and states to pages."""
 
 import json
 import queue
@@ -29,7 +29,7 @@ IDLE_PERIOD = 0.01
 """Polling period of requests while the simulation is paused, s."""
 
 _REQUEST_ERRORS = (ValueError, UsageError, OSError, ImportError)
-"""Errors of a request that are reported to pages, for example a missing scenario or policy, or a full disk."""
+"""Errors of a request that are reported to pages, for example a missing scenario or a full disk."""
 
 
 class LiveView:

@@ -1,4 +1,4 @@
-"""Outcome of the episode in the live view, with the events and the cause, by the rules of an evaluation.
+"""Outcome of the episode in the live view, with events and cause, by the rules of an evaluation.
 
 The outcome is undecided until the robot falls, the policy fails, or the duration of an evaluation episode is over.
 """

@@ -19,7 +19,7 @@ MAX_ELEVATION = 89.0
 DISTANCE_RANGE = (0.4, 30.0)
 """Smallest and largest distance of the camera, m."""
 TRACKING_GAIN = 0.15
-"""Fraction of the vertical distance to the robot by which the camera target moves per frame.
+"""Vertical motion of the camera target per frame, as a fraction of the vertical distance to the robot.
 
 The fraction is small so that the picture does not shake.
 """
@@ -38,7 +38,7 @@ class Orbit(Viewpoint):
         return replace(self, azimuth=(self.azimuth - ROTATION_GAIN * right) % 360.0, elevation=float(elevation))
 
     def zoomed(self, wheel: float) -> "Orbit":
-        """Return the viewpoint after the mouse wheel turned by `wheel`; a positive value moves the camera away."""
+        """Return the viewpoint after the mouse wheel turned by `wheel`; positive values move the camera away."""
         return replace(self, distance=float(np.clip(self.distance * np.exp(ZOOM_GAIN * wheel), *DISTANCE_RANGE)))
 
     def at(self, robot: NDArray[np.float64]) -> "Orbit":

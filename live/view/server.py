@@ -1,4 +1,4 @@
-"""Server of the live view: serves HTTP and WebSocket on one port, only to browsers on the same machine."""
+"""Server of the live view: HTTP and WebSocket on one port, only for browsers on the same machine."""
 
 import asyncio
 import contextlib

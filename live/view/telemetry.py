@@ -109,6 +109,6 @@ def rounded(values: Any) -> list[float]:
 
 
 def _correction(policy: Policy) -> float | None:
-    """Return the largest correction of a residual policy, as a fraction of its limit; None for other policies."""
+    """Return a residual policy's largest correction as a fraction of the limit; None for other policies."""
     correction = getattr(policy, "correction", None)
     return None if correction is None else round(float(np.abs(correction).max()), 3)

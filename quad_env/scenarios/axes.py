@@ -1,8 +1,8 @@
-"""Disturbance axes: each axis varies one disturbance from a harmless severity to one at which robots fall.
+"""Disturbance axes: each varies one disturbance from a harmless severity to one at which robots fall.
 
 The severity is given in the physical unit of the axis. The levels of an axis are a few severities, chosen for
-SimpleQuad. At the last level every shipped policy that walks falls in four of five episodes, or the severity exceeds a
-physical limit, which the docstring of the axis states. The axis `slow` is an exception: no robot falls on it.
+SimpleQuad. Every shipped policy that walks falls in four of five episodes at the last level. On some axes the last
+level exceeds a physical limit instead, which the docstring of the axis states. On the axis `slow` no robot falls.
 """
 
 import math
@@ -34,7 +34,7 @@ class Axis:
     """Description of the quantity that the severity measures, for example `mass on the trunk`."""
     unit: str
     levels: tuple[float, ...]
-    """Severities from the mildest to the hardest; decreasing if a smaller severity is harder, as with friction."""
+    """Severities from the mildest to the hardest; decreasing if smaller is harder, as with friction."""
     nominal: float
     """Severity of the scenario that is named like the axis, without a level or a severity."""
     sentence: str = ""
@@ -119,7 +119,10 @@ AXES: dict[str, Axis] = {}
 
 @lru_cache(maxsize=32)
 def axes_of(robot: Robot) -> dict[str, Axis]:
-    """Return the built-in axes scaled to `robot`: name -> axis. Batteries consist of scenarios on these axes."""
+    """Return the built-in axes scaled to `robot`: name -> axis.
+
+    Batteries, the predefined lists of scenarios, use only built-in axes.
+    """
     return {name: axis.for_robot(robot) for name, axis in AXES.items()}
 
 

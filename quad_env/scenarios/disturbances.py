@@ -1,4 +1,4 @@
-"""Settings of each disturbance of an episode, in physical units; a `Scenario` combines any disturbances."""
+"""Settings of each disturbance of an episode, in physical units; a `Scenario` combines disturbances."""
 
 import math
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class Pushes(Settings):
 
 @dataclass(frozen=True)
 class SteadyForce(Settings):
-    """Constant horizontal force on the trunk's centre in a random world direction, for example wind or a tether."""
+    """Constant horizontal force on the trunk's centre in a random direction, for example wind."""
 
     force: NonNegative = 20.0
     """Magnitude of the force, N"""
@@ -54,17 +54,19 @@ class Ground(Settings):
     bodies that touch it.
 
     A soft ground is a linear spring and a damper under each contact point. MuJoCo pushes a foot out of the ground with
-    the force K s, where s is the depth and K = 1/((1 - d) T² Â). T is the time constant `solref[0]`, d = 0.95 the
-    largest impedance `solimp[1]`, and Â the inverse inertia of a free leg's end, `body_invweight0`. A foot that carries
-    a quarter of the robot's weight thus sinks by `sink_depth` with T² = sink_depth / ((1 - d) Â m g / 4). The spring is
-    overdamped. A foot under side load creeps. Soft ground supports feet, knees and the trunk, but not the shins.
+    the force K s. s is the depth, and K = 1/((1 - d) T² Â). T is the time constant `solref[0]`. d = 0.95 is the largest
+    impedance `solimp[1]`. Â is the inverse inertia of a free leg's end, `body_invweight0`. A foot that carries a quarter
+    of the robot's weight sinks by `sink_depth`, because T² = sink_depth / ((1 - d) Â m g / 4). The spring is overdamped.
+    A foot under side load creeps. Soft ground supports feet, knees and the trunk, but not the shins.
     """
 
     friction: Positive = 0.8
     """Friction coefficient of every contact with the ground; 0.8 is rubber on concrete."""
     sink_depth: float = 0.0
-    """Depth by which the feet sink while the robot stands in its home pose and carries no load, m. 0 is hard ground,
-    where feet sink by 0.3 mm; values between 0 and 1 mm are invalid"""
+    """Depth of the feet in the ground while the robot stands in the home pose without a load, m.
+
+    0 is hard ground, in which feet sink by 0.3 mm. Values between 0 and 1 mm are invalid.
+    """
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -79,8 +81,10 @@ class Motors(Settings):
     torque_limit: Positive | None = None
     """Torque limit of each joint servo, N·m; None for the robot's rated torque"""
     bandwidth: Positive | None = None
-    """Corner frequency of a first-order low-pass filter of the joint targets, Hz. The time constant is
-    1/(2π·bandwidth). None for no filter."""
+    """Corner frequency of a first-order low-pass filter of the joint targets, Hz; None for no filter.
+
+    The time constant is 1/(2π·bandwidth).
+    """
 
     def max_torque(self, robot: Robot) -> float:
         """Return the torque limit of the joint servos of `robot`, N·m."""
@@ -93,7 +97,7 @@ class Motors(Settings):
 
 @dataclass(frozen=True)
 class Payload(Settings):
-    """Cube welded to the top of the trunk; the position of the cube is drawn uniformly within `reach` at reset."""
+    """Cube welded to the top of the trunk, at a position drawn uniformly within `reach` at reset."""
 
     mass: Positive = 5.0
     """Mass of the cube, kg"""
@@ -108,11 +112,17 @@ class Latency(Settings):
     """Constant delays of actions and observations, each rounded to control steps."""
 
     action: Delay = 0.02
-    """Delay from the policy to the servos, s. The servos hold the home pose until the first action arrives. The
-    observation term `previous_action` is the policy's last output, not the last action that arrived"""
+    """Delay from the policy to the servos, s.
+
+    The servos hold the home pose until the first action arrives. The observation term `previous_action` is the policy's
+    last output, not the last action that arrived.
+    """
     observation: Delay = 0.02
-    """Delay from the sensors to the policy, s. The policy sees the first reading until the second one arrives. Only
-    sensed terms are delayed; `previous_action` and `command` are not."""
+    """Delay from the sensors to the policy, s.
+
+    The policy sees the first reading until the second reading arrives. Only sensed terms are delayed; `previous_action`
+    and `command` are not.
+    """
 
 
 @dataclass(frozen=True)
@@ -125,8 +135,10 @@ class SensorNoise(Settings):
     """
 
     gyro: NonNegative = 0.2
-    """Standard deviation of each component of `angular_velocity`, rad/s; the noise of the other terms is in
-    proportion"""
+    """Standard deviation of each component of `angular_velocity`, rad/s.
+
+    The noise of the other terms is in proportion.
+    """
 
     @property
     def height_scan(self) -> float:
@@ -138,7 +150,7 @@ class SensorNoise(Settings):
 
     @property
     def deviations(self) -> dict[str, float]:
-        """Standard deviations: name of each sensed term in `quad_env.OBSERVATION` -> std, in the unit of the term."""
+        """Sensed term of `quad_env.OBSERVATION` -> standard deviation of the noise, in the unit of the term."""
         return {
             "projected_gravity": 0.25 * self.gyro,
             "angular_velocity": self.gyro,

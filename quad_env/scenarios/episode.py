@@ -132,9 +132,10 @@ def draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) ->
 
 
 def _draw_any_pose(robot: Robot, start: AnyPose, radius: float, stream: np.random.Generator) -> Array:
-    """Draw an initial state with a uniformly random orientation and random joint angles, in the order of `draw_start`.
+    """Draw an initial state with a random orientation and random joint angles.
 
-    Yaw, roll, and the sine of the pitch are uniform. Joint angles are uniform within the joint limits.
+    Yaw, roll, and the sine of the pitch are uniform. Joint angles are uniform within the joint limits. The entries have
+    the order that `draw_start` documents.
     """
     position = radius * stream.uniform(-1, 1, 2)
     yaw, sin_pitch, roll = stream.uniform(-1, 1, 3)

@@ -1,4 +1,4 @@
-"""Files of a user's terrain: the heights as a grey picture (.png) or an array (.npy), and a TOML file about them.
+"""Files of a user's terrain: a grey picture (.png) or an array (.npy) of heights, and a TOML file.
 
 The TOML file names the height file, and gives the size of the terrain and the start of the robots.
 """
@@ -29,7 +29,7 @@ class Heights(NamedTuple):
     """Heights on a grid, stored as values from 0 to 1 with an offset and a factor."""
 
     normalized: Array
-    """Height at each grid point from 0, lowest, to 1, highest; rows along y, columns along x, (rows, columns)."""
+    """Height from 0, lowest, to 1, highest; rows along y, columns along x, (rows, columns)."""
     min_height: float
     """Lowest height, m."""
     span: float

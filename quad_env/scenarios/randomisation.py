@@ -35,7 +35,7 @@ class RandomizationSample(NamedTuple):
 
 @dataclass(frozen=True)
 class DomainRandomisation(Settings):
-    """Ranges of the properties of robot and ground that are drawn uniformly for every robot at every reset.
+    """Ranges of the properties of robot and ground that are drawn uniformly at every reset.
 
     A range of 0 leaves its property unchanged; for `friction`, the range (1, 1) does.
 
@@ -50,20 +50,25 @@ class DomainRandomisation(Settings):
     """
 
     friction: tuple[Positive, Positive] = (0.5, 1.25)
-    """Range of the factor on the ground's friction coefficient, which applies to everything that touches the ground"""
+    """Range of the factor on the ground's friction coefficient, which applies to all ground contacts"""
     trunk_mass: LargeFraction = 0.2
-    """Largest fraction of the trunk mass that is added or removed; the trunk's inertia changes in proportion"""
+    """Largest change of the trunk mass, as a fraction; the trunk's inertia changes in proportion"""
     centre_of_mass: tuple[NonNegative, NonNegative, NonNegative] = (0.05, 0.05, 0.01)
     """Largest displacement of the trunk's centre of mass along each axis: forward, to the left and up, m"""
     stiffness: LargeFraction = 0.2
-    """Largest fraction by which the stiffness of each joint servo changes"""
+    """Largest change of the stiffness of each joint servo, as a fraction"""
     damping: LargeFraction = 0.2
-    """Largest fraction by which the damping of each joint servo changes"""
+    """Largest change of the damping of each joint servo, as a fraction"""
     motor_strength: LargeFraction = 0.1
-    """Largest fraction by which the torque limit of each joint servo changes. For motors with a torque-speed curve the
-    current limit changes instead"""
+    """Largest change of the torque limit of each joint servo, as a fraction.
+
+    If motors have a torque-speed curve, the current limit changes instead.
+    """
     delay: Delay = 0.02
-    """Largest delay of actions, rounded to control steps and added to the scenario's `Latency`, s; the smallest is 0"""
+    """Largest delay of actions, s; the smallest is 0.
+
+    The delay is rounded to control steps and added to the scenario's `Latency`.
+    """
     encoder_offset: NonNegative = 0.02
     """Largest offset of each encoder's readings, rad; servos and rewards use the true angles"""
 
@@ -75,8 +80,8 @@ class DomainRandomisation(Settings):
     def draw(self, joints: int, stream: np.random.Generator) -> RandomizationSample:
         """Draw the properties of an episode.
 
-        The number of random numbers does not depend on the settings, so that the range of one property does not change
-        the draws of other properties.
+        The number of random numbers does not depend on the settings. The range of one property therefore does not
+        change the draws of other properties.
 
         Args:
             joints: Number of joints.

@@ -1,4 +1,7 @@
-"""Scenarios by name: `steady`, `push`, its level `push:3`, a severity `push=42`, a combination `payload=15+slope=10`.
+"""Scenarios by name, and the syntax of scenario names.
+
+A name is a scenario `steady`, an axis `push`, a level of an axis `push:3`, a severity `push=42`, or a combination
+`payload=15+slope=10`.
 
 A name may also be a user's terrain, `hill.toml`, and any name may end with `+hardware`, `+randomised` or `+scan_lost`.
 A scenario is never tuned to a policy. Write one with `dataclasses.replace` or the constructor and pass it to `make`.
@@ -36,16 +39,22 @@ TERRAIN = ".toml"
 MAX_SEVERITY = 1e6
 """Upper limit of a severity, in the unit of its axis; larger values are meaningless on every axis."""
 STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
-"""Scenario for comparing effort: level ground, and 0.5 m/s straight ahead for every robot. It belongs to no axis."""
+"""Scenario for comparing effort: level ground, and 0.5 m/s straight ahead for every robot.
+
+The scenario belongs to no axis.
+"""
 _LABELS = ("name", "axis", "severity", "severity_unit")
 """Fields that a combination does not take from the scenarios that it combines."""
 _MERGED_BY_FIELD = (Scenario, CommandRanges, Ground, Motors)
-"""Classes of settings that are merged field by field, because two axes may set different fields of one object."""
+"""Classes of settings that are merged field by field, because two axes may set different fields."""
 
 
 @lru_cache(maxsize=32)
 def scenarios_of(robot: Robot) -> dict[str, Scenario]:
-    """Return the named scenarios of `robot`, name -> scenario: each axis at its nominal severity, and `STEADY`."""
+    """Return the named scenarios of `robot`: name -> scenario.
+
+    The scenarios are each axis at its nominal severity, and `STEADY`.
+    """
     return {name: axis.scenario(axis.nominal, name) for name, axis in axes_of(robot).items()} | {STEADY.name: STEADY}
 
 
@@ -112,7 +121,7 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
 
 
 def _extension_scenario(name: str, robot: Robot) -> Scenario | None:
-    """Return the extension scenario `name`, or the extension axis `name` at its nominal severity; else None."""
+    """Return the extension scenario `name`, or the extension axis `name` at nominal severity; else None."""
     scenarios = extension_scenarios()
     if name in scenarios:
         return scaled(scenarios[name], robot)
@@ -221,7 +230,7 @@ def _format_severities(severities: list[tuple[Axis, float]]) -> str:
 
 
 def _parse_severities(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
-    """Parse the name of a combination to pairs of axis and severity; raise ValueError for an invalid name."""
+    """Parse the name of a combination to pairs of axis and severity; raise ValueError if it is invalid."""
     severities = []
     for part in name.split(SEPARATOR):
         axis_name, equals, number = (word.strip() for word in part.partition(EQUALS))
@@ -235,7 +244,7 @@ def _parse_severities(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, floa
 
 
 def _parse_severity(name: str, axis: Axis, number: str, *, has_number: bool) -> float:
-    """Parse the severity that follows an axis in the name of a combination; raise ValueError if it is invalid."""
+    """Parse the severity after an axis in the name of a combination; raise ValueError if it is invalid."""
     try:
         severity = float(number)
     except ValueError:
@@ -258,9 +267,9 @@ class _AxisSetting:
     """Value at each level of the axis."""
 
     def is_set(self, default: Any) -> bool:
-        """Return True if the value differs from the `default` at any level or at the severity of the combination.
+        """Return True if the axis sets a value other than the `default` at any severity.
 
-        At the severity of the combination alone, an axis may happen to set the default value.
+        The levels are tested too, because the value at one severity may happen to equal the default.
         """
         return any(value != default for value in (self.value, *self.level_values))
 

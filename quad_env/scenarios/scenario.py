@@ -1,4 +1,4 @@
-"""Scenario: complete definition of an episode except the seed, and the scaling of a scenario to another robot."""
+"""Scenario: complete definition of an episode except the seed, with scaling to another robot."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -20,12 +20,12 @@ RANDOMISED = "+randomised"
 SCAN_LOST = "+scan_lost"
 """Name suffix of scenarios in which the height scan shows nothing."""
 SUFFIX_FIELDS = {SCAN_LOST: "scan_lost", RANDOMISED: "randomisation", HARDWARE: "hardware"}
-"""Name suffix -> field of the scenario that the suffix sets, in the order in which suffixes are written."""
+"""Name suffix -> field of the scenario that the suffix sets, in the order of the suffixes in a name."""
 
 
 @dataclass(frozen=True)
 class Scenario(Settings):
-    """Terrain, disturbances, commands and initial state of an episode; None means that a disturbance is absent."""
+    """Terrain, disturbances, commands and initial state of an episode; None if a disturbance is absent."""
 
     name: str
     terrain: Terrain = field(default_factory=Flat)
@@ -45,8 +45,10 @@ class Scenario(Settings):
     noise: SensorNoise | None = None
     dropouts: Dropouts | None = None
     hardware: bool = False
-    """True if the robot has its hardware profile, which `quad_env.actuation.hardware` defines. False for ideal motors,
-    no delays, and observations of the true state."""
+    """True if the robot has its hardware profile, which `quad_env.actuation.hardware` defines.
+
+    False for ideal motors, no delays, and observations of the true state.
+    """
     randomisation: DomainRandomisation | None = None
     """Ranges of the properties of robot and ground that are drawn for each episode; None to draw nothing."""
     scan_lost: bool = False
@@ -59,12 +61,12 @@ class Scenario(Settings):
 
 
 def with_hardware_profile(scenario: Scenario) -> Scenario:
-    """Return the `scenario` with the hardware profile and the name suffix HARDWARE; unchanged if it has both."""
+    """Return the `scenario` with the hardware profile and its name suffix; unchanged if it has both."""
     return _with_settings(scenario, hardware=True)
 
 
 def _with_randomisation(scenario: Scenario, robot: Robot) -> Scenario:
-    """Return the scenario with domain randomisation: its own, or else the default ranges scaled to the robot."""
+    """Return the scenario with domain randomisation, by default with the default ranges for the robot."""
     default = scaled(Scenario("default", randomisation=DomainRandomisation()), robot).randomisation
     return _with_settings(scenario, randomisation=scenario.randomisation or default)
 
@@ -75,7 +77,7 @@ def _without_scan(scenario: Scenario, _: Robot) -> Scenario:
 
 
 def _with_settings(scenario: Scenario, **settings: Any) -> Scenario:
-    """Return the scenario with changed settings and the name suffixes of the settings; unchanged if nothing differs."""
+    """Return the scenario with changed settings and matching name suffixes; unchanged if nothing differs."""
     changed = replace(scenario, **settings)
     name = scenario.name.removesuffix(scenario.suffix) + changed.suffix
     return scenario if changed == scenario else replace(changed, name=name)

@@ -88,7 +88,10 @@ class EpisodeSchedule:
         return [self._episodes[i] for i in env_ids]
 
     def resample_commands(self, env_ids: EnvSelection) -> None:
-        """Draw a new command for each robot in `env_ids` that begins a command interval and has no fixed command."""
+        """Draw a command for each robot of `env_ids` that begins a command interval.
+
+        Robots with a fixed command keep the command.
+        """
         begins_interval = self.step_count[env_ids] % self._interval == 0
         if np.count_nonzero(begins_interval):
             is_due = begins_interval & ~self._has_fixed_command[env_ids]

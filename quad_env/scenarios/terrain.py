@@ -1,4 +1,4 @@
-"""Terrains: each gives the ground height at a point and the centre height of a ball, such as a foot, on the ground."""
+"""Terrains: ground height at a point, and centre height of a ball, such as a foot, on the ground."""
 
 import math
 import sys
@@ -18,7 +18,7 @@ from quad_env.scenarios.height_file import Heights
 Length = Annotated[float, Bounds("more than 0 m and at most 1e6 m", sys.float_info.min, 1e6)]
 """A positive length of at most 1000 km, m."""
 MIN_START_CLEARANCE = 0.7
-"""Radius of level ground around the trunk's centre that a robot's legs need at the start, at any heading, m."""
+"""Radius of level ground that a robot needs around the trunk's centre at the start, m."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,16 @@ class Flat(Settings):
         return 0.0 * x
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Return the centre height, m, of a ball of `radius`, m, that rests on the ground at the point `x`, `y`, m."""
+        """Return the centre height, m, of a ball of `radius`, m, on the ground at `x`, `y`, world frame, m."""
         return self.height(x, y) + radius
 
 
 @dataclass(frozen=True)
 class Slope(Settings):
-    """Infinite plane through the origin that rises along the world's x axis; robots start parallel to the plane."""
+    """Infinite plane through the origin that rises along the world's x axis.
+
+    Robots start parallel to the plane.
+    """
 
     angle: Annotated[float, Bounds("from 0 to 80° (1.396 rad)", 0.0, math.radians(80.0))] = math.radians(15.0)
     """Angle of the plane above the horizontal, rad"""
@@ -51,7 +54,7 @@ class Slope(Settings):
         return math.tan(self.angle) * x
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Return the centre height, m, of a ball of `radius`, m, that rests on the ground at the point `x`, `y`, m."""
+        """Return the centre height, m, of a ball of `radius`, m, on the ground at `x`, `y`, world frame, m."""
         return self.height(x, y) + radius / math.cos(self.angle)
 
 
@@ -105,7 +108,7 @@ class Stairs(Settings):
         return self.height(x, y) + radius
 
     def boxes(self) -> list[tuple[tuple[float, float], float]]:
-        """Return the range along x and the height of the top of the landing and of each step, world frame, m.
+        """Return the x range and the top height of the landing and of each step, world frame, m.
 
         The ground at the lowest level has no box.
         """
@@ -167,7 +170,7 @@ class SmoothRandom(Settings):
         return Heights(normalized, 0.0, self.peak_to_valley)
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the surface height, interpolated on two triangles per cell as in MuJoCo's collision detection.
+        """Return the surface height, interpolated on two triangles per cell as in MuJoCo's collisions.
 
         Args:
             x: X coordinate of the point, world frame, m.
@@ -214,10 +217,12 @@ class HeightField(Settings):
     size: tuple[Length, Length]
     """Distance between the outermost samples along x and along y, m"""
     peak: Length | None = None
-    """Height to which the largest value is scaled, m; value 0 is at height 0. None for an array of heights in m"""
+    """Height to which the largest value is scaled, m; None for an array of heights in m.
+
+    Value 0 is at height 0.
+    """
     start: tuple[float, float] | None = None
-    """Start of all robots relative to the middle of the field, along x and y, m. None to draw the start of each
-    episode"""
+    """Start of all robots relative to the middle of the field, x and y, m; None for random starts."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -255,7 +260,7 @@ class HeightField(Settings):
     def spawn_radius(self) -> float:
         """Half of the side of the central square in which robots start, m; 0 if `start` is given.
 
-        The value is half of the distance from the middle to the nearest edge.
+        By default the value is half of the distance from the middle to the nearest edge.
         """
         return min(self.half) / 2 if self.start is None else 0.0
 
@@ -265,7 +270,7 @@ class HeightField(Settings):
         return height_file.read(self.file, self.sha256, self.peak)
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the surface height, interpolated on two triangles per cell as in MuJoCo's collision detection.
+        """Return the surface height, interpolated on two triangles per cell as in MuJoCo's collisions.
 
         Args:
             x: X coordinate of the point, world frame, m.
@@ -284,12 +289,12 @@ class HeightField(Settings):
         return cast("ScalarOrBatch", min_height + where(inside, surface, 0.0))
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Return the centre height, m, of a ball of `radius`, m, that rests on the ground at the point `x`, `y`, m."""
+        """Return the centre height, m, of a ball of `radius`, m, on the ground at `x`, `y`, world frame, m."""
         return _highest_touching(self, x, y, radius)
 
 
 def _interpolate_height(grid: Array, span: float, column: ScalarOrBatch, row: ScalarOrBatch) -> ScalarOrBatch:
-    """Return `span` times the height of the grid at a position, interpolated on two triangles per cell.
+    """Return `span` times the grid's height at a position, interpolated on two triangles per cell.
 
     Args:
         grid: Normalized heights, (rows, columns).

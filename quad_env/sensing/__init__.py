@@ -1,1 +1,1 @@
-"""The robot's own sensors, and the observation that is built from them instead of from the simulator's state."""
+"""Models of the robot's sensors, and observations from the sensors instead of the simulator's state."""

@@ -137,9 +137,10 @@ def leg_odometry_velocity(
 ) -> tuple[Array, Mask]:
     """Compute the velocity of the trunk's centre from the feet in contact (leg odometry).
 
-    The result is the velocity midway between the two encoder samples. A foot is a ball of radius r that rolls on the
-    ground: its centre moves with velocity ω_calf × (-r g). If p is the position of that centre relative to the trunk's
-    centre, then v = ω_calf × (-r g) - ω × p - dp/dt. The result is the mean of v over the feet in contact.
+    A foot is a ball of radius r that rolls on the ground: its centre moves with velocity ω_calf × (-r g). p is the
+    position of the foot's centre relative to the trunk's centre. The velocity of the trunk's centre is
+    v = ω_calf × (-r g) - ω × p - dp/dt. The result is the mean of v over the feet in contact, midway between the two
+    encoder samples.
 
     Args:
         robot: Geometry of the robots.
@@ -168,7 +169,7 @@ def leg_odometry_velocity(
 
 
 def _calf_angular_velocity(joints: Array, previous_joints: Array, angular_velocity: Array, period: float) -> Array:
-    """Return the angular velocity of the calves midway between two encoder samples, base frame, (k, 4, 3), rad/s."""
+    """Return the calves' angular velocity midway between two samples, base frame, (k, 4, 3), rad/s."""
     speed = (joints - previous_joints) / period
     hip = 0.5 * (joints + previous_joints)[..., 0]
     bend = speed[..., 1] + speed[..., 2]

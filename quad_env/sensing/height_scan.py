@@ -22,17 +22,17 @@ from quad_env.sensing.suite import Sampled
 from quad_env.task.observations import ObservationTable, ObservationTerm, observation_table
 
 UNSEEN = -2.0
-"""Value of a point where the ground is at least 2 m below the trunk's centre, or where the scan is lost, m."""
+"""Value of points at which the ground is 2 m or more below the trunk's centre, or unseen, m."""
 Count = Annotated[int, Bounds("at least 0", 0)]
 MAX_POINTS = 10_000
 """Maximum number of points of a scan; bounds the size of the observation."""
 _SCALE = 2.5
-"""Factor by which learners scale the heights, 1/m: a trunk 0.4 m above the ground gives -1."""
+"""Factor on the heights for learners, 1/m: a trunk 0.4 m above the ground gives -1."""
 
 
 @dataclass(frozen=True)
 class HeightScan(Sampled):
-    """Ground heights on a grid around the trunk's centre, in the heading frame: x forward, y to the left, both level.
+    """Ground heights on a level grid around the trunk's centre, heading frame: x forward, y to the left.
 
     Each value is the ground height at a point minus the height of the trunk's centre, m. The values are clipped to
     ±2 m; under a standing robot they are about −0.36 m. Nothing occludes the ground, and the scan does not see the
@@ -75,7 +75,7 @@ class HeightScan(Sampled):
 
     @property
     def points(self) -> Array:
-        """Position x, y of the grid points in the order of the observation's entries, heading frame, (p, 2), m."""
+        """Position x, y of the points in the order of the observation's entries, heading frame, (p, 2), m."""
         return self.grid.reshape(-1, 2)
 
     @property
@@ -143,7 +143,7 @@ class Scanner:
                 self._noise.reset(env_index, episode.streams.scan_noise)
 
     def scan(self, state: QuadState[ScalarOrBatch], clock: Clock, env_ids: EnvIndices) -> NDArray[np.float32]:
-        """Take the samples that are due in this control step, and return the newest visible sample of each robot.
+        """Take the samples that are due, and return the newest visible sample of each robot.
 
         Args:
             state: States of k robots.

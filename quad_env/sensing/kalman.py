@@ -53,7 +53,7 @@ class KalmanParameters:
     """
 
     gyro_interpolation_noise: float = 0.35
-    """Std of the mean angular velocity over a control period, as a fraction of the change between the two samples.
+    """Std of the mean angular velocity over a control period, as a fraction of the change in the period.
 
     A larger value makes the filter trust the attitude less while the angular velocity of the trunk changes.
     """
@@ -75,7 +75,10 @@ class KalmanParameters:
     A larger value makes the velocity estimate follow the legs less.
     """
     encoder_offset_noise_gain: float = 8.0
-    """Factor on the noise due to encoder zero offsets; above 1 because this error is correlated during a stance."""
+    """Factor on the noise due to encoder zero offsets.
+
+    The factor is above 1 because the error is nearly constant during a stance.
+    """
     touchdown_velocity_std: float = 1.2
     """Std of the vertical velocity of a foot at touchdown, m/s.
 
@@ -98,12 +101,17 @@ class KalmanParameters:
     comes down again. The smaller value keeps the vertical velocity accurate if the ground lifts the stance feet.
     """
     slip_innovation_gain: float = 4.0
-    """Factor that converts the squared innovation beyond its covariance to a position variance of a stance foot.
+    """Factor on the position variance of a stance foot farther from its prediction than expected.
+
+    The variance is the squared innovation minus its expected value, divided by 3.
 
     A larger value makes the filter trust slipping feet less.
     """
     accelerometer_bias_random_walk: float = 0.014
-    """Random walk of the accelerometer bias, m/s² per √s; covers unmodelled errors that look like a changing bias."""
+    """Random walk of the accelerometer bias, m/s² per √s.
+
+    Covers unmodelled errors that look like a changing bias.
+    """
     slip_velocity_inflation: float = 0.05
     """Fraction of a foot's speed that is added to the std of the velocity in each sample.
 
@@ -115,9 +123,12 @@ class KalmanParameters:
     initial_velocity_std: float = 0.2
     """Std of the velocity along each axis at the start of an episode, m/s."""
     acceleration_extrapolation_gain: float = 0.8
-    """Fraction of the last change of the acceleration that is assumed to continue over the delay of the readings."""
+    """Fraction of the acceleration's last change that continues over the delay of the readings."""
     missing_sample_std: float = 1e3
-    """Std of joint angles if there is no new encoder sample, rad; large enough that old angles correct nothing."""
+    """Std of joint angles if there is no new encoder sample, rad.
+
+    The value is so large that old angles correct nothing.
+    """
 
 
 PARAMETERS = KalmanParameters()
@@ -157,7 +168,7 @@ class FootContactState(NamedTuple):
     reading_time: Array
     """Time for which the sensor has read contact without interruption, (n, 4), s."""
     jacobians: Array
-    """Derivative of the foot position with respect to the leg's joint angles, base frame, (n, 4, 3, 3), m/rad."""
+    """Derivative of the foot position by the leg's joint angles, base frame, (n, 4, 3, 3), m/rad."""
 
 
 class PreviousSample(NamedTuple):
@@ -178,7 +189,7 @@ Rows = TypeVar("Rows", NominalState, FootContactState, PreviousSample)
 
 
 class Prediction(NamedTuple):
-    """Predicted state of k robots at a new sample, before the foot positions of the sample correct the state."""
+    """Predicted state of k robots at a new sample, before the measured foot positions correct the state."""
 
     state: NominalState
     """Predicted motion."""
@@ -223,7 +234,7 @@ def sensor_errors(suite: SensorSuite) -> SensorErrors:
 
 
 class KalmanFilter:
-    """Error-state Kalman filter that estimates gravity, velocity and gyroscope bias of n robots in the base frame.
+    """Error-state Kalman filter of gravity, velocity and gyroscope bias of n robots, base frame.
 
     Args:
         robot: Geometry of the robots.
@@ -319,7 +330,9 @@ class KalmanFilter:
         self.extrapolate(prediction, readings.gyro, env_ids)
 
     def predict(self, readings: AlignedReadings, env_ids: EnvIndices) -> Prediction:
-        """Propagate the motion and the covariance by one control period, from the IMU readings and the joint angles.
+        """Propagate the motion and the covariance by one control period.
+
+        The inputs are the IMU readings and the joint angles.
 
         Args:
             readings: Readings of k robots at the end of the period.
@@ -344,7 +357,7 @@ class KalmanFilter:
         return Prediction(predicted, covariance, acceleration, previous_acceleration, force_change)
 
     def contact_update(self, prediction: Prediction, readings: AlignedReadings, env_ids: EnvIndices) -> FootMeasurement:
-        """Update the contact probabilities and add the possible motion of the feet to the predicted covariance.
+        """Update the contact probabilities, and add the motion of the feet to the predicted covariance.
 
         Args:
             prediction: Result of `predict`.
@@ -490,7 +503,7 @@ class KalmanFilter:
         return contact
 
     def _inflate_velocity(self, covariance: Array, contact: FootContactState, innovation: Array) -> Array:
-        """Return the covariance, with a larger velocity covariance for robots with feet that read contact but move."""
+        """Return the covariance, with an increased velocity part if feet read contact but seem to move."""
         has_long_reading = contact.reading_time > PARAMETERS.min_contact_duration
         slip_weight = np.where(has_long_reading, 1.0 - contact.probability, 0.0)
         squared_slip = (slip_weight * (innovation * innovation).sum(axis=-1)).sum(axis=-1)

@@ -1,10 +1,10 @@
 """Models of the Kalman filter: motion of the robot with its error dynamics, and contact of the feet.
 
 **Motion**, computed from the robot's own sensors.
-Vectors are in the base frame. g is the unit vector of gravity, v the velocity of the trunk's centre, and p the centre
-of each foot relative to the trunk's centre. ω is the gyroscope reading minus the gyroscope bias. f is the mean
+Vectors are in the base frame. g is the unit vector of gravity, and v the velocity of the trunk's centre. p is the
+centre of each foot relative to the trunk's centre. ω is the gyroscope reading minus the gyroscope bias. f is the mean
 accelerometer reading minus the accelerometer bias, and G is 9.81 m/s². The base frame turns by ω dt over a control
-period dt, and D = Exp(-ω dt) transforms a vector from the base frame at the start of the period to the one at its end:
+period dt. D = Exp(-ω dt) transforms a vector from the base frame at the start to the base frame at the end:
 
     g ← D g,    v ← D v + dt (½ (D + 1) f + G g),    p ← D p - ½ dt (D v_before + v) + c × (-r g)
 
@@ -73,7 +73,7 @@ class StepMeasurements(NamedTuple):
 
 
 class RotatedState(NamedTuple):
-    """Motion of k robots at the start of a control period, expressed in the base frame at the end of the period.
+    """Motion of k robots at the start of a control period, in the base frame at the end of the period.
 
     The letters in parentheses are the symbols of the module's formulas.
     """
@@ -211,7 +211,7 @@ def inject_error(state: NominalState, error: Array) -> NominalState:
 
 
 def exp_so3(rotation_vectors: Array) -> Array:
-    """Return the rotation matrices Exp(φ), (…, 3, 3), for `rotation_vectors` φ, (…, 3), rad (Rodrigues' formula)."""
+    """Return the rotation matrices Exp(φ), (…, 3, 3), for `rotation_vectors` φ, (…, 3), rad (Rodrigues)."""
     angle = np.sqrt(np.maximum((rotation_vectors * rotation_vectors).sum(axis=-1), 1e-16))[..., None, None]
     axis = skew(rotation_vectors)
     sine_term = np.sin(angle) / angle
@@ -228,7 +228,10 @@ def matvec(matrices: Array, vectors: Array) -> Array:
 
 @dataclass(frozen=True)
 class ContactParameters:
-    """Parameters of the hidden Markov model of contact, tuned on search episodes of `trot` and `trot_feedback`."""
+    """Parameters of the hidden Markov model of contact.
+
+    All values were tuned on search episodes of the policies `trot` and `trot_feedback`.
+    """
 
     liftoff_probability: float = 0.3
     """Probability that a foot in contact is no longer in contact one sample later.

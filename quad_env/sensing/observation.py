@@ -1,4 +1,4 @@
-"""Observation models: noise and latency on the true state, or readings of simulated sensors and an estimator."""
+"""Observation models: true state with noise and latency, or simulated sensors with an estimator."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -21,7 +21,9 @@ from quad_env.task.observations import ObservationTable, observation_table
 
 
 class ObservationDisturbance:
-    """Disturbs the observations of n robots as a scenario demands: adds joint angle offsets, then noise, then latency.
+    """Disturbances of n robots' observations by a scenario.
+
+    The disturbances are, in this order: joint angle offsets, noise, latency.
 
     Args:
         robot: Robot that defines the layout of the observation.
@@ -137,7 +139,7 @@ class TrueStateObservation:
 
 
 class SensorObservation:
-    """Builds the sensed terms of the observation from sensor readings and an estimator instead of the true state.
+    """Builds the sensed terms of the observation from sensor readings and an estimator.
 
     `angular_velocity` is the gyroscope reading minus the estimated bias. `joint_position` is the encoder reading minus
     the home angles. `joint_velocity` is the difference of the last two encoder samples divided by the sample period.

@@ -102,7 +102,7 @@ class Channel:
         self._samples = np.zeros((length, num_envs, width))
 
     def record(self, values: Array | NDArray[np.float32], clock: Clock, env_ids: EnvIndices) -> None:
-        """Store the readings of robots with a sample due; the first sample of an episode fills the whole buffer.
+        """Store the readings of robots with a sample due; the first sample of an episode fills the buffer.
 
         Args:
             values: Present readings of k robots, (k, width).
@@ -129,7 +129,7 @@ class Channel:
         return self._samples[self._sample_index(clock, delay_steps) % len(self._samples), env_ids]
 
     def previous(self, clock: Clock, env_ids: EnvIndices, delay_steps: int | None = None) -> Array:
-        """Return the sample before the one that `value` returns; the first sample if `value` returns the first.
+        """Return the sample before the result of `value`; the first sample if there is none before.
 
         Args:
             clock: Control steps since the start of the episode, (k,).
@@ -261,7 +261,7 @@ class SensorModels:
         return GRAVITY * up + self.bias[env_ids, start : start + self._widths["accelerometer"]]
 
     def _quantize(self, name: str, readings: Array) -> Array:
-        """Convert foot forces to contact, 0 or 1, and round joint angles to encoder steps; return others unchanged."""
+        """Convert foot forces to contact, 0 or 1, and joint angles to encoder steps; keep other readings."""
         if name == "foot_contact":
             return (readings >= self._contact_threshold).astype(np.float64)
         if name == "joint_position" and self._encoder_step:

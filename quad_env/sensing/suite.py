@@ -28,34 +28,42 @@ class Imu(Sampled):
     """Gyroscope and accelerometer on the trunk, with a common sample clock and a common mounting.
 
     The ranges are from a MEMS device for robots (Bosch BMI088: ±2000 °/s, ±24 g). The noise follows from densities
-    of 0.014 °/s/√Hz and 175 µg/√Hz in a band of 50 Hz, which is half of a rate of 100 Hz. The gyroscope bias is typical
-    of a MEMS device that was calibrated while the robot stood still for a moment. The accelerometer bias (20 mg) is
-    typical of a soldered device without calibration.
+    of 0.014 °/s/√Hz and 175 µg/√Hz in a band of 50 Hz, half of a rate of 100 Hz. The gyroscope bias is typical of a
+    MEMS device that was calibrated while the robot stood still for a moment. The accelerometer bias (20 mg) is typical
+    of a soldered device that was not calibrated.
     """
 
     gyro_bias: NonNegative = 0.003
-    """Standard deviation of the gyroscope bias of each axis over episodes, rad/s; constant during an episode"""
+    """Standard deviation of each axis's gyroscope bias over episodes, rad/s; constant during an episode"""
     gyro_noise: NonNegative = 0.0017
     """Standard deviation of the white noise on each axis of each gyroscope sample, rad/s"""
     gyro_range: Positive = 34.9
     """Magnitude at which gyroscope readings saturate, rad/s"""
     accelerometer_bias: NonNegative = 0.2
-    """Standard deviation of the accelerometer bias of each axis over episodes, m/s²; constant during an episode"""
+    """Standard deviation of each axis's accelerometer bias over episodes, m/s²; constant during an episode"""
     accelerometer_noise: NonNegative = 0.012
     """Standard deviation of the white noise on each axis of each accelerometer sample, m/s²"""
     accelerometer_range: Positive = 235.0
     """Magnitude at which accelerometer readings saturate, m/s²"""
     position: tuple[Finite, Finite, Finite] = (0.01, 0.01, 0.01)
-    """Position error r of the IMU: true position relative to the trunk's centre, base frame, m. The estimator assumes
-    that the IMU is at the trunk's centre. The accelerometer reads α × r + ω × (ω × r) more than at the centre."""
+    """Position error r of the IMU: true position relative to the trunk's centre, base frame, m.
+
+    The estimator assumes that the IMU is at the trunk's centre. The accelerometer reads α × r + ω × (ω × r) more than
+    at the centre.
+    """
     rotation: tuple[Finite, Finite, Finite] = (0.005, 0.005, 0.005)
-    """Mounting error of the IMU: roll, pitch and yaw from the base frame to the true IMU axes, rad. The rotations are
-    in the order yaw, pitch, roll. The estimator assumes the axes of the base frame. 0.3° is a careful assembly."""
+    """Mounting error of the IMU: roll, pitch and yaw from the base frame to the true IMU axes, rad.
+
+    The rotations are in the order yaw, pitch, roll. The estimator assumes the axes of the base frame. 0.3° is a careful
+    assembly.
+    """
 
 
 @dataclass(frozen=True)
 class Encoders(Sampled):
-    """Absolute angle encoders on the joints; joint velocity is the difference of two samples divided by their period.
+    """Absolute angle encoders on the joints.
+
+    Joint velocity is the difference of two samples divided by the sample period.
 
     Magnetic encoders have 12 to 16 bits and a transition noise of about 0.06° (ams AS5046, 12 bits; AS5048, 14 bits).
     """
@@ -65,8 +73,10 @@ class Encoders(Sampled):
     noise: NonNegative = 0.001
     """Standard deviation of the white noise on each sample before rounding to encoder steps, rad"""
     zero_offset: NonNegative = 0.005
-    """Standard deviation of the zero offset over episodes and joints, rad; constant during an episode. 0.3° is a robot
-    with joints that were zeroed in a jig"""
+    """Standard deviation of the zero offset over episodes and joints, rad; constant during an episode.
+
+    0.3° is typical of a robot with joints that were zeroed in a jig.
+    """
 
     @property
     def step(self) -> float:
@@ -89,7 +99,7 @@ class FootContact(Sampled):
 
 @dataclass(frozen=True)
 class JointTorque(Sampled):
-    """Torque sensors of the joint drives; the default bias and noise are one per cent of SimpleQuad's range."""
+    """Torque sensors of the joint drives; default bias and noise are one per cent of SimpleQuad's range."""
 
     bias: NonNegative = 1.0
     """Standard deviation of the bias over episodes and joints, N·m; constant during an episode"""
