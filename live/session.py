@@ -1,4 +1,4 @@
-"""Session: one robot in an episode, which a user can steer and push during the episode."""
+"""Session: one robot that a user can steer and push during an episode."""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack

@@ -167,7 +167,7 @@ class Messages:
 def _event_text(readings: dict[str, Floats]) -> str:
     """Return the text of the event in a control step.
 
-    The event is a divergence, a fall or a push. The text is `_EPISODE_END` if none of them is present.
+    The event is a divergence, a fall or a push. The text is `_EPISODE_END` if there is no event in the step.
     """
     if readings["diverged"][0]:
         return "diverged"

@@ -36,7 +36,7 @@ def write(rows: Connection, answer: Connection, path: Path, schema: RecordingSch
 
 
 def _write(rows: Connection, path: Path, schema: RecordingSchema) -> None:
-    """Convert the rows to messages and write them."""
+    """Convert the rows to messages and write the messages to the file `path`."""
     # Imported here because the simulation process imports this module and does not need the message classes.
     from live.recording.messages import McapFile, Messages
 

@@ -16,7 +16,7 @@ START_TIMEOUT = 30.0
 MAX_PACKETS_PER_STEP = 500
 """Maximum number of packets that are read in one control step; further packets wait for the next step."""
 EXIT_TIMEOUT = 2.0
-"""Time limit for the process to end, s; the process is killed after this time."""
+"""Time limit for the process to end after `close`, s; a process that takes longer is killed."""
 
 Packet = dict[str, Any]
 """Content of a packet, sent as JSON: name -> value."""
@@ -80,7 +80,7 @@ class RosProcess:
             self._socket.send(json.dumps(packet).encode())
 
     def close(self) -> None:
-        """End the process; it first unregisters its node."""
+        """End the process, after the process has unregistered the ROS node."""
         self._socket.close()
         try:
             self._process.wait(EXIT_TIMEOUT)

@@ -88,7 +88,7 @@ class ViewController:
     def handle(self, request: Request) -> None:
         """Execute a `request`.
 
-        If it fails with ValueError, ImportError or OSError, the sessions stay as before.
+        If the request fails with ValueError, ImportError or OSError, the sessions stay as before.
         """
         self._handlers[request.do](**request.values)
 

@@ -21,7 +21,7 @@ from live.session import Session
 
 
 class _RecordedStep(NamedTuple):
-    """A control step and the state of the policy after it."""
+    """A control step and the state of the policy after the step."""
 
     step: Step
     failure: Any

@@ -67,7 +67,7 @@ def _no_constant(name: str) -> float:
 def _number(low: float, high: float, kinds: Any = int | float) -> Callable[[str, Any], Any]:
     """Return a validator that accepts numbers from `low` to `high`.
 
-    The validator takes the name and the value of an argument. It returns the value, or raises RequestError.
+    The validator takes the name and the value of an argument, and returns the value or raises RequestError.
     """
     kind = "whole number" if kinds is int else "number"
 

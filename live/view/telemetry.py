@@ -18,7 +18,7 @@ MAX_ROWS = 600
 
 
 class Telemetry:
-    """Observer of a session that collects its telemetry.
+    """Observer of a session that collects the telemetry of the robot.
 
     Args:
         session: Session to observe; the constructor adds this object to the observers of the session.

@@ -58,16 +58,16 @@ class Axis:
         return self.levels.index(self.nominal) + 1
 
     def level(self, number: int) -> Scenario:
-        """Return the scenario of a level.
+        """Return the scenario of the level `number`.
 
         Args:
             number: Number of the level, counted from 1.
 
         Returns:
-            The scenario, with the level in its name.
+            The scenario, named `axis:number`, for example `push:3`.
 
         Raises:
-            ValueError: There is no level of that number; the message names the valid ones.
+            ValueError: There is no level of this number; the message names the valid numbers.
         """
         if not 1 <= number <= len(self.levels):
             raise ValueError(f"{self.name} has levels 1 to {len(self.levels)}, not {number}")
@@ -134,7 +134,7 @@ def extension_axes() -> dict[str, Axis]:
         Name -> axis for SimpleQuad.
 
     Raises:
-        ValueError: An entry is not an `Axis`, its axis has another name, or its name is the one of a built-in axis.
+        ValueError: An entry is not an `Axis`, the axis has another name, or a built-in axis has the same name.
     """
     axes = check_new("axes", AXES)
     for name, axis in axes.items():

@@ -55,9 +55,9 @@ class Ground(Settings):
 
     A soft ground is a linear spring and a damper under each contact point. MuJoCo pushes a foot out of the ground with
     the force K s. s is the depth, and K = 1/((1 - d) T² Â). T is the time constant `solref[0]`. d = 0.95 is the largest
-    impedance `solimp[1]`. Â is the inverse inertia of a free leg's end, `body_invweight0`. A foot that carries a quarter
-    of the robot's weight sinks by `sink_depth`, because T² = sink_depth / ((1 - d) Â m g / 4). The spring is overdamped.
-    A foot under side load creeps. Soft ground supports feet, knees and the trunk, but not the shins.
+    impedance `solimp[1]`. Â is the inverse inertia of a free leg's end, `body_invweight0`. A foot that carries a
+    quarter of the robot's weight sinks by `sink_depth`, because T² = sink_depth / ((1 - d) Â m g / 4). The spring is
+    overdamped. A foot under side load creeps. Soft ground supports feet, knees and the trunk, but not the shins.
     """
 
     friction: Positive = 0.8

@@ -1,4 +1,4 @@
-"""Text list of every scenario with its severities and syntax: `python -m quad_env scenarios`."""
+"""Text list of all scenarios, severities and the syntax of names: `python -m quad_env scenarios`."""
 
 from dataclasses import dataclass
 

@@ -37,7 +37,7 @@ class RandomizationSample(NamedTuple):
 class DomainRandomisation(Settings):
     """Ranges of the properties of robot and ground that are drawn uniformly at every reset.
 
-    A range of 0 leaves its property unchanged; for `friction`, the range (1, 1) does.
+    A value of 0 leaves the property unchanged. For `friction` the range (1, 1) leaves the friction unchanged.
 
     The defaults are close to four projects:
 

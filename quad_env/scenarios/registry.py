@@ -1,10 +1,11 @@
 """Scenarios by name, and the syntax of scenario names.
 
 A name is a scenario `steady`, an axis `push`, a level of an axis `push:3`, a severity `push=42`, or a combination
-`payload=15+slope=10`.
+`payload=15+slope=10`. A name may also be a user's terrain, `hill.toml`. Any name may end with `+hardware`,
+`+randomised` or `+scan_lost`.
 
-A name may also be a user's terrain, `hill.toml`, and any name may end with `+hardware`, `+randomised` or `+scan_lost`.
-A scenario is never tuned to a policy. Write one with `dataclasses.replace` or the constructor and pass it to `make`.
+No scenario is tuned to a policy. To write a scenario, use the constructor or `dataclasses.replace`, and pass the
+scenario to `make`.
 """
 
 from collections.abc import Callable

@@ -15,8 +15,8 @@ from quad_env.seeding import assign_seeds, fresh_seeds
 class EpisodeSchedule:
     """Present episodes of n robots.
 
-    Each seed defines a sequence of episodes. A robot that gets a seed goes through the sequence of the seed, whatever
-    the other robots do.
+    Each seed defines a sequence of episodes. A robot that gets a seed runs the episodes of the sequence in order,
+    independent of the other robots.
 
     Args:
         robot: Robot of all episodes.

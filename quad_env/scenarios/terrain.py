@@ -143,7 +143,7 @@ class SmoothRandom(Settings):
     cell: Length = 0.1
     """Distance between grid points, m"""
     seed: Annotated[int, Bounds("at least 0", 0)] = 0
-    """Seed of the field; it does not depend on the seeds of the episodes"""
+    """Seed of the field, independent of the seeds of the episodes"""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,4 +1,4 @@
-"""Names of the state estimators, and their construction by name."""
+"""Names of the state estimators, and creation of an estimator by name."""
 
 from quad_env.robots.robot import Robot
 from quad_env.sensing.estimator import ComplementaryFilter
@@ -15,14 +15,14 @@ Estimator = ComplementaryFilter | KalmanFilter
 
 
 def check_estimator(name: str, suite: SensorSuite | None) -> None:
-    """Raise ValueError for an unknown estimator, or for one that has no sensors to read.
+    """Check that an estimator exists and that the robots have the sensors that it needs.
 
     Args:
         name: Name of the estimator.
         suite: Sensors of the robots; None if the observation is the true state.
 
     Raises:
-        ValueError: The name is unknown, or it is not the default although `suite` is None.
+        ValueError: The name is unknown, or `suite` is None and the name is not the default.
     """
     if name not in ESTIMATORS:
         raise ValueError(f"unknown estimator {name!r}; valid: {', '.join(ESTIMATORS)}")
@@ -41,7 +41,7 @@ def make_estimator(
         name: One of `ESTIMATORS`.
         robot: Geometry of the robots.
         suite: Sensors of the robots.
-        sensor_models: Sensor models of the suite; they give the age of the readings and the encoder period.
+        sensor_models: Sensor models of the suite, for the age of the readings and the encoder period.
         num_envs: Number of robots.
         dt: Control period, s.
 
