@@ -20,6 +20,7 @@ INTERRUPTED = 130
 FAILED = 2
 """Exit code after a mistake of the user or a failure of the system."""
 NOTHING_KEPT = "interrupted: no further file was written"
+"""Line that is printed on stderr if Ctrl-C ends a program that has saved no results."""
 ROOT = Path(__file__).resolve().parents[2]
 """Path of the clone of the project, or of the folder into which quad_env alone is installed."""
 IS_CLONE = (ROOT / "live").is_dir() and (ROOT / "pyproject.toml").is_file()
@@ -57,12 +58,24 @@ def raise_on_interrupt() -> None:
 
 
 def launch(main: Callable[[], int]) -> int:
-    """Run a program, flush its output and return its exit code."""
+    """Run a program, flush stdout and return the exit code.
+
+    Ctrl-C, a closed output pipe and a full disk end the program without a traceback.
+
+    Args:
+        main: Function that runs the program and returns the exit code.
+
+    Returns:
+        Result of `main`; INTERRUPTED after Ctrl-C, FAILED if the disk is full.
+
+    Raises:
+        OSError: `main` has raised another OSError.
+    """
     code = 0
     try:
         try:
             code = main()
-        except SystemExit as end:  # after --help
+        except SystemExit as end:  # The parser of the command line raises this after --help.
             code = end.code if isinstance(end.code, int) else 0
         if sys.stdout is not None:
             sys.stdout.flush()

@@ -162,7 +162,7 @@ class _Process:
                 return self._messages.get()
 
     def close(self) -> int:
-        """End the process and return its exit code."""
+        """Kill the process, close its streams and return its exit code."""
         self.process.kill()
         code = self.process.wait()
         for stream in (self.process.stdin, self.process.stdout):

@@ -57,6 +57,7 @@ class Question:
     name: str
     """Qualified name of the function in this module."""
     arguments: tuple[Any, ...]
+    """Picklable arguments of the call."""
     folder: str = field(default_factory=_working_folder)
     """Working folder of the caller, for relative paths; the limited process may have started in another folder."""
     seconds: int = field(default_factory=lambda: _limit(TIME, _PROCESSOR_TIME))

@@ -34,7 +34,9 @@ class Suspect:
     """Suspected cause of a failed stance test, with its remedy; made by `_suspects`."""
 
     cause: str
+    """Description of the cause."""
     remedy: str
+    """Description of the remedy."""
     apply_remedy: ModelChange | None = None
     """Function that applies the remedy to a simulation; None if the remedy changes parameters of the robot."""
     robot: Robot | None = None
@@ -118,7 +120,7 @@ def _inertia_suspects(robot: Robot) -> Iterator[Suspect]:
 def _gain_suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
     """Yield a suspect with SimpleQuad's servo gains, scaled to the robot, if the robot's gains differ.
 
-    A robot without a reserve of torque gets none, because other gains cannot help.
+    Nothing is yielded for a robot with overloaded joints.
     """
     robot = stance.robot
     if stance.is_overloaded:

@@ -62,9 +62,9 @@ class Finding:
     observed: str
     """Observation of the check, one line."""
     cause: str = ""
-    """Likely cause; empty unless the result is a warning or problem."""
+    """Likely cause of a warning or problem; empty for other results."""
     remedy: str = ""
-    """Remedy; empty unless the result is a warning or problem."""
+    """Remedy of a warning or problem; empty for other results."""
     details: tuple[str, ...] = ()
     """Further observations, one line each."""
 
@@ -84,7 +84,7 @@ class DoctorCheck:
     """Named check of the `doctor` command; the package `live` has further checks."""
 
     name: str
-    """Name in the report."""
+    """Name of the check in the report."""
     place: str
     """Module and name of the function that checks the subject, such as `quad_env.doctor.model:model`.
 

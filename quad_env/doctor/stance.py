@@ -48,7 +48,9 @@ class Stance:
     """Result of the stance test; made by `measure_stance`. Numbers are NaN if the simulation has diverged."""
 
     robot: Robot
+    """The tested robot."""
     diverged: bool = False
+    """True if the simulation has diverged."""
     height: float = math.nan
     """Height of the trunk's origin at the end of the home pose, m."""
     tilt: float = math.nan
@@ -58,7 +60,7 @@ class Stance:
     torque: float = math.nan
     """Largest mean torque of a joint in the home pose, N·m."""
     joint_speed: float = math.nan
-    """Root mean square of the joint speeds after the squat, rad/s."""
+    """Root mean square of all joint speeds at the end of the squat, rad/s."""
 
     @property
     def tracking_error(self) -> float:

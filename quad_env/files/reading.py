@@ -20,7 +20,7 @@ MAX_TOML_SIZE = 2**17
 MAX_KEY_PARTS = 20
 """Largest number of parts of a dotted TOML key. It bounds the parsing time, as MAX_TOML_SIZE does."""
 _DELIMITERS = re.compile(r"[],=[{}\"']")
-"""Characters between the keys and values of a line of TOML."""
+"""Pattern of the characters that separate keys and values in a line of TOML."""
 NETWORK_LIMIT = "QUAD_ENV_LARGEST_NETWORK"
 """Environment variable that sets the largest size of a policy network file, MiB."""
 _NETWORK_MIB = 128

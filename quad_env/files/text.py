@@ -6,11 +6,11 @@ from traceback import TracebackException
 MAX_LINE_LENGTH = 2000
 """Largest number of characters of a printed line."""
 MAX_SHOWN = 60
-"""Largest number of characters of a value that an error shows."""
+"""Largest number of characters of a string that an error message shows."""
 _MAX_ENTRIES = 4
-"""Largest number of entries of a collection that an error shows."""
+"""Largest number of entries of a collection that an error message shows."""
 _MAX_BITS = 200
-"""Largest number of bits of a whole number that an error shows."""
+"""Largest number of bits of a whole number that an error message shows in digits."""
 
 
 def one_line(text: str) -> str:

@@ -39,6 +39,7 @@ class AttachedModel:
     """User's model during its attachment to the scene; made by `copy_user_model`, changed by the other functions."""
 
     robot: RobotParameters
+    """Parameters of the robot."""
     spec: Any
     """Copy of the user's specification, `mujoco.MjSpec`; the functions of this module change this copy."""
     model: Any

@@ -270,7 +270,7 @@ def _leg_direction(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) 
     distances = {geom: float(np.linalg.norm(points - knee, axis=1).max()) for geom, points in hulls.items()}
     farthest = max(distances, key=lambda geom: distances[geom])
     length = distances[farthest]
-    # Use the component normal to the axis, because the centre of a wide foot may lie beside the plane of the leg.
+    # Use the component normal to the axis, because the centre of a wide foot may lie outside the plane of the leg.
     down = _normal_direction(_end_centre(model, data, farthest, knee) - knee, axis)
     if down is None:
         return None
@@ -303,7 +303,17 @@ def _middle_direction(points: Floats, down: Floats, axis: Floats) -> Floats:
 
 
 def _is_ball(model: Any, geom: int, hull: Floats, down: Floats) -> bool:
-    """Return True if a geom ends in a ball: a sphere, or a capsule that does not lie across the leg."""
+    """Return True if a geom ends in a ball.
+
+    Args:
+        model: Compiled model.
+        geom: Id of the geom.
+        hull: Points on the surface of the geom, world frame, (k, 3), m.
+        down: Direction of the leg, unit vector, world frame, (3,).
+
+    Returns:
+        True for a sphere, and for a capsule that does not lie across the leg.
+    """
     ends = end_spheres(model, geom)
     return len(ends) == 1 or (len(ends) == 2 and float(np.ptp(hull @ down)) > 3.0 * ends[0][1])
 

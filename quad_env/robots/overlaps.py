@@ -12,7 +12,7 @@ from quad_env.robots.structure import RobotStructure
 
 
 class Overlap(NamedTuple):
-    """Two bodies with shapes that overlap in the home pose; made by `find_overlaps`."""
+    """Two bodies of a robot with shapes that overlap in the home pose; made by `find_overlaps`."""
 
     bodies: tuple[int, int]
     """Ids of the two bodies in the model, in ascending order."""

@@ -31,8 +31,11 @@ class RobotParameters:
     """
 
     name: str
+    """Name of the robot."""
     mjcf: Path
+    """Path of the robot's model; a user's model can also be a URDF."""
     urdf: Path | None
+    """Path of SimpleQuad's URDF; None for other robots."""
     leg_names: tuple[str, ...]
     """Names of the legs in the order of the model; SimpleQuad's order is fl, fr, hl, hr."""
     joint_names: tuple[str, ...]

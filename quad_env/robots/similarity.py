@@ -99,6 +99,9 @@ def scale_to_robot(robot: Robot, value: float, unit: str) -> float:
 
 
 def _thigh_distance(robot: Robot, unit: str) -> float:
-    """Return the distance between the thigh joints of left and right legs, or of fore and hind legs, m."""
+    """Return the mean distance between thigh joints, m.
+
+    It is measured between left and right legs for the unit `LATERAL_LENGTH`, else between fore and hind legs.
+    """
     ahead, left = map(float, np.abs(robot.hip_positions[:, :2]).mean(axis=0))
     return 2.0 * (left + robot.hip_offset) if unit == LATERAL_LENGTH else 2.0 * ahead

@@ -61,7 +61,7 @@ class ModelError(ValueError):
 
 @dataclass(frozen=True)
 class Leg:
-    """A leg in the compiled model; lengths in m, angles in rad."""
+    """A leg in the compiled model; made by `detect_structure`."""
 
     name: str
     """Name of the leg by the position of its hip: fl, fr, hl or hr."""
@@ -76,7 +76,9 @@ class Leg:
     hip_offset: float
     """Lateral distance from the hip joint to the plane in which the leg bends, positive outward, m."""
     thigh_length: float
+    """Distance from the thigh joint to the calf joint, m."""
     calf_length: float
+    """Distance from the calf joint to the centre of the foot, m."""
     foot: Foot
     """Foot of the leg; its points are in the base frame with the leg straight down."""
 
@@ -90,11 +92,11 @@ class RobotStructure:
     trunk: int
     """Id of the body from which the legs hang: the root, or a body welded to the root."""
     is_robot_body: Bools
-    """True for the root and all bodies below it, (nbody,)."""
+    """Mask of the robot's bodies: the root and all bodies below it, (nbody,)."""
     collides_with_ground: Bools
-    """True for the robot's geoms that collide with the ground, (ngeom,)."""
+    """Mask of the robot's geoms that collide with the ground, (ngeom,)."""
     body_positions: Floats
-    """Positions of the bodies in the base frame at `qpos0`, (nbody, 3), m."""
+    """Positions of the bodies at `qpos0`, base frame, (nbody, 3), m."""
     body_rotations: Floats
     """Rotations from the body frames to the base frame at `qpos0`, (nbody, 3, 3)."""
     legs: tuple[Leg, ...]
@@ -102,7 +104,7 @@ class RobotStructure:
     locked_joints: tuple[str, ...] = ()
     """Names of the joints that belong to no leg and were removed from the model, see `locked_joints`."""
     carried_bodies: frozenset[int] = frozenset()
-    """Ids of the bodies that moved with the locked joints before these were removed."""
+    """Ids of the bodies that the locked joints moved before the joints were removed."""
     omission_lines: tuple[tuple[str, str], ...] = ()
     """Report of the parts of the file that the robot lacks: heading and text of each line, see `omissions`."""
 
@@ -367,8 +369,11 @@ class _LegVectors(NamedTuple):
     """Vectors between the joints and the foot of a leg at `qpos0`, leg frame, (3,) each, m."""
 
     hip_to_thigh: Floats
+    """Vector from the hip joint to the thigh joint."""
     thigh_to_knee: Floats
+    """Vector from the thigh joint to the calf joint."""
     knee_to_foot: Floats
+    """Vector from the calf joint to the centre of the foot."""
 
     @property
     def lengths(self) -> list[float]:
