@@ -1,1 +1,1 @@
-"""A walking robot to watch, steer, record and connect: the commands of `python -m quad_env` that need policies."""
+"""Commands of `python -m quad_env` that need policies: live view, films, recordings, ROS and checks."""

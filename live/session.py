@@ -125,7 +125,7 @@ class Session:
             listener(event)
 
     def close(self) -> None:
-        """Free the simulation."""
+        """Close the environment and free the simulation."""
         self.env.close()
 
     def _check(self, policy: Policy) -> None:

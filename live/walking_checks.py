@@ -129,7 +129,7 @@ def check_description(subject: DoctorSubject) -> Finding:
 
 
 def _check_without_description(subject: DoctorSubject) -> Finding:
-    """Check that a policy without a description walks with this environment's observation."""
+    """Check that a policy that has no description walks with the observation of this environment."""
     walks = _run_walks(subject)
     failures = diagnosis.failure_messages(walks)
     if not failures:

@@ -145,7 +145,7 @@ class Bridge:
         return packet
 
     def _has_timed_out(self) -> bool:
-        """Return True if the last valid message is older than the timeout."""
+        """Return True if there was a valid message and the last one is older than the timeout."""
         if self._last_message_step is None:
             return False
         return self._steps - self._last_message_step > round(self._timeout / self._session.env.dt)

@@ -139,7 +139,7 @@ class ViewController:
         return [telemetry.render_request(self.orbit, len(self.sessions)) for telemetry in self._telemetry]
 
     def close(self) -> None:
-        """Free the simulations."""
+        """Close all sessions and free the simulations."""
         self._each(Session.close)
 
     def _each(self, call: Callable[[Session], object]) -> None:

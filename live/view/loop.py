@@ -19,7 +19,7 @@ STATE_RATE = 10.0
 MAX_PENDING_REQUESTS = 256
 """Maximum number of pending requests; further requests are refused."""
 HANDSHAKE = "hello"
-"""First message of a page."""
+"""First message of a page, which the view answers with the choices of policies and scenarios."""
 EPISODE_STARTS = frozenset(("scenario", "policy", "alone", "reset", "next", "let_go"))
 """Requests that start an episode.
 

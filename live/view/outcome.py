@@ -48,7 +48,7 @@ class EpisodeOutcome:
         self.record()
 
     def record(self) -> None:
-        """Record the last control step."""
+        """Record the last control step of the session, and decide the outcome if the episode has ended."""
         if self._has_ended:
             return
         step = self._session.latest

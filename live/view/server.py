@@ -113,7 +113,7 @@ class Server:
         websocket_broadcast(waiting, frame)
 
     def _call_in_thread(self, call: Callable[[], object]) -> None:
-        """Schedule a call in the server's thread."""
+        """Schedule the function `call` to run in the server's thread."""
         with contextlib.suppress(RuntimeError):  # because the thread may have ended
             self._loop.call_soon_threadsafe(call)
 

@@ -482,7 +482,7 @@ class KalmanFilter:
         return out
 
     def _encoder_noise(self, readings: AlignedReadings, jacobians: Array) -> Array:
-        """Return the covariance of the measured foot positions, (k, 4, 3, 3), m²."""
+        """Return the covariance of the measured foot positions, base frame, (k, 4, 3, 3), m²."""
         angle_std = np.where(readings.has_new_angles, self._errors.angle, PARAMETERS.missing_sample_std)
         angle_std = angle_std[:, None, None, None]
         return angle_std * angle_std * (jacobians @ jacobians.mT)
@@ -514,7 +514,7 @@ class KalmanFilter:
 
 
 def _swing_covariance(probability: Array, innovation: Array, expected: Array, vertical: Array, dt: float) -> Array:
-    """Return the extra position covariance of feet that may swing, base frame, (k, 4, 3, 3), m²."""
+    """Return the extra position covariance of feet that may be in swing, base frame, (k, 4, 3, 3), m²."""
     horizontal_variance = _swing_variance(PARAMETERS.swing_horizontal_velocity_std, probability, dt)
     vertical_variance = _swing_variance(CONTACT_PARAMETERS.swing_speed, probability, dt)
     excess = (innovation * innovation).sum(axis=-1) - (expected * IDENTITY).sum(axis=(-2, -1))

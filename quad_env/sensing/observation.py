@@ -244,7 +244,10 @@ class SensorObservation:
         self._sensed_terms[env_ids] = self._compute_sensed_terms(clock, env_ids)
 
     def _update_estimates(self, up: Array, clock: Clock, env_ids: EnvIndices) -> None:
-        """Reset the estimates at the start of an episode, and update them once a new aligned sample exists."""
+        """Reset the estimates of robots at the start of an episode, and update the estimates of the others.
+
+        Estimates are not updated until the alignment delay after the start has passed.
+        """
         readings = self._aligned_readings(clock, env_ids)
         is_first = clock == 0
         if is_first.any():

@@ -40,7 +40,7 @@ class Noise:
         self._streams: list[np.random.Generator | None] = [None] * num_envs
 
     def reset(self, env_index: int, stream: np.random.Generator) -> None:
-        """Start an episode of robot `env_index`, with noise from `stream`."""
+        """Start an episode of the robot `env_index`; its noise is drawn from `stream`."""
         self._block[env_index] = -1
         self._streams[env_index] = stream
 
