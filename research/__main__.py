@@ -1,4 +1,7 @@
-"""`python -m research COMMAND`: the studies behind the numbers in the documentation. Each command has a --help."""
+"""`python -m research COMMAND`: the studies behind the numbers in the documentation.
+
+Each command has a --help.
+"""
 
 import sys
 from pathlib import Path

@@ -1,1 +1,1 @@
-"""Training of SimpleQuad policies with PPO of Stable-Baselines3; `python -m train --help` lists the commands."""
+"""Training of SimpleQuad policies with PPO of Stable-Baselines3; see `python -m train --help`."""

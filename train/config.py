@@ -1,4 +1,4 @@
-"""Settings of a training run: frozen dataclasses that define the command line, its help text and config.json."""
+"""Settings of a training run: dataclasses for the command line, its help text and config.json."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -59,8 +59,8 @@ MIXTURE = (
 )  # fmt: skip
 """Default scenarios of the training, each with the fraction of the robots that train on it.
 
-Every axis of disturbance has one or two levels above its nominal level. The small delay of `latency:2` is included for
-a reason: robots that are trained only on a delay of 0.08 s perform worse than their base policy at 0.03 s."""
+Every axis of disturbance has one or two levels above its nominal level. The small delay of `latency:2` is included,
+because robots that train only on a delay of 0.08 s perform worse than their base policy at 0.03 s."""
 REWARDS = RewardWeights(
     linear_velocity_error=-0.6, yaw_rate_error=-0.3, crouch=-3.0, action_rate=-0.05, mechanical_power=-0.0025, fall=-5.0
 )
@@ -257,7 +257,7 @@ def check(config: TrainConfig) -> None:
 
 
 def _check_hardware_profile(config: TrainConfig) -> None:
-    """Raise UsageError if hardware options are given although a scenario uses the robot's hardware profile."""
+    """Raise UsageError if hardware options are given for a scenario with the hardware profile."""
     names = dict.fromkeys((*dict(config.mixture), *config.complete_validation.scenarios))
     on_profile = ", ".join(name for name in names if scenario(name, config.hardware.robot_model).hardware)
     if on_profile and config.hardware.is_customized:

@@ -1,4 +1,4 @@
-"""Curriculum: raises the difficulty of a scenario if its commands are tracked and lowers it if they are not."""
+"""Curriculum: raises the difficulty of a scenario if commands are tracked, and lowers it if not."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ PROMOTION_RATE = 0.7
 DEMOTION_RATE = 0.5
 """Fraction of tracked command intervals below which the difficulty falls by one step."""
 DIFFICULTY_STEP = 0.1
-"""Step by which the difficulty changes.
+"""Change of the difficulty in one step.
 
 The difficulty goes from 0, the mildest level of the scenario's axis of disturbance, to 1, the severity of the scenario
 in the training mixture."""
@@ -73,7 +73,10 @@ class CommandIntervalTracker:
         self._steps = np.zeros(robots, np.int64)
 
     def reset(self, robots: BoolArray) -> None:
-        """Start a new interval of the robots in a mask `robots`, (n,); their unfinished intervals do not count."""
+        """Start a new interval of the robots in a mask `robots`, (n,).
+
+        The unfinished intervals of these robots do not count.
+        """
         self._steps[robots] = 0
         self._velocity_sum[robots] = 0.0
 
@@ -131,7 +134,7 @@ def at_difficulty(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) 
 def update_difficulties(
     difficulties: Sequence[float], counted: NDArray[np.int64], tracked: NDArray[np.int64]
 ) -> list[float]:
-    """Raise the difficulty of scenarios with well tracked commands, and lower it if too few commands are tracked.
+    """Raise the difficulty of scenarios with well tracked commands; lower it if few are tracked.
 
     Args:
         difficulties: Difficulty of each of the s scenarios, from 0 to 1.

@@ -29,7 +29,10 @@ DATE_METADATA = {".svg": "Date", ".png": "Creation Time", ".pdf": "CreationDate"
 
 
 def write_curve(validations: Sequence[Mapping[str, Any]], out: Path) -> None:
-    """Write the learning curve of `validations` to the file `out`, with the folder's name as title. Raises OSError."""
+    """Write the learning curve of `validations` to the file `out`. Raises OSError.
+
+    The title is the name of the folder.
+    """
     write_figure(partial(draw_curve, validations, out.parent.name), out)
 
 
@@ -62,7 +65,7 @@ def draw_curve(validations: Sequence[Mapping[str, Any]], title: str) -> "Figure"
 
 
 def make_axes(figures: Floats, title: str, legend: int = 0) -> "tuple[Figure, Sequence[Axes]]":
-    """Make a figure with a panel for success over steps, and a second one for cost of transport if any is known.
+    """Make a figure with a panel for success over steps, and one for cost of transport if known.
 
     Args:
         figures: Success and cost of transport of k validations, (2, k); NaN where unknown.

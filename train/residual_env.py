@@ -1,4 +1,4 @@
-"""Gymnasium vector environment for residual learning: the learner observes features and corrects a base policy.
+"""Gymnasium vector environment for residual learning: a learner corrects a base policy.
 
 Any learner that accepts a `VectorEnv` with same-step autoreset can train on the environment:
 
@@ -29,7 +29,7 @@ Step = tuple[FloatArray, NDArray[np.float64], BoolArray, BoolArray, Infos]
 
 
 class BaseGroup:
-    """Group of k robots with one base policy: its latest action, and the features that the learner observes.
+    """Group of k robots with one base policy: its latest action, and the features of the learner.
 
     `ResidualVectorEnv` makes one group for each base policy.
 
@@ -94,7 +94,7 @@ class BaseGroup:
 
 
 class ResidualVectorEnv(VectorWrapper):  # without type parameters, because Gymnasium 1.2 does not accept any
-    """Vector environment of robots that execute the action of a base policy plus a correction by the learner.
+    """Vector environment of robots that execute the action of a base policy plus a correction.
 
     Observation: features, see `policies.residual.Features`, (n, m). Action: correction of the joint targets as a
     fraction of the authority, from -1 to 1, (n, 12). Each correction is applied for `hold` control steps, while the
@@ -217,7 +217,10 @@ class ResidualVectorEnv(VectorWrapper):  # without type parameters, because Gymn
 def _make_groups(
     env: VectorEnv[FloatArray, FloatArray, NDArray[Any]], base: Policy | Sequence[tuple[Policy, int]], inputs: Inputs
 ) -> list[BaseGroup]:
-    """Make the group of each base policy. Raises ValueError if the policies do not fit the robots or their number."""
+    """Make the group of each base policy.
+
+    Raises ValueError if the policies do not fit the robots or their number.
+    """
     robots: Any = env.unwrapped
     bases = [(base, env.num_envs)] if isinstance(base, Policy) else list(base)
     ends = list(itertools.accumulate(count for _, count in bases))
@@ -231,7 +234,7 @@ def _make_groups(
 
 
 def _merge_infos(mask: BoolArray, reset_infos: Infos, infos: Infos) -> Infos:
-    """Return a copy of `infos` with the rows in `mask` taken from `reset_infos`, for the keys that both have."""
+    """Return a copy of `infos` with the rows in `mask` from `reset_infos`, for the keys that both have."""
     return {
         key: np.where(mask.reshape(-1, *(1,) * (value.ndim - 1)), reset_infos[key], value)
         if key in reset_infos

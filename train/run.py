@@ -1,4 +1,4 @@
-"""Training run: makes robots, learner and callbacks, and starts or resumes the training in a run folder."""
+"""Training run: makes robots, learner and callbacks, and starts or resumes the training."""
 
 import contextlib
 from pathlib import Path
@@ -32,10 +32,10 @@ from train.training_robots import make_bases, make_robots, training_seeds
 
 
 def train(config: TrainConfig) -> None:
-    """Train to the last step, or until Ctrl-C, and write bundles, checkpoints, settings, validations and logs.
+    """Train to the last step, or until Ctrl-C, and write all files of the run.
 
-    Raises UsageError with a message of one line if a run cannot be trained or written. Raises KeyboardInterrupt after
-    Ctrl-C, when everything is saved.
+    The files are bundles, checkpoints, settings, validations and logs. Raises UsageError with a message of one line if
+    a run cannot be trained or written. Raises KeyboardInterrupt after Ctrl-C, when everything is saved.
     """
     with Interrupt() as interrupt:
         if config.resume:

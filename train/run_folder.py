@@ -1,4 +1,4 @@
-"""Folder of a training run: the names of its files, and a lock so that only one process trains in it at a time."""
+"""Folder of a training run: names of its files, and a lock against two processes in one folder."""
 
 import contextlib
 from collections.abc import Iterator
@@ -67,7 +67,10 @@ def refuse_folder_in_use(folder: Path) -> None:
 
 @contextlib.contextmanager
 def new_run_folder(folder: Path) -> Iterator[None]:
-    """Make the folder of a new run and lock it within the context. Raises UsageError if the folder cannot be used."""
+    """Make the folder of a new run, and lock it within the context.
+
+    Raises UsageError if the folder cannot be used.
+    """
     with report_write_errors(folder):
         make_writable_folder(folder)
         with exclusive_lock(folder):

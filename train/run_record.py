@@ -1,4 +1,4 @@
-"""Files that record a run: settings, command, package versions, validations; and comparison of settings."""
+"""Files that record a run: settings, command, versions, validations; and comparison of settings."""
 
 import dataclasses
 import json
@@ -30,7 +30,10 @@ def to_dict(config: TrainConfig) -> dict[str, Any]:
 
 
 def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
-    """Convert `settings`, a dictionary made by `to_dict`, to a TrainConfig. Raises UsageError if they are not valid."""
+    """Convert `settings`, a dictionary made by `to_dict`, to a TrainConfig.
+
+    Raises UsageError if the settings are not valid.
+    """
     try:
         return typing.cast(TrainConfig, decode(TrainConfig, settings))
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
@@ -38,7 +41,10 @@ def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
 
 
 def load_config(folder: Path) -> TrainConfig:
-    """Load the settings of the run in `folder`. Raises UsageError if there is no run or its settings are not valid."""
+    """Load the settings of the run in `folder`.
+
+    Raises UsageError if there is no run or its settings are not valid.
+    """
     return from_dict(load_settings(folder))
 
 
@@ -149,7 +155,7 @@ def training_command(config: TrainConfig) -> str:
 
 
 def evaluation_command(config: TrainConfig) -> str:
-    """Return the command line that evaluates the best policy of a run, on the hardware settings of its training.
+    """Return the command line that evaluates the best policy of a run, with its hardware settings.
 
     The base policy of a residual is evaluated too.
     """

@@ -147,7 +147,10 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         }
 
     def pop_interval_counts(self) -> NDArray[np.int64]:
-        """Return the numbers of ended and of tracked command intervals of each of b batches, (2, b); clear them."""
+        """Return the numbers of ended and of tracked command intervals of b batches, (2, b).
+
+        The counters are set to zero.
+        """
         counts, self._interval_counts = self._interval_counts, np.zeros((2, len(self.batches)), np.int64)
         return counts
 
@@ -198,7 +201,7 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
 
 
 def _push(batch: SimpleQuadVectorEnv) -> Array:
-    """Return the pushing force on each trunk in the last step (forward, lateral), heading frame, (2, n), N."""
+    """Return the push on each trunk in the last step (forward, lateral), heading frame, (2, n), N."""
     if batch.scenario.pushes is None:
         return np.zeros((2, batch.num_envs))
     rotation = rotation_matrix(to_components(batch.simulation.quaternion))
@@ -283,7 +286,11 @@ def make_base(config: TrainConfig, hardware_profile: bool = False) -> Policy:
 
 
 def make_bases(config: TrainConfig) -> list[tuple[Policy, int]]:
-    """Make the base policies of a run: without and with the hardware profile, each with its number of robots."""
+    """Make the base policies of a run, each with its number of robots.
+
+    One policy is for the scenarios without the hardware profile, one for the scenarios with it. A policy without robots
+    is left out.
+    """
     counts = [0, 0]
     for name, count in robots_per_scenario(config).items():
         counts[_uses_hardware_profile(config, name)] += count
@@ -307,7 +314,7 @@ def uses_batch_threads(config: TrainConfig) -> bool:
 
 
 def effort_weight_scale(config: TrainConfig, steps: int) -> float:
-    """Return the factor on the reward weights of effort after `steps` steps of the run `config`, from 0 to 1."""
+    """Return the factor on the reward weights of effort after `steps` steps of a run, from 0 to 1."""
     ramp = config.effort_ramp * config.steps
     return min(steps / ramp, 1.0) if ramp else 1.0
 

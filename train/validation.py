@@ -49,7 +49,7 @@ def validate(
 
 
 def ranking_key(results: Results) -> tuple[float, float]:
-    """Return the sort key of a policy: the fraction of failed episodes, then the mean score. Smaller is better."""
+    """Return the sort key of a policy: fraction of failed episodes, then mean score; smaller is better."""
     return 1.0 - mean_success_rate(results), mean_score(results)
 
 
@@ -59,7 +59,7 @@ def mean_success_rate(results: Results) -> float:
 
 
 def total_cost_of_transport(results: Results) -> float:
-    """Return the cost of transport over all scenarios: total energy divided by total weight times distance.
+    """Return the cost of transport over all scenarios: total energy / total (weight * distance).
 
     Returns NaN if no robot moved.
     """

@@ -1,4 +1,7 @@
-"""Tables as CSV: one line per row, numbers with six significant digits, and empty cells for unknown values."""
+"""Tables as CSV: one line per row.
+
+Numbers have six significant digits. The cells of unknown values are empty.
+"""
 
 import csv
 import io
@@ -8,7 +11,10 @@ from typing import Any
 
 
 def to_csv(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """Format `rows` as a CSV file in UTF-8. The columns are the keys of all rows, in the order of first use."""
+    """Format `rows` as a CSV file in UTF-8.
+
+    The columns are the keys of all rows, in the order of first use.
+    """
     columns = list(dict.fromkeys(name for row in rows for name in row))
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")

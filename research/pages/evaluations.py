@@ -1,4 +1,4 @@
-"""Reads and checks a results.json of `python -m evaluate`, and makes tables and figures for README and docs."""
+"""Reads a results.json of `python -m evaluate`, and makes tables and figures for README and docs."""
 
 import io
 import math
@@ -75,7 +75,10 @@ def read_results(path: Path) -> dict[str, Any]:
 
 
 def scores_of(results: dict[str, Any], kind: str = "scores") -> list[Score]:
-    """Return the scores under the key `kind` of `results`, the highest first; an empty list if there are none."""
+    """Return the scores under the key `kind` of `results`, the highest first.
+
+    The list is empty if the results have no such scores.
+    """
     return [Score(**score) for score in results.get(kind, ())]
 
 
@@ -163,7 +166,7 @@ def _with_text_column(lines: list[str], heads: dict[str, str]) -> list[str]:
 
 
 def _on_flat_ground(cells_by_policy: dict[str, Any]) -> str:
-    """Return a sentence for each policy that was evaluated on flat ground: its success there, and its description.
+    """Return a sentence for each policy on flat ground: its success there, and its description.
 
     Args:
         cells_by_policy: Policy without a score -> scenario -> results on that scenario.
@@ -275,7 +278,10 @@ def draw_figures(results: dict[str, Any], picture: Path) -> None:
 
 
 def picture_links(results: dict[str, Any], path: str) -> str:
-    """Return Markdown links to the figures of `results`; `path` is the path from the page to the first figure."""
+    """Return Markdown links to the figures of `results`.
+
+    `path` is the path from the page to the first figure.
+    """
     has_front = bool(results.get("pareto", {}).get("front"))
     front = f" ![{pareto.ALT}]({path.removesuffix('.png')}_pareto.png)" if has_front else ""
     return f"![{ALT}]({path}){front}"

@@ -57,7 +57,7 @@ class LeaderboardOptions:
 
 
 def main(options: LeaderboardOptions) -> int:
-    """Evaluate the policies, write the page and its CSV files, and return the exit code. Raises UsageError."""
+    """Evaluate the policies, write the page and CSV files, and return the exit code. Raises UsageError."""
     policies = policy_list.read_list(options.list)
     if options.reference not in (None, *policies.names):
         raise UsageError(f"--reference: {options.reference} is not in the list: {', '.join(policies.names)}")

@@ -1,4 +1,4 @@
-"""Markdown page of a leaderboard: policies by mean success, results on each scenario, and sources of the files."""
+"""Markdown page of a leaderboard: mean success, results on each scenario, and sources of the files."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -73,7 +73,7 @@ def render_page(results: Results, policy_list: PolicyList, robots: Mapping[str, 
 
 
 def _overview(results: Results, robots: Mapping[str, Robot], policies: Sequence[str]) -> Iterator[str]:
-    """Yield the lines of the first table: servo gains, success on every scenario, and effort of each policy."""
+    """Yield the lines of the first table: servo gains, success on every scenario, and effort."""
     scores = {score.policy: share(score.score, score.ci) for score in results.scores}
     effort_on = cost_scenario(results.scenarios) or results.scenarios[0]
     rows = []
@@ -96,7 +96,10 @@ def format_gains(robot: Robot) -> str:
 
 
 def _scenario(results: Results, scenario: str, policies: Sequence[str]) -> Iterator[str]:
-    """Yield the lines of the table of a scenario: results of every policy, and differences from the reference."""
+    """Yield the lines of the table of a scenario: results of every policy, and differences.
+
+    The differences are from the reference policy.
+    """
     cells = {cell.policy: cell for cell in results.cells if cell.scenario.name == scenario}
     differences = {
         (comparison.a, comparison.metric): comparison
@@ -139,7 +142,10 @@ def _difference(comparison: Comparison | None) -> str:
 
 
 def _sources(policy_list: PolicyList) -> Iterator[str]:
-    """Yield the lines of the table of the published policies' files: link and SHA-256; nothing if there are none."""
+    """Yield the lines of the table of the published policies' files: link and SHA-256.
+
+    There are no lines if no policy is published.
+    """
     rows = [
         {ROW_LABEL: policy.name, "file": f"[{path}]({policy.url(path)})", "sha256": f"`{sha256}`"}
         for policy in policy_list.published

@@ -1,4 +1,4 @@
-"""List of policies to compare, read from a TOML file: policies of this project and published policies of others.
+"""List of policies to compare, a TOML file: policies of this project and of other projects.
 
 An example is docs/leaderboard/go1.toml. A file of a published policy is expected at FOLDER/OWNER/REPOSITORY/PATH, as in
 a clone of its repository.
@@ -56,7 +56,10 @@ class PublishedPolicy:
         return f"{self.source}/{raw}/{self.revision}/{urllib.parse.quote(path)}"
 
     def place(self, folder: Path, path: str) -> Path:
-        """Return the local path of the repository's file `path` in a `folder` of downloads: OWNER/REPOSITORY/PATH."""
+        """Return the path of the repository's file `path` in a `folder` of downloads.
+
+        The path is FOLDER/OWNER/REPOSITORY/PATH.
+        """
         return folder.joinpath(*PurePosixPath(self.source).parts[-2:], path)
 
 

@@ -1,1 +1,1 @@
-"""Calibration of the confidence intervals and tests: their error rates on synthetic data with a known truth."""
+"""Calibration of the confidence intervals and tests: error rates on data with a known truth."""

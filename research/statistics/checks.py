@@ -94,7 +94,10 @@ def breaking_checks(count: int) -> Iterator[CalibrationCheck]:
 
 
 def null_checks(count: int, fall_probability: float) -> Iterator[CalibrationCheck]:
-    """Yield the checks of tests on policies without a difference, for `count` episodes at a `fall_probability`."""
+    """Yield the checks of tests on policies without a difference.
+
+    Each data set has `count` episodes of policies with the same `fall_probability`.
+    """
     rules: dict[str, tuple[CheckFunction, Interval, float]] = {
         "sign flips, exchangeable pairs": (
             partial(_sign_flip, count, fall_probability),
@@ -133,7 +136,7 @@ def _within(interval: Interval, truth: float) -> bool:
 def _make_episodes(
     generator: np.random.Generator, count: int, fall_probability: float, *ratios: float
 ) -> SyntheticEpisodes:
-    """Draw the episodes of a policy with a `fall_probability`, and of a further policy for each of the `ratios`.
+    """Draw the episodes of a policy with a `fall_probability`, and of one more policy per ratio.
 
     The fall probability of a further policy is its ratio times `fall_probability`.
     """

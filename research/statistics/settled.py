@@ -1,4 +1,4 @@
-"""Simulation of `evaluate --until settled` on synthetic policies with known scores: false claims and episode counts.
+"""Simulation of `evaluate --until settled` with known scores: false claims and episode counts.
 
 The sequential test adds episodes until all adjacent policies of the ranking are distinguished or unlikely to be. A
 battery is a set of scenarios.

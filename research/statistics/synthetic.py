@@ -1,4 +1,4 @@
-"""Synthetic episodes with known fall probability and mean error, for the calibration of intervals and tests.
+"""Synthetic episodes with known fall probability and mean error, to calibrate intervals and tests.
 
 A policy falls with a given probability. The velocity error of an episode without a fall has the distribution
 Gamma(6) · 0.05 m/s. A fall happens at a fraction t of the episode, uniform over 0.1 … 1. The error of the episode is
@@ -56,7 +56,10 @@ def make_episodes(
 
 
 def _correlated_uniforms(generator: np.random.Generator, rows: int, count: int) -> Floats:
-    """Draw numbers with a uniform distribution on 0 … 1, (rows, count); numbers in the same column are correlated."""
+    """Draw numbers with a uniform distribution on 0 … 1, (rows, count).
+
+    Numbers in the same column are correlated.
+    """
     from scipy.special import ndtr
 
     common = generator.normal(size=count)
@@ -87,7 +90,7 @@ class FallCurve:
 
 @dataclass(frozen=True)
 class SyntheticAxis:
-    """Synthetic axis of disturbance with a known fall probability at each severity: a sum of logistic curves."""
+    """Synthetic axis of disturbance with a known fall probability: a sum of logistic curves."""
 
     severities: tuple[float, ...]
     """Severities, from the mildest to the hardest."""

@@ -213,7 +213,7 @@ def _agreement(films: Sequence[Mapping[str, str]]) -> str:
 
 
 def _confusion_table(films: Sequence[Mapping[str, str]]) -> str:
-    """Create the Markdown table that counts the films by the cause of the rules (rows) and of the person (columns).
+    """Create the Markdown table of films, by cause of the rules (rows) and of the person (columns).
 
     Empty rows and columns are left out.
     """

@@ -159,7 +159,7 @@ def walk_scenarios(ground: int) -> dict[str, Scenario]:
 
 
 def push_table(options: EstimationOptions) -> Iterator[str]:
-    """Yield the lines of the Markdown table of velocity errors after pushes, with one row per robot and estimator.
+    """Yield the lines of the table of velocity errors after pushes, a row per robot and estimator.
 
     Each cell has two errors: of the estimate at the time of the readings, and of the observation.
     """
@@ -226,7 +226,7 @@ def estimate_errors(options: EstimationOptions, scenario: Scenario, estimator: s
 def _observe_walks(
     options: EstimationOptions, scenario: Scenario, hardware: HardwareConfig
 ) -> "EstimationErrorObserver":
-    """Simulate the walks of the options on a scenario, and return the observer that has recorded the errors."""
+    """Simulate the walks of the options on a scenario, and return the observer of the errors."""
     on_hardware_profile = hardware.actuator != IDEAL.actuator
     policy = hardware.policy(options.policy, on_hardware_profile=on_hardware_profile)
     suite = sensor_suite(hardware.sensors)

@@ -1,4 +1,4 @@
-"""Strips of failed episodes, from which a person judges the cause: frames with marks, above plots of signals."""
+"""Strips of failed episodes, for a person who judges the cause: frames above plots of signals."""
 
 import io
 from collections.abc import Iterator, Sequence

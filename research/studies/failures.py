@@ -1,4 +1,4 @@
-"""Episodes that are made to fail for a known cause: twelve of each cause, in two cases of six episodes."""
+"""Episodes that are made to fail for a known cause: two cases of six episodes for each cause."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

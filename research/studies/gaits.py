@@ -125,8 +125,8 @@ def _draw_walks(
         folder: Folder of the pictures.
 
     Returns:
-        Two dictionaries with the keys of `walks`: the measures of each walk, as text by column; and the images of each
-        walk for the film of several walks.
+        Two dictionaries with the keys of `walks`. The first has the measures of each walk, as text by column. The
+        second has the images of each walk for the film of several walks.
     """
     with ProcessPoolExecutor(available_cores(), get_context("spawn")) as pool:
         results = pool.map(draw_walk, walks.values(), repeat(folder))
@@ -137,7 +137,7 @@ def _draw_walks(
 
 
 def _walk(robot: str, name: str) -> FilmSpec:
-    """Create the specification of a walk: robot, policy, scenario and seed. Raises UsageError or PolicyError.
+    """Create the specification of a walk. Raises UsageError or PolicyError.
 
     `name` is POLICY or POLICY@SCENARIO.
     """
@@ -184,7 +184,10 @@ def draw_walk(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.
 
 
 def _render_walk(walk: FilmSpec) -> tuple[list[Image.Image], Episodes]:
-    """Simulate a walk, and return a frame after each control step in FILM_STEPS and the record of the episode."""
+    """Simulate a walk, and return frames and the record of the episode.
+
+    There is one frame after each control step in FILM_STEPS.
+    """
     (policy,) = walk.policies
     with closing(EpisodeView(policy, walk, RenderOptions(SIZE, camera=None))) as view:
         images = [_frame(view) for step in view if step.number - 1 in FILM_STEPS]
@@ -236,7 +239,7 @@ def find_stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
 def draw_gait_diagram(
     contact: NDArray[np.bool_], chosen: Sequence[int], legs: Sequence[str], width: int
 ) -> Image.Image:
-    """Draw the gait diagram: one row per foot, filled while the foot is in contact, with a mark at each frame.
+    """Draw the gait diagram: one row per foot, filled during contact, with a mark at each frame.
 
     Args:
         contact: True for feet in contact, (steps, feet).

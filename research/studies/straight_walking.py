@@ -134,7 +134,7 @@ def evaluate_rows(
 
 
 def markdown_lines(options: StraightWalkingOptions, robot: Robot, table: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Create the table of success and cost of transport for the page, with a row per walk and a column per policy.
+    """Create the table of success and cost of transport, with a row per walk and a column per policy.
 
     Args:
         options: Options of the command.

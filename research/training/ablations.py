@@ -169,7 +169,7 @@ def make_rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dic
 
 
 def _difference(a: Floats, b: Floats) -> dict[str, float]:
-    """Return the mean of `a` minus the mean of `b`, and the confidence interval by Welch's t-test, as columns.
+    """Return the mean of `a` minus the mean of `b`, with the interval of Welch's t-test, as columns.
 
     A bootstrap is not used, because its interval is too narrow with five seeds.
     """
@@ -185,7 +185,7 @@ def _difference(a: Floats, b: Floats) -> dict[str, float]:
 
 
 def draw_differences(table: Sequence[Mapping[str, Any]], picture: Path) -> None:
-    """Draw the difference of each variant in `table` from the default variant, and write it to the PNG `picture`."""
+    """Draw the difference of each variant in `table` from the default variant, as the PNG `picture`."""
     rows = [row for row in table if row.get("minus_default_points") is not None]
     left = 0.2 + max(map(drawing.text_width, (row["variant"] for row in rows)), default=0.0)
     with drawing.plot_settings():

@@ -122,7 +122,10 @@ def read_curve(folder: Path) -> RunCurve:
 
 
 def group_by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
-    """Group the runs that differ only in their seed. Raises UsageError if two runs of a group have the same seed."""
+    """Group the runs that differ only in their seed.
+
+    Raises UsageError if two runs of a group have the same seed.
+    """
     groups = dict[str, list[RunCurve]]()
     for run in runs:
         group = groups.setdefault(json.dumps(run.settings, sort_keys=True), [])
@@ -145,7 +148,7 @@ def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
 
 
 def draw_bands(bands: Sequence[SeedBand]) -> "Figure":
-    """Draw the learning curves: a panel for success, and below it one for cost of transport if any run has it."""
+    """Draw the learning curves: success, and in a panel below it cost of transport if any run has it."""
     all_figures = np.concatenate([run.figures for band in bands for run in band.runs], axis=1)
     figure, panels = make_axes(all_figures, "", len(bands))
     marks = list(MARKS)

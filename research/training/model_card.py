@@ -1,4 +1,4 @@
-"""Text of MODEL.md, the model card of a trained policy: description, training, and comparison with a baseline."""
+"""Text of MODEL.md, the model card of a policy: description, training, comparison with a baseline."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -125,7 +125,7 @@ def describe_mixture(config: TrainConfig) -> str:
 
 
 def results_table(display_name: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """Create the table that compares all runs of one kind of policy with the baseline, with a row per scenario.
+    """Create the table of all runs of one kind of policy and the baseline, with a row per scenario.
 
     Args:
         display_name: Name of the policy in the table.

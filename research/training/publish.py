@@ -193,7 +193,7 @@ def migrate_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def settings_of_card(settings: Mapping[str, Any], card: str) -> TrainConfig:
-    """Return the training settings of a shipped policy, with the number of steps that its model card states.
+    """Return the training settings of a shipped policy, with the number of steps in its model card.
 
     A bundle has the settings at the time of its best validation. The run may have ended after fewer steps than these
     settings say.

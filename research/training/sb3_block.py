@@ -62,7 +62,10 @@ class SB3BlockOptions:
 
 
 def main(options: SB3BlockOptions) -> int:
-    """Train and evaluate the models, write the record and the page, and return the exit code. Raises UsageError."""
+    """Train and evaluate the models, write record and page, and return the exit code.
+
+    Raises UsageError.
+    """
     check_numbers(options, {"episodes": (1, 1_000_000), "evaluation_seed": (0, 2**63 - 1)})
     if len(set(options.seeds)) < max(len(options.seeds), 1) or min(options.seeds) < 0:
         raise UsageError(f"--seeds: whole numbers from 0, none twice, at least one; got {options.seeds}")
@@ -160,7 +163,7 @@ def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict
 
 
 def markdown_lines(record: Mapping[str, Any]) -> list[str]:
-    """Return the lines of Markdown with the table of results in a record, and the settings of the evaluation."""
+    """Return the lines of Markdown with the results in a record and the settings of the evaluation."""
     heads = {"seed": "seed", "minutes": "processor time, min"}
     heads |= {name: f"success, `{name}`" for name in SCENARIOS}
     heads["falls"] = f"falls, `{SCENARIOS[0]}`"

@@ -201,7 +201,10 @@ def _is_compared(options: RobotPipelineOptions) -> bool:
 
 
 def _check_same_options(options: RobotPipelineOptions) -> None:
-    """Write the options to the folder on the first call. Raises UsageError if a later call has other options."""
+    """Write the options to the folder on the first call, and compare them on later calls.
+
+    Raises UsageError if a later call has other options.
+    """
     robot = str(Path(options.robot).resolve()) if Path(options.robot).suffix else options.robot
     absolute = asdict(replace(options, robot=robot))
     fixed = {name: value for name, value in absolute.items() if name not in MUTABLE_OPTIONS}

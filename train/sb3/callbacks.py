@@ -1,4 +1,4 @@
-"""Callback between two rollouts: progress, TensorBoard, validation, checkpoints, and a clean end on Ctrl-C.
+"""Callback between two rollouts: progress, logs, validation, checkpoints, and the end on Ctrl-C.
 
 SB3 calls `_on_rollout_start` after the update from the last rollout. Only there can the learner and all random
 generators be saved together. The state of the robots is not saved, because all robots start each segment of a run with
@@ -52,7 +52,7 @@ _FIELDS = {"shares": "difficulties"}
 
 @dataclasses.dataclass
 class CallbackState:
-    """State of the callback that checkpoints save, so that a later session can continue. All values are JSON types.
+    """State of the callback that checkpoints save for a later session. All values are JSON types.
 
     A session is the part of a run that one process trains.
     """
@@ -70,7 +70,10 @@ class CallbackState:
 
     @classmethod
     def read(cls, remembered: Mapping[str, Any]) -> "CallbackState":
-        """Create the state from its JSON types in a checkpoint, `remembered`. Raises UsageError if they do not fit."""
+        """Create the state from `remembered`, its JSON types in a checkpoint.
+
+        Raises UsageError if they do not fit.
+        """
         try:
             return cast(CallbackState, decode(cls, {_FIELDS.get(key, key): value for key, value in remembered.items()}))
         except (TypeError, ValueError, OverflowError) as error:
@@ -93,7 +96,7 @@ class CallbackState:
 
 
 class TrainingCallback(BaseCallback):
-    """Callback of a run: performs schedules, curriculum, validation, bundles, checkpoints and segments, in this order.
+    """Callback of a run: schedules, curriculum, validation, bundles, checkpoints and segments.
 
     Args:
         config: Settings of the run.

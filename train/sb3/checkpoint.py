@@ -1,4 +1,4 @@
-"""Checkpoints of a run between two rollouts: arrays as safetensors, everything else as JSON, and no pickle.
+"""Checkpoints of a run between two rollouts: arrays as safetensors, all else as JSON, no pickle.
 
 The learner, the schedules and the random generators are restored exactly. The states of the robots are not saved. A
 checkpoint has the actions of the robots since the start of the segment, see `segment_steps`. A resumed run repeats

@@ -1,4 +1,4 @@
-"""Outputs of SB3's logger for the metrics of each rollout: TensorBoard events, and a file with JSON lines."""
+"""Outputs of SB3's logger for the metrics of each rollout: TensorBoard events, and JSON lines."""
 
 import contextlib
 import itertools
@@ -53,7 +53,10 @@ class _MetricsFile(KVWriter):
 
 
 def cut_metrics(folder: Path, steps: int) -> None:
-    """Remove the lines after step `steps` from the metrics file in `folder`, because they will be written again."""
+    """Remove the lines after step `steps` from the metrics file in `folder`.
+
+    A resumed run writes these lines again.
+    """
     path = folder / METRICS_FILE
     lines = read_bytes(path, MAX_DATA_SIZE).splitlines(keepends=True) if path.exists() else ()
     kept = itertools.takewhile(lambda line: line.endswith(b"\n") and json.loads(line)["steps"] <= steps, lines)

@@ -88,13 +88,16 @@ def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
 
 
 def _linear_rate(rate: float, remaining: float) -> float:
-    """Return the learning rate of a linear schedule at the remaining fraction of the run, from 1 down to 0."""
+    """Return the learning rate of a linear schedule.
+
+    `remaining` is the remaining fraction of the run, from 1 down to 0.
+    """
     # The fraction is negative at the end of the last rollout, because the rollout may exceed the last step.
     return rate * max(remaining, 0.0)
 
 
 def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
-    """Make a PPO learner with an initial mean correction of zero, so that its first policy is the base policy.
+    """Make a PPO learner with a mean correction of zero, so that its first policy is the base policy.
 
     Args:
         config: Settings of the run.
@@ -125,7 +128,7 @@ def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
 
 
 def actor_network(model: PPO) -> Network:
-    """Return the network of the mean correction as a NumPy network for a bundle, without the privileged inputs."""
+    """Return the network of the mean correction as a NumPy network, without the privileged inputs."""
     layers = _actor_layers(model)
     return Network(tuple(_array(each.weight.T) for each in layers), tuple(_array(each.bias) for each in layers))
 

@@ -1,4 +1,4 @@
-"""Progress display of a run with its remaining time: a bar on a terminal, otherwise a line every few seconds."""
+"""Progress display of a run: a bar on a terminal, otherwise a line every few seconds."""
 
 import contextlib
 import math
@@ -17,7 +17,7 @@ from train.training_robots import robots_per_scenario
 
 
 class ProgressEstimator:
-    """Estimates the speed and the remaining time of a session, which is the part of a run that one process trains.
+    """Estimates the speed and the remaining time of a session: the part of a run in one process.
 
     Before the first validation, a control step of a validation scenario is assumed to take as long as a control step of
     a training scenario.
@@ -52,7 +52,7 @@ class ProgressEstimator:
         self._validated = steps
 
     def rate(self, steps: int) -> float:
-        """Return the mean speed of the session up to `steps` steps of the run, at least 1e-9, steps per second.
+        """Return the mean speed of the session up to `steps` steps of the run, at least 1e-9, steps/s.
 
         The time of the validations does not count.
         """

@@ -115,7 +115,10 @@ class TrainingVecEnv(VecEnv):
         self.env.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return the value of the attribute `attr_name` once per robot in `indices`; all robots have the same value."""
+        """Return the value of the attribute `attr_name` once per robot in `indices`.
+
+        All robots have the same value.
+        """
         value = None if attr_name == "render_mode" else getattr(self, attr_name)
         return [value for _ in self._get_indices(indices)]
 

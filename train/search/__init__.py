@@ -1,1 +1,1 @@
-"""Search of policy parameters by CMA-ES: the search itself, its trials and costs, and the search of a trot."""
+"""Search of policy parameters by CMA-ES: the algorithm, trials and costs, and a search of a trot."""

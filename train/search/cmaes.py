@@ -123,7 +123,10 @@ def decode(point: Floats, start: P, ranges: Ranges, digits: int | None = None) -
 
 
 def encode(parameters: Parameters, ranges: Ranges) -> Floats:
-    """Convert `parameters` to a point of the unit cube; `ranges` has the bounds of the searched parameters."""
+    """Convert `parameters` to a point of the unit cube.
+
+    `ranges` has the bounds of the searched parameters.
+    """
     return np.array([(getattr(parameters, name) - low) / (high - low) for name, (low, high) in ranges.items()])
 
 

@@ -1,4 +1,4 @@
-"""Trials of a search: simulates many candidates on many scenarios together, and computes the cost of an episode."""
+"""Trials of a search: simulates many candidates on many scenarios, and computes their costs."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
@@ -184,7 +184,7 @@ def compare_parameters(
     threads: int = 1,
     hardware: HardwareConfig = IDEAL,
 ) -> tuple[list[tuple[str, str, Measures]], Floats]:
-    """Simulate a policy with old and new parameters on the same full-length episodes, on validation ground.
+    """Simulate a policy with old and new parameters on the same full-length validation episodes.
 
     Args:
         name: Name of the policy.

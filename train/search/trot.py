@@ -99,7 +99,7 @@ def make_search_problem(options: TrotSearchOptions) -> SearchProblem[TrotParamet
         return candidate_costs(candidates, seeds, options.steps, threads, hardware, scenario_names)
 
     def finalize(parameters: TrotParameters) -> tuple[str, str]:
-        """Fit the command map, compare the result with the start, and return the texts of parameter file and report."""
+        """Fit the command map, compare with the start, and return the texts of parameter file and report."""
         fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
         for seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
             parameters = fit_command_map(parameters, seeds, threads, hardware, scenario_names)
@@ -142,7 +142,7 @@ def fit_command_response(walk: Episodes, members: int) -> Floats:
 
 
 def weak_response_cost(response: Floats) -> float:
-    """Return the extra cost of a `response`, (4, 3), with a ratio of achieved to commanded velocity that is too small.
+    """Return the extra cost of a `response`, (4, 3), that is too weak for its commands.
 
     See `MIN_RESPONSE` and `WEAK_RESPONSE_WEIGHT`.
     """
@@ -241,7 +241,10 @@ def invert_command_response(parameters: TrotParameters, response: Floats) -> Tro
 
 
 def try_invert_command_response(parameters: TrotParameters, response: Floats) -> TrotParameters:
-    """Return `parameters` with the command map that inverts `response`, (4, 3); unchanged if it is too weak."""
+    """Return `parameters` with the command map that inverts `response`, (4, 3).
+
+    The parameters are unchanged if the response is too weak.
+    """
     if np.diag(response[:3]).min() < MIN_INVERTIBLE_RESPONSE:
         return _keep_map(parameters, "the response is too weak")
     try:
