@@ -1,9 +1,11 @@
 """Recovery from any pose: a sequence of key poses that depends on the direction of gravity.
 
-A lying robot gathers its legs and waits until it lies on its back, since a kick from the side seldom succeeds. If it
-comes to rest on its side it rocks: it gathers the legs as if the other side were the lower. From its back it rolls over
-the lower side by swinging all legs at once, and lands on bent legs. Upright it tucks them under its hips and stands up.
-If it fails on the way it starts again, after a failed kick over the other side.
+1. A robot on the ground gathers its legs and waits until it lies on its back, because a kick from the side rarely
+   succeeds. If it comes to rest on its side, it rocks: it gathers the legs as if the other side were the lower one.
+2. From its back the robot swings all legs at once, rolls over its lower side and lands on bent legs.
+3. An upright robot tucks its legs under its hips and stands up.
+
+A robot that fails on the way starts again. After a failed kick it rolls over the other side.
 """
 
 from dataclasses import dataclass
@@ -24,28 +26,31 @@ class Phase(IntEnum):
     """Phase of the recovery."""
 
     SETTLE = 0
-    """Joints are damped."""
+    """The joints are damped until the robot lies still."""
     GATHER = 1
-    """Legs are gathered."""
+    """The legs move to the gathered pose."""
     ROCK = 2
-    """Still gathered, neither on its back nor upright, or after a kick that failed."""
+    """The legs stay gathered. The robot lies neither on its back nor upright, or a kick has failed."""
     KICK = 3
     """All legs swing, and the robot rolls over."""
     LAND = 4
-    """Legs are bent for the landing."""
+    """The legs are bent for the landing."""
     TUCK = 5
-    """Legs are tucked under the hips."""
+    """The legs are tucked under the hips."""
     STAND = 6
-    """Legs move to the home pose."""
+    """The legs move to the home pose."""
 
 
 Legs = tuple[float, float, float, float, float, float]
-"""Hip (positive outward), thigh and calf of a front leg, then of a hind leg, rad."""
+"""Angles of hip (positive outward), thigh and calf of a front leg, then the same of a hind leg, rad."""
 
 
 @dataclass(frozen=True)
 class RecoveryParameters:
-    """Parameters of the recovery, found by a search. A leg is lower if it is on the side that gravity points to."""
+    """Parameters of the recovery, found by a search.
+
+    Fields with `lower` are for the legs on the side to which gravity points, fields with `upper` for the other side.
+    """
 
     gather_lower: Legs = (-0.4307, -0.9243, -1.5535, -0.161, -1.3987, -0.0802)
     gather_upper: Legs = (-0.1346, -1.0368, -1.4206, 0.18, -0.6586, -2.0105)
@@ -54,32 +59,34 @@ class RecoveryParameters:
     land: Legs = (0.3966, 0.728, -1.6909, 0.4828, 1.075, -1.9985)
     tuck: Legs = (0.3108, 1.2458, -2.3518, 0.3277, 1.3659, -2.3119)
     gather_blend: float = 0.204
-    """Duration of the blend from the last pose, s; the same for the other blends."""
+    """Duration of the blend from the last pose to the pose of the phase GATHER, s.
+
+    The other fields `..._blend` are the same for their phases."""
     land_blend: float = 0.1454
     tuck_blend: float = 0.3537
     stand_blend: float = 0.3717
     gather_time: float = 0.3422
-    """Duration of the phase, s; the same for the other times."""
+    """Duration of the phase GATHER, s; the other fields `..._time` are the same for their phases."""
     kick_time: float = 0.75
-    """Longest time in the phase, s."""
+    """Longest duration of the phase KICK, s."""
     land_time: float = 0.2227
     tuck_time: float = 0.4128
     righted: float = 0.4178
-    """Cosine of the tilt at which a kick has succeeded."""
+    """Cosine of the tilt above which a kick has succeeded."""
     lost: float = 0.2974
-    """Cosine of the tilt at which landing, tucking or standing has failed."""
+    """Cosine of the tilt below which landing, tucking or standing has failed."""
     caught: float = 7.0765
     """Angular velocity about each axis below which a kicked robot is ready to land, rad/s."""
     kick_minimum: float = 0.0507
-    """Shortest duration of a kick that has succeeded, s."""
+    """Shortest time in the phase KICK before a kick may count as successful or failed, s."""
     upright: float = 0.5215
-    """Cosine of the tilt up to which no kick is needed."""
+    """Cosine of the tilt above which no kick is needed."""
 
 
 SETTLE_TIME = 0.1
-"""Longest wait until a fallen robot lies still, s."""
+"""Longest duration of the phase SETTLE, s."""
 SETTLE_MINIMUM = 0.05
-"""Shortest wait until a fallen robot lies still, s."""
+"""Shortest duration of the phase SETTLE, s."""
 SETTLED_TURNING = 2.5
 """Angular velocity about each axis below which a fallen robot lies still, rad/s."""
 ROCK_BLEND = 0.05
@@ -89,21 +96,21 @@ ROCK_TIME = 0.3
 FLAT = -0.95
 """Cosine of the tilt below which a robot lies on its back."""
 KICK_BLEND = 0.01
-"""Duration of the blend to the kick, so short that the servos limit it, s."""
+"""Duration of the blend to the pose of the phase KICK, s; so short that the servos limit the motion."""
 STRANDED_AFTER = 0.4
-"""Time after which a kicked robot that hardly turns has failed, s."""
+"""Time in the phase KICK after which a kick has failed if the robot hardly turns, s."""
 STRANDED_TURNING = 0.5
-"""Angular velocity about each axis below which a kicked robot hardly turns, rad/s."""
+"""Angular velocity about each axis below which a robot hardly turns, rad/s."""
 STAND_TIME = 0.75
-"""Time in the phase STAND after which a leaning robot starts again, and one with misplaced legs tucks them again, s."""
+"""Time in the phase STAND after which the result is checked, s.
+
+A robot that leans starts again with GATHER. A robot with misplaced legs goes back to TUCK."""
 LEVEL = 0.9
-"""Cosine of the tilt down to which a robot does not lean."""
+"""Cosine of the tilt below which a robot leans."""
 
 
 class Recovery(Motion):
-    """Recovery from any pose.
-
-    `Behaviour` holds one.
+    """Recovery from any pose, see the phases in `Phase`; the policy `Behaviour` uses one object of this class.
 
     Args:
         robot: Robot.
@@ -113,7 +120,7 @@ class Recovery(Motion):
     phase: NDArray[np.int64] = per_robot(0)
     """`Phase` of each robot, (n,)."""
     _left_lower: NDArray[np.int64] = per_robot(0)
-    """1 if the left side of a robot is the lower one, else 0, (n,)."""
+    """1 if the left side of a robot is the lower side, else 0, (n,)."""
 
     def __init__(self, robot: Robot, control_period: float) -> None:
         super().__init__(robot, control_period)
@@ -155,7 +162,7 @@ class Recovery(Motion):
         return target
 
     def _next(self, rows: NDArray[np.intp], observation: Floats) -> NDArray[np.int64]:
-        """Return the next phase of some robots, (k,), and update their lower sides."""
+        """Return the next phase of some robots, (k,), and update which side of each robot is lower."""
         phase = self.phase[rows]
         gravity = observation[:, OBSERVATION["projected_gravity"]]
         turning = np.abs(observation[:, OBSERVATION["angular_velocity"]]).max(axis=1)
@@ -181,10 +188,10 @@ class Recovery(Motion):
             time: Time in the phase, (k,), s.
             up: Cosine of the tilt, (k,).
             turning: Largest angular velocity about an axis, (k,), rad/s.
-            misplaced: True for robots with joints away from the home pose, (k,).
+            misplaced: True for robots with a joint farther than POSE_TOLERANCE from the home pose, (k,).
 
         Returns:
-            Phases, (k,).
+            Next phase, (k,).
         """
         p = self._p
         over = time >= self._times[phase]
@@ -208,16 +215,17 @@ class Recovery(Motion):
 
 
 def key_poses(robot: Robot, p: RecoveryParameters) -> Floats:
-    """Return the joint angles of each phase, with the right and with the left side lower.
+    """Return the joint angles of the pose of each phase, for a lower right side and for a lower left side.
 
     Args:
         robot: Robot.
-        p: Parameters.
+        p: Parameters of the recovery.
 
     Returns:
-        Joint angles, (7, 2, 12), rad; the entry of SETTLE is not used.
+        Joint angles, indexed by phase and by 0 for right or 1 for left, (7, 2, 12), rad. The entry of the phase SETTLE
+        is not used.
     """
-    home = tuple(robot.home_pose.reshape(-1, 2, 3)[:, 0].ravel())  # of a front and of a hind leg
+    home = tuple(robot.home_pose.reshape(-1, 2, 3)[:, 0].ravel())  # angles of a front leg, then of a hind leg
     lower = (home, p.gather_lower, p.gather_lower, p.kick_lower, p.land, p.tuck, home)
     upper = (home, p.gather_upper, p.gather_upper, p.kick_upper, p.land, p.tuck, home)
     by_height = np.array([upper, lower]).reshape(2, len(Phase), 2, 3)  # upper or lower, phase, front or hind, joint

@@ -1,4 +1,4 @@
-"""Behaviours, the table of transitions between them, and the conditions on observations that guard transitions."""
+"""States of the behaviour machine, the table of transitions, and the conditions that guard transitions."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -15,34 +15,34 @@ from quad_env.robots.robot import Robot
 
 
 class State(IntEnum):
-    """Behaviour of a robot; it is in exactly one at a time."""
+    """Behaviour of a robot; a robot is in exactly one state at a time."""
 
     STAND = 0
     WALK = 1
     RUN = 2
     JUMP = 3
     FALL = 4
-    """Joints damped until the tumbling is over."""
+    """The joints are damped until the robot has stopped tumbling."""
     RECOVER = 5
-    """Turning over and getting up."""
+    """The robot turns over and gets up."""
 
 
 @dataclass(frozen=True)
 class Transition:
-    """Row of the transition table. If several rows apply, the first is taken."""
+    """Row of the transition table. If several rows apply, the first row is taken."""
 
     sources: tuple[State, ...]
-    """States that it starts from."""
+    """States in which the transition can start."""
     request: str
-    """Request that triggers it; empty if it needs none."""
+    """Request that triggers the transition; empty if the condition alone triggers it."""
     guard: str
-    """Entry of `conditions` that must hold; empty for none."""
+    """Name of the condition that must hold, a key of `conditions`; empty if no condition must hold."""
     target: State
-    """State that it ends in."""
+    """State after the transition."""
 
 
 ON_ITS_LEGS = (State.STAND, State.WALK, State.RUN, State.JUMP)
-"""States of an upright robot."""
+"""States in which a robot is on its legs."""
 
 TRANSITIONS = (
     Transition((State.WALK,), "stand", "", State.STAND),
@@ -59,20 +59,20 @@ TRANSITIONS = (
 )
 
 REQUESTS = tuple(dict.fromkeys(row.request for row in TRANSITIONS if row.request))
-"""Names of the requests."""
+"""Names of all requests in the transition table."""
 GUARDS = tuple(dict.fromkeys(row.guard for row in TRANSITIONS if row.guard))
-"""Names of the conditions in the table."""
+"""Names of all conditions in the transition table."""
 
 TIME_LIMIT: dict[State, float] = {State.JUMP: 3.0, State.FALL: 0.5, State.RECOVER: 8.0}
-"""Time in a state after which the condition `late` holds, s; in other states it never does."""
+"""State -> time in the state after which the condition `late` holds, s. In other states `late` never holds."""
 
 TOPPLING_TILT = np.deg2rad(60.0)
-"""Tilt beyond which an upright robot gives up and goes limp, rad: 10° before the fall rule, `FallRule.tilt`."""
+"""Tilt above which a robot changes to the state FALL, rad; 10° less than in the fall rule, `FallRule.tilt`."""
 _FALL_RULE = FallRule()
 HOME_TILT = np.deg2rad(10.0)
-"""Tilt up to which a robot may be in its home pose, rad; `evaluate.measures.at_rest` decides whether it stands."""
+"""Largest tilt of a robot that counts as in its home pose, rad."""
 POSE_TOLERANCE = 0.15
-"""Distance of each joint from the home pose, rad; a servo under the robot's weight sags by 0.02."""
+"""Largest distance of each joint from the home pose, rad; a servo sags by 0.02 rad under the weight of the robot."""
 STILL_LINEAR = 0.3
 """Speed of the trunk along each axis below which a robot is still, m/s."""
 STILL_ANGULAR = 0.5
@@ -80,16 +80,16 @@ STILL_ANGULAR = 0.5
 SETTLED_ANGULAR = 1.5
 """Angular velocity of the trunk about each axis below which a fall is over, rad/s."""
 MINIMUM_TIME = 0.1
-"""Shortest time in a state before a fall, a jump or a recovery may be over, s."""
+"""Shortest time in a state before the conditions `in home pose` and `settled` can hold, s."""
 JUMP_TIME = 0.9
-"""Time in the state after which a jump may have landed, s."""
+"""Shortest time in the state JUMP before the condition `landed` can hold, s."""
 
 _NEVER = 2**62
 
 
 @cache
 def _limit_ticks(control_period: float) -> NDArray[np.int64]:
-    """Return the control steps in each state after which the condition `late` holds."""
+    """Return the number of control steps after which the condition `late` holds, by state, (states,)."""
     return np.array([round(TIME_LIMIT[state] / control_period) if state in TIME_LIMIT else _NEVER for state in State])
 
 
@@ -107,10 +107,10 @@ def conditions(
         control_period: Control period, s.
         observation: Observation, (n, k).
         state: State of each robot, (n,).
-        ticks: Control steps in the state, (n,).
+        ticks: Number of control steps since each robot entered its state, (n,).
 
     Returns:
-        True for robots that meet the condition, (n,), for each condition by name.
+        Name of each condition -> mask of the robots for which it holds, (n,).
     """
     rows = observation.astype(np.float64)
     gravity = rows[:, OBSERVATION["projected_gravity"]]

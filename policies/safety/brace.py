@@ -1,4 +1,4 @@
-"""Brace: all feet down, wide and low, so that a pushed robot slides to rest instead of tripping."""
+"""Brace: a low, wide stance on all feet, in which a pushed robot slides to rest instead of tripping."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +11,15 @@ from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
 HEIGHT = 0.13
-"""Trunk's centre above the centres of the feet, m."""
+"""Height of the trunk centre above the centres of the feet in the brace, m."""
 LENGTH = 0.6
-"""Distance between the front and the hind feet, m."""
+"""Distance between the front and the hind feet in the brace, m."""
 WIDTH = 0.8
-"""Distance between the left and the right feet, m; the range of the hips ends before it."""
+"""Commanded distance between the left and the right feet, m. The hips reach their limits before this distance."""
 DAMPING = 0.04
-"""Rotation of the plane of the feet per angular velocity of the trunk, s; without one the legs are rigid."""
+"""Rotation of the plane of the feet per angular velocity of the trunk, s; with 0 the legs would be rigid."""
 MIN_DROP = 0.08
-"""Smallest distance of a foot below the trunk's centre, m."""
+"""Smallest distance of a foot below the trunk centre, m."""
 REST_SPEED = 0.5
 """Speed of the trunk along each axis below which a robot is at rest, m/s."""
 REST_TURNING = 1.5
@@ -27,15 +27,15 @@ REST_TURNING = 1.5
 REST_TILT = np.deg2rad(30.0)
 """Tilt of the trunk below which a robot is at rest, rad."""
 REST_TIME = 0.1
-"""Time at rest before the robot gets up, s."""
+"""Time that a robot must be at rest before its brace is released, s."""
 RELEASE_TIME = 0.15
-"""Duration of the blend from the brace to the policy's targets, s."""
+"""Duration of the blend from the brace to the targets of the policy, s."""
 
 
 class Brace(PerRobotState):
-    """Share of the brace in the targets of each robot: 1 until it is at rest, and then falling to 0.
+    """Blend of the brace with the targets of the policy, for n robots.
 
-    `Safe` holds one.
+    The weight of the brace is 1 until a robot is at rest, and then falls to 0. `Safe` uses one object of this class.
 
     Args:
         robot: Robot.
@@ -43,7 +43,7 @@ class Brace(PerRobotState):
     """
 
     share: Floats = per_robot(1.0)
-    """Share of the brace in the targets, (n,)."""
+    """Weight of the brace in the targets before smoothing, 0 to 1, (n,)."""
     _rest_steps: NDArray[np.int64] = per_robot(0)
     _released: Mask = per_robot(False)
 
@@ -85,7 +85,7 @@ class Brace(PerRobotState):
 
 
 def is_at_rest(observation: Floats) -> Mask:
-    """Return True for robots with a slow and upright trunk, (n,), from an observation, (n, m)."""
+    """Return True for robots with a slow and upright trunk, (n,); `observation`: (n, m)."""
     velocity = observation[:, OBSERVATION["linear_velocity"]]
     turning = observation[:, OBSERVATION["angular_velocity"]]
     upright = -observation[:, OBSERVATION["projected_gravity"]][:, 2] > np.cos(REST_TILT)
@@ -95,7 +95,7 @@ def is_at_rest(observation: Floats) -> Mask:
 
 
 def brace_targets(robot: Robot, observation: Floats) -> Floats:
-    """Compute the joint targets of the brace, (k, 12), rad, of a `robot` with an `observation`, (k, m)."""
+    """Compute the joint targets of the brace, (k, 12), rad, for a `robot` and an `observation`, (k, m)."""
     turning = observation[:, OBSERVATION["angular_velocity"]]
     roll = DAMPING * turning[:, 0:1]
     pitch = DAMPING * turning[:, 1:2]
@@ -103,6 +103,6 @@ def brace_targets(robot: Robot, observation: Floats) -> Floats:
     hip_y = robot.hip_positions[:, 1]
     x = np.sign(hip_x) * (LENGTH / 2.0)
     y = robot.side * (WIDTH / 2.0)
-    # A side that rises shortens its legs.
+    # Legs on a side that moves upward are shortened, which damps the rotation.
     z = np.minimum(roll * y - pitch * x - HEIGHT, -MIN_DROP)
     return joint_targets(robot, x - hip_x, y - hip_y, z)

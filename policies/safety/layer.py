@@ -1,4 +1,4 @@
-"""Safety layer around any policy: failures end in a controlled stop, falls are caught, limits are kept."""
+"""Safety layer for any policy: it stops a robot after a failure, braces it before a fall, and limits all targets."""
 
 from enum import IntEnum
 
@@ -15,50 +15,50 @@ from quad_env.files.text import format_exception
 
 
 class Mode(IntEnum):
-    """Source of a robot's targets."""
+    """Source of the joint targets of a robot."""
 
     FOLLOW = 0
-    """Policy."""
+    """The policy gives the targets."""
     CATCH = 1
-    """Brace after a predicted fall, until the robot is at rest and follows its policy again."""
+    """The brace gives the targets after a predicted fall, until the robot is at rest."""
     STOP = 2
-    """Controlled stop, until a reset."""
+    """A controlled stop gives the targets, until a reset."""
     DAMP = 3
-    """Damped joints: the robot is too far over, or was stopped at once by request."""
+    """The joints are damped, because the robot tilts too far or an emergency stop has requested it."""
 
 
 TOO_FAR_OVER = "too far over"
-"""Reason of a mode that a large tilt caused."""
+"""Reason of a change of mode because of a tilt above MAX_TILT."""
 
 MAX_TILT = np.deg2rad(65.0)
-"""Tilt beyond which no fall can be caught and no stop controlled, rad: 5° before the fall rule, `FallRule.tilt`."""
+"""Tilt above which neither the brace nor a controlled stop works, rad; 5° less than the fall rule, `FallRule.tilt`."""
 FALL_ALARM_DEVIATION = 0.8866
 """Velocity deviation above which a fall is predicted, m/s.
 
-It is 0.2 m/s above the largest deviation in an hour of the undisturbed trot."""
+The value is 0.2 m/s more than the largest deviation in one hour of the undisturbed trot."""
 RESPONSE_TIME = 0.25
-"""Time constant of a walking robot's response to its command, s."""
+"""Time constant of the velocity that a walking robot is expected to have after a new command, s."""
 RECENT_TIME = 0.1
-"""Time constant of the recent velocity, s: a slower change of velocity is not a push."""
+"""Time constant of the filter of the recent velocity, s. A change of velocity that is slower is not a push."""
 
 
 class Safe(Policy):
-    """Policy within the safety layer; read `mode` and `reason`.
+    """Policy within the safety layer; `mode` and `reason` show the state of the layer.
 
     Args:
-        policy: Policy.
-        limits: Limits of every target; the limits of the robot with ideal actuators by default.
+        policy: Policy inside the safety layer.
+        limits: Limits of all targets; by default the limits of the robot with ideal actuators.
     """
 
     reason: NDArray[np.object_] = per_robot(np.array("", object))
-    """Reason of each robot's mode, (n,) of text; empty at the start."""
+    """Reason of the last change of mode of each robot, text, (n,); empty after a reset."""
     _mode: NDArray[np.int8] = per_robot(np.int8(Mode.FOLLOW))
     _entered: Mask = per_robot(False)
     _targets: Floats = per_robot()
     _reference: Floats = per_robot(np.zeros(2))
-    """Planar velocity of a robot that responds to its command with RESPONSE_TIME, (n, 2), m/s."""
+    """Expected horizontal velocity: the command, low-pass filtered with RESPONSE_TIME, (n, 2), m/s."""
     _recent_velocity: Floats = per_robot(np.zeros(2))
-    """Planar velocity, low-pass filtered with RECENT_TIME, (n, 2), m/s."""
+    """Measured horizontal velocity, low-pass filtered with RECENT_TIME, (n, 2), m/s."""
 
     def __init__(self, policy: Policy, limits: SafetyLimits | None = None) -> None:
         super().__init__(robot=policy.robot, control_period=policy.control_period)
@@ -76,12 +76,12 @@ class Safe(Policy):
 
     @property
     def failure(self) -> NDArray[np.object_] | None:
-        """Why its policy failed each robot, (n,), see `policies.Foreign`; None if it does not report that."""
+        """Reason of each robot's failure inside the policy, (n,), see `ExternalPolicy`; None if not reported."""
         return getattr(self.policy, "failure", None)
 
     @property
     def mode(self) -> NDArray[np.int8]:
-        """`Mode` of each robot, (n,), a copy."""
+        """Copy of the `Mode` of each robot, (n,)."""
         return self._mode.copy()
 
     @property
@@ -93,13 +93,13 @@ class Safe(Policy):
         """Stop some robots from their next action on, until a reset.
 
         Args:
-            mask: Robots, (n,) bool; all by default.
-            damp: Damp the joints at once instead of a controlled stop.
+            mask: Robots to stop, (n,) bool; all by default.
+            damp: True to damp the joints at once; False for a controlled stop.
         """
         self._enter(validate_mask(mask, self.num_envs), Mode.DAMP if damp else Mode.STOP, "emergency stop requested")
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Reset layer and policy for `num_envs` robots with a `seed`; exceptions of the policy pass through."""
+        """Reset layer and policy for `num_envs` robots with a `seed`. Exceptions of the policy are not caught."""
         super().reset(num_envs, seed)
         self.policy.reset(num_envs, seed)
 
@@ -142,7 +142,7 @@ class Safe(Policy):
         return targets
 
     def _accept(self, answer: object, following: Mask, targets: Floats) -> None:
-        """Copy a valid answer of the policy for the following robots into `targets`, or stop them."""
+        """Copy the policy's targets, `answer`, into `targets` for the robots in `following`; stop them if invalid."""
         if not isinstance(answer, np.ndarray) or answer.shape != targets.shape or answer.dtype.kind != "f":
             self._enter(following, Mode.STOP, "policy returned targets of a wrong shape or type")
             return
@@ -163,7 +163,7 @@ class Safe(Policy):
         return observation
 
     def _update_mode(self, rows: Floats) -> None:
-        """Catch robots with a predicted fall, and release robots that are at rest or cannot be caught."""
+        """Update the mode: CATCH after a predicted fall, FOLLOW after rest or a tilt that is too large."""
         velocity, command = (rows[:, OBSERVATION[name]][:, :2] for name in ("linear_velocity", "command"))
         self._reference = self._reference + (command - self._reference) * (self.control_period / RESPONSE_TIME)
         alarm = velocity_deviation(velocity, self._reference, self._recent_velocity) > FALL_ALARM_DEVIATION
@@ -181,25 +181,25 @@ class Safe(Policy):
         self._enter(tilted & (self._mode == Mode.STOP), Mode.DAMP, TOO_FAR_OVER)
 
     def _enter(self, mask: Mask, mode: Mode, reason: str) -> None:
-        """Set the mode of the masked robots."""
+        """Set mode and reason of the robots in the mask."""
         self._mode[mask] = mode
         self._entered |= mask
         self.reason[mask] = reason
 
 
 def velocity_deviation(velocity: Floats, reference: Floats, recent: Floats) -> Floats:
-    """Compute the smaller of a velocity's distances from its reference and from the recent velocity.
+    """Compute the distance of a velocity from the reference or from the recent velocity, whichever is smaller.
 
-    The first alone would detect a push in a gait that does not reach its command, the second alone in a change of
-    command.
+    Each distance alone would give false alarms. The distance from the reference is also large in a gait that does not
+    reach its command. The distance from the recent velocity is also large after a change of the command.
 
     Args:
-        velocity: Planar velocity, (n, 2), m/s.
-        reference: Reference, (n, 2), m/s.
-        recent: Recent velocity, (n, 2), m/s.
+        velocity: Measured horizontal velocity, (n, 2), m/s.
+        reference: Expected horizontal velocity, (n, 2), m/s.
+        recent: Recent horizontal velocity, (n, 2), m/s.
 
     Returns:
-        Distance, (n,), m/s.
+        Smaller distance, (n,), m/s.
     """
     error = velocity - reference
     change = velocity - recent

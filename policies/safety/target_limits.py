@@ -1,4 +1,4 @@
-"""Limits that every target passes: joint range, rate of change, joint speed and predicted servo torque."""
+"""Limits of all joint targets: joint range, rate of change, joint speed and predicted servo torque."""
 
 import sys
 from dataclasses import dataclass
@@ -18,25 +18,25 @@ Limit = Annotated[float | Floats, Bounds("more than 0", sys.float_info.min, inf)
 
 @dataclass(frozen=True)
 class SafetyLimits(Settings):
-    """Limits of all joints, or of each joint, (12,); `for_robot` returns the limits of a robot."""
+    """Limits of joint targets, each a number for all joints or an array, (12,); see `for_robot`."""
 
     torque: Limit
-    """Largest servo torque of a joint at rest, predicted for the time at which a target takes effect, N·m."""
+    """Largest servo torque at a joint speed of zero, predicted for the time at which a target takes effect, N·m."""
     target_rate: Positive = 60.0
-    """Largest rate of a target, rad/s; the swing of the trot reaches 35."""
+    """Largest rate of change of a target, rad/s; the swing of the trot reaches 35 rad/s."""
     joint_speed: Positive = 30.0
-    """Speed beyond which a joint is braked, rad/s: its target may not lie ahead of it."""
+    """Speed above which a joint is braked, rad/s: the target may not be ahead of the angle in the direction of motion."""
     no_load_speed: Limit = inf
-    """Joint speed at which the driving torque has fallen linearly to zero, rad/s."""
+    """Joint speed at which the limit of the driving torque has fallen linearly to zero, rad/s."""
     delay: NonNegative = 0.0
-    """Time from a target to its effect, s; the joint is assumed to keep its speed."""
+    """Time from a target to its effect, s. The prediction assumes that the joint keeps its speed during this time."""
 
     @classmethod
     def for_robot(cls, robot: str | Robot, which: str | Actuator = "ideal") -> "SafetyLimits":
-        """Return the limits of a robot.
+        """Return the limits of a robot with an actuator.
 
-        The bandwidth of an actuator only makes torques smaller, and a policy does not know the temperature of its
-        windings. So neither has an effect.
+        Bandwidth and winding temperature of the actuator have no effect on the limits. A finite bandwidth only makes
+        torques smaller, and a policy does not know the temperature.
 
         Args:
             robot: Robot or its name.
@@ -61,9 +61,10 @@ class SafetyLimits(Settings):
     def limit_targets(
         self, robot: Robot, period: float, targets: Floats, previous: Floats, joints: Floats, speeds: Floats
     ) -> Floats:
-        """Return the nearest targets that keep the limits.
+        """Return the nearest targets within the limits.
 
-        The torque limit comes last but for the joint range: it holds even if that means a jump of the target.
+        The torque limit is applied after the limits of rate and speed, so that it holds even if the target must jump.
+        Only the joint range is applied later.
 
         Args:
             robot: Robot.
@@ -80,7 +81,7 @@ class SafetyLimits(Settings):
         targets = np.clip(targets, previous - reach, previous + reach)
         targets = np.where(speeds > self.joint_speed, np.minimum(targets, joints), targets)
         targets = np.where(speeds < -self.joint_speed, np.maximum(targets, joints), targets)
-        # A servo's torque is stiffness (target - angle) - damping · speed, and may lie anywhere within its limits.
+        # Limit the servo torque, which is stiffness · (target - angle) - damping · speed.
         damping_torque = robot.servo_damping * speeds
         share = speeds / self.no_load_speed
         backward = self.torque * np.clip(1.0 + share, 0.0, 1.0)
