@@ -1,4 +1,4 @@
-"""Gait controller of the source document: `document`, exactly as printed, and `document_repaired`, as intended.
+"""Gait controller of the source document, as printed (`document`) and repaired (`document_repaired`).
 
 The printed controller collapses because of its axis conventions, and only serves as a demonstration. It computes the
 pitch as an angle from the +x axis, but the thigh angle of the robot is measured from straight down. Its leg length

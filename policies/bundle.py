@@ -1,5 +1,6 @@
-"""Bundle: a trained policy as data in a folder, `policy.safetensors` (weights) and `policy.json` (all else), no code.
+"""Bundle: folder with a trained policy as data, without code.
 
+The files are `policy.safetensors`, the weights, and `policy.json`, the description: all other data of the policy.
 `load` checks every field, and compares the SHA-256 of weights and description with the stored ones.
 """
 
@@ -127,6 +128,6 @@ def _parse_weights(folder: Path, weights: bytes) -> dict[str, NDArray[Any]]:
 
 
 def network_tensors(network: Network) -> dict[str, NDArray[Any]]:
-    """Return the dictionary tensor name -> weights or biases of a layer; `0.weight` and `0.bias` are the first."""
+    """Return the dictionary tensor name -> weights or biases, `0.weight` and `0.bias` for the first layer."""
     weights = {f"{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
     return weights | {f"{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}

@@ -1,7 +1,7 @@
-"""Description of a trained policy: its fields as JSON, and checks that refuse a damaged or foreign file in one line.
+"""Description of a trained policy, the file `policy.json` of a bundle, and the checks of its fields.
 
-A file is also refused if layout or scales of its observation differ from the environment, because its network would run
-on wrong inputs without an error.
+A damaged file is refused with a message of one line. A file is also refused if layout or scales of its observation
+differ from the environment, because its network would run on wrong inputs without an error.
 """
 
 import hashlib
@@ -52,7 +52,7 @@ _MAX_WEIGHT = 1e6
 
 @dataclass(frozen=True)
 class BundleFields(Settings):
-    """Fields of a description, as JSON values. Fields with a default may be missing in bundles of older versions."""
+    """Fields of a description, as JSON values; bundles of older versions may lack fields with a default."""
 
     schema_version: Literal[1]
     name: str

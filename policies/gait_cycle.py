@@ -51,7 +51,7 @@ class Gait:
 
 
 def leg_cycles(phases: Floats, duty: Floats | float) -> LegCycle:
-    """Return the cycle of each leg, in the shape of `phases`, the leg phases in [0, 2π) rad, for a `duty` factor."""
+    """Return the cycle of each leg, from leg `phases`, (...), in [0, 2π) rad, and a `duty` factor."""
     fraction = phases / TURN
     swing_share = 1.0 - duty
     swing = fraction < swing_share
@@ -64,7 +64,7 @@ def smoothstep(progress: Floats) -> Floats:
 
 
 def leg_phases(phase: ArrayLike, offsets: ArrayLike) -> Floats:
-    """Return the leg phases, (..., 4), in [0, 2π) rad, from the `phase` of the clock, (...), and `offsets`, (4,)."""
+    """Return the leg phases, (..., 4), in [0, 2π) rad, from a clock `phase`, (...), and `offsets`, (4,)."""
     return (np.asarray(phase, dtype=np.float64)[..., None] + np.asarray(offsets, dtype=np.float64)) % TURN
 
 

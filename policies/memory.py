@@ -1,4 +1,4 @@
-"""Per-robot controller state that is allocated, reset and copied by robot, and first-order filter gains.
+"""Per-robot controller state, which is allocated, reset and copied by robot, and gains of filters.
 
 A class declares each array with `per_robot`. The array is an ordinary attribute of its object, with one entry per
 robot along one axis. `initialize_state` allocates it for one robot in the constructor; `allocate` does so for n robots.
@@ -144,7 +144,7 @@ def declared_arrays(owner: Any) -> Mapping[str, PerRobotArray]:
 
 @cache
 def _declared_by_class(owner_class: type) -> Mapping[str, PerRobotArray]:
-    """Return the dictionary name -> declaration of the arrays of a class; a subclass overrides its base classes."""
+    """Return the dictionary name -> declaration of the arrays of a class and its base classes."""
     return {
         name: array
         for base in reversed(owner_class.__mro__)

@@ -48,7 +48,7 @@ def _elu(x: Doubles) -> Doubles:
 
 @cache
 def activation_chords() -> tuple[Doubles, Doubles]:
-    """Return two arrays, the slope and the intercept of the activation on each piece, indexed by `piece_index`."""
+    """Return the slopes and the intercepts of the activation: two arrays, indexed by `piece_index`."""
     last = int(np.float32(LIMIT).view(np.int32) >> _SHIFT)
     ends = (np.arange(last + 1, dtype=np.int32) << _SHIFT).view(np.float32).astype(np.float64)
     slopes, intercepts = np.zeros((2, 2, _PIECES))

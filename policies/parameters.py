@@ -1,4 +1,4 @@
-"""Parameters of policies: dataclasses of numbers with limits, and the files that searches write them to."""
+"""Parameters of policies: dataclasses of numbers with limits, and the JSON files that store them."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -40,12 +40,12 @@ def parameter(default: N, *, limits: Range, search: Range | None = None, unit: s
 
 
 def limits_of(kind: Any) -> dict[str, Range]:
-    """Return the dictionary field name -> (smallest, largest) allowed value, for a dataclass of parameters."""
+    """Return the dictionary field name -> (smallest, largest) value, for a dataclass of parameters."""
     return {entry.name: entry.metadata["limits"] for entry in fields(kind) if entry.metadata}
 
 
 def search_ranges_of(kind: Any) -> dict[str, Range]:
-    """Return the dictionary field name -> bounds of a search, for the fields of a dataclass that are searched."""
+    """Return the dictionary field name -> search range, for the fields of a dataclass that have one."""
     metadata = {entry.name: entry.metadata for entry in fields(kind)}
     return {name: values["search"] for name, values in metadata.items() if values and values["search"]}
 

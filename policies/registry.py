@@ -71,7 +71,7 @@ def names() -> tuple[str, ...]:
 
 
 def is_missing(name: str, robot: Robot) -> bool:
-    """Return whether `name` is a trained policy without a bundle for `robot`."""
+    """Return True if `name` is a trained policy that has no bundle for `robot`."""
     return name in TRAINED and not (shipped.models_folder(robot) / name).is_dir()
 
 

@@ -1,4 +1,4 @@
-"""Residual policy: a base policy with a bounded correction by a small network, the same in training and evaluation."""
+"""Residual policy: a base policy with a bounded correction by a small network."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -152,7 +152,7 @@ def make_base(base: BaseSpec, height_scan: HeightScan | None = None, **arguments
 
 
 def _arguments(base: BaseSpec, parameters: dict[str, Any]) -> dict[str, Any]:
-    """Convert JSON parameters to keyword arguments of the factory of a base. Raises ValueError if they are invalid."""
+    """Convert JSON parameters to arguments of a base's factory. Raises ValueError for invalid ones."""
     if base.parameters is None:
         if parameters:
             raise ValueError(f"a {base.kind.__name__} has no parameters")

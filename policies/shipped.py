@@ -10,7 +10,7 @@ MODELS = Path(__file__).resolve().parents[1] / "models"
 
 
 def models_folder(robot: Robot) -> Path:
-    """Return the path of the folder with a robot's policies; for a user's robot it is next to the robot's file."""
+    """Return the path of the folder with a robot's policies; for a user's robot, next to its file."""
     if robot == SIMPLE_QUAD:
         return MODELS
     return (MODELS if robot.source is None else robot.source.parent) / robot.name

@@ -107,8 +107,8 @@ class Stop(Motion):
 
         Args:
             rows: Indices of the robots, (k,).
-            observation: Their observation, (k, m).
-            joints: Their joint angles, (k, 12), rad.
+            observation: Observation of these robots, (k, m).
+            joints: Joint angles of these robots, (k, 12), rad.
 
         Returns:
             Joint targets, (k, 12), rad.
@@ -171,8 +171,8 @@ class PoseSequence(Motion):
 
         Args:
             rows: Indices of the robots, (k,).
-            observation: Their observation, (k, m).
-            joints: Their joint angles, (k, 12), rad.
+            observation: Observation of these robots, (k, m).
+            joints: Joint angles of these robots, (k, 12), rad.
 
         Returns:
             Joint targets, (k, 12), rad.

@@ -110,7 +110,7 @@ LEVEL = 0.9
 
 
 class Recovery(Motion):
-    """Recovery from any pose, see the phases in `Phase`; the policy `Behaviour` uses one object of this class.
+    """Recovery from any pose, in the phases of `Phase`.
 
     Args:
         robot: Robot.
@@ -143,8 +143,8 @@ class Recovery(Motion):
 
         Args:
             rows: Indices of the robots, (k,).
-            observation: Their observation, (k, m).
-            joints: Their joint angles, (k, 12), rad.
+            observation: Observation of these robots, (k, m).
+            joints: Joint angles of these robots, (k, 12), rad.
 
         Returns:
             Joint targets, (k, 12), rad.

@@ -20,11 +20,11 @@ from quad_env.physics.dynamics import DynamicsTerms
 from quad_env.robots.robot import Robot
 
 LEG_DAMPING = 1e-4
-"""Added to the squared Jacobian of a leg, m², because the joint torques of a straight leg show no force along it."""
+"""Damping added to the squared Jacobian of a leg, m², because a straight leg shows no force along itself."""
 
 
 class PeriodMotion(NamedTuple):
-    """Mean motion of n robots over the last control period, or over the last two if encoders read the joints."""
+    """Mean motion of n robots over the last control period; over the last two if encoders read joints."""
 
     acceleration: Floats
     """Generalised acceleration, (n, 18), m/s² and rad/s²."""
@@ -37,7 +37,7 @@ class PeriodMotion(NamedTuple):
 
 
 class FootForces(NamedTuple):
-    """Generalised force of the environment on n robots, and the forces on the feet that explain part of it."""
+    """Forces on the feet of n robots, and the generalised force of the environment."""
 
     forces: Floats
     """Forces on the feet, level frame, (n, 4, 3), N. An estimate may pull downward, which no ground does."""

@@ -12,7 +12,7 @@ from policies.gait_cycle import Floats
 Vector = tuple[Floats, Floats, Floats]
 
 _NO_HEADING = 1e-6
-"""Smallest length of the horizontal part of the trunk's x axis; it avoids a division by zero for a vertical trunk."""
+"""Lower bound of `LevelFrame.level_x`, which avoids a division by zero for a vertical trunk."""
 
 
 class LevelFrame(NamedTuple):

@@ -1,1 +1,1 @@
-"""Model-based control: convex MPC of a single rigid body, and joint torques from a whole-body quadratic program."""
+"""Model-based control: convex MPC of a single rigid body, and a whole-body QP for the joint torques."""

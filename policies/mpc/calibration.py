@@ -1,4 +1,4 @@
-"""Calibration at the start: stand still to measure the noise, then bend the legs to excite the delay estimate."""
+"""Calibration after a reset: stand to measure the noise, then bend the legs to estimate the delay."""
 
 import numpy as np
 from numpy.typing import NDArray

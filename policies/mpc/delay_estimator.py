@@ -1,4 +1,4 @@
-"""Estimate of the delay from joint target to joint reading: the candidate delay with the smallest prediction error."""
+"""Estimate of the delay from joint target to joint reading, by the prediction errors of candidates."""
 
 from dataclasses import dataclass
 from typing import TypeVar

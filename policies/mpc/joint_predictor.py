@@ -1,4 +1,4 @@
-"""Prediction of the present joint state from delayed encoder readings and planned accelerations (Smith predictor)."""
+"""Smith predictor of joint angles and speeds, from delayed encoder readings and planned accelerations."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,7 @@ class JointPredictor(PerRobotState):
         super().__init__(_accelerations=np.zeros((delay_steps, 12)))
 
     def predict(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the observations, (n, k), with predicted present joint angles and speeds; unchanged without delay."""
+        """Return the observations, (n, k), with predicted joints; unchanged if `delay_steps` is 0."""
         if not self.delay_steps:
             return observation
         period = self._period

@@ -1,6 +1,6 @@
-"""Base class of the model-based controllers: state prediction, contact forces, footholds, inverse servo law.
+"""Base class of the model-based controllers, with the five phases of a control step.
 
-A control step has five phases: estimate the state, plan the contacts, plan the contact forces, solve for the joint
+The phases are: estimate the state, plan the contacts, plan the contact forces, solve for the joint
 torques, and convert the torques to joint targets. The targets invert the PD law of the servos, so that the servos give
 the torques halfway through the control period.
 """
@@ -296,7 +296,7 @@ class ModelBased(GaitedPolicy):
         return self.terrain_estimator.ground(state, landed)
 
     def _swing_terrain(self, foothold_positions: Floats, ground: TerrainPlane) -> Terrain:
-        """Return the terrain function for the swings to the footholds, (n, 4, 2), m: the plane, raised if rough."""
+        """Return the terrain function for swings to the footholds, (n, 4, 2), m; raised on rough ground."""
         higher = 16.0 * self.parameters.roughness_gain * self.terrain_estimator.roughness[:, None]
         return lambda x, y, t: ground.at(x, y) + higher * (t * (1.0 - t)) ** 2
 

@@ -1,4 +1,4 @@
-"""Delay compensation: estimates sensor noise and delay and predicts the state at which the next targets act.
+"""Delay compensation: estimates noise and delay, and predicts the state when the next targets act.
 
 The joint targets are known, and the dynamics of the robot (`servo_step`) predict the motion of the joints within a
 control period. The delay from target to reading is the candidate that explains the joint speeds best
@@ -102,7 +102,7 @@ class DelayCompensator(PerRobotState):
         return self.noise_estimator.sample_count
 
     def read(self, observation: NDArray[np.float32], wrench: Floats) -> MotionState:
-        """Update the noise estimate and the calibration, and filter the readings if the joint readings are true values.
+        """Update noise estimate and calibration, and filter the readings unless encoders read the joints.
 
         Args:
             observation: Observation, (n, k).
@@ -131,7 +131,7 @@ class DelayCompensator(PerRobotState):
         return state._replace(targets=self.delay_estimator.at_delay(self._filtered_targets))
 
     def correct(self, in_contact: Mask, wrench: Floats) -> None:
-        """Filter the readings with the estimated contacts if encoders read the joints; otherwise `read` has done so.
+        """Filter the readings with the estimated contacts; does nothing unless encoders read the joints.
 
         Args:
             in_contact: Feet that touched the ground at the time of the readings, (n, 4).

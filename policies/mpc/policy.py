@@ -1,4 +1,4 @@
-"""Model-predictive control of gaits: contact forces by a condensed MPC, torques leg by leg or by a whole-body QP."""
+"""Model-predictive control of gaits: forces by a condensed MPC, torques by a whole-body QP or for each leg."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,7 +110,7 @@ class Mpc(ModelBased):
     def _predict_moment_arms(
         self, state: MotionState, contact_plan: ContactPlan, stance_schedule: Mask, time_in_stance: Floats
     ) -> Floats:
-        """Return the vectors from the centre of mass to the feet over the horizon, level frame, (n, N, 4, 3), m."""
+        """Predict the vectors from the centre of mass to the feet, level frame, (n, N, 4, 3), m."""
         bodies = state.bodies
         foothold_height = self._foothold_height(
             state, contact_plan.foothold_positions, contact_plan.ground, stance_schedule
@@ -129,7 +129,7 @@ class Mpc(ModelBased):
     def _foothold_height(
         self, state: MotionState, foothold_positions: Floats, ground: TerrainPlane, stance_schedule: Mask
     ) -> Floats:
-        """Return the height of the ground under each foot over the horizon, level frame, (n, 1 or N, 1 or 4), m."""
+        """Return the ground height under each foot over the horizon, level frame, (n, 1 or N, 1 or 4), m."""
         return ground.height[:, None, None]
 
     def _plan(
@@ -189,7 +189,7 @@ class Mpc(ModelBased):
         return RigidBodyState(pose, rate, bodies.mass, bodies.rotational_inertia, acceleration)
 
     def _mpc_reference(self, state: MotionState, ground: TerrainPlane, selection: EnvSelection) -> MpcReference:
-        """Return the reference of some robots: the commanded velocity along the ground, from the present position."""
+        """Return the reference of some robots: from the present position at the commanded velocity."""
         command = state.command
         rate = np.zeros((self.num_envs, 6))
         rate[:, 2] = command[:, 2]

@@ -1,4 +1,4 @@
-"""Condensed MPC: the robot as a single rigid body, predicted over a horizon, and the optimal contact forces.
+"""Condensed MPC: optimal contact forces for the robot as a single rigid body over a horizon.
 
 The method is by Di Carlo et al., "Dynamic locomotion in the MIT Cheetah 3 through convex model-predictive control",
 IROS 2018. Here the states are eliminated, so that the only variables are the forces of the stance feet. The prediction
@@ -34,7 +34,7 @@ _GRAVITY_ACCELERATION = np.array([0.0, 0.0, 0.0, 0.0, 0.0, GRAVITY])
 
 
 class RigidBodyState(NamedTuple):
-    """States of n robots as single rigid bodies, in level frames with the origin at the centre of mass, x ahead."""
+    """States of n robots as single rigid bodies, in level frames with the origin at the centre of mass."""
 
     pose: Floats
     """Roll, pitch and yaw, rad, then the position of the centre of mass relative to its reference, m; (n, 6)."""
@@ -128,7 +128,7 @@ class CondensedMpc:
     def make_programs(
         self, body: RigidBodyState, moment_arms: Floats, stance: Mask, reference: MpcReference, friction: Friction
     ) -> Iterator[tuple[EnvIndices, QpBatch]]:
-        """Yield the quadratic programs of the contact forces, in groups of robots with the same number of variables.
+        """Yield the quadratic programs of the contact forces, in groups with equal numbers of variables.
 
         The variables are the forces of the stance feet, ordered by step, then foot, then axis.
 

@@ -1,4 +1,4 @@
-"""Prediction of the motion within a control period, under joint servos and ground contacts, in implicit time steps.
+"""Prediction of the motion in a control period by implicit time steps, with servos and ground contacts.
 
 One step of length T, from generalised velocity v to v⁺, with the impulses p of the feet in contact:
 
@@ -79,7 +79,7 @@ class AffineResponse(NamedTuple):
 
 
 class StepMap(NamedTuple):
-    """One implicit step of n robots as matrices that multiply the state before the step, see `BlockLayout`."""
+    """One implicit step of n robots, as matrices that multiply the state before it; see `BlockLayout`."""
 
     solution: Floats
     """Matrix from the state before the step to the unknowns v⁺ and p, (n, 30, 32)."""
@@ -107,7 +107,7 @@ def compute_response(robot: Robot, state: MotionState, stance: Mask, wrench: Flo
 def predict_landing(
     robot: Robot, state: MotionState, gaps: Floats, targets: Floats, wrench: Floats, period: float
 ) -> Floats:
-    """Predict the generalised velocity after a control period in which feet may land on the ground and stay there.
+    """Predict the generalised velocity after a control period in which feet may land and then stick.
 
     Args:
         robot: Robot with the servo gains.
@@ -171,7 +171,7 @@ def _integrate(
 
 
 def _initial_state(state: MotionState, targets: Floats) -> Floats:
-    """Return the states before the first step, (n, 32, c), for c columns of joint targets, (n or 1, 12, c), rad."""
+    """Return the initial states, (n, 32, c), for c columns of joint targets, (n or 1, 12, c), rad."""
     b = BlockLayout
     x = np.zeros((len(state.generalised_velocity), b.NUM_STATES, targets.shape[2]))
     x[:, b.VELOCITY, 0] = state.generalised_velocity
@@ -231,7 +231,7 @@ def _assemble(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, st
 
 
 def _invert(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> Floats:
-    """Invert the matrix of one step by the Schur complement of the legs, which are coupled through the trunk only.
+    """Invert the matrix of one step by a Schur complement, because only the trunk couples the legs.
 
     With trunk block A, leg blocks Lᵢ, and their coupling Uᵢ (leg to trunk) and Dᵢ (trunk to leg):
 

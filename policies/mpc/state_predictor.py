@@ -28,7 +28,7 @@ by 100 N·m."""
 
 
 class ContactGround(NamedTuple):
-    """Ground under the feet of n robots at the time of the readings: a plane, and the height of each foot above it."""
+    """Ground under n robots at the time of the readings: a plane, and the height of each foot above it."""
 
     height: Floats
     """Height of the plane below the trunk, relative to the trunk centre, (n,), m; changes as the trunk moves."""
@@ -104,7 +104,7 @@ class StatePredictor(PerRobotState):
         return after if len(robots) == len(delays) else replace_robots(state, robots, after)
 
     def locate_ground(self, state: MotionState, in_contact: Mask, slope: Floats) -> ContactGround:
-        """Locate the ground by the feet in contact; if there are none, the ground stays where it was in the world.
+        """Locate the ground by the feet in contact; without contacts, keep its height in the world.
 
         Args:
             state: State at the time of the readings.

@@ -26,7 +26,7 @@ JOINT_ACCELERATION_WEIGHT = 1e-5
 BASE_ACCELERATION_WEIGHT = 1e-6
 """Weight of squared trunk accelerations, which makes the program definite."""
 _DAMPING = 1e-4
-"""Added to the squared Jacobian of a leg, m², because a straight leg cannot accelerate its foot along itself."""
+"""Damping added to the squared Jacobian of a leg, m²; a straight leg cannot accelerate its foot along itself."""
 
 
 class WholeBodyReference(NamedTuple):
@@ -206,7 +206,9 @@ def _constraints(
 def leg_torques(
     bodies: DynamicsTerms, reference: WholeBodyReference, wrench: Floats, limits: tuple[Floats, Floats]
 ) -> Torques:
-    """Compute torques without a QP: each leg applies its planned force and tracks its foot acceleration by itself.
+    """Compute the joint torques of each leg separately, from its planned force and foot acceleration.
+
+    This replaces the QP.
 
     τ = M q̈ + h - Jᵀ f. The planned forces give q̈ of the trunk, and the foot acceleration gives q̈ of each leg. The
     effect of the motion of one leg on the other legs is neglected. The planned forces must respect the friction.
@@ -233,7 +235,7 @@ def leg_torques(
 
 
 def _leg_accelerations(bodies: DynamicsTerms, foot_acceleration: Floats, trunk_acceleration: Floats) -> Floats:
-    """Return the joint accelerations, (n, 12), rad/s², that give the feet their accelerations, by damped least squares.
+    """Return the joint accelerations, (n, 12), rad/s², for given foot accelerations, by damped least squares.
 
     `foot_acceleration`: (n, 4, 3), m/s²; `trunk_acceleration`: (n, 6), m/s² and rad/s².
     """

@@ -142,7 +142,10 @@ class Safe(Policy):
         return targets
 
     def _accept(self, answer: object, following: Mask, targets: Floats) -> None:
-        """Copy the policy's targets, `answer`, into `targets` for the robots in `following`; stop them if invalid."""
+        """Copy `answer`, the targets of the policy, into `targets` for the robots in the mask `following`.
+
+        Robots with invalid targets are stopped.
+        """
         if not isinstance(answer, np.ndarray) or answer.shape != targets.shape or answer.dtype.kind != "f":
             self._enter(following, Mode.STOP, "policy returned targets of a wrong shape or type")
             return

@@ -25,7 +25,7 @@ class SafetyLimits(Settings):
     target_rate: Positive = 60.0
     """Largest rate of change of a target, rad/s; the swing of the trot reaches 35 rad/s."""
     joint_speed: Positive = 30.0
-    """Speed above which a joint is braked, rad/s: the target may not be ahead of the angle in the direction of motion."""
+    """Speed above which a joint is braked, rad/s: the target may not lie ahead of the angle in the moving direction."""
     no_load_speed: Limit = inf
     """Joint speed at which the limit of the driving torque has fallen linearly to zero, rad/s."""
     delay: NonNegative = 0.0

@@ -15,7 +15,7 @@ MAX_FREQUENCY = 3.2
 
 @dataclass(frozen=True)
 class VirtualParameters(ModelParameters):
-    """Gait and gains of `trot_feedback`. The gains of the trunk are accelerations per position or velocity error."""
+    """Gait and gains of `trot_feedback`; the gains of the trunk are accelerations per error."""
 
     frequency: float = parameter(2.5, limits=(0.05, 50.0), search=(2.0, 3.1), unit="Hz")
     """Step frequency: gait cycles per second, Hz."""
