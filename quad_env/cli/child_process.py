@@ -1,4 +1,4 @@
-"""Support of child processes: they ignore Ctrl-C, end together with their parent, and can be stopped by a watchdog.
+"""Support of child processes: ignored Ctrl-C, end together with the parent, and a watchdog.
 
 `available_cores` limits the number of child processes.
 """
@@ -22,7 +22,9 @@ def available_cores() -> int:
 
 @contextlib.contextmanager
 def without_ctrl_c() -> Iterator[None]:
-    """Return a context for the start of child processes that never receive Ctrl-C, not even while they load.
+    """Return a context for the start of child processes that never receive Ctrl-C.
+
+    They do not receive Ctrl-C even while they load.
 
     If Ctrl-C is pressed within the context, this process receives it at the end of the context. On Windows the child
     processes receive Ctrl-C until they call `exit_with_parent`.
@@ -95,7 +97,10 @@ class Watchdog:
 
 
 def exit_with_parent() -> None:
-    """From now on, ignore Ctrl-C and end this process when its parent ends; the first call in a child process."""
+    """From now on, ignore Ctrl-C and end this process when its parent ends.
+
+    A child process calls this function first.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_with_parent, daemon=True).start()
 

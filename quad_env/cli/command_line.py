@@ -1,4 +1,4 @@
-"""Parsing of command lines into frozen dataclasses, with --help from the docstrings and one-line error messages."""
+"""Parsing of command lines into frozen dataclasses, with --help and one-line error messages."""
 
 import contextlib
 import difflib
@@ -83,7 +83,7 @@ def parse(
 
 
 def _check_values(words: list[str], program: str) -> None:
-    """Raise UsageError if a word or the value after `=` is empty, because no option accepts an empty value."""
+    """Raise UsageError for an empty word or an empty value after `=`: no option accepts one."""
     for previous, word in zip(("", *words), words, strict=False):
         option, equals, value = word.partition("=")
         if word == "":
@@ -94,7 +94,9 @@ def _check_values(words: list[str], program: str) -> None:
 
 
 def _suggestion(kind: type, complaint: str) -> str:
-    """Return a hint such as `; did you mean --threads?` for tyro's error `complaint`; an empty text without a match.
+    """Return a hint such as `; did you mean --threads?`; an empty text without a match.
+
+    `complaint` is tyro's error message about the unknown option.
 
     The hint names the option of `kind` that is a synonym of the unknown option or is spelt almost the same.
     """
@@ -109,7 +111,7 @@ def _suggestion(kind: type, complaint: str) -> str:
 
 
 def _whole_number_rule(option: Any) -> Any:
-    """Return tyro's parsing rule for whole numbers, which also accepts 1e6; None if the option has another type."""
+    """Return tyro's parsing rule for whole numbers, which also accepts 1e6; None for other types."""
     import tyro
 
     def number(word: str) -> int:
@@ -132,7 +134,7 @@ def _whole_number_rule(option: Any) -> Any:
 
 
 def normalise_option_names(kind: type, words: list[str]) -> list[str]:
-    """Replace singular option names by the plural, or the reverse, so that they match the fields of a dataclass.
+    """Replace singular option names by plural ones, or the reverse, to match a dataclass.
 
     The names are `--policy` and `--policies`, and `--scenario` and `--scenarios`.
 
@@ -209,7 +211,10 @@ def make_folder_of(file: Path, option: str) -> None:
 
 
 def survive_narrow_encodings() -> None:
-    """Make stdout and stderr print `?` for characters outside their encoding; ignore a terminal width of zero."""
+    """Make stdout and stderr print `?` for characters outside their encoding.
+
+    A terminal width of zero in COLUMNS is ignored.
+    """
     if re.fullmatch("0+", os.environ.get("COLUMNS", "")):
         del os.environ["COLUMNS"]
     for stream in (sys.stdout, sys.stderr):

@@ -105,7 +105,7 @@ def plus_minus(value: float, ends: tuple[float, float], digits: int = 3) -> str:
 
 
 def four_digits(value: float, ends: tuple[float, float]) -> Estimate:
-    """Format `value` and the `ends` of its interval, with four significant digits for the largest of these numbers."""
+    """Format `value` and the `ends` of its interval; the largest number has four significant digits."""
     largest = max((abs(each) for each in (value, *ends) if math.isfinite(each)), default=0.0)
     return estimate(value, ends, max(0, 3 - math.floor(math.log10(largest))) if largest > 0.0 else 0)
 
@@ -145,12 +145,18 @@ def points(share: float) -> str:
 
 
 def points_with(share: float, ends: tuple[float, float]) -> Estimate:
-    """Format a difference of fractions, `share`, and the `ends` of its interval in percentage points, one decimal."""
+    """Format a difference of fractions and its interval in percentage points, with one decimal.
+
+    `share` is the difference, and `ends` are the ends of its interval.
+    """
     return estimate(share, ends, 1, 100.0)
 
 
 def interval(ends: tuple[float, float], digits: int = 3) -> str:
-    """Format the `ends` of an interval as `low … high` with at least `digits` decimals; a dash if an end is NaN."""
+    """Format the `ends` of an interval as `low … high`; a dash if an end is NaN.
+
+    At least `digits` decimals are used.
+    """
     return estimate(ends[0], ends, digits).interval
 
 
@@ -202,6 +208,9 @@ def with_count(count: int, thing: str) -> str:
 
 
 def share(value: float, ends: tuple[float, float]) -> str:
-    """Format a fraction `value` in [0, 1] and the `ends` of its interval in whole per cent, as `41 % [36, 47]`."""
+    """Format a fraction and its interval in whole per cent, as `41 % [36, 47]`.
+
+    `value` is the fraction in [0, 1], and `ends` are the ends of its interval.
+    """
     text = estimate(value, ends, 0, 100.0)
     return f"{text.value}{NO_BREAK}% {text.brackets}".rstrip()

@@ -1,4 +1,4 @@
-"""Start and end of a program without tracebacks after Ctrl-C, a closed output pipe or too little memory.
+"""Start and end of a program, without tracebacks for Ctrl-C, closed pipes or too little memory.
 
 The `__main__` module of a program calls `leave_on_interrupt` before its slow imports, and then `launch`. The program
 calls `raise_on_interrupt` once everything is loaded and it can save its results. This module imports only parts of the
@@ -40,7 +40,7 @@ OUT_OF_MEMORY = "out of memory: end other programs, or raise the limit of `ulimi
 
 
 def leave_on_interrupt() -> None:
-    """From now on, end the process at once after Ctrl-C, and print one line if an error is due to too little memory.
+    """From now on, end the process at once after Ctrl-C, and report too little memory in one line.
 
     No KeyboardInterrupt is raised, because during an import it can turn into an ImportError or be discarded.
     """
@@ -52,7 +52,10 @@ def leave_on_interrupt() -> None:
 
 
 def raise_on_interrupt() -> None:
-    """From now on, raise KeyboardInterrupt after Ctrl-C again, if `leave_on_interrupt` has changed the handler."""
+    """From now on, raise KeyboardInterrupt after Ctrl-C again.
+
+    Nothing changes unless `leave_on_interrupt` has replaced the handler.
+    """
     if signal.getsignal(signal.SIGINT) is _handle_interrupt:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -101,7 +104,10 @@ def launch(main: Callable[[], int]) -> int:
 
 
 def is_broken_pipe(error: OSError) -> bool:
-    """Return True if the reader of the output has closed the pipe; Windows reports this as an invalid argument."""
+    """Return True if the reader of the output has closed the pipe.
+
+    Windows reports a closed pipe as an invalid argument.
+    """
     invalid = sys.platform == "win32" and error.errno == errno.EINVAL and error.filename is None
     return invalid or isinstance(error, BrokenPipeError)
 
@@ -120,7 +126,7 @@ def exit_interrupted(text: str) -> NoReturn:
 
 
 def _handle_uncaught(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """Handle an uncaught exception: print one line and exit for too little memory, else print the traceback."""
+    """Handle an uncaught exception: print one line for too little memory, else the traceback."""
     if not is_out_of_memory(error):
         sys.__excepthook__(kind, error, trace)
         return

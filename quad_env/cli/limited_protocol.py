@@ -42,7 +42,10 @@ def _working_folder() -> str:
 
 
 def _limit(variable: str, default: int) -> int:
-    """Return the whole number in an environment variable, or `default` if it is missing, zero or not a number."""
+    """Return the whole number in an environment variable.
+
+    `default` is returned if the variable is missing, zero or not a number.
+    """
     text = os.environ.get(variable, "")
     number = int(text) if text.isascii() and text.isdigit() and len(text) < 8 else 0
     return number or default
@@ -81,7 +84,7 @@ def send(stream: BinaryIO, value: Any) -> None:
 
 
 def receive(stream: BinaryIO) -> Any:
-    """Return the value of the next message. Raises EOFError if the stream ends before the end of a message."""
+    """Return the value of the next message. Raises EOFError if the stream ends within a message."""
     (size,) = _HEADER.unpack(_read_exactly(stream, _HEADER.size))
     return pickle.loads(_read_exactly(stream, size))
 

@@ -1,4 +1,4 @@
-"""Program of the limited process: answers questions of its parent within limits of processor time and memory.
+"""Program of the limited process: answers questions within limits of processor time and memory.
 
 A question is a request to call a function, see `limited_protocol`.
 """
@@ -74,7 +74,7 @@ def _has_question(questions: BinaryIO) -> bool:
 
 
 def _answer(function: Any, question: Question) -> Any:
-    """Call a function with the arguments of a question and return the result, or a `ProcessFailure` for an error."""
+    """Call the function of a question and return the result, or a `ProcessFailure` for an error."""
     try:
         value = function(*question.arguments)
         pickle.dumps(value)

@@ -1,4 +1,4 @@
-"""Command-line program with several commands, and the conversion of errors to exit codes and one-line messages.
+"""Command-line program with several commands, with exit codes and one-line error messages.
 
 A command is a module with a function `main(options)` that returns the exit code. The parameter's annotation is the
 class of the options, a frozen dataclass with docstrings that --help shows. `main` raises UserError or OSError for an
@@ -65,7 +65,7 @@ class Program:
     """Last line of the list of commands; empty for no such line."""
 
     def main(self, arguments: list[str] | None = None) -> int:
-        """Run the command that the arguments name; return its exit code, 2 after a mistake or 130 after Ctrl-C."""
+        """Run the command in the arguments; return its exit code, 2 after a mistake, 130 after Ctrl-C."""
         words = sys.argv[1:] if arguments is None else arguments
         return exit_code(partial(self._run, words))
 
@@ -93,7 +93,7 @@ class Program:
             raise
 
     def _list(self, words: list[str]) -> int:
-        """Print the list of commands if `words` is empty or asks for help. Raises UsageError for any other words."""
+        """Print the list of commands if `words` is empty or asks for help, else raise UsageError."""
         if words and words[0] not in HELP:
             raise UsageError(f"there is no command {words[0]}; there are {', '.join(self.commands)}")
         print(f"{self.name} COMMAND, each with its own --help:\n{self.listing()}")
@@ -111,7 +111,7 @@ def options_class(module: Any) -> type[Any]:
 
 
 def exit_code(run: Callable[[], int]) -> int:
-    """Call `run` and return its exit code, 2 after an error that the user can correct, or 130 after Ctrl-C.
+    """Call `run` and return its exit code, 2 after a user's error, or 130 after Ctrl-C.
 
     The errors and Ctrl-C print one line on stderr. Any other error is raised again.
     """
@@ -149,7 +149,7 @@ def _line_for(error: Exception) -> str:
 
 
 def format_os_error(error: Exception) -> str:
-    """Return `cannot use FILE (Permission denied)` for an error of the operating system, else the error's message."""
+    """Return `cannot use FILE (Permission denied)` for a system error, else the error's message."""
     if not isinstance(error, OSError) or error.strerror is None:
         return str(error)
     return f"cannot use {error.filename} ({error.strerror})" if error.filename else f"cannot go on ({error.strerror})"

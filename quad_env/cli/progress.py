@@ -27,7 +27,7 @@ The fraction 1 is passed exactly once per cell.
 
 @contextmanager
 def show_progress(total: int) -> Iterator[CellProgress]:
-    """Return a context with a callback that shows the progress of `total` cells and estimates the remaining time.
+    """Return a context with a callback that shows the progress of `total` cells and the remaining time.
 
     Several cells may run at once. The fraction in the first report of a cell counts as work of an earlier run, and
     the estimate of the remaining time ignores it.

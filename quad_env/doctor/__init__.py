@@ -1,1 +1,1 @@
-"""Diagnosis of an installation, a robot or a policy: faults with their causes and remedies, root causes first."""
+"""Diagnosis of an installation, a robot or a policy: faults with causes and remedies."""

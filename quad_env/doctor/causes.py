@@ -159,13 +159,16 @@ def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
 
 
 def self_contacts(subject: DoctorSubject) -> list[str]:
-    """Return one line that names the bodies in self-contact after the stance test; an empty list if there are none."""
+    """Return one line about bodies in self-contact after the stance test; empty if there are none."""
     pairs = _self_contact_pairs(subject.env)
     return [f"bodies of the robot press against each other: {_in_words(pairs)}"] if pairs else []
 
 
 def _self_contact_pairs(env: Any) -> list[tuple[str, str]]:
-    """Run the stance test and return the pairs of bodies in self-contact at its end, by their names in the file."""
+    """Run the stance test and return the pairs of body names in self-contact at the end of the test.
+
+    The names are the names in the robot's file.
+    """
     measure_stance(env)
     model = env.model
     bodies = model.geom_bodyid[env.data.contact.geom]
@@ -180,7 +183,10 @@ def _in_words(pairs: list[tuple[str, str]]) -> str:
 
 
 def _contact_suspects(robot: Robot, stance: Stance) -> Iterator[Suspect]:
-    """Yield a suspect if bodies touch each other at the end of the stance test; its remedy excludes the contacts."""
+    """Yield a suspect if bodies of the robot touch each other at the end of the stance test.
+
+    The remedy excludes the self-contacts.
+    """
     pairs = [] if stance.diverged else _self_contact_pairs(make_standing_env(robot))
     if not pairs:
         return
@@ -218,6 +224,6 @@ def _joint_name(model: Any, joint: int) -> str:
 
 
 def _name(model: Any, body: int, file_names: dict[str, str]) -> str:
-    """Return the name of a body in the user's file, or its scene name without prefixes if the file has no name."""
+    """Return the name of a body in the user's file, else its scene name without prefixes."""
     name = str(model.body(body).name)
     return file_names.get(name, name.removeprefix(ATTACH_PREFIX).removeprefix(RENAMED_PREFIX))

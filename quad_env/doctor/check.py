@@ -40,7 +40,7 @@ class DoctorSubject:
 
     @cached_property
     def env(self) -> Any:
-        """Single environment with the robot and its stiff servos; it does not end at a fall. Raises ValueError."""
+        """Single environment with the robot and stiff servos; falls do not end it. Raises ValueError."""
         from quad_env.envs.env import SimpleQuadEnv
 
         return SimpleQuadEnv(robot=self.robot.with_stiff_servos, terminate_on_fall=False)

@@ -46,7 +46,10 @@ class DoctorOptions:
 
 
 def main(options: DoctorOptions) -> int:
-    """Run the checks of this package and return the exit code. Raises UsageError for the options of policies."""
+    """Run the checks of this package and return the exit code.
+
+    The options of policies raise UsageError.
+    """
     if options.policy is not None or options.write is not None:
         raise UsageError("policies come with a clone of the project, not with quad_env alone: no --policy, no --write")
     return run(options, None)
@@ -76,7 +79,7 @@ def run(options: DoctorOptions, policy_checks: tuple[DoctorCheck, ...] | None) -
 
 
 def _lines(name: str, finding: Finding) -> Iterator[str]:
-    """Yield the printed lines of a finding: the observation, the details, and the cause and remedy of a fault."""
+    """Yield the printed lines of a finding: observation, details, and cause and remedy of a fault."""
     yield f"{finding.result:9} {name:11} {finding.observed}"
     yield from (f"{'':22}{line}" for line in finding.details)
     if finding.remedy:

@@ -41,7 +41,7 @@ def packages(_: DoctorSubject) -> Finding:
 
 
 def _fault(needed: Requirement) -> str | None:
-    """Describe the fault of a required package, which is missing or has a wrong version; None if it has no fault."""
+    """Describe the fault of a required package; None if it is installed in a valid version."""
     try:
         version = metadata.version(needed.name)
     except metadata.PackageNotFoundError:

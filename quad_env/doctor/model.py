@@ -1,4 +1,4 @@
-"""Checks of the robot's model: loading, plausibility, joint names, joint ranges and left-right symmetry."""
+"""Checks of the robot's model: loading, plausibility, joint names, joint ranges and symmetry."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -25,7 +25,7 @@ MIRROR_TOLERANCE = 0.2
 
 
 def model(subject: DoctorSubject) -> Finding:
-    """Check that the robot can be loaded, compiled and put into the scene, and that all its numbers are finite."""
+    """Check that the robot can be loaded and compiled, and that all of its numbers are finite."""
     log_to_console()
     try:
         robot = subject.robot
@@ -77,7 +77,7 @@ def names(subject: DoctorSubject) -> Finding:
 
 
 def limits(subject: DoctorSubject) -> Finding:
-    """Check that the joint ranges are plausible, mirror each other left and right, and contain the home pose."""
+    """Check that joint ranges are plausible, symmetric left and right, and contain the home pose."""
     robot = subject.robot
     margins = np.minimum(robot.home_pose - robot.joint_lower, robot.joint_upper - robot.home_pose)
     if (finding := _range_problem(robot)) is not None:
@@ -108,7 +108,7 @@ def _range_problem(robot: Robot) -> Finding | None:
 
 
 def _mirror_problem(robot: Robot) -> Finding | None:
-    """Return the problem finding for joint ranges that do not mirror each other left and right; None if all do."""
+    """Return the problem finding for joint ranges that are not mirrored left and right, or None."""
     lower = robot.joint_lower
     upper = robot.joint_upper
     for left, right in _pairs(robot):
@@ -125,7 +125,7 @@ def _mirror_problem(robot: Robot) -> Finding | None:
 
 
 def joints(subject: DoctorSubject) -> Finding:
-    """Check that left and right knees bend the same way, and that the home pose is symmetric left and right."""
+    """Check that left and right knees bend the same way, and that the home pose is symmetric."""
     robot = subject.robot
     for left, right in _pairs(robot):
         if len(set(_knees(robot, left, right))) > 1:

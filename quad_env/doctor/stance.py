@@ -122,7 +122,7 @@ def measure_stance(env: Any) -> Stance:
 
 
 def _joint_speed_after_squat(env: Any) -> float:
-    """Let the robot squat; return the root mean square of all joint speeds over the last MEASURED_TIME, rad/s."""
+    """Let the robot squat; return the root mean square of its joint speeds at the end, rad/s."""
     robot = env.robot
     step = SQUAT_STEP * np.array([[0.0, -knee, 2.0 * knee] for knee in robot.knee_direction]).ravel()
     squatting = hold_target(env, robot.home_pose + step, SETTLING_TIME)[-round(MEASURED_TIME / env.dt) :]

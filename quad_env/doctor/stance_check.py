@@ -1,4 +1,4 @@
-"""Check that the robot stands in simulation. If it does not, `causes` finds the likely cause and a remedy."""
+"""Check that the robot stands in simulation, with the likely cause and a remedy if it does not."""
 
 from quad_env.doctor.causes import diagnose
 from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
@@ -6,7 +6,10 @@ from quad_env.doctor.stance import measure_stance
 
 
 def stands(subject: DoctorSubject) -> Finding:
-    """Check that the robot stands: its joints hold their targets under its weight, and come to rest after a squat."""
+    """Check that the robot stands.
+
+    Its joints hold their targets under its weight, and come to rest after a squat.
+    """
     env = subject.env
     robot = env.robot
     stance = measure_stance(env)

@@ -12,7 +12,7 @@ ENDINGS = frozenset(
 
 
 def missing_file_message(text: str) -> str | None:
-    """Return the message `there is no file or folder x/y` if `text` is a path and nothing exists there, else None.
+    """Return the message `there is no file or folder x/y` for the path of a missing file, else None.
 
     A text is a path if it has a separator, begins with `~`, or has one of ENDINGS; any other text is a name.
     In `FILE.py:NAME` the part before the colon is the path.

@@ -52,7 +52,9 @@ def read_bytes(path: Path, limit: int = MAX_TEXT_SIZE) -> bytes:
 
 
 def check_file(path: Path, limit: int = MAX_DATA_SIZE) -> None:
-    """Check that a file is regular and not too large. A pipe or a device is rejected: its reading may never end.
+    """Check that a file is regular and not too large.
+
+    A pipe or a device is rejected, because its reading may never end.
 
     Args:
         path: The file.
@@ -70,7 +72,10 @@ def check_file(path: Path, limit: int = MAX_DATA_SIZE) -> None:
 
 
 def parse_json(content: bytes | str) -> Any:
-    """Parse JSON. Raises ValueError for invalid JSON, a duplicate key in an object, and too deep a nesting."""
+    """Parse JSON.
+
+    Invalid JSON, a duplicate key in an object, and too deep a nesting raise ValueError.
+    """
     try:
         return json.loads(content, object_pairs_hook=_unique_keys)
     except RecursionError:
@@ -78,7 +83,10 @@ def parse_json(content: bytes | str) -> Any:
 
 
 def parse_toml(content: bytes | str) -> dict[str, Any]:
-    """Parse TOML. Raises ValueError for invalid TOML, a text that is too large, or a key with too many parts."""
+    """Parse TOML.
+
+    Invalid TOML, a text that is too large, and a key with too many parts raise ValueError.
+    """
     if len(content) > MAX_TOML_SIZE:
         raise ValueError(f"it is larger than {MAX_TOML_SIZE // 1024} KiB")
     text = content if isinstance(content, str) else content.decode()

@@ -46,7 +46,9 @@ def make_writable_folder(path: Path) -> None:
 
 @contextlib.contextmanager
 def exclusive_lock(folder: Path) -> Iterator[None]:
-    """Return a context in which no other process can lock the same folder. A missing folder raises OSError.
+    """Return a context in which no other process can lock the same folder.
+
+    A missing folder raises OSError.
 
     The operating system releases the lock when the process ends, even after a crash. A network drive that does not
     support locks allows several processes at once.

@@ -101,7 +101,9 @@ def keep_compiled_inertias(attached: AttachedModel) -> None:
 
 
 def align_joint_axes(attached: AttachedModel) -> None:
-    """Rewrite the joints to the robot's convention: axes +x and +y, angles zero with the leg straight down.
+    """Rewrite the joints to the robot's convention.
+
+    Axes are +x and +y, and angles are zero with the leg straight down.
 
     Angles are written in the unit of the specification. Armature and damping of the motors are added to their joints.
     Torque limits of the joints are widened to the rated torque.
@@ -170,12 +172,14 @@ def _motor_armature_and_damping(model: Any) -> Floats:
 
 
 def angle_unit(joint: Any) -> float:
-    """Return the factor from radians to the angle unit of the specification of `joint`: 180/π for degrees, else 1."""
+    """Return the factor from radians to the angle unit of a joint's specification: 180/π or 1."""
     return float(np.rad2deg(1.0)) if joint.compiler.degree else 1.0
 
 
 def remove_forces(attached: AttachedModel) -> None:
-    """Remove gravity compensation, plugins, plastic springs, and springs, damping and friction of the free joint.
+    """Remove forces that the scene does not simulate.
+
+    They are gravity compensation, plugins, plastic springs, and springs, damping and friction of the free joint.
 
     `omissions` reports the removed forces.
     """
@@ -199,7 +203,7 @@ def remove_forces(attached: AttachedModel) -> None:
 
 
 def set_contact_parameters(attached: AttachedModel, foot: Any) -> None:
-    """Set the contact parameters of geoms and pairs to the values of SimpleQuad's `foot` geom, except friction."""
+    """Give geoms and pairs the contact parameters of SimpleQuad's `foot` geom, except friction."""
     geoms = [geom for body in attached.structure.bodies for geom in attached.elements.bodies[body].geoms]
     for element in (*geoms, *attached.spec.pairs):
         element.solref = foot.solref
@@ -219,7 +223,10 @@ def set_contact_parameters(attached: AttachedModel, foot: Any) -> None:
 
 
 def rename_elements(attached: AttachedModel) -> None:
-    """Rename the parts that the simulation finds by name as in SimpleQuad; add foot sites and a missing trunk box."""
+    """Rename the parts that the simulation finds by name as in SimpleQuad.
+
+    Sites of the feet, and a box for a trunk that does not collide, are added.
+    """
     elements = attached.elements
     for kind, named in (("body", elements.bodies), ("geom", elements.geoms)):
         for number, element in named.items():
@@ -236,7 +243,10 @@ def rename_elements(attached: AttachedModel) -> None:
 
 
 def _rename_leg(attached: AttachedModel, leg: Leg) -> None:
-    """Rename joints, links and foot geoms of a leg; add a site at the foot's centre and sites around the foot geoms."""
+    """Rename joints, links and foot geoms of a leg, and add the sites of its foot.
+
+    One site is at the centre of the foot, and one site surrounds the foot geoms of each body.
+    """
     model = attached.model
     elements = attached.elements
     for number, geom in enumerate(leg.foot.geoms):
@@ -264,7 +274,10 @@ def _sole_site(model: Any, leg: Leg, body: int) -> dict[str, Any]:
 
 
 def _add_trunk_box(attached: AttachedModel) -> None:
-    """Add a box to the trunk that collides only with the ground; the trunk of the model does not collide with it."""
+    """Add a box to the trunk that collides only with the ground.
+
+    It is added if the trunk of the model does not collide with the ground.
+    """
     robot = attached.robot
     box = {"type": 6, "pos": robot.trunk_centre, "size": robot.trunk_size / 2.0, "mass": 0.0, "group": 3}
     trunk = attached.elements.bodies[attached.structure.trunk]
@@ -272,7 +285,7 @@ def _add_trunk_box(attached: AttachedModel) -> None:
 
 
 def reset_orientation(element: Any) -> None:
-    """Align a new geom or site with the axes of its body, because defaults of the model may rotate new elements."""
+    """Align a new geom or site with its body, because defaults of the model may rotate elements."""
     import mujoco
 
     element.quat = (1.0, 0.0, 0.0, 0.0)

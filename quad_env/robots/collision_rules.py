@@ -23,7 +23,7 @@ Rule = tuple[Any, str, Any]
 
 
 def collect_rules(attached: AttachedModel, overlaps: Sequence[Overlap]) -> list[Rule]:
-    """Collect the collision rules between parts of the robot, and delete all other rules from the specification.
+    """Collect the collision rules between parts of the robot, and delete all other rules.
 
     Args:
         attached: The model; its elements still have the ids of the compiled model.

@@ -1,4 +1,4 @@
-"""Detection of a leg's foot in a compiled model: the geoms of the last link that can carry the robot in a stance.
+"""Detection of a leg's foot: the geoms of the last link that can carry the robot in a stance.
 
 Kinematics and terrain model a foot as a ball. The ball is the foot geom itself if this is a sphere, or the lower end if
 it is a capsule. For another shape or several geoms, the diameter of the ball is at most the thickness of the thinnest
@@ -128,7 +128,7 @@ def find_foot(model: Any, data: Any, joint: int, candidates: list[int]) -> Foot 
 
 
 def _ball_foot(model: Any, data: Any, geoms: tuple[int, ...], knee: Floats, down: Floats) -> Foot | None:
-    """Make the foot if it is one sphere, or one capsule that does not lie across the leg; None for other shapes."""
+    """Make the foot if it is a sphere, or a capsule that does not lie across the leg; else None."""
     first = geoms[0]
     ends = end_spheres(model, first) if len(geoms) == 1 else []
     if not ends:
@@ -176,7 +176,7 @@ def _hull_foot(
 def extend_foot(
     model: Any, data: Any, joint: int, candidates: list[int], foot: Foot, tilts: tuple[float, float]
 ) -> Foot:
-    """Add the geoms of the last link that touch the ground in other poses of a stance than the straight leg.
+    """Add the geoms of the last link that touch the ground in poses of a stance with a tilted leg.
 
     Args:
         model: Compiled model.
@@ -248,7 +248,7 @@ def _touching_geoms(depths: dict[int, Floats], lowest: Floats, short: set[int]) 
 
 
 def _rounded_hull_in_world(model: Any, data: Any, geom: int) -> tuple[Floats, float]:
-    """Return the points of a geom, world frame, (k, 3), m, and the radius about the points, m; see `rounded_hull`."""
+    """Return the points of a geom, world frame, (k, 3), m, and their radius, m; see `rounded_hull`."""
     points, radius = rounded_hull(model, geom)
     return geom_points_to_world(model, data, geom, points), radius
 
@@ -319,7 +319,7 @@ def _is_ball(model: Any, geom: int, hull: Floats, down: Floats) -> bool:
 
 
 def _normal_direction(vector: Floats, axis: Floats) -> Floats | None:
-    """Return the unit vector of the component of `vector` normal to `axis`, (3,); None if the component is zero."""
+    """Return the unit vector of the component of `vector` normal to `axis`, (3,); None if it is zero."""
     normal = vector - (vector @ axis) * axis
     length = float(np.linalg.norm(normal))
     if length < _THRESHOLDS.min_vector:
@@ -329,7 +329,10 @@ def _normal_direction(vector: Floats, axis: Floats) -> Floats | None:
 
 
 def _is_short(points: Floats, down: Floats, length: float) -> bool:
-    """Return True if a geom is too short for a shin: its extent along `down` is less than half of `length`."""
+    """Return True if a geom is too short for a shin.
+
+    Its extent along `down` is then less than half of `length`.
+    """
     return float(np.ptp(points @ down)) < _THRESHOLDS.shin_length * length
 
 
@@ -362,7 +365,7 @@ def _with_points(model: Any, data: Any, foot: Foot) -> Foot:
 
 
 def extreme_points(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
-    """Keep the points that are extreme in at least one sampled direction, and add the lowest points of round ends.
+    """Keep the points that are extreme in a sampled direction, and add the lowest points of round ends.
 
     Args:
         points: Points of a foot, base frame with the leg straight down, (k, 3), m.

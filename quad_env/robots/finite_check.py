@@ -36,7 +36,7 @@ def nonfinite_parts(model: Any) -> Iterator[str]:
 
 
 def nonfinite_line(model: Any) -> str | None:
-    """Return the message that names the first parts with a number that is not finite; None if all are finite."""
+    """Return a message about the parts with a number that is not finite; None if all are finite."""
     parts = list(dict.fromkeys(nonfinite_parts(model)))
     if not parts:
         return None

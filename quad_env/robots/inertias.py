@@ -68,7 +68,7 @@ def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
 
 
 def _balanced_bodies(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -> tuple[str, ...]:
-    """Return the names of the bodies with an impossible inertia that the compiled model has made three equal moments.
+    """Return the names of bodies with an impossible inertia, for which the model has equal moments.
 
     Args:
         spec: Specification of the model.
@@ -118,7 +118,10 @@ def remove_inferred_masses(spec: Any) -> tuple[str, ...]:
 
 
 def _mass(body: Any, welded_only: bool = False) -> float:
-    """Return the mass of a body and all bodies below it, kg; with `welded_only`, only of bodies welded to the body."""
+    """Return the mass of a body and all bodies below it, kg.
+
+    Only bodies that are welded to the body are included if `welded_only` is True.
+    """
     below = [each for each in body.bodies if not (welded_only and each.joints)]
     mass = float(body.mass) if body.explicitinertial else 0.0
     return mass + sum(_mass(each, welded_only) for each in below)

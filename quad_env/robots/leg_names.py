@@ -44,7 +44,7 @@ def _parts(word: str) -> list[str]:
 
 
 def leg_from_words(words: Sequence[str]) -> str | None:
-    """Return the leg that the words of a name mean: fl, fr, hl or hr; None if they mean no leg or several legs."""
+    """Return the leg that the words of a name mean, fl, fr, hl or hr; None if it is not clear."""
     known = {LEG_WORDS[word] for word in words if word in LEG_WORDS}
     ends = {_ENDS[word] for word in words if word in _ENDS}
     sides = {_SIDES[word] for word in words if word in _SIDES}

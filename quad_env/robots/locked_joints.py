@@ -1,4 +1,4 @@
-"""Detection and locking of joints that belong to no leg, such as the joints of an arm, a tail or wheels.
+"""Detection and locking of joints that belong to no leg, such as joints of an arm or wheels.
 
 A locked joint is removed from the model, and its body is welded to the parent body. A stiff servo or an equality
 constraint could hold the joint, too. But it would limit the stable time step, yield under load, and leave coordinates
@@ -66,14 +66,16 @@ def find_non_leg_joints(mujoco: Any, model: Any) -> list[int]:
 
 
 def _trunk_candidate(model: Any, root: int, branches: dict[int, list[int]]) -> int:
-    """Return the id of the body from which at least four branches hang; the id of the root if there is none."""
+    """Return the id of the body from which at least four branches hang, else the id of the root."""
     parents = Counter(int(model.body_parentid[first]) for first in branches)
     (body, count), *_ = parents.most_common()
     return body if count >= LEGS else root
 
 
 def lock_joints(mujoco: Any, spec: Any, model: Any, joints: Sequence[int]) -> Any:
-    """Remove joints from a specification and weld their bodies to the parents. Bodies and geoms keep their ids.
+    """Remove joints from a specification and weld their bodies to the parents.
+
+    Bodies and geoms keep their ids.
 
     The bodies are welded in the pose of the first keyframe, or of `qpos0` if the model has no keyframe.
 

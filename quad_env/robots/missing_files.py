@@ -1,4 +1,4 @@
-"""Removal of visual meshes and textures with missing files from a model; the missing files are reported."""
+"""Removal of visual meshes and textures with missing files from a model, with a report."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -47,7 +47,10 @@ def _remove_meshes(spec: Any) -> Iterator[str]:
 
 
 def _collides_or_weighs(geom: Any, paired: set[str]) -> bool:
-    """Return True if a geom collides or gives its body a mass; `paired` are the names of geoms in explicit pairs."""
+    """Return True if a geom collides or gives its body a mass.
+
+    `paired` are the names of the geoms in explicit pairs.
+    """
     if geom.contype or geom.conaffinity or (geom.name and geom.name in paired):
         return True
     compiler = geom.parent.compiler
@@ -60,7 +63,7 @@ def _collides_or_weighs(geom: Any, paired: set[str]) -> bool:
 
 
 def _remove_textures(spec: Any) -> Iterator[str]:
-    """Delete textures with missing files from the specification and its materials; yield the names of the files."""
+    """Delete textures with missing files, also from materials; yield the names of the files."""
     for texture in list(spec.textures):
         if not texture.file or _exists(spec, texture.file, spec.compiler.texturedir):
             continue

@@ -1,4 +1,7 @@
-"""Digest of a robot's compiled model. A trained policy stores it and is valid only for robots with the same digest."""
+"""Digest of a robot's compiled model.
+
+A trained policy stores the digest and is valid only for robots with the same digest.
+"""
 
 import hashlib
 from collections.abc import Iterable

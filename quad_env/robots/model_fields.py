@@ -1,4 +1,4 @@
-"""Treatment of each field of a user's compiled model: kept, replaced, reported, or without effect on the motion.
+"""Treatment of each field of a user's compiled model: kept, replaced, reported or without effect.
 
 The lists are complete: a test visits all fields of MuJoCo and fails for a field that is in no list or in two lists.
 """

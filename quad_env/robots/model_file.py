@@ -147,7 +147,10 @@ def _compile(mujoco: Any, path: Path) -> tuple[Any, Any, Lines]:
 
 
 def _detect_locked_structure(mujoco: Any, spec: Any, model: Any) -> tuple[Any, RobotStructure]:
-    """Lock the joints that belong to no leg, and return the new compiled model and its structure. Raises ModelError."""
+    """Lock the joints that belong to no leg. Raises ModelError.
+
+    The new compiled model and its structure are returned.
+    """
     joints = find_non_leg_joints(mujoco, model)
     if not joints:
         return model, detect_structure(mujoco, model)
@@ -194,7 +197,10 @@ def _keep_parts(mujoco: Any, spec: Any) -> None:
 
 
 def log_to_console() -> None:
-    """Stop MuJoCo from writing warnings to MUJOCO_LOG.TXT in the working folder; another log file is still written."""
+    """Stop MuJoCo from writing warnings to MUJOCO_LOG.TXT in the working folder.
+
+    A log file that the user has chosen is still written.
+    """
     import mujoco
 
     log = mujoco.MjLogConfig.get()

@@ -42,7 +42,7 @@ def omission_lines(user_model: UserModel, keeps_contact: bool = False) -> Iterat
 
 
 def overlap_remark(robot: RobotParameters) -> str | None:
-    """Return a line about the bodies of a user's robot that overlap in the home pose; None if no bodies overlap."""
+    """Return a line about the bodies of a user's robot that overlap in the home pose, or None."""
     import mujoco
 
     if not robot.imported:

@@ -73,7 +73,7 @@ def join_names(names: Iterable[str]) -> str:
 
 
 def _omitted_parts(mujoco: Any, spec: Any, model: Any, is_robot_body: Bools) -> Iterator[tuple[str, str]]:
-    """Yield a line about removed parts: the user's scene, tendons, equalities, flexes, plugins and some actuators.
+    """Yield a line about removed parts: scene, tendons, equalities, flexes, plugins and actuators.
 
     These actuators act on neither a joint nor a tendon.
     """
@@ -124,7 +124,10 @@ def unlimited_joint_lines(model: Any, joints: Iterable[int]) -> Lines:
 
 
 def _omitted_forces(mujoco: Any, model: Any, is_robot_body: Bools, root: int) -> Iterator[tuple[str, str]]:
-    """Yield a line for each omitted kind of force: gravity compensation, forces of the free joint, plastic springs."""
+    """Yield a line for each omitted kind of force.
+
+    The kinds are gravity compensation, forces of the free joint and plastic springs.
+    """
     if (lifted := np.flatnonzero(is_robot_body & (model.body_gravcomp != 0.0))).size:
         names = join_names(_body(model, body) for body in lifted)
         yield "gravcomp", f"of {names} is left out: the feet carry the whole weight"

@@ -1,4 +1,4 @@
-"""Detection of collision shapes of a robot that overlap in the home pose, such as a rotor inside the trunk.
+"""Detection of collision shapes that overlap in the home pose, such as a rotor inside the trunk.
 
 Models that were made for simulators without self-collision often have overlaps. Two overlapping bodies would push each
 other apart against the servos, so our scene excludes their collision. Overlaps of feet are not excluded.

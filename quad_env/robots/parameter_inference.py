@@ -187,7 +187,10 @@ def _check_finite(robot: RobotParameters) -> None:
 
 
 def _check_home_pose(robot: RobotParameters, user_model: UserModel, is_given: bool) -> None:
-    """Raise ModelError, or GivenParameterError for a user's home pose, if the pose is outside of the joint limits."""
+    """Raise ModelError if the home pose is outside of the joint limits.
+
+    The error is GivenParameterError if the user has given the home pose.
+    """
     lower, upper = user_model.structure.limits(user_model.model)
     outside = (robot.home_pose < lower) | (robot.home_pose > upper)
     if outside.any():
@@ -230,7 +233,10 @@ def _read_toml(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any
 
 
 def _parse_parameter(name: str, value: Any) -> Any:
-    """Convert a user's parameter to the type of the field of `Robot`. Raises ModelError for an invalid value."""
+    """Convert a user's parameter to the type of the field of `Robot`.
+
+    An invalid value raises ModelError.
+    """
     if name not in GIVEN_PARAMETERS:
         raise ModelError(f"{name!r} cannot be given; valid: {', '.join(GIVEN_PARAMETERS)}")
     try:
@@ -272,7 +278,7 @@ def _parse_home_pose(numbers: Floats, value: Any) -> Floats:
 
 
 def _infer_knee_direction(model: Any, structure: RobotStructure) -> Floats:
-    """Return the knee direction of each leg, (4,): inferred from the calf's limits, else from a keyframe of a stand.
+    """Infer the knee direction of each leg from the calf's limits, else from a keyframe, (4,).
 
     Raises ModelError if neither shows the direction.
     """
@@ -292,7 +298,10 @@ def _infer_knee_direction(model: Any, structure: RobotStructure) -> Floats:
 
 
 def _infer_rated_torque(model: Any, structure: RobotStructure) -> float:
-    """Return the smallest of the joints' largest torques, N·m. Raises ModelError if one of them is unknown or zero."""
+    """Return the smallest of the joints' largest torques, N·m.
+
+    A torque that is unknown or zero raises ModelError.
+    """
     lower, upper = torque_ranges(model, structure.joints).T
     largest = np.minimum(-lower, upper)
     for wrong, fault in (
@@ -322,7 +331,10 @@ def _stand_angles(model: Any, structure: RobotStructure) -> Floats | None:
 
 
 def _hip_height(leg: Leg, angles: Floats) -> float:
-    """Return the height of the hip above the foot of `leg`, the first leg, at the joint `angles`, (12,), rad; in m."""
+    """Return the height of the hip above the foot of the first leg, m.
+
+    `leg` is the first leg, and `angles` are the joint angles of all legs, (12,), rad.
+    """
     return float(leg.thigh_length * np.cos(angles[1]) + leg.calf_length * np.cos(angles[1] + angles[2]))
 
 
@@ -393,7 +405,9 @@ def _foot_hulls(structure: RobotStructure) -> tuple[Floats, Floats]:
 
 
 def _thigh_radius(model: Any, structure: RobotStructure, leg: Leg) -> float:
-    """Return the distance from the line between a thigh's joints to the farthest corner of its colliding geoms, m.
+    """Return the radius of a thigh about the line between its joints, rounded up, m.
+
+    This is the distance from the line to the farthest corner of the boxes around the colliding geoms.
 
     It is rounded up to a centimetre. The foot's radius is returned if the thigh has no colliding geom.
     """

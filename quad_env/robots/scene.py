@@ -102,7 +102,7 @@ def _attach_to_scene(robot: RobotParameters, modified: int) -> Any:
 
 
 def _add_imu_and_cameras(attached: AttachedModel, scene: Any) -> None:
-    """Add SimpleQuad's IMU, cameras and lights to the trunk; the distances scale with the size of the robot."""
+    """Add SimpleQuad's IMU, cameras and lights to the trunk, with distances scaled to the robot."""
     robot = attached.robot
     trunk = attached.root
     imu = {"type": 2, "pos": np.zeros(3), "size": np.full(3, _IMU_SIZE), "rgba": (0.0, 0.0, 0.0, 0.0)}
@@ -132,7 +132,7 @@ def _replace_simple_quad(attached: AttachedModel, scene: Any) -> None:
 
 
 def _remove_prefixes(scene: Any) -> None:
-    """Remove the prefixes from the names of renamed elements, and from the same names in the collision rules."""
+    """Remove the prefixes of renamed elements from the element names and the collision rules."""
     elements = (*scene.bodies, *scene.joints, *scene.geoms, *scene.sites, *scene.cameras, *scene.lights)
     for element in elements:
         element.name = scene_name(element.name)
@@ -162,7 +162,9 @@ def _add_position_actuators(scene: Any, robot: RobotParameters) -> None:
 def _add_sensors(
     scene: Any, robot: RobotParameters, sensors: list[dict[str, Any]], measured_parts: dict[str, list[Any]]
 ) -> None:
-    """Add SimpleQuad's sensors, except its joint sensors, because `qpos` and `qvel` contain their readings.
+    """Add SimpleQuad's sensors, except its joint sensors.
+
+    `qpos` and `qvel` contain the readings of joint sensors.
 
     Args:
         scene: Specification with the robot.
@@ -198,7 +200,7 @@ def _add_contact_sensors(scene: Any, sensor: dict[str, Any], parts: list[Any]) -
 
 
 def _set_home_pose(scene: Any, robot: RobotParameters) -> None:
-    """Add the keyframe of the home pose, and place the trunk in `qpos0` so that straight legs reach the ground."""
+    """Add the keyframe of the home pose, and place the trunk so that straight legs reach the ground."""
     qpos = (0.0, 0.0, robot.home_height, 1.0, 0.0, 0.0, 0.0, *robot.home_pose)
     scene.add_key(name="home", qpos=qpos, ctrl=robot.home_pose)
     scene.body("base_link").pos = (0.0, 0.0, robot.leg_length + robot.foot_radius)

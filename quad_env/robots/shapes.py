@@ -1,4 +1,4 @@
-"""Geometry of a compiled model's geoms: bounding boxes, surface points, end spheres, and masks of collisions."""
+"""Geometry of a compiled model's geoms: bounding boxes, surface points, spheres and masks."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -26,7 +26,7 @@ _SPHERE = np.concatenate([np.insert(np.sqrt(max(0.0, 1.0 - z * z)) * _CIRCLE, 2,
 
 
 def descendant_mask(model: Any, body: int) -> Bools:
-    """Return the mask of the body with id `body` and all bodies below it in the compiled `model`, (nbody,)."""
+    """Return the mask of the body with id `body` and all bodies below it in `model`, (nbody,)."""
     mask = np.zeros(model.nbody, bool)
     mask[body] = True
     for each in range(body + 1, model.nbody):  # The id of a parent is smaller than the ids of its children.
@@ -35,13 +35,13 @@ def descendant_mask(model: Any, body: int) -> Bools:
 
 
 def welded_bodies(model: Any, body: int) -> list[int]:
-    """Return the ids of `body` and of all bodies welded to it in the compiled `model`; `body` is the first."""
+    """Return the ids of `body` and of all bodies welded to it in `model`; `body` is the first."""
     same = np.flatnonzero(model.body_weldid == model.body_weldid[body])
     return [body, *(int(each) for each in same if each != body)]
 
 
 def collision_mask(model: Any) -> Bools:
-    """Return the mask of the geoms with a bit in `contype` or `conaffinity`, so that they can collide, (ngeom,)."""
+    """Return the mask of the geoms with a bit in `contype` or `conaffinity`, (ngeom,)."""
     return np.asarray((model.geom_contype | model.geom_conaffinity) != 0)
 
 

@@ -1,4 +1,4 @@
-"""Dynamic similarity: scales values that were chosen for SimpleQuad to a robot of another size and mass.
+"""Dynamic similarity: scales values that were chosen for SimpleQuad to another robot.
 
 Animals of all sizes move in dynamically similar ways at equal Froude numbers v²/(g·L) (R. McN. Alexander and A. S.
 Jayes, A dynamic similarity hypothesis for the gaits of quadrupedal mammals, 1983). Gravity g is the same for all

@@ -1,4 +1,4 @@
-"""Detection of trunk and legs of a quadruped in a compiled model, by the kinematic tree and the joint axes.
+"""Detection of trunk and legs of a quadruped in a compiled model, by tree and joint axes.
 
 Names and order of bodies and joints do not matter. The robot is the body with the free joint, and all bodies below it.
 The trunk is the body from which all legs hang: the body with the free joint, or a body welded to it. A leg is a chain
@@ -228,7 +228,7 @@ def _name(part: Any) -> str:
 
 
 def find_root_body(mujoco: Any, model: Any) -> int:
-    """Find the root body of the robot: of all bodies with a free joint, the body with most joints below it.
+    """Find the robot's root body: the body with a free joint that has most joints below it.
 
     Other objects with a free joint, such as crates and balls, have no joints below them.
 
@@ -340,12 +340,15 @@ def _find_chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
 
 
 def is_hip_axis(axis: Floats) -> bool:
-    """Return True if the joint axis `axis`, base frame, (3,), can be a hip's: parallel to the trunk's x axis."""
+    """Return True if a joint axis, base frame, (3,), is parallel to the trunk's x axis, as a hip's."""
     return bool(abs(axis[0]) >= _PARALLEL_COSINE)
 
 
 def are_lateral_axes(thigh: Floats, calf: Floats) -> bool:
-    """Return True if the axes of `thigh` and `calf` are parallel and normal to the x axis, base frame, (3,) each."""
+    """Return True if the axes of thigh and calf are parallel and normal to the x axis.
+
+    The axes are unit vectors, base frame, (3,) each.
+    """
     return bool(abs(thigh @ calf) >= _PARALLEL_COSINE and abs(thigh[0]) <= 1.0 - _PARALLEL_COSINE)
 
 
@@ -517,7 +520,10 @@ def _straighten_foot(data: Any, base: Floats, chain: _Chain, foot: Foot, calf_pi
 
 
 def _tilts(model: Any, joints: list[int], signs: Floats, offsets: Floats) -> tuple[float, float]:
-    """Return the smallest and largest tilt of a shin in a stance, about the knee axis, zero for straight down, rad."""
+    """Return the smallest and largest tilt of a shin in a stance, rad.
+
+    The tilt is the angle about the knee axis, zero for straight down.
+    """
     qpos = model.jnt_qposadr[joints]
     angles = offsets + signs * (model.key_qpos[:, qpos] - model.qpos0[qpos])
     standing = float(np.abs(angles[:, 1] + angles[:, 2]).max()) if model.nkey else 0.0

@@ -1,4 +1,4 @@
-"""Ranges of the joint torques of a user's model, computed in the way MuJoCo adds and clamps actuator forces.
+"""Ranges of the joint torques of a user's model, as MuJoCo adds and clamps actuator forces.
 
 The torques of all actuators of a joint are added. An actuator acts on one joint, or through a fixed tendon on several
 joints. A torque is unknown if the force has no limit, or if the lever of the actuator depends on the pose. The latter
@@ -62,7 +62,7 @@ _TendonForces = dict[int, list[tuple[float, Floats]]]
 
 
 def _add_actuators(mujoco: Any, model: Any, totals: _JointTotals) -> _TendonForces:
-    """Add the torques of the actuators that act directly on joints, and return the forces on fixed tendons.
+    """Add the torques of actuators of joints, and return the forces of actuators of fixed tendons.
 
     The torque of a joint becomes unknown if an actuator with a pose-dependent lever moves the joint.
     """
@@ -146,7 +146,10 @@ def _scale_range(factor: float, force: Floats) -> Floats:
 
 
 def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
-    """Return the range of an actuator's force before the gear, (2,), N or N·m; infinite if the force has no limit."""
+    """Return the range of an actuator's force before the gear, (2,), N or N·m.
+
+    It is infinite if the force has no limit.
+    """
     if model.opt.disableactuator & (1 << int(model.actuator_group[actuator])):
         return np.zeros(2)
     force = np.array(UNKNOWN)
@@ -170,7 +173,7 @@ def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
 
 
 def _input_range(mujoco: Any, model: Any, actuator: int) -> Floats:
-    """Return the range of the input that an actuator's gain multiplies: the control or the activation, (2,)."""
+    """Return the range of the control or activation that an actuator's gain multiplies, (2,)."""
     kinds = mujoco.mjtDyn
     kind = int(model.actuator_dyntype[actuator])
     control = int(model.actuator_ctrladr[actuator])

@@ -87,7 +87,7 @@ def _reach(model: Any, body: int) -> float:
 
 
 def _in_assembly(model: Any, body: int, points: Floats) -> Floats:
-    """Transform points from a body's frame to the frame of the first body of its rigid assembly, (..., 3), m."""
+    """Transform points from a body's frame to the frame of its assembly's first body, (..., 3), m."""
     first = int(model.body_weldid[body])
     while body != first:
         points = model.body_pos[body] + points @ rotation_matrix(model.body_quat[body]).T

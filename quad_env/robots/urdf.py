@@ -53,7 +53,7 @@ def load_urdf(mujoco: Any, path: Path) -> Any:
 
 
 def _set_compiler_options(robot: ElementTree.Element) -> ElementTree.Element:
-    """Set MuJoCo's compiler options so that it keeps all shapes, links and inertias; return the compiler element."""
+    """Set MuJoCo's compiler options to keep shapes, links and inertias; return the compiler element."""
     extension = robot.find("mujoco")
     extension = ElementTree.SubElement(robot, "mujoco") if extension is None else extension
     compiler = extension.find("compiler")
