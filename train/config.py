@@ -83,7 +83,7 @@ class PpoConfig:
     """Robots simulated together."""
     rollout_steps: int = parameter(12, limits=(1, 65_536))
     """Steps of the learner between two updates, each of `hold` control steps of 10 ms."""
-    minibatch: int = parameter(8192, limits=(2, 2**24))  # two, because advantages are normalised within one
+    minibatch: int = parameter(8192, limits=(2, 2**24))  # at least 2, because advantages are normalised within it
     """Samples in one gradient step; must divide envs x rollout-steps."""
     epochs: int = parameter(3, limits=(1, 1000))
     """Passes over each rollout."""

@@ -109,7 +109,7 @@ class SettingChange(NamedTuple):
 
     @property
     def extends(self) -> bool:
-        """True if the change only makes the run longer."""
+        """True if the change is a larger number of steps, which only makes the run longer."""
         return self.option == "--steps" and self.new > self.old
 
     def __str__(self) -> str:

@@ -89,5 +89,5 @@ def _run(rows: list[CalibrationCheck], options: CalibrationOptions) -> None:
 
 
 def _percent(value: float) -> str:
-    """Format a proportion in per cent; empty for NaN."""
+    """Format a fraction in per cent; return an empty text for NaN."""
     return "" if np.isnan(value) else f"{100 * value:.1f}"

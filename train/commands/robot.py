@@ -70,17 +70,17 @@ class RobotPipelineOptions:
 
     @property
     def folder(self) -> Path:
-        """Folder for everything."""
+        """Folder of all files of the pipeline: `out`, or the default folder if `out` is None."""
         return self.out if self.out is not None else Path("results") / Path(self.robot).stem
 
     @property
     def evaluation_folder(self) -> Path:
-        """Folder of the evaluation, in the folder for everything."""
+        """Folder of the evaluation, inside `folder`."""
         return self.folder / "evaluation"
 
     @property
     def toml(self) -> Path:
-        """File of the robot, which may be edited before the search."""
+        """TOML file of the robot. A user may edit the file before the search."""
         given = Path(self.robot)
         return given if given.suffix == ".toml" else self.folder / f"{given.stem}.toml"
 
@@ -163,7 +163,7 @@ def _search(options: RobotPipelineOptions) -> None:
 
 
 def _train(options: RobotPipelineOptions) -> None:
-    """Train a residual, or continue its training, and copy it to the robot's models."""
+    """Train a residual, or continue its training, and copy the best bundle to the robot's models."""
     from train.commands.run import run  # imported here to avoid a circular import
 
     folder = options.folder / "training"

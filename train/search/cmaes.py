@@ -210,7 +210,7 @@ def evolve(options: SearchOptions, problem: SearchProblem[P]) -> Iterator[tuple[
 
 
 def parameters_to_json(parameters: Any) -> str:
-    """Return the parameters as the text of a JSON file."""
+    """Return the text of a JSON file with the parameters."""
     return json.dumps(asdict(parameters), indent=2) + "\n"
 
 
