@@ -96,9 +96,8 @@ def _check_values(words: list[str], program: str) -> None:
 def _suggestion(kind: type, complaint: str) -> str:
     """Return a hint such as `; did you mean --threads?`; an empty text without a match.
 
-    `complaint` is tyro's error message about the unknown option.
-
-    The hint names the option of `kind` that is a synonym of the unknown option or is spelt almost the same.
+    `complaint` is tyro's error message about an unknown option. The hint names an option of `kind` that is a synonym of
+    the unknown option or is spelt almost the same.
     """
     known = [field.name for field in fields(kind)]
     for name in re.findall(r"--([\w-]+)", complaint.partition("Unrecognized options")[2]):

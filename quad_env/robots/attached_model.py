@@ -179,7 +179,7 @@ def angle_unit(joint: Any) -> float:
 def remove_forces(attached: AttachedModel) -> None:
     """Remove forces that the scene does not simulate.
 
-    They are gravity compensation, plugins, plastic springs, and springs, damping and friction of the free joint.
+    Removed are gravity compensation, plugins, plastic springs, and springs, damping and friction of the free joint.
 
     `omissions` reports the removed forces.
     """
@@ -276,7 +276,7 @@ def _sole_site(model: Any, leg: Leg, body: int) -> dict[str, Any]:
 def _add_trunk_box(attached: AttachedModel) -> None:
     """Add a box to the trunk that collides only with the ground.
 
-    It is added if the trunk of the model does not collide with the ground.
+    The box is needed if the trunk of the user's model does not collide with the ground.
     """
     robot = attached.robot
     box = {"type": 6, "pos": robot.trunk_centre, "size": robot.trunk_size / 2.0, "mass": 0.0, "group": 3}

@@ -331,7 +331,7 @@ def _normal_direction(vector: Floats, axis: Floats) -> Floats | None:
 def _is_short(points: Floats, down: Floats, length: float) -> bool:
     """Return True if a geom is too short for a shin.
 
-    Its extent along `down` is then less than half of `length`.
+    The extent of a short geom along `down` is less than half of `length`.
     """
     return float(np.ptp(points @ down)) < _THRESHOLDS.shin_length * length
 

@@ -407,9 +407,8 @@ def _foot_hulls(structure: RobotStructure) -> tuple[Floats, Floats]:
 def _thigh_radius(model: Any, structure: RobotStructure, leg: Leg) -> float:
     """Return the radius of a thigh about the line between its joints, rounded up, m.
 
-    This is the distance from the line to the farthest corner of the boxes around the colliding geoms.
-
-    It is rounded up to a centimetre. The foot's radius is returned if the thigh has no colliding geom.
+    The radius is the distance from the line to the farthest corner of the boxes around the colliding geoms, rounded up
+    to a centimetre. The foot's radius is returned if the thigh has no colliding geom.
     """
     thigh_joint, calf_joint = leg.joints[1:]
     thigh = int(model.jnt_bodyid[thigh_joint])

@@ -148,7 +148,7 @@ def _scale_range(factor: float, force: Floats) -> Floats:
 def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
     """Return the range of an actuator's force before the gear, (2,), N or N·m.
 
-    It is infinite if the force has no limit.
+    The range is infinite if the force has no limit.
     """
     if model.opt.disableactuator & (1 << int(model.actuator_group[actuator])):
         return np.zeros(2)
