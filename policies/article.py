@@ -120,7 +120,7 @@ class DocumentRepaired(Document):
     """Duration of the blend from the home pose to the gait, s; equal to one gait cycle."""
 
     def targets(self, phase: ArrayLike) -> Floats:
-        """Return the targets before blending and clipping, (..., 12), rad, at a `phase` of the clock, (...), rad."""
+        """Return the targets before blending and clipping, (..., 12), rad, at a clock `phase`, (...), rad."""
         feet = self.parameters.feet(self.robot, phase, stance_start=self.parameters.step_length / 2.0)
         return flat_joints(joint_angles(self.robot, feet))
 

@@ -78,7 +78,7 @@ class Policy(ABC):
         initialize_state(self)
 
     def mismatch(self, robot: Robot, control_period: float) -> str:
-        """Describe the robot and control period that the policy was made for, if they differ from the given ones.
+        """Describe the robot and control period of the policy if they differ from the given ones.
 
         Args:
             robot: Robot of the environment.
@@ -184,7 +184,7 @@ class Policy(ABC):
         return rows, single
 
     def _replace_nonfinite(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Replace values that are not finite in an observation, (n, k); this base class raises ValueError instead."""
+        """Replace values that are not finite in an observation, (n, k); here, raise ValueError instead."""
         raise ValueError("observation must be finite")
 
     @abstractmethod
@@ -259,7 +259,7 @@ def validate_mask(mask: ArrayLike | None, num_envs: int) -> Mask:
 
 
 def to_actions(robot: Robot, targets: Floats) -> Actions:
-    """Convert joint targets to float32 actions, clipped to the joint limits, where a real joint would stop.
+    """Convert joint targets to float32 actions, clipped to the joint limits as a real joint would be.
 
     The function adds zero, which turns -0.0 into 0.0. A residual that later adds a correction of zero changes no bit.
 

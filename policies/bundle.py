@@ -69,7 +69,7 @@ def copy(folder: Path, to: Path) -> None:
 def load(
     path: str | Path, robot: str | Robot | None = None, *, joint_delay_steps: int = 0, actuator: Actuator = IDEAL
 ) -> ResidualPolicy:
-    """Load the policy of a bundle. Raises PolicyError, one line, if anything is missing, damaged or does not fit.
+    """Load the policy of a bundle. Raises PolicyError if data are missing, damaged or do not fit.
 
     Args:
         path: Folder of a bundle or of a training run. A training run stands for the bundle of its best validation.

@@ -61,7 +61,9 @@ class History(PerRobotState):
         self._new |= mask
 
     def copy_state_from(self, mask: NDArray[np.bool_], other: "History") -> None:
-        """Copy the frames of another history, shifted because each history has its own index of the newest frame.
+        """Copy the frames of another history.
+
+        The frames are shifted, because each history has its own index of the newest frame.
 
         Args:
             mask: Robots that receive frames, (n,) bool.

@@ -29,7 +29,10 @@ _PIECES = 1 << (8 + _PIECE_BITS)
 
 
 def _exp_minus_1(x: Doubles) -> Doubles:
-    """Compute e^x - 1 for x ≤ 0, within 1e-12: a series for x / 4096, then twelve times (e^y - 1)(e^y + 1)."""
+    """Compute e^x - 1 for x ≤ 0, with an error below 1e-12.
+
+    The series gives the value for x / 4096. Twelve products (e^y - 1)(e^y + 1) = e^2y - 1 then double the exponent.
+    """
     small = np.maximum(x, -32.0) / 4096.0
     value = small * (1.0 + small / 2.0 * (1.0 + small / 3.0 * (1.0 + small / 4.0 * (1.0 + small / 5.0))))
     for _ in range(12):
@@ -148,13 +151,16 @@ class Network:
 
     @cached_property
     def _chords(self) -> tuple[Doubles, Doubles]:
-        """Slopes and intercepts of the activation; the intercepts include `_TO_GRID`, which rounds to the grid."""
+        """Slopes and intercepts of the activation; `_TO_GRID` is added to the intercepts, for rounding."""
         slopes, intercepts = activation_chords()
         return slopes, intercepts + _TO_GRID
 
 
 def _sums(values: Doubles, weight: Doubles) -> Doubles:
-    """Return a matrix product of more than _PRODUCTS products, in parts: exact sums can be added in any order."""
+    """Compute a matrix product in parts of at most _PRODUCTS products.
+
+    The order of the parts does not matter, because all sums are exact.
+    """
     parts = math.ceil(_BLOCK * weight.size / _PRODUCTS)
     inputs = math.ceil(len(weight) / parts)
     blocks = []
@@ -168,7 +174,7 @@ def _sums(values: Doubles, weight: Doubles) -> Doubles:
 
 
 def _on_grid(weights: Weights) -> Doubles:
-    """Round weights so that the magnitudes of each column sum to at most 2^27 times the grid of the column."""
+    """Round weights to a grid for each column; the magnitudes of a column sum to at most 2^27 grids."""
     exact = np.ascontiguousarray(weights, dtype=np.float64)
     # The sum is raised by a thousandth, because rounding can increase the magnitude of each weight.
     _, exponent = np.frexp(np.abs(exact).sum(axis=0) * (1.0 + 2.0**-10))

@@ -65,7 +65,7 @@ class Parameters:
 
 @dataclass(frozen=True)
 class CommandMap(Parameters):
-    """Map from a command to the gait input at which the robot achieves it, see `policies.gait_cycle.map_command`."""
+    """Map from a command to the gait input at which the robot achieves it, see `map_command`."""
 
     forward_gain: float = parameter(1.0, limits=(-100.0, 100.0))
     """Forward velocity of the gait per commanded velocity."""

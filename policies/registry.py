@@ -172,7 +172,7 @@ def resolve(
 def _make_from_extension(
     name: str, factory: Callable[..., Any], robot: Robot, control_period: float, options: dict[str, Any]
 ) -> Policy:
-    """Make a policy by the factory of an extension. Raises PolicyError if the factory raises or makes no policy."""
+    """Make a policy by the factory of an extension. Raises PolicyError if the factory fails."""
     try:
         policy = factory(robot=robot, control_period=control_period, **options)
     except Exception as error:  # the code of another package may raise anything
@@ -190,7 +190,7 @@ def _check_name(name: str) -> None:
 
 
 def _unknown_reference(reference: str) -> str:
-    """Return the error message for a reference that is neither a name, nor a bundle, nor an external policy."""
+    """Return the error message for a reference that is no name, no bundle and no external policy."""
     if (remedy := unsupported_file_remedy(reference)) is not None:
         return remedy
     if (missing := missing_file_message(reference)) is not None:

@@ -35,5 +35,5 @@ SUMMARIES = {
 
 
 def shipped_summaries(names: Iterable[str]) -> dict[str, str]:
-    """Return the dictionary name -> summary of the shipped policies among `names`, in the order of `names`."""
+    """Return the dictionary name -> summary of the shipped policies among `names`, in the same order."""
     return {name: SUMMARIES[name] for name in names if name in SUMMARIES}

@@ -73,7 +73,7 @@ def interpolate_toward(
 
 
 class Damp(Motion):
-    """Damping: the targets are the present joint angles, so the servos only damp and the robot sinks slowly."""
+    """Damping: targets equal the joint angles, so the servos only damp and the robot sinks slowly."""
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
         """Return the joint angles `joints` unchanged; `rows` and `observation` are not used."""
@@ -93,7 +93,7 @@ STOP_OUTWARD = 0.04
 
 
 class Stop(Motion):
-    """Controlled stop: the feet move below the hips, and the trunk is lowered slowly and held at STOP_HEIGHT."""
+    """Controlled stop: the feet move below the hips, and the trunk sinks slowly to STOP_HEIGHT."""
 
     _height: Floats = per_robot(0.0)
 

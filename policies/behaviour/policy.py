@@ -1,4 +1,4 @@
-"""Policy of behaviours: a state machine selects the behaviour of each robot, a motion or a gait performs it."""
+"""Policy of behaviours: a state machine selects the behaviour, and a motion or a gait performs it."""
 
 from typing import Unpack
 
@@ -95,7 +95,7 @@ class Behaviour(Policy):
         return to_actions(self.robot, targets)
 
     def _gait_targets(self, observation: NDArray[np.float32], state: NDArray[np.int8]) -> Floats:
-        """Return the blended targets of robots that walk or run, and the last targets of the others, (n, 12), rad."""
+        """Return the targets, (n, 12), rad: blended gait targets in walk and run, else the last targets."""
         moving = (state == State.WALK) | (state == State.RUN)
         starting = moving & ~self._was_moving
         self._was_moving = moving

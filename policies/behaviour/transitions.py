@@ -1,4 +1,4 @@
-"""States of the behaviour machine, the table of transitions, and the conditions that guard transitions."""
+"""States of the behaviour machine, its transition table, and the conditions of transitions."""
 
 from dataclasses import dataclass
 from enum import IntEnum

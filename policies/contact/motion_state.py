@@ -78,7 +78,7 @@ def compute_motion_state(robot: Robot, dynamics: Dynamics, observation: NDArray[
 
 
 def _attitude(tilt: Floats) -> tuple[Floats, Floats]:
-    """Convert roll and pitch to the rotation from the base to the level frame: roll about x, then pitch about y.
+    """Convert roll and pitch to the rotation from base to level frame: roll about x, then pitch about y.
 
     Args:
         tilt: Roll and pitch, (2, n), rad.

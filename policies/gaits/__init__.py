@@ -1,1 +1,1 @@
-"""Gaits by name, smooth changes between gaits, and the policies that follow a velocity command in a gait."""
+"""Gaits by name, smooth changes between gaits, and the policy that follows commands in a gait."""

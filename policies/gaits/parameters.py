@@ -1,4 +1,4 @@
-"""Gaits by name: footfall patterns and parameters, and their frequency and duty factor at a commanded velocity."""
+"""Gaits by name: footfall patterns, parameters, and frequency and duty factor at a velocity command."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Gaits that follow a velocity command, with smooth changes of gait, each robot of a batch at its own time.
+"""Gaits that follow a velocity command; each robot of a batch can change its gait smoothly.
 
 A change of gait moves phase offsets, duty factor, frequency and all other parameters smoothly to their new values. A
 stance foot always moves against the velocity of the body at this foot, and a swing always starts where the foot left

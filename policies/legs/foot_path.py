@@ -1,4 +1,4 @@
-"""Foot paths: dimensionless functions of the progress of a leg cycle, and swing trajectories to a foothold.
+"""Foot paths: dimensionless functions of the leg cycle, and swing trajectories to a foothold.
 
 In stance a foot moves from +1/2 to -1/2 of the stride length at constant speed, and in swing back again. At lift-off
 and at touch-down the swing has the velocity of the stance. The foot therefore moves with the ground at both ends, and
@@ -41,7 +41,7 @@ def swing_lift(cycle: LegCycle) -> Floats:
 
 
 def load_fraction(cycle: LegCycle) -> Floats:
-    """Compute the fraction of its full load that a foot carries: 0 in swing, near 1 for most of the stance."""
+    """Compute the load of a foot relative to its maximum: 0 in swing, near 1 for most of the stance."""
     t = cycle.progress
     edge = (2.0 * t - 1.0) ** 2
     return np.where(cycle.swing, 0.0, 1.0 - edge * edge)

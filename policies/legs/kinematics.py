@@ -1,4 +1,4 @@
-"""Exact forward and inverse kinematics of a leg, and compensation of the sag of its servos under a load.
+"""Exact forward and inverse kinematics of a leg, and compensation of servo sag under a load.
 
 Hip frame: origin at the hip joint, axes parallel to the base frame (x forward, y left, z up). The hip joint rotates the
 leg about +x. The thigh joint is D = `hip_offset` outboard of the hip joint. Thigh and calf, of lengths L1 and L2,
@@ -19,7 +19,7 @@ from quad_env.robots.robot import Robot
 
 
 def min_leg_length(robot: Robot) -> float:
-    """Return the distance from thigh joint to foot if the knee is fully folded and joint limits are ignored, m."""
+    """Return the distance from thigh joint to foot with a fully folded knee, ignoring joint limits, m."""
     return abs(robot.thigh_length - robot.calf_length)
 
 
@@ -42,7 +42,7 @@ def joint_angles(robot: Robot, feet: ArrayLike) -> Floats:
 def leg_angles(
     robot: Robot, x: Floats, y: Floats, z: Floats, *, legs_first: bool = False
 ) -> tuple[Floats, Floats, Floats]:
-    """Compute the inverse kinematics as `joint_angles` does, with separate arrays for coordinates and angles.
+    """Compute the inverse kinematics with separate arrays for coordinates and angles.
 
     Args:
         robot: Robot.
@@ -68,7 +68,7 @@ def leg_angles(
 
 
 def _plane_angles(robot: Robot, x: Floats, drop: Floats, knee: Floats) -> tuple[Floats, Floats]:
-    """Return the thigh and calf angles, rad, for a foot at `x` forward and `drop` below the thigh joint, m."""
+    """Return thigh and calf angles, rad, for a foot at `x` forward and `drop` below the thigh joint, m."""
     upper = robot.thigh_length
     lower = robot.calf_length
     squared_length = np.clip(x * x + drop * drop, min_leg_length(robot) ** 2, robot.leg_length**2)
@@ -103,7 +103,7 @@ def joint_targets(robot: Robot, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Flo
 def compensate_servo_load(
     robot: Robot, hip: Floats, thigh: Floats, calf: Floats, x: Floats, y: Floats, force: Floats, leg_axis: int = -1
 ) -> tuple[Floats, Floats, Floats]:
-    """Compensate servo sag: joint targets at which the servos hold the given angles under an upward foot force.
+    """Compute the joint targets at which the servos hold given angles under an upward foot force.
 
     The joint angle of a servo with stiffness k deviates from its target by torque / k. The torque is the force times
     ∂z/∂(joint angle), which is y for the hip, -x cos(hip) for the thigh and L2 sin(thigh + calf) cos(hip) for the calf.

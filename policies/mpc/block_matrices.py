@@ -10,7 +10,10 @@ from quad_env.columns import ordered_sum
 
 
 def multiply(a: Floats, b: Floats) -> Floats:
-    """Return the products of matrices `a`, (i, j, …), and `b`, (j, k, …), summed in the same order for any batch."""
+    """Return the products, (i, k, …), of matrices `a`, (i, j, …), and `b`, (j, k, …).
+
+    The order of the sums is the same for any batch.
+    """
     return ordered_sum(column[:, None] * row for column, row in zip(a.swapaxes(0, 1), b, strict=True))
 
 

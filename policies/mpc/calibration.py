@@ -50,6 +50,6 @@ class Calibration(PerRobotState):
         self.is_active = self.measures_noise | ~delay_identified & (steps_after_noise <= self._max_bend_steps)
 
     def targets(self, targets: Floats) -> Floats:
-        """Return joint targets, (n, 12), rad: home pose or bent legs for robots in calibration, else `targets`."""
+        """Return joint targets, (n, 12), rad: home pose or bent legs in calibration, else `targets`."""
         bend = np.where(self.measures_noise, 1.0, CALIBRATION_BEND)[:, None]
         return np.where(self.is_active[:, None], bend * self._home_pose, targets)

@@ -154,7 +154,7 @@ class ContactEstimator(PerRobotState):
         return informative
 
     def _turn_wrench(self, yaw: Floats) -> None:
-        """Rotate the force by -`yaw`, (n,), rad, because a push keeps its direction while the level frame turns."""
+        """Rotate the force by -`yaw`, (n,), rad; a push keeps its direction while the level frame turns."""
         cosine = np.cos(yaw)
         sine = np.sin(yaw)
         x, y = self.wrench[:, :2].T.copy()

@@ -208,7 +208,7 @@ class ModelBased(GaitedPolicy):
     # Phase 1: estimate.
 
     def _estimate(self, observation: NDArray[np.float32]) -> ControlState:
-        """Estimate state, contact forces, external wrench and friction; encoder offsets are already subtracted."""
+        """Estimate state, contact forces, external wrench and friction from corrected observations."""
         p = self.parameters
         observer = self.observer
         contact_estimator = self.contact_estimator

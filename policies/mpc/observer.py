@@ -31,7 +31,7 @@ from quad_env.robots.robot import Robot
 
 
 class DelayCompensator(PerRobotState):
-    """Estimates the noise and delay of the readings and the state of n robots, for a model-based controller.
+    """Estimates noise and delay of the readings, and the state, of n robots for model-based control.
 
     A control step calls `read`, the contact estimate, `correct`, `predict` and `record_stance`, in this order. Joint
     readings are either true values or encoder readings. True readings are filtered in `read`, with the recorded stance
@@ -166,7 +166,7 @@ class DelayCompensator(PerRobotState):
         self._stance = np.concatenate((stance[None], self._stance[:-1]))
 
     def _filter_readings(self, stance: Mask, wrench: Floats) -> None:
-        """Update the delay estimate, and filter the readings; `stance`: feet in contact in the prediction, (n, 4)."""
+        """Update the delay estimate, and filter the readings; `stance`: assumed feet in contact, (n, 4)."""
         before = self._state
         if before is None:
             return

@@ -109,7 +109,7 @@ class ForcePlans(PerRobotState):
 
     @property
     def _step(self) -> EnvIndices:
-        """Index of the present step of each plan, (n,); after the end of the horizon the index of the last step."""
+        """Index of the present step of each plan, (n,); the last index after the end of the horizon."""
         return np.minimum((self.age + _CLOCK_ROUNDING) / self._period, self._steps - 1).astype(np.intp)
 
 
@@ -136,7 +136,7 @@ def distribute_wrench(wrench: Floats, stance: Mask, moment_arms: Floats, frictio
 
 
 def min_norm_forces(effects: Floats, wanted: Floats, stance: Mask, damping: float) -> Floats:
-    """Return the smallest forces of the stance feet with a wanted effect: f = Eᵀ (E Eᵀ + damping)⁻¹ wanted.
+    """Return the smallest stance forces with a wanted effect: f = Eᵀ (E Eᵀ + damping)⁻¹ wanted.
 
     Args:
         effects: Matrix E from the force on each foot to its effect, (n, 4, 6, 3).

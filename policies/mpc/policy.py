@@ -1,4 +1,4 @@
-"""Model-predictive control of gaits: forces by a condensed MPC, torques by a whole-body QP or for each leg."""
+"""Model-predictive control of gaits: contact forces by condensed MPC, torques by a QP or for each leg."""
 
 import numpy as np
 from numpy.typing import NDArray

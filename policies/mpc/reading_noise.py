@@ -53,7 +53,10 @@ class NoiseEstimator(PerRobotState):
         super().__init__(_last=np.zeros((3, width)), _raw_variance=np.zeros(len(groups)))
 
     def update(self, readings: Floats) -> Floats:
-        """Update with readings, (n, k), and return the noise variance of each group, (n, m), zero below the floor."""
+        """Update with readings, (n, k), and return the noise variance of each group, (n, m).
+
+        A variance below the noise floor is returned as zero.
+        """
         last, second_last, last_difference = self._last
         difference = readings - 2.0 * last + second_last
         product = -0.25 * difference * last_difference

@@ -210,7 +210,7 @@ class CondensedMpc:
 
 
 def group_by_stance_count(counts: NDArray[np.int64]) -> Iterator[EnvIndices]:
-    """Yield indices of robots with equal numbers of stance feet, `counts`, (n,); at most MAX_GROUP_SIZE per group."""
+    """Yield indices of at most MAX_GROUP_SIZE robots with the same number of stance feet, `counts`, (n,)."""
     for count in sorted(set(counts.tolist())):
         robots = (counts == count).nonzero()[0]
         yield from (robots[start : start + MAX_GROUP_SIZE] for start in range(0, len(robots), MAX_GROUP_SIZE))
@@ -229,7 +229,7 @@ class PyramidTemplate(NamedTuple):
 
 @cache
 def _pyramid_template(feet: int) -> PyramidTemplate:
-    """Return the template of the pyramids of `feet` feet: ±fx - μ fz ≤ 0, ±fy - μ fz ≤ 0, 0 ≤ fz ≤ maximum."""
+    """Return the template for a number of feet: ±fx - μ fz ≤ 0, ±fy - μ fz ≤ 0, 0 ≤ fz ≤ maximum."""
     one_foot = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1.0]])
     friction_entries = np.kron(np.eye(feet), [[0, 0, 1]] * 4 + [[0, 0, 0]])
     lower = np.tile([*4 * [-np.inf], 0.0], feet)

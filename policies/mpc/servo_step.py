@@ -1,4 +1,4 @@
-"""Prediction of the motion in a control period by implicit time steps, with servos and ground contacts.
+"""Prediction of the motion in a control period by implicit steps, with servos and ground contacts.
 
 One step of length T, from generalised velocity v to v⁺, with the impulses p of the feet in contact:
 
@@ -292,7 +292,7 @@ def _stack_legs(blocks: Floats) -> Floats:
 
 
 def _joints_before_impulses(legs: Floats, axis: int) -> Floats:
-    """Reorder an axis of length 24: from (3 joints, 3 impulses) of each leg to all joints, then all impulses."""
+    """Reorder an axis of 24: from (3 joints, 3 impulses) for each leg to all joints, then all impulses."""
     shape = legs.shape
     by_leg = legs.reshape(*shape[:axis], _LEGS, 2, 3, *shape[axis + 1 :])
     return by_leg.swapaxes(axis, axis + 1).reshape(shape)

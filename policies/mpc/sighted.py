@@ -1,4 +1,4 @@
-"""Model-predictive control with a height scan, from which the footholds and swing feet get their heights."""
+"""Model-predictive control with a height scan, which gives the heights of footholds and swings."""
 
 from functools import cache
 from typing import NamedTuple
@@ -43,7 +43,9 @@ class ScannedTerrain(NamedTuple):
     """Height of the centre of a foot that stands on each grid point, (n, rows, columns), m."""
 
     def at(self, positions: Floats) -> Floats:
-        """Return the heights at some positions, by bilinear interpolation; outside of the grid, heights of its edge.
+        """Return the heights at some positions by bilinear interpolation.
+
+        Positions outside of the grid get the height of its edge.
 
         Args:
             positions: Positions, level frame, (n, 4, 2), m.
@@ -69,7 +71,7 @@ class ScannedTerrain(NamedTuple):
 
 
 class GridCell(NamedTuple):
-    """Two neighbouring grid points on one axis, between which a foot lies; (n, 4) for the feet of n robots."""
+    """Two neighbouring grid points on one axis, with a foot between them, for n robots, (n, 4) each."""
 
     lower: EnvIndices
     """Index of the lower grid point."""
@@ -254,7 +256,7 @@ class SightedMpcWbc(MpcWbc):
     def _foothold_height(
         self, state: MotionState, foothold_positions: Floats, ground: TerrainPlane, stance_schedule: Mask
     ) -> Floats:
-        """Return the present height of feet that stay in stance, and the scanned height of the other footholds."""
+        """Return the present height of feet that stay in stance, and scanned heights for the other feet."""
         stays_in_stance = np.cumprod(stance_schedule, axis=1).astype(np.bool_)
         scanned = self._terrain.at(foothold_positions)[:, None]
         height = np.where(stays_in_stance, state.bodies.feet[:, None, :, 2], scanned)

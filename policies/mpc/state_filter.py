@@ -60,7 +60,7 @@ class StateFilter(PerRobotState):
         return needs_filter
 
     def correct(self, readings: Floats, predicted: Floats, noise: Floats, sample_count: NDArray[np.int64]) -> Floats:
-        """Return the filtered readings of every robot, x = x⁻ + K (z - x⁻); a first reading is returned unchanged.
+        """Return the filtered readings, x = x⁻ + K (z - x⁻); a first reading is returned unchanged.
 
         Args:
             readings: Readings z, (n, 33).
@@ -108,6 +108,6 @@ class StateFilter(PerRobotState):
         return KalmanGains(base_gain, joint_gain)
 
     def clear_covariance(self, mask: Mask) -> None:
-        """Set the covariance of the robots in `mask`, (n,), to zero, because their readings are taken as exact."""
+        """Set the covariance of the robots in `mask`, (n,), to zero; their readings are taken as exact."""
         self._base_variance[mask] = 0.0
         self._joint_covariance[mask] = 0.0

@@ -1,4 +1,4 @@
-"""Prediction of the state over the delay, with the targets that have not acted yet (Smith predictor, 1957)."""
+"""Smith predictor of the state over the delay, with the targets that have not acted yet."""
 
 from typing import NamedTuple
 

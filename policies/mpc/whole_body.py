@@ -235,7 +235,7 @@ def leg_torques(
 
 
 def _leg_accelerations(bodies: DynamicsTerms, foot_acceleration: Floats, trunk_acceleration: Floats) -> Floats:
-    """Return the joint accelerations, (n, 12), rad/s², for given foot accelerations, by damped least squares.
+    """Return joint accelerations, (n, 12), rad/s², for foot accelerations, by damped least squares.
 
     `foot_acceleration`: (n, 4, 3), m/s²; `trunk_acceleration`: (n, 6), m/s² and rad/s².
     """

@@ -1,4 +1,4 @@
-"""Safety layer for any policy: it stops a robot after a failure, braces it before a fall, and limits all targets."""
+"""Safety layer for any policy: controlled stop after failures, brace before falls, limits of targets."""
 
 from enum import IntEnum
 
@@ -129,7 +129,7 @@ class Safe(Policy):
         return to_actions(self.robot, self._targets)
 
     def _policy_targets(self, observation: NDArray[np.float32]) -> Floats:
-        """Return the targets of the policy, (n, 12), rad; robots that do not follow it keep their last targets."""
+        """Return the targets of the policy, (n, 12), rad; the last targets for robots in other modes."""
         targets = self._targets.copy()
         following = self._mode <= Mode.CATCH
         if following.any():
@@ -191,7 +191,7 @@ class Safe(Policy):
 
 
 def velocity_deviation(velocity: Floats, reference: Floats, recent: Floats) -> Floats:
-    """Compute the distance of a velocity from the reference or from the recent velocity, whichever is smaller.
+    """Compute the smaller of two distances: velocity to reference, and velocity to recent velocity.
 
     Each distance alone would give false alarms. The distance from the reference is also large in a gait that does not
     reach its command. The distance from the recent velocity is also large after a change of the command.

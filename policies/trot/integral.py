@@ -1,4 +1,4 @@
-"""Trot with integral action: the integral of the velocity error is added to the command that the trot follows.
+"""Trot with integral action: the integral of the velocity error is added to the command of the trot.
 
 The command is the only input of the trot. A slope, a steady force, a load or a slippery floor therefore cause a lasting
 velocity error, which the integral removes.
@@ -26,7 +26,10 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class IntegralParameters(TrotParameters):
-    """Parameters of the trot and of the integral; defaults of the integral were chosen by hand on search episodes."""
+    """Parameters of the trot and of the integral.
+
+    The defaults of the integral were chosen by hand on search episodes.
+    """
 
     integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
     """Rate of the velocity correction per velocity error, 1/s."""

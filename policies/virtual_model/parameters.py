@@ -1,4 +1,4 @@
-"""Parameters of `trot_feedback`: the gait, the virtual springs and dampers of the trunk, and the footholds."""
+"""Parameters of `trot_feedback`: gait, virtual springs and dampers of the trunk, and footholds."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -51,6 +51,6 @@ FILE = ParameterFile(Path(__file__).with_name("trot_feedback.json"), VirtualPara
 
 
 def searched_parameters(robot: Robot = SIMPLE_QUAD) -> VirtualParameters:
-    """Return the parameters of a robot, see `ParameterFile.load_for_robot`; frequency at most `MAX_FREQUENCY`."""
+    """Load the parameters of a robot, and limit the frequency to `MAX_FREQUENCY`."""
     parameters = FILE.load_for_robot(robot)
     return replace(parameters, frequency=min(parameters.frequency, MAX_FREQUENCY))

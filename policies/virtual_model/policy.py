@@ -14,7 +14,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 class TrotFeedback(ModelBased):
-    """Trot by virtual model control that follows a velocity command; steps in place if the command is zero.
+    """Trot by virtual model control; follows a velocity command, and steps in place if it is zero.
 
     Args:
         parameters: Gait and gains; None for the parameters of `searched_parameters`.
