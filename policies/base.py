@@ -49,8 +49,8 @@ class PolicyKwargs(TypedDict, total=False):
 class Policy(ABC):
     """Batched controller with its own clock and state, for one robot and one control period.
 
-    The actions of a robot depend only on the observations and resets of this robot. They have the same bits in any
-    batch.
+    The actions of a robot depend only on the observations and resets of this robot. The batch size changes no bit of
+    the actions.
 
     Args:
         robot: Robot or its name. The attribute `robot` of the policy has the servo gains that the policy needs. Make
@@ -140,7 +140,7 @@ class Policy(ABC):
     def copy_state_from(self, mask: Mask, other: "Policy") -> None:
         """Copy the state of another policy to some robots of this policy.
 
-        The method is for base policies of a residual. It does not copy the state of policies inside a policy.
+        The method is for base policies of a residual. The state of policies inside a policy is not copied.
 
         Args:
             mask: Robots that receive a state, (n,) bool.

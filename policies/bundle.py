@@ -73,7 +73,7 @@ def load(
 
     Args:
         path: Folder of a bundle or of a training run. A training run stands for the bundle of its best validation.
-        robot: Robot of the policy. It is needed if the robot is not one of `quad_env.ROBOTS`.
+        robot: Robot of the policy; needed if the robot is not one of `quad_env.ROBOTS`.
         joint_delay_steps: Delay of the observed joints, control steps, for a model-based base.
         actuator: Actuator of the joints, for a model-based base.
 

@@ -208,8 +208,10 @@ def _check_environment(description: BundleFields, robot: Robot, scan: HeightScan
 def _trained_robot(folder: Path, description: BundleFields, robot: Robot | None) -> Robot:
     """Return the robot that the policy was trained on, with the servo gains of the training.
 
-    The result is the given robot if its name or the SHA-256 of its model agrees with the description, else the built-in
-    robot with the name in the description. Bundles from before version 0.3 have stiff servos. Raises PolicyError.
+    The given robot is used if its name or the SHA-256 of its model agrees with the description. Otherwise the built-in
+    robot with the name in the description is used. Bundles from before version 0.3 have stiff servos.
+
+    Raises PolicyError if there is no robot of that name, or its servo gains do not fit.
     """
     name = description.robot
     trained_on = description.model_sha256

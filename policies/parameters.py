@@ -72,7 +72,7 @@ class CommandMap(Parameters):
     forward_bias: float = parameter(0.0, limits=(-100.0, 100.0), unit="m/s ahead")
     """Offset added to the forward velocity of the gait, m/s.
 
-    It compensates the drift of a gait in place, which occurs because all knees bend the same way."""
+    The offset compensates the drift of a gait in place, which occurs because all knees bend the same way."""
     lateral_gain: float = parameter(1.0, limits=(-100.0, 100.0))
     """Lateral velocity of the gait per commanded velocity."""
     yaw_gain: float = parameter(1.0, limits=(-100.0, 100.0))

@@ -27,7 +27,7 @@ class PolicyStack(Policy):
             overflows then fall.
         idle_when_fallen: True to skip a member while all its robots lie on the ground. Their targets are then the home
             pose.
-        robot: Robot of the stack; the robot of the first member by default. It is needed if the members use different
+        robot: Robot of the stack; the robot of the first member by default. Pass a robot if the members use different
             servo gains.
     """
 

@@ -87,7 +87,7 @@ FOLDING_SPEED = 4.0
 STOP_HEIGHT = 0.2
 """Height of the hip joints above the centres of the feet after a controlled stop, m.
 
-It is the smallest height to which the knees fold without a fall."""
+The knees cannot fold to a smaller height without a fall."""
 STOP_OUTWARD = 0.04
 """Outward distance of the feet from the position of a leg that hangs straight down, m."""
 
@@ -136,8 +136,8 @@ def jump_keyframes(robot: Robot) -> tuple[tuple[float, float, float, float], ...
         robot: Robot.
 
     Returns:
-        For each keyframe: forward position of the feet relative to the hips, m, height of the hips above the centres of
-        the feet, m, duration of the way to the pose, s, and duration of the hold, s.
+        Four numbers for each keyframe. Lengths: forward position of the feet relative to the hips, m, and height of the
+        hips above the centres of the feet, m. Times: duration of the way to the pose, s, and of the hold, s.
     """
     return (
         (0.007, 0.377, 0.35, 0.1),

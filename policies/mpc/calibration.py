@@ -19,7 +19,8 @@ class Calibration(PerRobotState):
     """Phases of the calibration of n robots.
 
     A robot stands in the home pose while the noise of its readings is measured. If the delay of the joint readings is
-    unknown, the robot then bends its legs until motion has shown the delay, for at most the longest candidate delay.
+    unknown, the robot then bends its legs. It stops when the motion has shown the delay, or after the longest candidate
+    delay.
 
     Args:
         robot: Robot of the targets.

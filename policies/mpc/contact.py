@@ -1,7 +1,7 @@
 """Contact forces, external wrench and friction, estimated from joint torques.
 
-`policies.contact.foot_forces` estimates the force on each foot. The external wrench, from a push, a load or the wind,
-is the part of the generalised force on the trunk that the foot forces do not explain.
+`policies.contact.foot_forces` estimates the force on each foot. A push, a load or the wind causes an external
+wrench, the part of the force on the trunk that the foot forces do not explain.
 """
 
 from dataclasses import dataclass
@@ -43,8 +43,8 @@ class ContactEstimatorConstants:
     contact_margin_per_stiffness: float = 0.03
     """Error of the force on a foot caused by noise of encoder readings, N per N·m/rad of servo stiffness.
 
-    A foot in the air becomes a contact only if its force exceeds the touch force by this margin, because the prediction
-    would stop a foot with a false contact at once."""
+    A foot in the air becomes a contact only if its force exceeds the touch force by this margin. The reason is that the
+    prediction would stop a foot with a false contact at once."""
     min_encoder_load_time: float = 0.15
     """Shortest time constant of the vertical force if encoders read the joints, s."""
     encoder_offset_time: float = 1.0
@@ -129,7 +129,7 @@ class ContactEstimator(PerRobotState):
         Args:
             motion: State at the time of the readings, with the joint targets that led to it and the load.
             weight: Gravity wrench of the loads, (n, 6), N and N·m. The dynamics in `motion` include it already.
-            in_mid_swing: True for feet in mid-swing by the gait, (n, 4). These feet are not in contact.
+            in_mid_swing: True for feet in mid-swing by the gait, (n, 4). Feet in mid-swing are not in contact.
 
         Returns:
             Forces of the feet over the last control period, level frame, (n, 4, 3), N.
@@ -207,9 +207,9 @@ class ContactEstimator(PerRobotState):
     def _estimate_friction(self, forces: Floats, velocity: Floats) -> None:
         """Lower the friction estimate to the force ratio of sliding feet, and let it return slowly afterwards.
 
-        A foot slides if it moves and is still loaded one step later; a foot that lifts off is not. It must do so in two
-        consecutive steps, because a foot that lands slides for a moment. `forces`: forces on the feet, (n, 4, 3), N;
-        `velocity`: foot velocities, (n, 4, 3), m/s.
+        A foot slides if it moves and is still loaded one step later; a foot that lifts off is not. A slide
+        counts only after two consecutive steps, because a foot that lands slides for a moment. `forces`: forces on the
+        feet, (n, 4, 3), N; `velocity`: foot velocities, (n, 4, 3), m/s.
         """
         p = self._parameters
         c = CONSTANTS

@@ -167,7 +167,7 @@ def plan_footholds(
         height: Reference height of the trunk above the ground, m.
 
     Returns:
-        Footholds, level frame, (n, 4, 2), m. They are within the range of the hips, and at most MAX_FOOTHOLD_OFFSET
+        Footholds, level frame, (n, 4, 2), m. All are within the range of the hips, and at most MAX_FOOTHOLD_OFFSET
         away from the nominal footholds.
     """
     bodies = motion.bodies

@@ -61,7 +61,7 @@ class ControlState(NamedTuple):
     """Estimates of n robots; the result of the first phase of a control step."""
 
     motion: MotionState
-    """State when the next targets act. It includes the load, and its command includes the position feedback."""
+    """State when the next targets act. The dynamics include the load; the command includes position feedback."""
     contact_forces: Floats
     """Forces on the feet in the control period before the readings, level frame, (n, 4, 3), N."""
     disturbance_wrench: Floats

@@ -21,7 +21,7 @@ _CLOCK_ROUNDING = 1e-6
 class ForcePlans(PerRobotState):
     """Force plans of n robots for N steps.
 
-    In the initial plan every foot carries a quarter of the weight. It is due for renewal at once.
+    In the initial plan every foot carries a quarter of the weight. The initial plan is due for renewal at once.
 
     Args:
         steps: Number of steps N.

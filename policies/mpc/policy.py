@@ -154,7 +154,7 @@ class Mpc(ModelBased):
             friction: Bounds of the contact forces.
 
         Returns:
-            True for robots with a program that has no solution, (n,). They follow their last plan.
+            True for robots with a program that has no solution, (n,). Robots without a solution follow their last plan.
         """
         horizon = self._horizon
         robots = due.nonzero()[0]

@@ -34,7 +34,7 @@ class QpBatch(NamedTuple):
     upper: Floats
     """Upper bounds of Ax, (g, m)."""
     equalities: int = 0
-    """Number of equality constraints. They are the first rows of A, with lower = upper."""
+    """Number of equality constraints, which are the first rows of A and have lower = upper."""
 
 
 class Solutions(NamedTuple):

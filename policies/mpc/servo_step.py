@@ -6,8 +6,8 @@ One step of length T, from generalised velocity v to v⁺, with the impulses p o
     τ = k (u - q - T v⁺) - d v⁺              servo law at the end of the step, u: joint targets
     J v⁺ + T J̇ v = s                         feet in contact neither slip nor leave the ground; s: sink velocity
 
-It is the time stepping of Stewart and Trinkle, "An implicit time-stepping scheme for rigid body dynamics", 1996, with
-feet that stick.
+The method is the time stepping of Stewart and Trinkle, "An implicit time-stepping scheme for rigid body dynamics",
+1996, for feet that stick.
 """
 
 from typing import NamedTuple

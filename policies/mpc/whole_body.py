@@ -1,9 +1,10 @@
 """Whole-body controller: a QP for joint torques that track planned contact forces and accelerations.
 
-The variables are the generalised acceleration and the forces of the stance feet. The cost is small if the trunk has its
-reference angular acceleration, stance feet rest, swing feet track their trajectories, and the forces are near the
-planned ones. The constraints are the equations of motion of the floating base, which has no motor, the friction
-pyramid of the forces, and the torque limits of the motors.
+The variables are the generalised acceleration and the forces of the stance feet.
+
+The cost penalises errors of the trunk's angular acceleration, accelerations of stance feet, errors of swing feet, and
+differences from the planned forces. The constraints are the equations of motion of the floating base (which has no
+motor), the friction pyramid, and the torque limits.
 """
 
 from collections.abc import Iterator
@@ -190,7 +191,7 @@ def _constraints(
 ) -> tuple[Floats, Floats, Floats]:
     """Return the constraint matrix, and the lower and upper bounds of its friction rows, for some robots.
 
-    The first 18 rows give M q̈ - Jᵀ f. This plus the bias force h is the torque of the motors.
+    The first 18 rows give M q̈ - Jᵀ f. The torque of the motors is this expression plus the bias force h.
     """
     group, size = bodies.bias_force[selection].shape
     jacobian = bodies.jacobians[selection][stance[selection]].reshape(group, -1, size)
@@ -208,7 +209,7 @@ def leg_torques(
 ) -> Torques:
     """Compute the joint torques of each leg separately, from its planned force and foot acceleration.
 
-    This replaces the QP.
+    `Mpc` uses this function instead of the QP.
 
     τ = M q̈ + h - Jᵀ f. The planned forces give q̈ of the trunk, and the foot acceleration gives q̈ of each leg. The
     effect of the motion of one leg on the other legs is neglected. The planned forces must respect the friction.

@@ -54,7 +54,7 @@ SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
     "yaw_gain": (0.8, 1.8),
     "yaw_per_lateral": (-0.8, 0.2),
 }
-"""Parameter name -> bounds of a search. It also includes the command map, which the search of the trot fits instead."""
+"""Parameter name -> bounds of a search, also for the command map, which the search of the trot fits instead."""
 FILE = ParameterFile(Path(__file__).with_name("trot_integral.json"), IntegralParameters)  # TROT_INTEGRAL.md
 
 
