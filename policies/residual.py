@@ -33,6 +33,7 @@ class Features(PerRobotState):
     """Network inputs of n robots, scaled to magnitudes of about 1. The caller resets the base.
 
     The inputs are, in this order:
+
     - the scaled observation. A height scan is relative to its values in the home pose, and zero where it is empty, so
       that a lost scan looks like level ground;
     - sine and cosine of the phase of a gaited base, and its action minus the home pose;

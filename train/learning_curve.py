@@ -29,9 +29,15 @@ DATE_METADATA = {".svg": "Date", ".png": "Creation Time", ".pdf": "CreationDate"
 
 
 def write_curve(validations: Sequence[Mapping[str, Any]], out: Path) -> None:
-    """Write the learning curve of `validations` to the file `out`. Raises OSError.
+    """Write the learning curve of `validations` to the file `out`.
 
     The title is the name of the folder.
+
+    OSError is raised if the file cannot be written.
+
+    Args:
+        validations: Validations of a run, in order.
+        out: File to write.
     """
     write_figure(partial(draw_curve, validations, out.parent.name), out)
 
@@ -54,6 +60,13 @@ def draw_curve(validations: Sequence[Mapping[str, Any]], title: str) -> "Figure"
     """Draw the learning curve of `validations` with a `title`.
 
     The validations of older versions have no cost of transport; the panel of the cost is then left out.
+
+    Args:
+        validations: Validations of a run, in order.
+        title: Title of the figure.
+
+    Returns:
+        The figure.
     """
     names = ("steps", "success", "cost_of_transport")
     rows = np.array([[validation.get(name) for name in names] for validation in validations], np.float64)

@@ -314,7 +314,15 @@ def uses_batch_threads(config: TrainConfig) -> bool:
 
 
 def effort_weight_scale(config: TrainConfig, steps: int) -> float:
-    """Return the factor on the reward weights of effort after `steps` steps of a run, from 0 to 1."""
+    """Return the factor on the reward weights of effort after `steps` steps of a run, from 0 to 1.
+
+    Args:
+        config: Settings of the run.
+        steps: Steps since the start of the run.
+
+    Returns:
+        The factor.
+    """
     ramp = config.effort_ramp * config.steps
     return min(steps / ramp, 1.0) if ramp else 1.0
 

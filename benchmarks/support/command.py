@@ -180,7 +180,15 @@ def make_table(title: str, *heads: str) -> Table:
 
 
 def format_quartiles(value: Quartiles, digits: int = 2) -> str:
-    """Format median and quartiles as rich markup with `digits` decimals: `0.91 [0.90 … 0.92]`."""
+    """Format median and quartiles as rich markup with `digits` decimals: `0.91 [0.90 … 0.92]`.
+
+    Args:
+        value: Quartiles.
+        digits: Number of decimals.
+
+    Returns:
+        The text.
+    """
     return f"{value.median:,.{digits}f} \\[{value.low:,.{digits}f} … {value.high:,.{digits}f}]"
 
 

@@ -175,8 +175,7 @@ def advance(step: Step, action: Actions) -> tuple[Step, bool]:
         action: Joint targets, (n, 12), rad.
 
     Returns:
-        step: The next step.
-        is_finished: True if every robot's episode has ended.
+        The next step, and True if every robot's episode has ended.
     """
     observation, _, terminated, truncated, infos = step.env.step(action)
     return Step(step.number + 1, step.env, action, observation, infos), bool((terminated | truncated).all())

@@ -13,6 +13,13 @@ def multiply(a: Floats, b: Floats) -> Floats:
     """Return the products, (i, k, …), of matrices `a`, (i, j, …), and `b`, (j, k, …).
 
     The order of the sums is the same for any batch.
+
+    Args:
+        a: Matrices, (i, j, …).
+        b: Matrices, (j, k, …).
+
+    Returns:
+        The products, (i, k, …).
     """
     return ordered_sum(column[:, None] * row for column, row in zip(a.swapaxes(0, 1), b, strict=True))
 

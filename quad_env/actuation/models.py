@@ -194,5 +194,13 @@ def find_actuator(which: str | Actuator) -> Actuator:
 
 
 def min_limit(first: float | None, second: float | None) -> float | None:
-    """Return the smaller of two limits; None means that there is no limit."""
+    """Return the smaller of two limits; None means that there is no limit.
+
+    Args:
+        first: Limit, or None.
+        second: Limit, or None.
+
+    Returns:
+        The smaller limit, or None if neither is given.
+    """
     return min((limit for limit in (first, second) if limit is not None), default=None)

@@ -148,6 +148,13 @@ def points_with(share: float, ends: tuple[float, float]) -> Estimate:
     """Format a difference of fractions and its interval in percentage points, with one decimal.
 
     `share` is the difference, and `ends` are the ends of its interval.
+
+    Args:
+        share: Difference of fractions.
+        ends: Ends of the interval.
+
+    Returns:
+        The text.
     """
     return estimate(share, ends, 1, 100.0)
 
@@ -156,6 +163,13 @@ def interval(ends: tuple[float, float], digits: int = 3) -> str:
     """Format the `ends` of an interval as `low … high`; a dash if an end is NaN.
 
     At least `digits` decimals are used.
+
+    Args:
+        ends: Lower and upper end.
+        digits: Smallest number of decimals.
+
+    Returns:
+        The text.
     """
     return estimate(ends[0], ends, digits).interval
 
@@ -211,6 +225,13 @@ def share(value: float, ends: tuple[float, float]) -> str:
     """Format a fraction and its interval in whole per cent, as `41 % [36, 47]`.
 
     `value` is the fraction in [0, 1], and `ends` are the ends of its interval.
+
+    Args:
+        value: Fraction in [0, 1].
+        ends: Ends of the interval.
+
+    Returns:
+        The text.
     """
     text = estimate(value, ends, 0, 100.0)
     return f"{text.value}{NO_BREAK}% {text.brackets}".rstrip()

@@ -119,8 +119,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
                 whole episode. None to draw commands.
 
         Returns:
-            observation: First observation.
-            info: See docs/environment.md.
+            First observation, and info as in docs/environment.md.
 
         Raises:
             ValueError: The seed or command has the wrong shape or type, or the options have a `reset_mask`.
@@ -151,11 +150,8 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             action: Joint targets, (12,), rad; targets beyond the joint limits are clipped.
 
         Returns:
-            observation: Observation after the step.
-            reward: Sum of the reward terms.
-            terminated: True if the robot fell or diverged.
-            truncated: Always False, because the `TimeLimit` wrapper handles the time limit.
-            info: See docs/environment.md.
+            Observation after the step, sum of the reward terms, True if the robot fell or diverged, False (because the
+            `TimeLimit` wrapper handles the time limit), and info as in docs/environment.md.
 
         Raises:
             ResetNeeded: The environment was never reset.

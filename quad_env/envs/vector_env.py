@@ -119,8 +119,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
                 bool. Both keys are optional.
 
         Returns:
-            observation: Observations of all robots, (n, size).
-            infos: See docs/environment.md.
+            Observations of all robots, (n, size), and infos as in docs/environment.md.
         """
         mask, fixed_command = arguments.parse_reset_options(options, self.num_envs)
         self._schedule.reseed(seed, mask)
@@ -137,11 +136,8 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
             actions: Joint targets, (n, 12), rad; targets beyond the joint limits are clipped.
 
         Returns:
-            observation: Observations after the step, (n, size).
-            rewards: Sums of the reward terms, (n,).
-            terminated: True for robots that fell or diverged, (n,).
-            truncated: True for robots at the time limit, (n,).
-            infos: See docs/environment.md.
+            Observations after the step, (n, size), sums of the reward terms, (n,), True for robots that fell or
+            diverged, (n,), True for robots at the time limit, (n,), and infos as in docs/environment.md.
 
         Raises:
             ResetNeeded: An env was never reset.

@@ -203,7 +203,12 @@ def remove_forces(attached: AttachedModel) -> None:
 
 
 def set_contact_parameters(attached: AttachedModel, foot: Any) -> None:
-    """Give geoms and pairs the contact parameters of SimpleQuad's `foot` geom, except friction."""
+    """Give geoms and pairs the contact parameters of SimpleQuad's `foot` geom, except friction.
+
+    Args:
+        attached: Attached model, which is changed.
+        foot: Geom with the contact parameters.
+    """
     geoms = [geom for body in attached.structure.bodies for geom in attached.elements.bodies[body].geoms]
     for element in (*geoms, *attached.spec.pairs):
         element.solref = foot.solref

@@ -348,6 +348,13 @@ def are_lateral_axes(thigh: Floats, calf: Floats) -> bool:
     """Return True if the axes of thigh and calf are parallel and normal to the x axis.
 
     The axes are unit vectors, base frame, (3,) each.
+
+    Args:
+        thigh: Unit vector of the thigh's axis, base frame, (3,).
+        calf: Unit vector of the calf's axis, base frame, (3,).
+
+    Returns:
+        True if they are.
     """
     return bool(abs(thigh @ calf) >= _PARALLEL_COSINE and abs(thigh[0]) <= 1.0 - _PARALLEL_COSINE)
 

@@ -58,13 +58,13 @@ class Axis:
         return self.levels.index(self.nominal) + 1
 
     def level(self, number: int) -> Scenario:
-        """Return the scenario of the level `number`.
+        """Return the scenario of a level.
 
         Args:
             number: Number of the level, counted from 1.
 
         Returns:
-            The scenario, named `axis:number`, for example `push:3`.
+            The scenario. Its name is the axis, a colon and the number.
 
         Raises:
             ValueError: There is no level of this number; the message names the valid numbers.

@@ -215,6 +215,13 @@ def scaled_name(name: str, robot: Robot) -> str:
     """Return the name of the scenario that is as hard for `robot` as the scenario `name` is for SimpleQuad.
 
     Severities in the name are scaled and rounded to three digits.
+
+    Args:
+        name: Name of a scenario for SimpleQuad.
+        robot: The robot.
+
+    Returns:
+        The name for the robot.
     """
     base_name, apply_suffix = split(name)
     if apply_suffix is not None:

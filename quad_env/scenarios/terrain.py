@@ -29,7 +29,15 @@ class Flat(Settings):
     """Half of the side of the square in which robots start, m"""
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the ground height, m, at the point `x`, `y`, world frame, m."""
+        """Return the ground height, m, at the point `x`, `y`, world frame, m.
+
+        Args:
+            x: World frame, m.
+            y: World frame, m.
+
+        Returns:
+            Ground height, m.
+        """
         return 0.0 * x
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
@@ -50,7 +58,15 @@ class Slope(Settings):
     """Half of the side of the square in which robots start, m"""
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the ground height, m, at the point `x`, `y`, world frame, m."""
+        """Return the ground height, m, at the point `x`, `y`, world frame, m.
+
+        Args:
+            x: World frame, m.
+            y: World frame, m.
+
+        Returns:
+            Ground height, m.
+        """
         return math.tan(self.angle) * x
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
@@ -87,6 +103,13 @@ class Stairs(Settings):
         """Return the ground height, m, at the point `x`, `y`, world frame, m.
 
         The height at a riser is the height of the tread of the same step.
+
+        Args:
+            x: World frame, m.
+            y: World frame, m.
+
+        Returns:
+            Ground height, m.
         """
         steps = (abs(x) - self.landing) / self.run + 1.0
         climbed = self.rise * clipped_index(clip(steps, 0.0, float(self.steps)), self.steps)

@@ -78,6 +78,13 @@ def scores_of(results: dict[str, Any], kind: str = "scores") -> list[Score]:
     """Return the scores under the key `kind` of `results`, the highest first.
 
     The list is empty if the results have no such scores.
+
+    Args:
+        results: Contents of a results.json.
+        kind: Key of the scores.
+
+    Returns:
+        The scores.
     """
     return [Score(**score) for score in results.get(kind, ())]
 
@@ -281,6 +288,13 @@ def picture_links(results: dict[str, Any], path: str) -> str:
     """Return Markdown links to the figures of `results`.
 
     `path` is the path from the page to the first figure.
+
+    Args:
+        results: Contents of a results.json.
+        path: Path from the page to the first figure.
+
+    Returns:
+        The links.
     """
     has_front = bool(results.get("pareto", {}).get("front"))
     front = f" ![{pareto.ALT}]({path.removesuffix('.png')}_pareto.png)" if has_front else ""

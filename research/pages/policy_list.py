@@ -59,6 +59,13 @@ class PublishedPolicy:
         """Return the path of the repository's file `path` in a `folder` of downloads.
 
         The path is FOLDER/OWNER/REPOSITORY/PATH.
+
+        Args:
+            folder: Folder of downloads.
+            path: Path of the file in its repository.
+
+        Returns:
+            The path.
         """
         return folder.joinpath(*PurePosixPath(self.source).parts[-2:], path)
 

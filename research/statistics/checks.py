@@ -97,6 +97,13 @@ def null_checks(count: int, fall_probability: float) -> Iterator[CalibrationChec
     """Yield the checks of tests on policies without a difference.
 
     Each data set has `count` episodes of policies with the same `fall_probability`.
+
+    Args:
+        count: Episodes of each policy in a data set.
+        fall_probability: Probability that an episode ends in a fall.
+
+    Yields:
+        The checks.
     """
     rules: dict[str, tuple[CheckFunction, Interval, float]] = {
         "sign flips, exchangeable pairs": (

@@ -107,6 +107,13 @@ def simulate_run(battery: Battery, generator: np.random.Generator) -> Sequential
     """Simulate a run of `evaluate --until settled` on a `battery`, with outcomes drawn by a `generator`.
 
     The adjacent policies are compared at each look (interim analysis) of the sequential test, until the run may stop.
+
+    Args:
+        battery: Battery of scenarios with their fall curves.
+        generator: Random generator of the outcomes.
+
+    Returns:
+        The result of the run.
     """
     values = battery.values(generator)
     fixed = tuple(_found_by_fixed(battery, values, count) for count in FIXED_PLANS)

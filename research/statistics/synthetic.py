@@ -125,6 +125,13 @@ class SyntheticAxis:
         """Draw the falls of `count` episodes at each severity, (severities, count), bool.
 
         The outcomes of an episode at different severities are correlated.
+
+        Args:
+            generator: Random generator.
+            count: Number of episodes.
+
+        Returns:
+            True for a fall, (severities, count).
         """
         uniforms = _correlated_uniforms(generator, len(self.severities), count)
         return np.asarray(uniforms < self.probability(np.array(self.severities))[:, None])

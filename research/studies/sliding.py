@@ -201,7 +201,12 @@ def ball_spec(robot: Robot) -> Any:
 def evaluate_walks(setting: ContactSetting, options: SlidingOptions) -> dict[str, float]:
     """Evaluate the policy of `options` with a contact `setting`.
 
-    Returns the success rate and the number of falls on each scenario: name of the column -> value.
+    Args:
+        setting: Contact setting.
+        options: Options of the command, with the policy.
+
+    Returns:
+        Name of the column -> success rate or number of falls.
     """
     seeds = episode_seeds("search", options.seed, options.episodes)
     figures: dict[str, float] = {}

@@ -216,6 +216,13 @@ def significant_scenarios(shipped: TrainedRun, results: Results) -> str:
     """Return Markdown lists of scenarios on which the `shipped` policy is better, worse, or weak.
 
     Better and worse are significant differences from the baseline. Weak is a success rate below one half.
+
+    Args:
+        shipped: Name of the shipped policy.
+        results: Results of the evaluation.
+
+    Returns:
+        The lists.
     """
     base = shipped.baseline
     more_successes = _significant_names(shipped, results, SUCCESS_RATE, 1.0)

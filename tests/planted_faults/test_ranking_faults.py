@@ -45,11 +45,17 @@ def unpaired(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(ranking, "_adjacent_pair", lambda better, worse, a, b: true(better, worse, a, b[::-1]))
 
 
+def successes_on_flat_ground(self: ScoredCells, policy: str) -> np.ndarray:
+    return 1.0 * self.cells_by_policy[policy]["flat"].measures.succeeded
+
+
 FAULTS: Faults = {
     "neighbours compared unpaired": (unpaired, check_a_small_difference_in_the_same_episodes_is_shown),
     "scores of a single axis": (
         lambda patch: patch.setattr(
-            ScoredCells, "by_episode", lambda self, policy: 1.0 * self.cells_by_policy[policy]["flat"].measures.succeeded
+            ScoredCells,
+            "by_episode",
+            lambda self, policy: 1.0 * self.cells_by_policy[policy]["flat"].measures.succeeded,
         ),
         check_a_small_difference_in_the_same_episodes_is_shown,
     ),

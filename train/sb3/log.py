@@ -56,6 +56,10 @@ def cut_metrics(folder: Path, steps: int) -> None:
     """Remove the lines after step `steps` from the metrics file in `folder`.
 
     A resumed run writes these lines again.
+
+    Args:
+        folder: Folder of the metrics file.
+        steps: Last step that is kept.
     """
     path = folder / METRICS_FILE
     lines = read_bytes(path, MAX_DATA_SIZE).splitlines(keepends=True) if path.exists() else ()

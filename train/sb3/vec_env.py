@@ -118,6 +118,13 @@ class TrainingVecEnv(VecEnv):
         """Return the value of the attribute `attr_name` once per robot in `indices`.
 
         All robots have the same value.
+
+        Args:
+            attr_name: Name of the attribute.
+            indices: Indices of robots; None for all.
+
+        Returns:
+            One value per robot.
         """
         value = None if attr_name == "render_mode" else getattr(self, attr_name)
         return [value for _ in self._get_indices(indices)]

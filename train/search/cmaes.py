@@ -126,6 +126,13 @@ def encode(parameters: Parameters, ranges: Ranges) -> Floats:
     """Convert `parameters` to a point of the unit cube.
 
     `ranges` has the bounds of the searched parameters.
+
+    Args:
+        parameters: Parameters of the policy.
+        ranges: Bounds of the searched parameters, by name.
+
+    Returns:
+        The point.
     """
     return np.array([(getattr(parameters, name) - low) / (high - low) for name, (low, high) in ranges.items()])
 

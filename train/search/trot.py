@@ -244,6 +244,13 @@ def try_invert_command_response(parameters: TrotParameters, response: Floats) ->
     """Return `parameters` with the command map that inverts `response`, (4, 3).
 
     The parameters are unchanged if the response is too weak.
+
+    Args:
+        parameters: Parameters of the trot.
+        response: Measured response to the command, (4, 3).
+
+    Returns:
+        The parameters.
     """
     if np.diag(response[:3]).min() < MIN_INVERTIBLE_RESPONSE:
         return _keep_map(parameters, "the response is too weak")

@@ -42,7 +42,15 @@ def _comparison_row(comparison: Comparison) -> dict[str, str]:
 
 
 def figures_table(results: Results, scenario: str) -> str:
-    """Create the table of all measures on a `scenario`: a row per measure, a column per policy."""
+    """Create the table of all measures on a `scenario`: a row per measure, a column per policy.
+
+    Args:
+        results: Results of the evaluation.
+        scenario: Name of the scenario.
+
+    Returns:
+        The table as HTML.
+    """
     summaries = {policy: summary for (name, policy), summary in results.summaries.items() if name == scenario}
     rows = [{ROW_LABEL: TITLES[rate]} | _rate_cells(summaries, rate) for rate in RATES]
     for name in (*FIGURES, *_extra_names(summaries.values())):
