@@ -65,7 +65,7 @@ class QuadState(NamedTuple, Generic[ScalarOrBatch]):
 
     @property
     def mechanical_power(self) -> ScalarOrBatch:
-        """Mechanical power Σ |torque · joint speed| over the joints, W."""
+        """Mechanical power Σ ‖torque · joint speed‖ over the joints, W."""
         return sum_of_magnitudes(self.joint_torque, self.joint_velocity)
 
 

@@ -43,7 +43,7 @@ def linear_velocity_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def yaw_rate_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return exp(-|e| / YAW_ERROR_SCALE) of the yaw-rate error e about the world's vertical."""
+    """Return exp(-‖e‖ / YAW_ERROR_SCALE) of the yaw-rate error e about the world's vertical."""
     return exp(-yaw_rate_error(state) / YAW_ERROR_SCALE)
 
 
@@ -99,7 +99,7 @@ def torque(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def mechanical_power(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the mechanical power Σ |torque · joint speed| over the joints, W."""
+    """Return the mechanical power Σ ‖torque · joint speed‖ over the joints, W."""
     return state.mechanical_power
 
 
