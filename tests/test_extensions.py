@@ -113,6 +113,9 @@ def test_installed_package_adds_policies_scenarios_and_measures_to_the_evaluator
     assert "largest tilt" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     again = run(site, "-W", "ignore", "-m", "evaluate", "report", "out", cwd=tmp_path)
     assert again.returncode == 0, again.stderr
+    number = next(index for index, row in enumerate(rows) if (row["policy"], row["scenario"]) == ("trot", "calm"))
+    elsewhere = run(tmp_path, "-m", "evaluate", "replay", "out", str(number), cwd=tmp_path)  # without the package
+    assert elsewhere.returncode == 0, elsewhere.stderr
 
 
 def test_installed_package_is_named_by_the_commands_that_list(site: Path, tmp_path: Path) -> None:

@@ -258,7 +258,8 @@ def differences(run: Run, target: ReplayTarget, result: PolicyScenarioResult) ->
     """Return a line for each measure that differs, for example `velocity_error: 0.31 then, 0.32 now`.
 
     Args:
-        run: Run of the results folder; measures that its file lacks are not compared.
+        run: Run of the results folder. Measures that its file lacks, and measures of extensions that are not installed,
+            are not compared.
         target: Stored episode.
         result: Measures of the episode that was simulated again.
 
@@ -267,7 +268,7 @@ def differences(run: Run, target: ReplayTarget, result: PolicyScenarioResult) ->
     """
     then = table(target.cell).slice(target.number, 1).to_pylist()[0]
     now = table(result, np.array([target.number])).to_pylist()[0]
-    names = [name for name in then if name not in run.missing_measures]
+    names = [name for name in then if name in now and name not in run.missing_measures]
     # Compare by repr, because 0.0 == -0.0.
     return [f"{name}: {then[name]} then, {now[name]} now" for name in names if repr(then[name]) != repr(now[name])]
 
