@@ -63,19 +63,20 @@ _added_observers: list[Callable[[], None]] = []
 def add_extension(extension: Extension) -> None:
     """Add an extension to this process; worker processes of an evaluation get the extension too.
 
-    ValueError is raised if another extension has an addition of the same kind and name. A built-in name raises
-    ValueError later, in `check_new`.
+    A built-in name raises ValueError later, in `check_new`.
 
     Args:
         extension: Extension to add.
 
     Raises:
         TypeError: The argument is not an `Extension`.
+        ValueError: Another extension has an addition of the same kind and name.
     """
     if not isinstance(extension, Extension):
         raise TypeError(f"extension: expected a quad_env.Extension, got {extension!r}")
     for kind in KINDS:
-        _check_distinct(kind, named(kind), getattr(extension, kind))
+        if taken := _shared_names(named(kind), getattr(extension, kind)):
+            raise ValueError(f"extension: {kind} {taken} exist already; choose another name")
     _added.append(extension)
     for drop_cache in _added_observers:
         drop_cache()
@@ -120,14 +121,14 @@ def check_new(kind: str, builtin: Mapping[str, Any]) -> dict[str, Any]:
         ValueError: An addition has a built-in name.
     """
     additions = named(kind)
-    if taken := sorted(set(additions) & set(builtin)):
-        raise ValueError(f"extension: {kind} {', '.join(taken)} exist already; choose another name")
+    if taken := _shared_names(additions, builtin):
+        raise ValueError(f"extension: {kind} {taken} exist already; choose another name")
     return additions
 
 
-def _check_distinct(kind: str, known: Mapping[str, Any], new: Mapping[str, Any]) -> None:
-    if taken := sorted(set(known) & set(new)):
-        raise ValueError(f"extension: {kind} {', '.join(taken)} exist already; choose another name")
+def _shared_names(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
+    """Return the names that both mappings have, sorted and joined by commas; empty if they share none."""
+    return ", ".join(sorted(set(first) & set(second)))
 
 
 @cache

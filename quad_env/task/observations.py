@@ -173,6 +173,8 @@ def user_terms(observations: Iterable[str | ObservationTerm]) -> tuple[Observati
     Raises:
         ValueError: A name is unknown, repeated or built in, or a term has no function.
     """
+    if observations == ():  # the usual case; policies ask at every step
+        return ()
     if isinstance(observations, str | ObservationTerm):
         observations = (observations,)
     builtin = {**OBSERVATION, "height_scan": None}
