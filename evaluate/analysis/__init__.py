@@ -1,1 +1,1 @@
-"""Analysis of the episodes of a run: summaries, differences, scores, ranking and breaking points."""
+"""Analysis of an evaluation run: summaries, differences, scores, ranking and breaking points."""

@@ -1,7 +1,7 @@
-"""Breaking points of all policies on all axes, for falls and for success, and their display as text.
+"""Breaking points of all policies on all disturbance axes, and their formatting as text.
 
-An axis is a kind of disturbance with several severities. A breaking point is the severity at which half of the episodes
-fail.
+A disturbance axis is a kind of disturbance, for example pushes, that is tested at several severities. A breaking point
+is the severity at which half of the episodes of a policy fail.
 """
 
 import math
@@ -19,54 +19,60 @@ from evaluate.statistics.intervals import Interval
 from quad_env.cli.format import NO_BREAK
 
 FailureKind = Literal["falls", "success"]
-"""Kind of failure that a breaking point counts: `falls`, or episodes without success (`success`)."""
+"""Kind of failure that a breaking point counts.
+
+`falls` counts episodes in which the robot falls. `success` counts all episodes that do not succeed by the success rule.
+"""
 FAILURE_KINDS: tuple[FailureKind, ...] = ("falls", "success")
-"""All kinds of failure; each policy has a breaking point for each kind on each axis."""
+"""All kinds of failure; each policy has one breaking point for each of them on each disturbance axis."""
 BREAKING_POINT_WORDS: dict[FailureKind, str] = {
     "success": "half of the episodes no longer succeed at",
     "falls": "half of the episodes fall at",
 }
-"""Kind of failure -> printed words before the breaking points."""
+"""Kind of failure -> words that are printed before the breaking points of this kind."""
 
 
 @dataclass(frozen=True)
 class AxisBreakingPoint:
-    """Breaking point of one policy on one axis. The fields are the keys of results.json."""
+    """Breaking point of one policy on one disturbance axis. The field names are the keys in results.json."""
 
     axis: str
-    """Name of the axis."""
+    """Name of the disturbance axis, for example `push`."""
     policy: str
     """Name of the policy."""
     unit: str
-    """Unit of the severities."""
+    """Unit of the severities on this disturbance axis, for example `N·s`."""
     severity50: float
     """Severity at which half of the episodes fail; NaN if `found` is `never` or `always`."""
     ci: Interval
-    """95 % interval of the severity; an end is infinite if it lies beyond the severities of the run."""
+    """95 % confidence interval of `severity50`; an end outside of the tested severities is infinite."""
     found: BreakingPointKind
-    """Where the failure rate crosses one half.
+    """Result of the search for the severity at which half of the episodes fail.
 
-    `crossed`: between the mildest and the hardest severity. `never`: less than half fail at the hardest severity.
-    `always`: half or more fail at the mildest severity.
+    `crossed`: the failure rate crosses one half between the mildest and the hardest severity. `never`: less than half
+    fail at the hardest severity. `always`: half or more fail at the mildest severity.
     """
     lowest: float
-    """Smallest severity of the run."""
+    """Smallest severity that the policy was tested at, in `unit`."""
     highest: float
-    """Largest severity of the run."""
+    """Largest severity that the policy was tested at, in `unit`."""
     hardest: float
-    """Hardest severity of the run: `lowest` on an axis like friction, `highest` on an axis like push."""
+    """Hardest severity that the policy was tested at, in `unit`.
+
+    It equals `lowest` if smaller values are harder (friction), otherwise `highest` (push impulse).
+    """
     of: FailureKind = "falls"
-    """Kind of failure that counts."""
+    """Kind of failure that the breaking point counts: `falls`, or episodes without success (`success`)."""
 
 
 def breaking_points(cells: Sequence[PolicyScenarioResult]) -> list[AxisBreakingPoint]:
-    """Compute the breaking points of every policy on every axis with at least MIN_LEVELS severities.
+    """Compute the breaking points of every policy on each disturbance axis with MIN_LEVELS severities.
 
     Args:
-        cells: Cells of a run. A cell holds the episodes of one policy on one scenario.
+        cells: Results of a run, one for each pair of policy and scenario.
 
     Returns:
-        Breaking points for falls, then for success, each sorted by axis and then by policy.
+        Breaking points for falls, then for success, each sorted by disturbance axis and then by policy.
     """
     cell_by_level = {(cell.scenario.name, cell.policy): cell for cell in cells}
     axes = [axis for axis in severity_axes(cells) if axis.scenarios[0].axis]
@@ -80,7 +86,19 @@ def breaking_points(cells: Sequence[PolicyScenarioResult]) -> list[AxisBreakingP
 
 
 def _axis_breaking_point(axis: str, levels: Sequence[PolicyScenarioResult], kind: FailureKind) -> AxisBreakingPoint:
-    """Compute the breaking point of one policy on one axis from its cells, the mildest first."""
+    """Compute the breaking point of one policy on one disturbance axis.
+
+    Args:
+        axis: Name of the disturbance axis.
+        levels: Results of the policy at each severity of the axis, the mildest first.
+        kind: Kind of failure to count.
+
+    Returns:
+        The breaking point.
+
+    Raises:
+        ValueError: The results at two severities hold different episodes.
+    """
     first = levels[0]
     mildest = levels[0].scenario
     hardest = levels[-1].scenario
@@ -102,10 +120,11 @@ def _axis_breaking_point(axis: str, levels: Sequence[PolicyScenarioResult], kind
 
 
 def breaking_point_text(point: AxisBreakingPoint) -> str:
-    """Format a breaking point as text.
+    """Format a breaking point as text, for example `48 N·s [45, 51]`.
 
-    The text is `48 N·s [45, 51]` if the failure rate crosses one half. It is `none up to 100 N·s` if less than half of
-    the episodes fail at the hardest severity. It is `already at 20 N·s` if half or more fail at the mildest severity.
+    This form with the 95 % interval is used if the failure rate crosses one half. The text is `none up to 100 N·s` if
+    less than half of the episodes fail at the hardest severity. It is `already at 20 N·s` if half or more fail at the
+    mildest severity.
     """
     is_rising = point.hardest == point.highest
     if point.found == "never":
@@ -119,5 +138,5 @@ def breaking_point_text(point: AxisBreakingPoint) -> str:
 
 
 def _round_to_three_digits(value: float) -> float:
-    """Round to three significant digits, because every interval is wider than the rounding error."""
+    """Round a severity to three significant digits; all intervals are wider than this rounding error."""
     return float(f"{value:.3g}")

@@ -18,35 +18,42 @@ from evaluate.records.episode_table import cell_of
 from evaluate.records.store import rows_of
 
 Labels = Mapping[str, str]
-"""Name of a policy in one run -> its display name in the combined results."""
+"""Name of a policy in one run -> name with which the combined results show the policy."""
 ClaimKey = tuple[str, frozenset[str]]
-"""Name of a scenario, and the display names of the two policies that are compared on it."""
+"""Key of a comparison: name of the scenario, and display names of the two policies compared on it."""
 
 
 @dataclass(frozen=True)
 class CombinedRuns:
-    """Results of two runs together, made by `combine_runs`."""
+    """Results of two runs A and B that are analysed together, made by `combine_runs`."""
 
     ranking: Ranking
     """Ranking of the policies of both runs, on the scenarios and seeds that both runs have."""
     matches: tuple[Match, ...]
-    """Matched pairs of policies on each common scenario, with corrected p-values."""
+    """Comparison of a policy of run A with its partner in run B, for each pair and each common scenario.
+
+    The p-values are corrected for the number of tests.
+    """
     correlation: RankCorrelation | None
-    """Rank correlation of the matched policies between the runs; None for fewer than MIN_POLICIES."""
+    """Agreement of the two runs on the order of the compared policies, as a rank correlation.
+
+    It is None for fewer than MIN_POLICIES policies.
+    """
 
 
 def combine_runs(
     matches: Sequence[Match], runs: tuple[StoredRun, StoredRun], labels: tuple[Labels, Labels]
 ) -> CombinedRuns:
-    """Rank the policies of two runs together and correct all p-values at once.
+    """Rank the policies of two runs together, and correct the p-values of all comparisons at once.
 
     Args:
-        matches: Matched pairs of policies on each common scenario.
-        runs: Manifest and episode table of each run.
-        labels: Name of a policy -> display name, for each run; equal display names count as one policy.
+        matches: Comparison of a policy of run A with its partner in run B, for each pair and each common scenario.
+        runs: Manifest and episode table of run A, and of run B.
+        labels: Name of a policy -> display name, for run A and for run B. Policies with equal display names count as
+            one policy.
 
     Returns:
-        The combined results.
+        The combined results, with corrected p-values.
     """
     cells_of_a = _shared_cells(runs[0], runs[1], labels[0])
     cells_of_b = _shared_cells(runs[1], runs[0], labels[1])
@@ -66,9 +73,15 @@ def combine_runs(
 
 
 def _shared_cells(run: StoredRun, other: StoredRun, labels: Labels) -> list[PolicyScenarioResult]:
-    """Return the cells of `run`, reduced to the scenarios and seeds that `other` has as well.
+    """Return the results of `run`, reduced to the scenarios and seeds that the run `other` has as well.
 
-    A cell holds the episodes of one policy on one scenario.
+    Args:
+        run: Manifest and episode table of the run to reduce.
+        other: Manifest and episode table of the other run.
+        labels: Name of a policy of `run` -> display name; other policies are left out.
+
+    Returns:
+        Results, one for each pair of policy and scenario, with the display names of the policies.
     """
     manifest, rows = run
     _, other_rows = other
@@ -88,7 +101,7 @@ def _shared_cells(run: StoredRun, other: StoredRun, labels: Labels) -> list[Poli
 def _merge_cells(
     cells_of_a: Sequence[PolicyScenarioResult], cells_of_b: Sequence[PolicyScenarioResult]
 ) -> list[PolicyScenarioResult]:
-    """Merge the cells of both runs; run A wins if both have a cell of one policy on one scenario."""
+    """Merge the results of runs A and B; A's result is kept if both have the same policy and scenario."""
     merged = {(cell.scenario.name, cell.policy): cell for cell in (*cells_of_b, *cells_of_a)}
     return list(merged.values())
 
@@ -96,7 +109,17 @@ def _merge_cells(
 def _pareto_points(
     run: StoredRun, cells: Sequence[PolicyScenarioResult], scored: ScoredCells, *, hardware: bool
 ) -> dict[str, ParetoPoint]:
-    """Return a dictionary: policy -> success and cost of transport in `run`, for the policies in `scored`."""
+    """Compute success and cost of transport of the policies in `scored`, from the results of one run.
+
+    Args:
+        run: Manifest and episode table of the run.
+        cells: Results of the run, one for each pair of policy and scenario.
+        scored: Scored results of both runs together; other policies are left out.
+        hardware: True for the scenarios with the hardware profile, False for the scenarios without it.
+
+    Returns:
+        Name of the policy -> success and cost of transport.
+    """
     manifest, _ = run
     scores = [score for score in compute_scores(cells, "", hardware=hardware) if score.policy in scored.cells_by_policy]
     return {point.policy: point for point in compute_pareto(cells, scores, manifest.hardware.robot_model).points}
@@ -107,7 +130,7 @@ def _claim_key(match: Match, labels: tuple[Labels, Labels]) -> ClaimKey:
 
 
 def _success_comparison(match: Match, labels: tuple[Labels, Labels]) -> Comparison:
-    """Return the difference in success rate of a match: policy of run B minus policy of run A."""
+    """Return the difference in success rate of a matched pair: policy of run B minus policy of run A."""
     (difference,) = (contrast for contrast in match.contrasts if contrast.metric == SUCCESS_RATE)
     return Comparison(
         scenario=match.scenario,
@@ -123,7 +146,15 @@ def _success_comparison(match: Match, labels: tuple[Labels, Labels]) -> Comparis
 
 
 def _adjacent_claims(ranked: Ranking, scored: ScoredCells) -> dict[ClaimKey, Comparison]:
-    """Compare the success of each adjacent pair on every scenario: (scenario, pair) -> comparison."""
+    """Compare the success rates of each adjacent pair of the ranking on every scored scenario.
+
+    Args:
+        ranked: Combined ranking of both runs.
+        scored: Results that enter the ranking.
+
+    Returns:
+        Scenario and pair of policies -> comparison of their success rates.
+    """
     claims = {}
     for pair in ranked.neighbours:
         better_cells = scored.cells_by_policy[pair.better]
@@ -137,7 +168,16 @@ def _adjacent_claims(ranked: Ranking, scored: ScoredCells) -> dict[ClaimKey, Com
 def _correlation(
     matches: Sequence[Match], scored: ScoredCells, labels: tuple[Labels, Labels]
 ) -> RankCorrelation | None:
-    """Compute the rank correlation of the scored, matched policies; None for fewer than MIN_POLICIES."""
+    """Compute the rank correlation between the two runs over all compared policies that have a score.
+
+    Args:
+        matches: Comparison of a policy of run A with its partner in run B, for each pair and each common scenario.
+        scored: Results that enter the score.
+        labels: Name of a policy -> display name, for run A and for run B.
+
+    Returns:
+        Rank correlation; None for fewer than MIN_POLICIES policies.
+    """
     pairs = [
         (a, b)
         for a, b in dict.fromkeys((match.a, match.b) for match in matches)

@@ -16,62 +16,66 @@ from evaluate.statistics.intervals import Floats, Interval, difference_interval,
 from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
 
 BASELINE = "trot"
-"""Policy that the others are compared with by default."""
+"""Name of the policy that all others are compared with if the user does not choose a baseline."""
 SUCCESS_RATE = "success_rate"
-"""Name of the proportion of successful episodes."""
+"""Name of the metric: proportion of successful episodes."""
 FALL_RATE = "fall_rate"
-"""Name of the proportion of episodes with a fall."""
+"""Name of the metric: proportion of episodes in which the robot falls."""
 RATES = (SUCCESS_RATE, FALL_RATE)
 """Metrics that are proportions of episodes.
 
 A larger success rate is better; a larger value of any other metric is worse.
 """
 CAPS = {"velocity_error": VELOCITY_CAP, "yaw_rate_error": YAW_RATE_CAP, "mean_velocity_error": VELOCITY_CAP}
-"""Tracking error -> its largest possible value, m/s or rad/s."""
+"""Tracking error -> its largest possible value in an episode, m/s or rad/s."""
 ERRORS = tuple(CAPS)
-"""Metrics that are tracking errors."""
+"""Names of the metrics that are errors of command tracking, for which a smaller value is better."""
 SCORE = "score"
-"""Name of the score: the mean success over the axes of a run, a proportion for each episode."""
+"""Name of the score: a policy's mean success over the disturbance axes of a run, 0 … 1."""
 _METRIC_BOUNDS = CAPS | LIMITS | {SCORE: 1.0}
-"""Error, effort measure or score -> its largest possible value, which bounds bootstrap intervals."""
+"""Metric that is not a rate -> its largest possible value, which limits its bootstrap interval."""
 METRICS = (*RATES, *ERRORS)
-"""Compared metrics, in display order."""
+"""Names of the metrics in which policies are compared, in display order: rates, then tracking errors."""
 SIGNIFICANT = 0.05
-"""Significance level: a difference is claimed if its corrected p-value is below this level."""
+"""Significance level: a difference is reported as significant if its corrected p-value is below it."""
 NO_INTERVAL: Interval = (np.nan, np.nan)
-"""Interval if none is defined, for example for the difference of bit-identical episodes."""
+"""Interval that stands for "not defined", for example for the difference of bit-identical episodes."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Difference of two policies, a − b, in one metric on one scenario.
+    """Difference between two policies, a minus b, in one metric on one scenario.
 
-    The fields are the keys of results.json.
+    The field names are the keys in results.json.
     """
 
     scenario: str
-    """Name of the scenario."""
+    """Name of the scenario on which both policies ran."""
     a: str
     """Name of policy a."""
     b: str
     """Name of policy b; the baseline if it is one of the two policies."""
     metric: str
-    """Name of the compared metric."""
+    """Name of the compared metric, one of METRICS."""
     difference: float
-    """Mean difference a − b."""
+    """Mean over the episodes of the difference a − b, in the unit of the metric."""
     ci: Interval
-    """95 % interval of the difference.
+    """95 % confidence interval of `difference`, in the unit of the metric.
 
-    It is Tango's score interval of paired proportions for a rate, and a bootstrap over the pairs for an error.
+    For a rate it is Tango's score interval of paired proportions. For a tracking error it is a bootstrap interval over
+    the paired episodes.
     """
     p_value: float
-    """p-value of the test, not corrected."""
+    """p-value of the paired test, before any correction for the number of tests."""
     test: str
-    """Name of the test."""
+    """Name of the paired test that gave `p_value`."""
     p_value_holm: float
-    """p-value corrected for the number of tests; see `compare` and `ranking.correct_p_values`."""
+    """p-value after Holm's correction for the number of tests.
+
+    `compare` or `ranking.correct_p_values` computes the correction.
+    """
     identical: bool = False
-    """True if every measure of every episode is bit-identical.
+    """True if every measure of every episode of the two policies is bit-identical.
 
     The difference is then 0, and its interval is NO_INTERVAL.
     """
@@ -82,18 +86,18 @@ def compare(
     baseline: str | None = None,
     adjacent_pairs: Container[frozenset[str]] = (),
 ) -> list[Comparison]:
-    """Compare every policy with the baseline, and adjacent policies of a ranking, in every metric.
+    """Compare every policy with the baseline, and the adjacent policies of a ranking, in every metric.
 
-    p-values are corrected by Holm's method within families. Each metric has two families, both over all scenarios of
-    the run: the comparisons with the baseline, and all other comparisons.
+    The p-values of each metric are corrected by Holm's method within two families of tests. One family is the
+    comparisons with the baseline on all scenarios; the other is all other comparisons on all scenarios.
 
     Args:
-        cells: Cells of a run. A cell holds the episodes of one policy on one scenario.
-        baseline: Policy that the others are compared with; None for `default_baseline`.
+        cells: Results of a run, one for each pair of policy and scenario.
+        baseline: Name of the policy that the others are compared with; None for `default_baseline`.
         adjacent_pairs: Pairs of policies that are adjacent in the ranking.
 
     Returns:
-        The comparisons, sorted by scenario, then pair, then metric.
+        The comparisons, sorted by scenario, then pair of policies, then metric.
     """
     baseline = baseline or default_baseline([cell.policy for cell in cells])
     comparisons = list[Comparison]()
@@ -107,7 +111,15 @@ def compare(
 
 
 def _correct_families(comparisons: list[Comparison], baseline: str) -> list[Comparison]:
-    """Correct the p-values by Holm's method within each family of comparisons (see `compare`)."""
+    """Correct the p-values by Holm's method, separately for each metric and each family of `compare`.
+
+    Args:
+        comparisons: Comparisons with uncorrected p-values.
+        baseline: Name of the policy that the others are compared with.
+
+    Returns:
+        The comparisons with corrected p-values, in the same order.
+    """
     corrected = list(comparisons)
     for metric, with_baseline in product(METRICS, (True, False)):
         family = [
@@ -122,25 +134,25 @@ def _correct_families(comparisons: list[Comparison], baseline: str) -> list[Comp
 
 
 def default_baseline(policies: Sequence[str]) -> str:
-    """Return the default baseline: BASELINE if `policies` include it, otherwise the first policy."""
+    """Return the default baseline: BASELINE if it is among the `policies`, otherwise the first policy."""
     return BASELINE if BASELINE in policies or not policies else policies[0]
 
 
 def compare_pair(
     a: PolicyScenarioResult, b: PolicyScenarioResult, metrics: Sequence[str] = METRICS
 ) -> Iterator[Comparison]:
-    """Compare two policies on one scenario over the same episodes.
+    """Compare two policies on one scenario, paired by episode.
 
     Args:
-        a: Cell of policy a.
-        b: Cell of policy b, on the same scenario.
-        metrics: Metrics to compare.
+        a: Result of policy a on the scenario.
+        b: Result of policy b on the same scenario, with the same seeds.
+        metrics: Names of the metrics to compare.
 
     Yields:
-        A comparison for each metric, a minus b.
+        A comparison for each metric, a minus b, with an uncorrected p-value.
 
     Raises:
-        ValueError: The cells hold different episodes.
+        ValueError: The two results hold different episodes.
     """
     if not np.array_equal(a.seeds, b.seeds):
         raise ValueError(f"{a.policy} and {b.policy} ran different episodes on {a.scenario.name}: nothing to pair")
@@ -164,7 +176,7 @@ def compare_pair(
 
 
 def is_identical(a: PolicyScenarioResult, b: PolicyScenarioResult) -> bool:
-    """Return True if every measure of every episode of the cells `a` and `b` is bit-identical."""
+    """Return True if every measure of every episode of the results `a` and `b` is bit-identical."""
     if not np.array_equal(a.seeds, b.seeds):
         return False
     pairs: list[tuple[NDArray[Any], NDArray[Any]]] = [(a.fall_reason, b.fall_reason), (a.failure, b.failure)]
@@ -183,7 +195,7 @@ def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> bool:
 
 
 def metric_by_episode(cell: PolicyScenarioResult, metric: str) -> Floats:
-    """Return the value of a `metric` in each episode of a `cell`, (n,); a rate is 1 or 0 in each episode."""
+    """Return a `metric` of each episode of the result `cell`, (n,); a rate becomes 1.0 or 0.0 per episode."""
     measure_of_rate = {SUCCESS_RATE: "succeeded", FALL_RATE: "fell"}
     return np.asarray(getattr(cell.measures, measure_of_rate.get(metric, metric)), np.float64)
 
@@ -191,16 +203,18 @@ def metric_by_episode(cell: PolicyScenarioResult, metric: str) -> Floats:
 def paired_difference(
     metric: str, a: Floats, b: Floats, *, identical: bool = False
 ) -> tuple[float, Interval, float, str]:
-    """Compare a metric of two policies over the same episodes.
+    """Compute the paired difference a − b of one metric over the same episodes, with interval and test.
 
     Args:
-        metric: Name of the metric. It selects the methods for interval and test.
+        metric: Name of the metric. Rates get Tango's interval and McNemar's test, other metrics a bootstrap interval
+            and a sign-flip permutation test.
         a: Value of the first policy in each episode, (n,).
         b: Value of the second policy in each episode, (n,).
-        identical: True if the episodes are bit-identical.
+        identical: True if the episodes of both policies are bit-identical; the difference is then 0 with a p-value of
+            1.
 
     Returns:
-        Mean difference a − b, its 95 % interval, the p-value, and the name of the test.
+        Mean difference a − b, its 95 % interval, the uncorrected p-value, and the name of the test.
     """
     test = "exact McNemar" if metric in RATES else "paired sign-flip permutation"
     if identical:
@@ -215,38 +229,38 @@ def paired_difference(
 
 @dataclass(frozen=True)
 class MetricDifference:
-    """Difference of one metric between two runs, B minus A. The fields are keys of the JSON file."""
+    """Difference of one metric between two runs, B minus A. The field names are the keys in the JSON file."""
 
     metric: str
-    """Name of the compared metric."""
+    """Name of the compared metric or effort measure."""
     a: float
-    """Mean in run A."""
+    """Mean of the metric over the compared episodes of run A."""
     b: float
-    """Mean in run B."""
+    """Mean of the metric over the compared episodes of run B."""
     difference: float
-    """Mean difference, B minus A."""
+    """Mean over the episodes of the paired difference, B minus A."""
     ci: Interval
-    """95 % interval of the difference."""
+    """95 % confidence interval of `difference`; NaN if it is not defined."""
     p_value: float
-    """p-value of the test, not corrected."""
+    """p-value of the paired test, before any correction for the number of tests."""
     test: str
-    """Name of the test."""
+    """Name of the paired test that gave `p_value`."""
 
 
 def compare_metrics(
     a: Mapping[str, Floats], b: Mapping[str, Floats], *, identical: bool = False
 ) -> Iterator[MetricDifference]:
-    """Compare every metric and every effort measure between two runs, over the same episodes.
+    """Compare every metric and every effort measure between two runs, paired by episode.
 
     An episode is left out of the comparison of a metric if the metric is NaN in either run.
 
     Args:
-        a: Values of run A: metric or effort measure -> value of each episode, (n,).
-        b: Values of run B, for the same episodes in the same order.
+        a: Metric or effort measure -> value in each episode of run A, (n,).
+        b: Metric or effort measure -> value in each episode of run B, (n,), for the same episodes in the same order.
         identical: True if all measures of these episodes are bit-identical.
 
     Yields:
-        The difference of each metric that both runs have.
+        The difference, B minus A, of each metric that both runs have.
     """
     for metric in (metric for metric in (*METRICS, *EFFORT) if metric in a and metric in b):
         known = ~(np.isnan(a[metric]) | np.isnan(b[metric]))

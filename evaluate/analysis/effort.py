@@ -1,4 +1,4 @@
-"""Effort measures of each episode (cost of transport, duty factor, …), with means and intervals."""
+"""Effort measures of each episode (cost of transport, duty factor, …), their means and intervals."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,20 +11,22 @@ from evaluate.measures.effort import cost_of_all
 from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval
 
 COST = "cost_of_transport"
-"""Name of the cost of transport in EFFORT."""
+"""Name of the effort measure cost of transport: energy / (weight · distance)."""
 LIMITS = dict.fromkeys(EFFORT, np.inf) | dict.fromkeys(("duty_factor", "flight"), 1.0)
-"""Effort measure -> its largest possible value."""
+"""Effort measure -> its largest possible value, which limits its interval; infinite if none."""
 
 
 def effort_by_episode(column: Callable[[str], NDArray[Any]], weight: float) -> dict[str, Floats]:
     """Compute every effort measure of each episode.
 
     Args:
-        column: Function from the name of a measure in `Measures` to its values, (n,) or (n, feet).
+        column: Function that receives the name of a field of `Measures` and returns its values, (n,) or (n, 4) with one
+            column for each foot.
         weight: Weight of the robot with its payload, N.
 
     Returns:
-        Name in EFFORT -> value of each episode, (n,). The duty factor is the mean over the feet.
+        Effort measure (a name in EFFORT) -> value of each episode, (n,). The duty factor is the mean over the four
+        feet.
     """
     cost = cost_by_episode(column("energy"), column("distance"), weight)
     duty_factor = column("duty_factor")
@@ -33,19 +35,19 @@ def effort_by_episode(column: Callable[[str], NDArray[Any]], weight: float) -> d
 
 
 def cost_by_episode(energy: Floats, distance: Floats, weight: float) -> Floats:
-    """Linearise the cost of transport: one value per episode, with the cost of all episodes as mean.
+    """Compute a linearised cost of transport for each episode; its mean is the cost of all episodes.
 
-    The cost of transport of all episodes is a quotient of sums: ∑ energy / (weight · ∑ distance). Linearisation
-    (Woodruff 1971, Journal of the American Statistical Association 66) makes it a mean over episodes. Its interval and
-    its paired differences can then be computed in the same way as for any mean.
+    The cost of transport of all episodes together is a quotient of sums: ∑ energy / (weight · ∑ distance).
+    Linearisation of this quotient (Woodruff 1971, Journal of the American Statistical Association 66) turns it into a
+    mean over episodes. Its interval and its paired differences can then be computed in the same way as for any mean.
 
     Args:
         energy: Energy of each episode, (n,), J.
-        distance: Distance of each episode, (n,), m.
+        distance: Distance that the robot covered in each episode, (n,), m.
         weight: Weight of the robot with its payload, N.
 
     Returns:
-        Linearised cost of each episode, (n,); all NaN if the cost of transport is not defined.
+        Linearised cost of each episode, (n,), without unit; all NaN if the cost of all episodes together is NaN.
     """
     total_cost = cost_of_all(energy, distance, weight)
     if np.isnan(total_cost):
@@ -57,11 +59,11 @@ def mean_and_interval(values: Floats, name: str) -> tuple[float, Interval]:
     """Compute mean and 95 % interval of an effort measure over the episodes in which it is not NaN.
 
     Args:
-        values: Value of each episode, (n,).
-        name: Name of the measure in EFFORT.
+        values: Value of the measure in each episode, (n,).
+        name: Name of the effort measure in EFFORT; it selects the largest possible value.
 
     Returns:
-        Mean and interval; NaN if every value is NaN.
+        Mean and interval, in the unit of the measure; NaN if every value is NaN.
     """
     known = values[~np.isnan(values)]
     mean = float(known.mean()) if len(known) else np.nan

@@ -1,6 +1,6 @@
-"""Selection of the worst and the most typical failed episode of each policy on each axis.
+"""Selection of the worst and the most typical failed episode of each policy on each disturbance axis.
 
-An axis is a kind of disturbance with several severities.
+A disturbance axis is a kind of disturbance, for example pushes, that is tested at several severities.
 """
 
 import hashlib
@@ -18,23 +18,24 @@ from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
 from evaluate.cells import PolicyScenarioResult
 
 PAGES_FOLDER = "pages"
-"""Name of the folder of episode pages, inside the folder of a run."""
+"""Name of the folder, inside the results folder, that contains an HTML page for each filmed episode."""
 
 
 class FailedEpisode(NamedTuple):
-    """A failed episode, made by `select_failures`.
+    """A failed episode that the report lists, made by `select_failures`.
 
     Attributes:
         policy: Name of the policy.
-        axis: Name of the axis.
+        axis: Name of the disturbance axis.
         scenario: Name of the scenario.
-        level: Index of the scenario on its axis, 0 for the mildest.
-        number: Index of the episode among the episodes of the policy on the scenario.
-        row: Row of the episode in episodes.parquet.
-        page: File name of the page of the episode. It contains a hash of everything that the page depends on.
+        level: Index of the scenario's severity on its disturbance axis, 0 for the mildest.
+        number: Index of the episode among the episodes of this policy on this scenario.
+        row: Row index of the episode in episodes.parquet.
+        page: File name of the HTML page that shows the episode. It contains a hash of all inputs of the page.
         fell: True if the robot fell.
-        time: Time of the fall, or onset of the cause if the robot did not fall, s; infinite if unknown.
-        cause: Cause of the failure; None if unknown.
+        time: Time of the fall, s. If the robot did not fall, it is the onset of the cause of failure, and infinite if
+            no onset is known.
+        cause: Name of the cause of failure; None if it is unknown.
     """
 
     policy: str
@@ -50,18 +51,19 @@ class FailedEpisode(NamedTuple):
 
 
 def select_failures(results: Results) -> Iterator[tuple[str, FailedEpisode]]:
-    """Select the worst and the most typical failure of each policy on each axis.
+    """Select the worst and the most typical failed episode of each policy on each disturbance axis.
 
-    A level is one severity of an axis. The worst failure occurs at the mildest level at which the policy fails. It is
-    the earliest fall at this level, or the earliest failure if no episode has a fall. The typical failure has the most
-    frequent cause of failure of the policy on the axis. If two causes are equally frequent, the cause at the mildest
-    level counts. Among the failures with this cause, the typical failure is the nearest to their median time.
+    The worst failure occurs at the mildest severity at which the policy fails. It is the earliest fall at this
+    severity, or the earliest failure if the robot falls in no episode. The typical failure has the policy's most
+    frequent cause of failure on this disturbance axis. If two causes are equally frequent, the cause that occurs at the
+    milder severity is chosen. Among the failures with this cause, the typical one is the nearest to their median time.
 
     Args:
         results: Results of a run.
 
     Yields:
-        Kind (`worst`, `typical` or `worst and typical`) and failed episode, sorted by policy and then by axis.
+        Kind of selection (`worst`, `typical` or `worst and typical`) and failed episode, sorted by policy and then by
+        disturbance axis.
     """
     made_with = {name: value for name, value in results.provenance.items() if name != "threads"}
     run = _hash(json.dumps([made_with, dict(results.versions), results.seed], sort_keys=True))
@@ -82,7 +84,7 @@ def select_failures(results: Results) -> Iterator[tuple[str, FailedEpisode]]:
 
 
 def _typical_failure(failures: Sequence[FailedEpisode]) -> FailedEpisode:
-    """Return the typical failure, as `select_failures` defines it; `failures` are mildest first."""
+    """Return the typical one of some `failures`, sorted from the mildest severity; see `select_failures`."""
     cause = Counter(failure.cause for failure in failures).most_common(1)[0][0]
     same_cause = [failure for failure in failures if failure.cause == cause]
     median_time = median_low(failure.time for failure in same_cause)
@@ -95,7 +97,17 @@ def _typical_failure(failures: Sequence[FailedEpisode]) -> FailedEpisode:
 def _failures_on_axis(
     cells: Sequence[PolicyScenarioResult], policy: str, axis: SeverityAxis, run: str
 ) -> Iterator[FailedEpisode]:
-    """Yield the failed episodes of one policy on one axis; `run` is a hash that identifies the run."""
+    """Yield the failed episodes of one policy on one disturbance axis.
+
+    Args:
+        cells: Results of the run, one for each pair of policy and scenario.
+        policy: Name of the policy.
+        axis: Disturbance axis.
+        run: Hash that identifies the run, as part of the page names.
+
+    Yields:
+        Failed episodes, sorted by scenario in the order of the run and then by episode.
+    """
     first_row = 0
     for cell in cells:
         if cell.policy == policy and cell.scenario.name in axis.scenario_names:
@@ -106,9 +118,16 @@ def _failures_on_axis(
 def _failures_of_cell(
     cell: PolicyScenarioResult, axis: SeverityAxis, first_row: int, run: str
 ) -> Iterator[FailedEpisode]:
-    """Yield the failed episodes of one cell (episodes of one policy on one scenario).
+    """Yield the failed episodes of one policy on one scenario.
 
-    `first_row` is the row of its first episode in episodes.parquet; `run` is a hash that identifies the run.
+    Args:
+        cell: Result of the policy on the scenario.
+        axis: Disturbance axis of the scenario.
+        first_row: Row index of the first of these episodes in episodes.parquet.
+        run: Hash that identifies the run, as part of the page names.
+
+    Yields:
+        Failed episodes, sorted by their index.
     """
     measures = cell.measures
     scenario = cell.scenario.name

@@ -1,4 +1,4 @@
-"""Comparison of two runs, A and B: matched policies on each common scenario, paired by seed."""
+"""Comparison of two runs, A and B: pairs of policies on each common scenario, paired by episode seed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,51 +18,61 @@ from evaluate.statistics.intervals import Floats
 from quad_env.scenarios.scenario import HARDWARE
 
 StoredRun = tuple[Manifest, pa.Table]
-"""Manifest and episode table of a run."""
+"""Manifest (inputs) and episode table (one row per episode) of a stored run."""
 
 
 @dataclass(frozen=True)
 class Match:
-    """Comparison of a policy of run A and a policy of run B on one scenario, made by `match_runs`.
+    """Comparison of a policy of run A with a policy of run B on one scenario, made by `match_runs`.
 
-    The fields are keys of the JSON file.
+    The field names are the keys in the JSON file.
     """
 
     a: str
-    """Policy of run A."""
+    """Name of the compared policy of run A."""
     b: str
-    """Policy of run B."""
+    """Name of the compared policy of run B."""
     scenario: str
-    """Name of the scenario."""
+    """Name of the scenario on which both policies ran."""
     episodes: tuple[int, int]
-    """Number of episodes in run A, and in run B."""
+    """Number of episodes of the policy on the scenario: in run A, and in run B."""
     common: int
-    """Number of compared episodes: those with seeds that both runs have."""
+    """Number of compared episodes: the episodes with a seed that both runs have."""
     identical: bool
     """True if every column of every compared episode is bit-identical."""
     contrasts: tuple[MetricDifference, ...]
     """Difference of each metric, B minus A."""
     p_value_holm: float = np.nan
-    """p-value of the difference in success rate, corrected together with all claims of the comparison."""
+    """p-value of the difference in success rate, corrected for the number of all tests of the two runs."""
 
 
 def match_runs(pairs: Sequence[tuple[str, str]], a: StoredRun, b: StoredRun) -> list[Match]:
-    """Compare policies of two runs on every scenario on which both ran episodes with equal seeds.
+    """Compare pairs of policies of two runs on every scenario on which both ran episodes with equal seeds.
 
     Args:
         pairs: Pairs to compare: name of a policy of run A, and name of a policy of run B.
-        a: Manifest and episodes of run A.
-        b: Manifest and episodes of run B.
+        a: Manifest and episode table of run A.
+        b: Manifest and episode table of run B.
 
     Returns:
-        A match for each scenario and each pair that has common episodes.
+        A comparison for each scenario and each pair that has episodes with equal seeds.
     """
     scenarios = dict.fromkeys(a[1].column("scenario").to_pylist())
     return [match for scenario in scenarios for pair in pairs if (match := _match(scenario, pair, a, b))]
 
 
 def _match(scenario: str, pair: tuple[str, str], a: StoredRun, b: StoredRun) -> Match | None:
-    """Compare one pair of policies on one scenario; return None if they have no common episodes."""
+    """Compare one pair of policies on one scenario.
+
+    Args:
+        scenario: Name of the scenario.
+        pair: Name of the policy of run A, and name of the policy of run B.
+        a: Manifest and episode table of run A.
+        b: Manifest and episode table of run B.
+
+    Returns:
+        The comparison; None if the two policies have no episodes with equal seeds.
+    """
     all_rows_a = rows_of(a[1], pair[0], scenario)
     all_rows_b = rows_of(b[1], pair[1], scenario)
     rows_a, rows_b = _common_rows(all_rows_a, all_rows_b)
@@ -83,7 +93,7 @@ def _match(scenario: str, pair: tuple[str, str], a: StoredRun, b: StoredRun) -> 
 
 
 def _common_rows(a: pa.Table, b: pa.Table) -> tuple[pa.Table, pa.Table]:
-    """Return the rows of each table with the seeds that both tables have, sorted as in `a`."""
+    """Return the rows of tables `a` and `b` with the seeds that both tables have, sorted as in `a`."""
     seeds_a = a.column("seed").to_numpy()
     seeds_b = b.column("seed").to_numpy()
     _, indices_a, indices_b = np.intersect1d(seeds_a, seeds_b, return_indices=True)
@@ -92,20 +102,20 @@ def _common_rows(a: pa.Table, b: pa.Table) -> tuple[pa.Table, pa.Table]:
 
 
 def _weight(manifest: Manifest, name: str) -> float:
-    """Return the weight of the robot of a run, with its payload on the scenario `name`, N."""
+    """Return the weight of the robot of a run, N, with its payload on the scenario with the given `name`."""
     scenario = next(scenario for scenario in manifest.scenarios if scenario.name == name)
     return weight(manifest.hardware.robot_model, scenario)
 
 
 def _metric_values(rows: pa.Table, weighs: float) -> dict[str, Floats]:
-    """Return a dictionary: metric -> value of each episode, (n,).
+    """Return the compared metrics of each episode.
 
     Args:
-        rows: Episodes of one policy on one scenario.
+        rows: Rows of the episodes of one policy on one scenario.
         weighs: Weight of the robot with its payload, N.
 
     Returns:
-        Success and falls as 0 or 1, errors, and effort measures.
+        Metric -> value of each episode, (n,): success and falls as 0 or 1, tracking errors, and effort measures.
     """
     errors = {name: rows.column(name).to_numpy() for name in ERRORS}
     rates = {SUCCESS_RATE: rows.column("outcome").to_numpy() == SUCCEEDED, FALL_RATE: rows.column("fell").to_numpy()}
@@ -114,14 +124,14 @@ def _metric_values(rows: pa.Table, weighs: float) -> dict[str, Floats]:
 
 
 def _is_identical(a: pa.Table, b: pa.Table) -> bool:
-    """Return True if all columns that both tables have are bit-identical, except the name of the policy."""
+    """Return True if all columns that both episode tables have are bit-identical; policy names may differ."""
     missing = {"policy", *missing_measures(a), *missing_measures(b)}
     names = [name for name in a.column_names if name in b.column_names and name not in missing]
     return all(repr(a.column(name).to_pylist()) == repr(b.column(name).to_pylist()) for name in names)
 
 
 def strip_hardware_suffix(run: StoredRun) -> StoredRun:
-    """Return a copy of a run in which scenario names have no suffix for the hardware profile."""
+    """Return a copy of a run in which scenario names lack the suffix of the hardware profile, `+hardware`."""
     manifest, rows = run
     scenarios = tuple(replace(scenario, name=scenario.name.removesuffix(HARDWARE)) for scenario in manifest.scenarios)
     names = pc.replace_substring(rows.column("scenario"), HARDWARE, "")

@@ -1,4 +1,4 @@
-"""Pareto front of success against cost of transport."""
+"""Pareto front of success against cost of transport: policies that no other policy beats in both."""
 
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
@@ -14,55 +14,59 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import HARDWARE
 
 COST_SCENARIOS = ("steady", "flat", f"steady{HARDWARE}", f"flat{HARDWARE}")
-"""Scenarios on which the cost of transport is measured: the first one that the run has.
+"""Scenarios for the measurement of the cost of transport; the first one that the run has is used.
 
-The cost is measured on all scenarios together if the run has none of these.
+The cost is measured over all scenarios together if the run has none of these.
 """
 
 
 @dataclass(frozen=True)
 class ParetoPoint:
-    """Success and cost of transport of one policy. The fields are the keys of results.json."""
+    """Success and cost of transport of one policy. The field names are the keys in results.json."""
 
     policy: str
     """Name of the policy."""
     success: float
-    """Score of the policy: mean success over the axes, 0 … 1."""
+    """Score of the policy: mean success over the disturbance axes, 0 … 1."""
     success_ci: Interval
-    """95 % interval of the score."""
+    """95 % confidence interval of `success`."""
     cost: float
-    """Cost of transport; NaN if the policy does not move or did not run the scenario."""
+    """Cost of transport, without unit; NaN if the policy does not move or did not run the scenario."""
     cost_ci: Interval
-    """95 % interval of the cost of transport."""
+    """95 % confidence interval of `cost`."""
     dominated_by: tuple[str, ...] = ()
-    """Policies on the front that are at least as good in success and cost, and better in one of the two."""
+    """Names of the policies on the Pareto front that dominate this policy.
+
+    They are at least as good in success and in cost, and better in one of them.
+    """
 
 
 @dataclass(frozen=True)
 class Pareto:
-    """Pareto front of a run, and the points of all policies with a score.
+    """Pareto front of a run, with success and cost of transport of all policies that have a score.
 
-    The fields are the keys of results.json.
+    The field names are the keys in results.json.
     """
 
     cost_on: str
-    """Scenario on which the cost of transport is measured; empty for all scenarios together."""
+    """Name of the scenario on which the cost of transport is measured; empty for all scenarios together."""
     front: tuple[str, ...]
-    """Policies that no other policy dominates, the cheapest first."""
+    """Names of the policies that no other policy dominates, the lowest cost of transport first."""
     points: tuple[ParetoPoint, ...]
-    """Points of all policies with a score, the most successful first."""
+    """Success and cost of transport of all policies with a score, the most successful first."""
 
 
 def compute_pareto(cells: Sequence[PolicyScenarioResult], scores: Sequence[Score], robot: Robot) -> Pareto:
-    """Compute the Pareto front of the policies that have a score.
+    """Compute success, cost of transport and Pareto front of the policies that have a score.
 
     Args:
-        cells: Cells (episodes of one policy on one scenario), all with the hardware profile or all without it.
+        cells: Results, one for each pair of policy and scenario, either all with the hardware profile or all without
+            it.
         scores: Scores of the policies.
-        robot: Robot, for its weight.
+        robot: Robot of the run, for its weight.
 
     Returns:
-        Points of the policies, and the front.
+        Success and cost of each policy, and the Pareto front.
     """
     cost_on = cost_scenario({cell.scenario.name for cell in cells})
     points = []
@@ -79,14 +83,14 @@ def cost_scenario(scenarios: Container[str]) -> str:
 
 
 def find_pareto_front(cost_on: str, points: Sequence[ParetoPoint]) -> Pareto:
-    """Find the policies that no other one dominates.
+    """Find the policies that no other policy dominates in success and cost of transport.
 
     Args:
-        cost_on: Scenario on which the cost of transport is measured; empty for all scenarios together.
+        cost_on: Name of the scenario on which the cost of transport is measured; empty for all scenarios together.
         points: Success and cost of each policy. A policy with a cost of NaN is neither on the front nor dominated.
 
     Returns:
-        Points with the policies that dominate them, and the front.
+        The Pareto front, and the points with the names of the policies that dominate them.
     """
     front = [
         point for point in points if not np.isnan(point.cost) and not any(_dominates(other, point) for other in points)
@@ -101,7 +105,7 @@ def find_pareto_front(cost_on: str, points: Sequence[ParetoPoint]) -> Pareto:
 
 
 def _dominating(front: Sequence[ParetoPoint], point: ParetoPoint) -> tuple[str, ...]:
-    """Return the names of the policies on the front that dominate a point."""
+    """Return the names of the policies on the Pareto `front` that dominate the policy of `point`."""
     return tuple(other.policy for other in front if _dominates(other, point))
 
 
@@ -111,10 +115,16 @@ def _dominates(a: ParetoPoint, b: ParetoPoint) -> bool:
 
 
 def _cost(cells: Sequence[PolicyScenarioResult], robot: Robot) -> tuple[float, Interval]:
-    """Return the cost of transport over all `cells` of a policy, and its bootstrap interval.
+    """Compute the cost of transport of one policy over all `cells`, with a 95 % bootstrap interval.
 
-    The bootstrap resamples episodes, each with its results on all scenarios. Cost and interval are NaN for an empty
-    sequence of cells.
+    The bootstrap resamples episodes, each with its results on all scenarios.
+
+    Args:
+        cells: Results of the policy, one for each scenario.
+        robot: Robot of the run, for its weight.
+
+    Returns:
+        Cost of transport and interval, without unit; NaN if there are no results.
     """
     if not cells:
         return np.nan, (np.nan, np.nan)

@@ -1,4 +1,4 @@
-"""Rank correlation of the policies of two runs, for example runs in two simulators."""
+"""Rank correlation: do two runs, for example in two simulators, give their policies the same order?"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -17,15 +17,16 @@ MIN_POLICIES = 3
 class RankCorrelation:
     """Rank correlation between the scores of the same policies in two runs, A and B.
 
-    A score is the mean success over the axes of both runs. The fields are keys of the JSON file.
+    A score is the mean success over the disturbance axes that both runs have. The field names are the keys in the JSON
+    file.
     """
 
     policies: tuple[str, ...]
     """Names of the policies in run A."""
     scores: tuple[tuple[float, ...], tuple[float, ...]]
-    """Scores of the policies in run A, and in run B."""
+    """Score of each policy, 0 … 1: in run A, and in run B."""
     correlation: float
-    """Kendall's tau-b of the scores: 1 for the same order, −1 for the opposite order."""
+    """Kendall's tau-b of the two sets of scores: 1 for the same order, −1 for the opposite order."""
     ci: Interval
     """95 % bootstrap interval of `correlation`.
 
@@ -34,10 +35,10 @@ class RankCorrelation:
     """
 
     def lines(self) -> Iterator[str]:
-        """Yield the printed lines: does the ranking of run A hold in run B, and the ranking of each run.
+        """Yield the printed lines: an answer if the ranking of run A holds in run B, and both rankings.
 
-        The printed answer is `yes` for a positive interval that includes 1, and `in part` for a positive interval
-        below 1. It is `no` for a negative interval, and otherwise `not shown`.
+        The printed answer is `yes` if the interval is positive and includes 1, and `in part` if it is positive and
+        below 1. The answer is `no` for a negative interval, and otherwise `not shown`.
         """
         low, high = self.ci
         positive = "in part" if high < 1.0 - 1e-9 else "yes"

@@ -1,4 +1,4 @@
-"""Ranking of the policies of a run, tests of adjacent policies, and correction for multiple tests."""
+"""Ranking of the policies of a run: tests of adjacent policies, corrected for the number of tests."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,90 +14,93 @@ from evaluate.statistics.sequential import correction
 from evaluate.statistics.significance import holm
 
 RANKING_WEIGHT = 0.9
-"""Total weight of the differences of adjacent policies in the correction for multiple tests.
+"""Weight of all tests of adjacent policies together in the weighted Holm correction, 0 … 1.
 
-The claims on single scenarios have the remaining weight.
+The tests on single scenarios have the remaining weight.
 """
 Claim = tuple[str, frozenset[str]]
-"""Scenario of a claim (empty for all scenarios together), and the two compared policies."""
+"""Key of a tested difference: scenario name (empty for all scenarios together) and two policies."""
 POWER = 0.8
-"""Probability with which the reported number of needed episodes distinguishes two adjacent policies."""
+"""Statistical power for which the number of needed episodes is computed, a probability."""
 
 
 @dataclass(frozen=True)
 class AdjacentPair:
-    """Two adjacent policies of the ranking, made by `rank_policies`. The fields are keys of results.json."""
+    """Two adjacent policies of a ranking and the test of their difference, made by `rank_policies`.
+
+    The field names are the keys in results.json.
+    """
 
     better: str
-    """Policy with the higher score."""
+    """Name of the policy with the higher score."""
     worse: str
-    """Policy with the lower score."""
+    """Name of the policy with the lower score."""
     difference: float
-    """Score of `better` minus score of `worse`."""
+    """Score of `better` minus score of `worse`, 0 … 1."""
     deviation: float
-    """Standard deviation of the difference over the episodes."""
+    """Standard deviation over the episodes of the paired difference in score."""
     ci: Interval
-    """95 % interval of the difference.
+    """95 % confidence interval of `difference`.
 
-    Bootstrap over episodes, each with its results on all scenarios. It is Tango's interval if every score of an episode
-    is 0 or 1, and NaN for identical policies.
+    It is a bootstrap interval over episodes, each with its results on all scenarios. It is Tango's interval if every
+    score of an episode is 0 or 1, and NaN if all episodes are bit-identical.
     """
     p_value: float
-    """p-value of the paired sign-flip permutation test, not corrected.
+    """p-value of the paired test of `difference`, before any correction for the number of tests.
 
-    It is from the exact McNemar test if every score of an episode is 0 or 1.
+    The test is the sign-flip permutation test, or the exact McNemar test if every score of an episode is 0 or 1.
     """
     p_value_holm: float = np.nan
-    """p-value corrected together with all other claims; see `correct_p_values`."""
+    """p-value after the correction for all tests of the report; see `correct_p_values`."""
     needed: float = np.nan
-    """Number of episodes that would distinguish the two policies; see `episodes_needed`.
+    """Number of episodes that would make the difference significant; see `episodes_needed`.
 
-    It is NaN if the policies are distinguished, and infinite if they are identical.
+    It is NaN if the difference is already significant, and infinite if the policies are identical.
     """
     better_on: tuple[str, ...] = ()
-    """Scenarios on which `better` has significantly more success than `worse`."""
+    """Names of the scenarios on which `better` has a significantly higher success rate than `worse`."""
     worse_on: tuple[str, ...] = ()
-    """Scenarios on which `worse` has significantly more success than `better`."""
+    """Names of the scenarios on which `worse` has a significantly higher success rate than `better`."""
     identical: bool = False
     """True if all episodes of the two policies are bit-identical.
 
-    The difference is then 0, and its interval is NaN.
+    `difference` is then 0, and `ci` is NaN.
     """
 
     @property
     def distinguished(self) -> bool:
-        """True if the corrected p-value shows a significant difference between the two policies."""
+        """True if the difference is significant: the corrected p-value is below the significance level."""
         return self.p_value_holm < SIGNIFICANT
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """Ranking of the policies that ran all scored scenarios. The fields are keys of results.json."""
+    """Ranking of the policies that ran all scored scenarios. The field names are the keys in results.json."""
 
     hardware: bool
-    """True if the scores are with the hardware profile, because the run has no other scores."""
+    """True if the scores are from scenarios with the hardware profile, because the run has no others."""
     axes: int
-    """Number of axes (kinds of disturbance) over which the score is the mean."""
+    """Number of disturbance axes, for example pushes or slopes, over which the score is the mean."""
     scenarios: tuple[str, ...]
-    """Scored scenarios: one for each severity of each axis."""
+    """Names of the scored scenarios: one for each severity of each disturbance axis."""
     episodes: int
     """Number of episodes of each policy on each scenario."""
     places: tuple[ParetoPoint, ...]
-    """Ranked policies, the most successful first."""
+    """Success and cost of transport of the ranked policies, the most successful first."""
     neighbours: tuple[AdjacentPair, ...]
-    """Pairs of adjacent policies, the best policy first."""
+    """Tests of the pairs of adjacent policies, the best policy first."""
 
 
 def rank_policies(scored: ScoredCells, places: Sequence[ParetoPoint], *, hardware: bool = False) -> Ranking:
-    """Rank the policies, and compare adjacent policies paired by episode; the p-values are not corrected.
+    """Rank the policies, and compare adjacent policies paired by episode.
 
     Args:
-        scored: Cells that enter the score. A cell holds the episodes of one policy on one scenario.
-        places: Policies with their success, the most successful first.
-        hardware: True if the scores are those with the hardware profile.
+        scored: Results that enter the score, one for each pair of policy and scenario.
+        places: Success and cost of transport of the policies, the most successful first.
+        hardware: True if the scores are from scenarios with the hardware profile.
 
     Returns:
-        The ranking. `correct_p_values` adds the corrected p-values.
+        The ranking with uncorrected p-values. `correct_p_values` adds the corrected p-values.
     """
     values = {place.policy: scored.by_episode(place.policy) for place in places}
     pairs = []
@@ -117,12 +120,22 @@ def rank_policies(scored: ScoredCells, places: Sequence[ParetoPoint], *, hardwar
 
 
 def _identical_pair(better: str, worse: str) -> AdjacentPair:
-    """Return the comparison of two adjacent policies that have bit-identical episodes."""
+    """Return the comparison of two adjacent policies that have bit-identical episodes: no difference."""
     return AdjacentPair(better, worse, 0.0, 0.0, NO_INTERVAL, 1.0, identical=True)
 
 
 def _adjacent_pair(better: str, worse: str, better_scores: Floats, worse_scores: Floats) -> AdjacentPair:
-    """Compare two adjacent policies by their scores in the same episodes, (n,) each."""
+    """Compare two adjacent policies of the ranking by their scores in the same episodes.
+
+    Args:
+        better: Name of the policy with the higher score.
+        worse: Name of the policy with the lower score.
+        better_scores: Score of `better` in each episode, (n,).
+        worse_scores: Score of `worse` in each episode, (n,).
+
+    Returns:
+        The comparison, with an uncorrected p-value.
+    """
     differences = better_scores - worse_scores
     deviation = float(differences.std(ddof=1)) if len(differences) > 1 else np.nan
     is_yes_or_no = np.isin([better_scores, worse_scores], (0.0, 1.0)).all()
@@ -134,21 +147,21 @@ def _adjacent_pair(better: str, worse: str, better_scores: Floats, worse_scores:
 def correct_p_values(
     ranked: Ranking, comparisons: Sequence[Comparison], limit: int = 0
 ) -> tuple[Ranking, list[Comparison]]:
-    """Apply one weighted Holm correction to all claims of a report.
+    """Apply one weighted Holm correction to the p-values of all differences that a report claims.
 
-    There are two kinds of claim: the differences of adjacent policies, with a total weight of RANKING_WEIGHT, and the
-    comparisons of success on single scenarios, with the remaining weight. The probability of any false claim is at most
+    There are two kinds of claim. The differences between adjacent policies have a total weight of RANKING_WEIGHT. The
+    differences in success on single scenarios have the remaining weight. The probability of any false claim is at most
     SIGNIFICANT.
 
     The data choose the adjacent pairs, but this choice needs no further correction. A gap between adjacent policies
     among m equal policies is a gap of at least m − 1 of their m (m − 1) / 2 pairs. It is therefore at most m / 2 times
     as likely as the gap of one pair, and it is corrected for m − 1 pairs. A run with `--until settled` is also
-    corrected for all of its looks (interim analyses).
+    corrected for all of its interim analyses.
 
     Args:
-        ranked: Ranking without corrected p-values.
+        ranked: Ranking with uncorrected p-values.
         comparisons: Comparisons on single scenarios. Only comparisons of success are corrected.
-        limit: Maximum number of episodes of a run with `--until settled`; 0 for a run of fixed size.
+        limit: Maximum number of episodes of a run with `--until settled`; 0 for a run with a fixed number of episodes.
 
     Returns:
         The ranking and the comparisons, with corrected p-values.
@@ -181,7 +194,15 @@ def _single_claim(comparison: Comparison) -> Claim:
 
 
 def _pair_p_values(ranked: Ranking, limit: int) -> dict[Claim, float]:
-    """Return a dictionary: claim -> p-value of an adjacent pair, corrected for looks if `limit` is not 0."""
+    """Return the p-value of each adjacent pair, corrected for interim analyses if `limit` is not 0.
+
+    Args:
+        ranked: Ranking with uncorrected p-values.
+        limit: Maximum number of episodes of a run with `--until settled`; 0 for other runs.
+
+    Returns:
+        Key of the tested difference -> p-value.
+    """
     scenario = ranked.scenarios[0] if len(ranked.scenarios) == 1 else ""
     looks_factor = correction(ranked.episodes, limit, len(ranked.places)) if limit and ranked.neighbours else 1.0
     return {(scenario, frozenset((pair.better, pair.worse))): pair.p_value * looks_factor for pair in ranked.neighbours}
@@ -190,17 +211,17 @@ def _pair_p_values(ranked: Ranking, limit: int) -> dict[Claim, float]:
 def _with_corrected_p_value(
     pair: AdjacentPair, p_value: float, level: float, ranked: Ranking, comparisons: Sequence[Comparison]
 ) -> AdjacentPair:
-    """Return a pair with corrected p-value, needed episodes, and significant single scenarios.
+    """Return an adjacent pair with corrected p-value, needed episodes, and significant single scenarios.
 
     Args:
-        pair: Adjacent policies.
+        pair: Adjacent policies with an uncorrected p-value.
         p_value: Corrected p-value of the pair.
-        level: Level with which the uncorrected p-value of the pair is compared, for the needed episodes.
+        level: Significance level for the uncorrected p-value of the pair, from which the needed episodes are computed.
         ranked: Ranking that contains the pair.
         comparisons: Comparisons on single scenarios, with corrected p-values.
 
     Returns:
-        The completed pair.
+        The pair with all fields set.
     """
     scenarios = {policy: list[str]() for policy in (pair.better, pair.worse)}
     for comparison in comparisons:
@@ -219,15 +240,16 @@ def _with_corrected_p_value(
 
 
 def episodes_needed(pair: AdjacentPair, level: float, episodes: int) -> float:
-    """Compute the number of episodes with which a paired two-sided test distinguishes two policies.
+    """Compute the number of episodes after which a paired two-sided test finds a significant difference.
 
-    The number is ((z(1 − level / 2) + z(POWER)) · deviation / difference)² + z(1 − level / 2)² / 2 (Guenther 1981, The
-    American Statistician 35). It is at least large enough for a sign-flip test with 2^n flips to reach the level.
+    For a power of POWER, the number is ((z(1 − level / 2) + z(POWER)) · deviation / difference)² + z(1 − level / 2)² /
+    2 (Guenther 1981, The American Statistician 35), where z is the quantile function of the normal distribution. It is
+    at least large enough for a sign-flip test with 2^n flips to reach the level.
 
     Args:
-        pair: Adjacent policies, with the observed difference and deviation.
+        pair: Adjacent policies, with the observed mean and standard deviation of their difference.
         level: Significance level of the test.
-        episodes: Number of episodes of the run, with which the test did not distinguish the policies.
+        episodes: Number of episodes of the run, after which the difference was not significant.
 
     Returns:
         Number of episodes, more than `episodes`; infinite if the observed difference is 0.

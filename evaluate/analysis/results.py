@@ -1,4 +1,4 @@
-"""All results of a run, and the file results.json that stores them."""
+"""All results of an evaluation run, and the file results.json that stores them."""
 
 import json
 import math
@@ -27,70 +27,74 @@ SCHEMA = 1
 
 @dataclass(frozen=True)
 class PolicyErrors:
-    """Number of episodes in which a policy failed to give an action, made by `Results.policy_errors`.
+    """Number of episodes in which a policy failed to return an action, made by `Results.policy_errors`.
 
-    The policy raised an exception, exceeded its time limit, or gave an action that is not finite.
+    An episode counts if the policy raised an exception, exceeded its time limit, or returned an action that is not
+    finite.
     """
 
     policy: str
     """Name of the policy."""
     failed: int
-    """Number of episodes with an error."""
+    """Number of episodes in which the policy failed to return an action."""
     episodes: int
     """Number of all episodes of the policy in the run."""
     first: str
-    """Error of the first episode with an error, in one line, for example `raised ValueError: …`."""
+    """Error of the first of these episodes as one line of text, for example `raised ValueError: …`."""
 
 
 @dataclass(frozen=True)
 class Results:
-    """All results of a run, made by `analyse`; the content of tables, results.json and the report."""
+    """All results of a run, made by `analyse`: the content of tables, results.json and the HTML report."""
 
     seed: int
-    """Seed of the run."""
+    """Evaluation seed of the run, from which the seeds of all episodes are derived."""
     episodes: int
-    """Number of episodes in each cell."""
+    """Number of episodes of each policy on each scenario."""
     complete: bool
     """False if the run was interrupted.
 
-    Some cells are then missing, but every existing cell has all of its episodes.
+    Some pairs of policy and scenario then have no result; every other pair has all of its episodes.
     """
     cells: tuple[PolicyScenarioResult, ...]
-    """Cells (episodes of one policy on one scenario), in the order of the run."""
+    """Measured episodes, one result for each pair of policy and scenario, in the order of the run."""
     baseline: str
-    """Policy that the others are compared with."""
+    """Name of the policy that the others are compared with."""
     ranking: Ranking
-    """Ranking by the scores without the hardware profile; by the scores with it if the run has no others."""
+    """Ranking of the policies by their score on scenarios without the hardware profile.
+
+    If the run has only scenarios with the hardware profile, their score is used.
+    """
     summaries: dict[tuple[str, str], Summary]
-    """(scenario, policy) -> summary of the cell, in the order of the run."""
+    """(scenario name, policy name) -> rates and means over the episodes, in the order of the run."""
     comparisons: tuple[Comparison, ...]
-    """Comparisons of policies with the baseline, and of adjacent policies, with corrected p-values."""
+    """Comparisons of each policy with the baseline and of adjacent policies, with corrected p-values."""
     breaking_points: tuple[AxisBreakingPoint, ...]
-    """Breaking points on every axis with at least three severities."""
+    """Breaking points of the policies on every disturbance axis with at least three severities."""
     scores: tuple[Score, ...]
-    """Scores without the hardware profile, the highest first."""
+    """Scores on scenarios without the hardware profile, the highest first."""
     hardware_scores: tuple[Score, ...]
-    """Scores with the robot's hardware profile, the highest first."""
+    """Scores on scenarios with the hardware profile (models of the real robot's parts), the highest first."""
     pareto: Pareto
-    """Success against cost of transport, without the hardware profile."""
+    """Success against cost of transport on scenarios without the hardware profile."""
     hardware_pareto: Pareto
-    """Success against cost of transport, with the hardware profile."""
+    """Success against cost of transport on scenarios with the hardware profile."""
     versions: Mapping[str, str | None]
-    """Name of a package, or `success_rule` -> version with which the run was made."""
+    """Name of a package, or the key `success_rule` -> version with which the run was made."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    """Other facts about the origin of the results, as JSON values.
+    """Other facts about the origin of the results: name -> JSON value.
 
     Examples are the processor, the number of threads, and hashes of policies and code.
     """
 
     @property
     def hardware(self) -> HardwareConfig:
-        """Hardware of the robots; ideal hardware if the provenance has no entry."""
+        """Hardware models of the robots in the run; ideal hardware if the provenance does not name any."""
         return _hardware(self.provenance)
 
     @property
     def policy_errors(self) -> list[PolicyErrors]:
-        """Error count of each policy that had an error, in the order of the run."""
+        """Count of failed actions for each policy that had any, in the order of the run."""
         errors = []
         for policy in self.policies:
             reasons = np.concatenate([cell.failure for cell in self.cells if cell.policy == policy])
@@ -119,15 +123,15 @@ def analyse(
     provenance: Mapping[str, Any] | None = None,
     baseline: str | None = None,
 ) -> Results:
-    """Compute all results of a run from its cells.
+    """Compute all results of a run from its measured episodes.
 
     Args:
-        cells: Cells of the run.
-        seed: Seed of the run.
-        episodes: Number of episodes in each cell.
+        cells: Measured episodes, one result for each pair of policy and scenario.
+        seed: Evaluation seed of the run.
+        episodes: Number of episodes of each policy on each scenario.
         complete: True if the run was not interrupted.
-        provenance: Origin of the results, as in the manifest; None for the versions of this installation.
-        baseline: Policy that the others are compared with; None for `default_baseline`.
+        provenance: Origin of the results, as in the manifest; None for the package versions of this installation.
+        baseline: Name of the policy that the others are compared with; None for `default_baseline`.
 
     Returns:
         Summaries, comparisons, scores, ranking, Pareto fronts and breaking points.
@@ -165,18 +169,28 @@ def analyse(
 def _scores_and_front(
     cells: Sequence[PolicyScenarioResult], baseline: str, robot: Robot, *, hardware: bool
 ) -> tuple[tuple[Score, ...], Pareto]:
-    """Compute scores and Pareto front, with the hardware profile if `hardware`, otherwise without it."""
+    """Compute the scores and the Pareto front of the policies in one group of scenarios.
+
+    Args:
+        cells: Measured episodes, one result for each pair of policy and scenario.
+        baseline: Name of the policy that the others are compared with.
+        robot: Robot of the run, for its weight.
+        hardware: True for scenarios with the hardware profile, False for scenarios without it.
+
+    Returns:
+        Scores, the highest first, and the Pareto front.
+    """
     scores = compute_scores(cells, baseline, hardware=hardware)
     return tuple(scores), compute_pareto([cell for cell in cells if cell.scenario.hardware == hardware], scores, robot)
 
 
 def _hardware(provenance: Mapping[str, Any]) -> HardwareConfig:
-    """Return the hardware in a provenance; ideal hardware if the provenance has no entry for it."""
+    """Return the hardware models that a run's provenance names; ideal hardware if it names none."""
     return HardwareConfig(**provenance.get("hardware", {}))
 
 
 def results_to_json(results: Results) -> dict[str, Any]:
-    """Return the contents of results.json as JSON types; numbers that are not finite become null."""
+    """Convert the results to the JSON content of results.json; numbers that are not finite become null."""
     policies: dict[str, Any] = {policy: {"scenarios": {}} for policy in results.policies}
     for (scenario, policy), summary in results.summaries.items():
         policies[policy]["scenarios"][scenario] = asdict(summary)
@@ -198,7 +212,7 @@ def write_json(results: Results, path: Path) -> None:
 
 
 def nan_to_null(value: Any) -> Any:
-    """Replace every number that is not finite by None, in dictionaries, lists and tuples of any depth."""
+    """Replace every number that is not finite by None, in nested dictionaries, lists and tuples."""
     if isinstance(value, dict):
         return {key: nan_to_null(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -207,7 +221,7 @@ def nan_to_null(value: Any) -> Any:
 
 
 def null_to_nan(value: Any) -> Any:
-    """Replace every None by NaN, in dictionaries and lists of any depth."""
+    """Replace every None by NaN, in nested dictionaries and lists; the inverse of `nan_to_null`."""
     if isinstance(value, dict):
         return {key: null_to_nan(entry) for key, entry in value.items()}
     if isinstance(value, list):

@@ -1,9 +1,10 @@
-"""Score of a policy: its mean success over the axes of a run.
+"""Score of a policy: its mean success over the disturbance axes of a run.
 
-An axis is a kind of disturbance. All axes count equally, and all severities of an axis count equally. Scenarios with
-the hardware profile have a score of their own. An episode has the same start and commands on every scenario. The
-independent samples are therefore episodes, each with its results on all scenarios. Intervals count these samples, and
-differences between policies are paired by episode.
+A disturbance axis is a kind of disturbance, for example pushes, that is tested at several severities. All axes count
+equally, and all severities of an axis count equally. Scenarios with the hardware profile have a separate score.
+Episodes with the same seed have the same start and the same commands on every scenario. The independent samples are
+therefore seeds, each with its episodes on all scenarios. Confidence intervals count these samples, and differences
+between policies are paired by seed.
 """
 
 from collections.abc import Sequence
@@ -26,57 +27,63 @@ from quad_env.scenarios.registry import STEADY
 from quad_env.scenarios.scenario import HARDWARE, Scenario
 
 SCORES = "score", "hardware score"
-"""Names of the two scores in tables: without the hardware profile, and with it."""
+"""Names of the two scores in tables: without the hardware profile, and with the hardware profile."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """Mean success of one policy over all axes of a run. The fields are the keys of results.json."""
+    """Mean success of one policy over all disturbance axes of a run.
+
+    The field names are the keys in results.json.
+    """
 
     policy: str
     """Name of the policy."""
     score: float
-    """Mean success over the axes, 0 … 1."""
+    """Mean success over the disturbance axes, 0 … 1."""
     ci: Interval
-    """95 % interval of the score, from `score_interval`."""
+    """95 % confidence interval of `score`, from `score_interval`."""
     axes: dict[str, tuple[float, ...]]
-    """Axis -> success rate at each of its severities, the mildest first.
+    """Name of the disturbance axis -> success rate at each of its severities, the mildest first.
 
-    An axis has the same name in the scores with and without the hardware profile.
+    The names are the same in the scores with and without the hardware profile.
     """
     difference: float
-    """Score minus score of the baseline; 0 for the baseline itself, NaN if the baseline has no score."""
+    """Score of this policy minus score of the baseline policy.
+
+    It is 0 for the baseline itself, and NaN if the baseline has no score.
+    """
     difference_ci: Interval
     """95 % bootstrap interval of `difference`.
 
-    It is NaN for the baseline, and for a policy with the same episodes to the bit.
+    It is NaN for the baseline, and for a policy with bit-identical episodes.
     """
     p_value: float
-    """p-value of `difference` from the paired sign-flip permutation test, not corrected.
+    """p-value of `difference`, before any correction for the number of tests.
 
-    It is NaN for the baseline.
+    It is from the paired sign-flip permutation test, and NaN for the baseline.
     """
 
 
 @dataclass(frozen=True)
 class ScoredCells:
-    """Axes and cells that enter the score, made by `select_scored_cells`."""
+    """Disturbance axes and policy-scenario results that enter the score, made by `select_scored_cells`."""
 
     axes: tuple[SeverityAxis, ...]
-    """Axes that enter the score."""
+    """Disturbance axes that enter the score, with their scenarios."""
     cells_by_policy: dict[str, dict[str, PolicyScenarioResult]]
-    """Policy -> scenario -> cell (episodes of one policy on one scenario).
+    """Name of the policy -> name of the scenario -> result of the policy on the scenario.
 
     Only policies that ran the same episodes on every scenario of `axes` are included.
     """
 
     @property
     def scenarios(self) -> list[str]:
-        """Names of the scored scenarios, one for each severity of each axis."""
+        """Names of the scored scenarios, one for each severity of each disturbance axis."""
         return [level.name for axis in self.axes for level in axis.levels]
 
     def by_episode(self, policy: str) -> Floats:
-        """Return the score of each episode of a policy: the mean success over the axes, (n,)."""
+        """Return the score of a policy in each episode: the mean success over the disturbance axes, (n,)."""
         cells = self.cells_by_policy[policy]
         success_by_axis = [
             np.mean([cells[level.name].measures.succeeded for level in axis.levels], axis=0) for axis in self.axes
@@ -91,17 +98,17 @@ class ScoredCells:
 
 
 def select_scored_cells(cells: Sequence[PolicyScenarioResult], *, hardware: bool = False) -> ScoredCells:
-    """Select the cells that enter the score.
+    """Select the policy-scenario results that enter the score.
 
-    The undisturbed steady walk enters the score only if the run has no other scenario.
+    The undisturbed walk at constant speed (`steady`) enters the score only if the run has no other scenario.
 
     Args:
-        cells: Cells of a run.
+        cells: Results of a run, one for each pair of policy and scenario.
         hardware: True to select scenarios with the hardware profile, False to select scenarios without it.
 
     Returns:
-        Scored axes, and the cells of the policies that ran all of their scenarios. No policy is included if the
-        episodes of these policies have different seeds.
+        Scored disturbance axes, and the results of the policies that ran all of their scenarios. No policy is included
+        if the episodes of these policies have different seeds.
     """
     scored_cells = [cell for cell in cells if is_scored(cell.scenario, hardware)]
     scored_cells = scored_cells or [cell for cell in cells if cell.scenario.hardware == hardware]
@@ -120,8 +127,8 @@ def compute_scores(cells: Sequence[PolicyScenarioResult], baseline: str, *, hard
     """Compute the scores of the policies that ran every scored scenario.
 
     Args:
-        cells: Cells of a run.
-        baseline: Policy that the others are compared with.
+        cells: Results of a run, one for each pair of policy and scenario.
+        baseline: Name of the policy that the others are compared with.
         hardware: True to score scenarios with the hardware profile, False to score scenarios without it.
 
     Returns:
@@ -134,7 +141,17 @@ def compute_scores(cells: Sequence[PolicyScenarioResult], baseline: str, *, hard
 
 
 def _score(policy: str, scored: ScoredCells, baseline: str, baseline_values: Floats | None) -> Score:
-    """Compute the score of one policy and its difference from the baseline."""
+    """Compute the score of one policy and its difference from the baseline.
+
+    Args:
+        policy: Name of the policy.
+        scored: Disturbance axes and results that enter the score.
+        baseline: Name of the policy that the others are compared with.
+        baseline_values: Score of the baseline in each episode, (n,); None if the baseline has no score.
+
+    Returns:
+        The score with its interval, and the difference with interval and p-value.
+    """
     values = scored.by_episode(policy)
     cells = scored.cells_by_policy[policy]
     is_compared = baseline_values is not None and policy != baseline
@@ -156,11 +173,11 @@ def _score(policy: str, scored: ScoredCells, baseline: str, baseline_values: Flo
 
 
 def score_interval(values: Floats, scored: ScoredCells) -> Interval:
-    """Compute the 95 % interval of a score.
+    """Compute the 95 % confidence interval of a score.
 
     Args:
-        values: Score of each episode, (n,).
-        scored: Cells that enter the score.
+        values: Score of each episode, (n,), 0 … 1.
+        scored: Disturbance axes and results that enter the score.
 
     Returns:
         Wilson's interval for a single scenario; otherwise the interval of `mean_proportion_interval`.
@@ -174,14 +191,14 @@ def is_scored(scenario: Scenario, hardware: bool) -> bool:
 
     Args:
         scenario: Scenario of a run.
-        hardware: True for the score with the hardware profile, False for the score without it.
+        hardware: True for the score of scenarios with the hardware profile, False for the other score.
 
     Returns:
-        True if the scenario has the profile of the score, and is not the undisturbed steady walk.
+        True if the scenario belongs to this score, and is not the undisturbed walk at constant speed (`steady`).
     """
     return scenario.hardware == hardware and _base(scenario.name) != STEADY.name
 
 
 def _base(name: str) -> str:
-    """Return the name of a scenario or axis without the suffix of the hardware profile."""
+    """Return the name of a scenario or disturbance axis, with the suffix `+hardware` removed."""
     return name.removesuffix(HARDWARE)

@@ -1,4 +1,4 @@
-"""Success of a policy on each axis (kind of disturbance), with its most common cause of failure."""
+"""Success of a policy on each disturbance axis, with the most common cause of its failures."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -16,16 +16,19 @@ from quad_env.cli.format import with_count
 
 @dataclass(frozen=True)
 class Strength:
-    """Success of one policy on one axis; in a run with a single axis, its success at one severity."""
+    """Success of one policy on one disturbance axis, for the table of best and worst axes.
+
+    In a run with a single axis, it is the success at one severity of this axis.
+    """
 
     name: str
-    """Name of the axis; in a run with a single axis, the axis and one of its severities."""
+    """Name of the disturbance axis; in a run with a single axis, also one of its severities."""
     success: float
-    """Mean success over the severities, 0 … 1."""
+    """Mean success rate over the severities of the axis, 0 … 1."""
     reason: str
     """Most common cause of failure with its count, for example `trip in 31 of 46 failures`.
 
-    It is the most common outcome if no cause is known, and empty if no episode failed.
+    The text has the most common outcome if no cause is known. It is empty if no episode failed.
     """
 
 
@@ -36,16 +39,16 @@ def strengths(
     *,
     hardware: bool = False,
 ) -> list[Strength]:
-    """Compute the success of a policy on each scored axis.
+    """Compute the success of a policy on each scored disturbance axis.
 
     Args:
-        cells: Cells (episodes of one policy on one scenario) of the run.
-        summaries: (scenario, policy) -> summary of the cell.
+        cells: Results of the run, one for each pair of policy and scenario.
+        summaries: (scenario name, policy name) -> rates and means over the episodes.
         policy: Name of the policy.
-        hardware: True for axes with the hardware profile, False for axes without it.
+        hardware: True for scenarios with the hardware profile, False for scenarios without it.
 
     Returns:
-        Success on each axis that the policy ran, the highest first.
+        Success on each disturbance axis that the policy ran, the highest first.
     """
     axes = severity_axes([cell for cell in cells if cell.policy == policy and is_scored(cell.scenario, hardware)])
     groups = [(axis.name, axis.levels) for axis in axes]
@@ -60,7 +63,7 @@ def strengths(
 
 
 def _reason(summaries: Sequence[Summary]) -> str:
-    """Return the most common cause of failure over some cells with its count; empty without failures."""
+    """Return the most common cause of failure in `summaries` with its count; empty if no episode failed."""
     failures = sum(summary.episodes - summary.successes for summary in summaries)
     if not failures:
         return ""

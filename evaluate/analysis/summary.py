@@ -1,4 +1,4 @@
-"""Summary of one cell (episodes of one policy on one scenario): rates and means with 95 % intervals."""
+"""Summary of the episodes of one policy on one scenario: rates and means with 95 % intervals."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -18,82 +18,82 @@ from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval, 
 from quad_env.robots.robot import Robot
 
 _MEANS = (*ERRORS, "velocity_error_upright", "overspeed", "energy", "distance")
-"""Fields of `Summary` that are the mean of a measure over the episodes."""
+"""Fields of `Summary` that are means over the episodes of the measure with the same name."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Summary of one policy on one scenario, made by `summarise`. The fields are the keys of results.json.
+    """Summary of the episodes of one policy on one scenario, made by `summarise`.
 
-    A value is NaN if no episode defines it.
+    A number is NaN if it is not defined in any episode. The field names are the keys in results.json.
     """
 
     episodes: int
     """Number of episodes."""
     severity: float
-    """Severity of the scenario; 0 if the scenario belongs to no axis."""
+    """Severity of the scenario in `severity_unit`; 0 if the scenario belongs to no disturbance axis."""
     severity_unit: str
-    """Unit of the severity."""
+    """Unit of the severity, for example `N·s`; empty if the severity has no unit."""
     successes: int
     """Number of successful episodes."""
     success_rate: float
-    """Proportion of successful episodes."""
+    """Proportion of successful episodes, 0 … 1."""
     success_rate_ci: Interval
-    """95 % Wilson interval of the success rate."""
+    """95 % Wilson interval of `success_rate`."""
     outcomes: dict[str, int]
-    """Outcome -> number of episodes."""
+    """Outcome of an episode, for example `succeeded` -> number of episodes with this outcome."""
     causes: dict[str, int]
-    """Cause of failure -> number of failed episodes; causes that do not occur have no entry."""
+    """Cause of failure -> number of failed episodes; causes that do not occur are left out."""
     falls: int
-    """Number of episodes that ended before the time limit, including diverged ones."""
+    """Number of episodes in which the robot fell or the simulation diverged before the time limit."""
     fall_rate: float
-    """Proportion of episodes with a fall."""
+    """Proportion of episodes in which the robot fell or the simulation diverged, 0 … 1."""
     fall_rate_ci: Interval
-    """95 % Wilson interval of the fall rate."""
+    """95 % Wilson interval of `fall_rate`."""
     diverged: int
-    """Number of episodes in which the simulation diverged."""
+    """Number of episodes in which the simulation diverged, because it became numerically unstable."""
     time_to_fall: float
     """Mean time of the fall over the episodes with a fall, s."""
     velocity_error: float
-    """Velocity error, mean over the episodes, m/s."""
+    """Planar velocity error, mean over all steps of an episode and then over the episodes, m/s."""
     velocity_error_ci: Interval
     """95 % bootstrap interval of `velocity_error`, m/s."""
     velocity_error_upright: float
-    """Velocity error during the time before a fall, mean over the episodes, m/s."""
+    """Planar velocity error of the steps before a fall, mean over these steps and the episodes, m/s."""
     mean_velocity_error: float
-    """Error of the mean velocity of each command interval, mean over the episodes, m/s."""
+    """Error of the mean velocity over each interval of constant command, mean over the episodes, m/s."""
     mean_velocity_error_ci: Interval
     """95 % bootstrap interval of `mean_velocity_error`, m/s."""
     yaw_rate_error: float
-    """Yaw-rate error, mean over the episodes, rad/s."""
+    """Yaw-rate error, mean over all steps of an episode and then over the episodes, rad/s."""
     yaw_rate_error_ci: Interval
     """95 % bootstrap interval of `yaw_rate_error`, rad/s."""
     cost_of_transport: float
     """Cost of transport: energy of all episodes / (weight of the robot · distance of all episodes).
 
-    `figures` has the same value.
+    `figures` contains the same value.
     """
     overspeed: float
-    """Proportion of joints and time above the rated joint speed, mean over the episodes."""
+    """Fraction of joints and time above the rated joint speed, mean over the episodes."""
     energy: float
     """Energy of an episode, mean over the episodes, J."""
     distance: float
     """Distance walked in an episode, mean over the episodes, m."""
     figures: dict[str, float]
-    """Measure of `evaluate.measures.catalogue` -> its mean over the episodes in which it is not NaN.
+    """Name of a measure in `evaluate.measures.catalogue` -> mean over the episodes in which it is not NaN.
 
     The cost of transport is an exception: it is computed from all episodes together.
     """
     duty_factor: tuple[float, ...]
-    """Duty factor of each foot, mean over the episodes."""
+    """Duty factor (fraction of time in stance) of each foot, (4,), mean over the episodes."""
     effort: dict[str, float]
-    """Name in EFFORT -> value as in `figures`; the duty factor is the mean over all feet."""
+    """Effort measure in EFFORT -> mean as in `figures`; the duty factor is the mean over all feet."""
     effort_intervals: dict[str, Interval]
-    """Name in EFFORT -> 95 % interval."""
+    """Effort measure in EFFORT -> 95 % confidence interval of its mean."""
 
 
 def summarise(cell: PolicyScenarioResult, robot: Robot) -> Summary:
-    """Compute the summary of a `cell`; the weight of the `robot` enters the cost of transport."""
+    """Summarise the episodes of the result `cell`; the weight of the `robot` enters the cost of transport."""
     measures = cell.measures
     falls = int(measures.fell.sum())
     successes = int(measures.succeeded.sum())
