@@ -1,1 +1,1 @@
-"""Paired comparison of policies: scenarios -> rollout -> measures -> statistics -> table and report."""
+"""Evaluator: compares policies over the same episodes, and writes a ranking, statistics and a report."""

@@ -40,24 +40,33 @@ MOVED["rescore"] = "gone, with --trace: `python -m evaluate report FOLDER --succ
 MOVED["merge"] = (
     "not there: runs are not merged, and `python -m evaluate compare A B` ranks the policies of two together"
 )
-"""Name of a removed command -> message with its new name or its replacement."""
+"""Name of a removed subcommand -> message that names its replacement."""
 
 
 def compare(words: list[str]) -> int:
-    """Compare policies and return the exit code; `words` may start with the policies, without --policies."""
+    """Compare policies and return the exit code; `words`, the command line, may start with policy names."""
     if words and not words[0].startswith("-"):
         words = ["--policies", *words]
     plan = _plan(words)
-    from evaluate.commands.execution import execute  # imported late, because mistakes should be reported at once
+    from evaluate.commands.execution import execute  # imported late, because wrong options should be reported at once
 
     return execute(plan)
 
 
 def _plan(words: list[str]) -> "Plan":
-    """Parse and check the command line; if --resume is given, the run's options are the defaults."""
+    """Parse and check the command line.
+
+    If --resume is given, the options of the interrupted run replace the default values of the options.
+
+    Args:
+        words: Words of the command line.
+
+    Returns:
+        The checked plan of the evaluation.
+    """
     read = partial(parse, EvaluateOptions, words, program=NAME, description=f"{__doc__}{PROGRAM.listing()}")
     options = read()
-    from evaluate.commands.plan import check, load_run_options  # imported late, because --help should be quick
+    from evaluate.commands.plan import check, load_run_options  # imported late, because --help must be quick
 
     return check(read(default=load_run_options(options.out)) if options.resume else options)
 
@@ -66,7 +75,14 @@ PROGRAM = Program(NAME, COMMANDS, compare, MOVED)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command that `arguments` name, by default the process's own, and return the exit code."""
+    """Run the subcommand that the command line `arguments` names, and return the exit code.
+
+    Args:
+        arguments: Words of the command line; None for the command line of this process.
+
+    Returns:
+        The exit code of the process.
+    """
     return PROGRAM.main(arguments)
 
 

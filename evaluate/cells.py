@@ -1,6 +1,7 @@
-"""Data classes of a comparison: labelled policies, tasks, chunks and cells.
+"""Data classes of a comparison of policies: labelled policies, tasks, chunks and cells.
 
-A cell holds the episodes of one policy on one scenario. A chunk is a subset of a cell's episodes, simulated together.
+A cell is the result of one policy on one scenario: all of its measured episodes. A chunk is a subset of these episodes
+that are simulated together.
 """
 
 import dataclasses
@@ -21,27 +22,33 @@ from quad_env.seeding import episode_seeds
 
 @dataclass(frozen=True)
 class LabelledPolicy:
-    """A policy with its label in every result: the name or path that the user gave."""
+    """A policy with the label that names it in every result: the name or path that the user gave."""
 
     label: str
     policy: Policy
-    """Policy for every scenario, except the ones with the hardware profile if `hardware_policy` exists."""
+    """Policy that runs on every scenario.
+
+    If `hardware_policy` exists, it runs instead on the scenarios with the hardware profile.
+    """
     only_on: tuple[str, ...] = ()
-    """Names of the scenarios that the policy runs on; empty for all scenarios."""
+    """Names of the scenarios that the policy is restricted to; empty if it runs on all scenarios."""
     hardware_policy: Policy | None = None
-    """Policy made for the robot's hardware profile; None if `policy` runs on all scenarios."""
+    """The same policy, made for the robot's hardware profile (models of the real motors and sensors).
+
+    It is None if `policy` runs on all scenarios.
+    """
 
     def runs_on(self, scenario: Scenario) -> bool:
         """Return True if the policy runs on the scenario."""
         return not self.only_on or scenario.name in self.only_on
 
     def policy_for(self, scenario: Scenario) -> Policy:
-        """Return `hardware_policy` if it exists and the scenario has the hardware profile, else `policy`."""
+        """Return the policy for a scenario: `hardware_policy` if it exists and the scenario needs it."""
         return self.hardware_policy if scenario.hardware and self.hardware_policy is not None else self.policy
 
     @property
     def variants(self) -> tuple[Policy, ...]:
-        """`policy`, followed by `hardware_policy` if there is one."""
+        """The policy objects with this label: `policy`, and `hardware_policy` if it exists."""
         return (self.policy,) if self.hardware_policy is None else (self.policy, self.hardware_policy)
 
 
@@ -54,15 +61,17 @@ def load_labelled_policy(
 ) -> LabelledPolicy:
     """Load a policy, and load it again for the hardware profile if its scenarios need both versions.
 
+    The hardware profile of a robot models the motors, sensors and delays of the real robot.
+
     Args:
         label: Name or path of the policy.
         hardware: Hardware of the robots in scenarios that do not use the hardware profile.
-        scenarios: Scenarios of the run.
+        scenarios: Scenarios of the run, with or without the hardware profile.
         trust: True to load files that can contain hidden code.
         only_on: Names of the scenarios that the policy runs on; empty for all scenarios.
 
     Returns:
-        The labelled policy. An external policy is loaded only once because it has its own process and servo gains.
+        The labelled policy. An external policy is loaded only once, because it has its own process and servo gains.
     """
     profiles = {scenario.hardware for scenario in scenarios if not only_on or scenario.name in only_on}
     policy = hardware.policy(label, trust, on_hardware_profile=profiles == {True})
@@ -74,55 +83,61 @@ def load_labelled_policy(
 
 @dataclass(frozen=True)
 class PolicyScenarioResult:
-    """A cell: the measured episodes of one policy on one scenario.
+    """Result of one policy on one scenario (a cell of the results): all measured episodes.
 
-    All cells of a scenario have the same seeds, so that policies can be compared episode by episode.
+    All policies run a scenario with the same seeds, so that policies can be compared episode by episode.
     """
 
     policy: str
-    """Label of the policy."""
+    """Label of the policy: the name or path that the user gave."""
     scenario: Scenario
     seeds: NDArray[np.int64]
     """Seeds of the episodes, (n,)."""
     fall_reason: NDArray[np.object_]
-    """Name of the fall rule that ended each episode, or `diverged`, (n,); None if the robot did not fall."""
+    """Reason for the fall in each episode, (n,).
+
+    It is the name of the fall rule, `diverged` if the simulation became unstable, or None if the robot did not fall.
+    """
     measures: Measures
     failure: NDArray[np.object_]
-    """Reason for the policy's failure in each episode, (n,); None if the policy did not fail."""
+    """Error with which the policy failed in each episode, (n,); None if the policy did not fail."""
 
     @property
     def episodes(self) -> int:
-        """Number of episodes."""
+        """Number of episodes, n."""
         return len(self.seeds)
 
 
 @dataclass(frozen=True)
 class EpisodeChunk:
-    """A subset of a cell's episodes, simulated together and stored as one file."""
+    """Result of some episodes of one policy on one scenario that were simulated together.
+
+    It is stored as one file, so that an interrupted run continues after the last stored chunk.
+    """
 
     episode_indices: NDArray[np.int64]
-    """Indices of the episodes in their cell, (n,)."""
+    """Indices of these episodes among all episodes of the policy on the scenario, (n,)."""
     cell: PolicyScenarioResult
-    """Result that contains only the episodes of the chunk."""
+    """Result of the policy on the scenario that contains only these episodes."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """Episodes of one cell that will be simulated together, with all inputs of the simulation."""
+    """Episodes of one policy on one scenario to simulate together, with all inputs of the simulation."""
 
     policy: LabelledPolicy
     scenario: Scenario
     episode_indices: NDArray[np.int64]
-    """Indices of the episodes in their cell, (n,)."""
+    """Indices of these episodes among all episodes of the policy on the scenario, (n,)."""
     seeds: NDArray[np.int64]
     """Seeds of the episodes, (n,)."""
     steps: int
-    """Control steps of an episode."""
+    """Maximum number of control steps of an episode."""
     hardware: HardwareConfig
 
 
 def join(chunks: Sequence[EpisodeChunk]) -> PolicyScenarioResult:
-    """Join the chunks of one cell into one result, with the episodes sorted by index."""
+    """Join subsets of the episodes of one policy on one scenario; `chunks` may come in any order."""
     order = np.argsort(np.concatenate([chunk.episode_indices for chunk in chunks]))
     cells = [chunk.cell for chunk in chunks]
     measures = {name: np.concatenate([getattr(cell.measures, name) for cell in cells])[order] for name in MEASURE_NAMES}
@@ -137,7 +152,15 @@ def join(chunks: Sequence[EpisodeChunk]) -> PolicyScenarioResult:
 
 
 def _join_extra(cells: Sequence[PolicyScenarioResult], order: NDArray[np.intp]) -> dict[str, NDArray[np.float64]]:
-    """Join the extension measures of all chunks, sorted by `order`; NaN where a chunk lacks a measure."""
+    """Join the measures that extensions define, over all subsets of episodes of one policy and scenario.
+
+    Args:
+        cells: Results of the subsets.
+        order: Permutation that sorts the concatenated episodes by index, (n,).
+
+    Returns:
+        Name of the measure -> value of each episode, (n,); NaN in the episodes of a subset that lacks the measure.
+    """
     names = dict.fromkeys(name for cell in cells for name in cell.measures.extra)
     joined = {}
     for name in names:
@@ -147,16 +170,16 @@ def _join_extra(cells: Sequence[PolicyScenarioResult], order: NDArray[np.intp]) 
 
 
 def apply_success_rule(cell: PolicyScenarioResult, rule: SuccessRule) -> PolicyScenarioResult:
-    """Return a copy of the cell with the outcomes of another success `rule`.
+    """Return a copy of a result with the outcomes of its episodes by another success rule.
 
     An episode that succeeded before and fails by the new rule gets the outcome `off_command`.
 
     Args:
-        cell: Cell with outcomes by any rule.
+        cell: Result of one policy on one scenario, with outcomes by any success rule.
         rule: Success rule to apply.
 
     Returns:
-        The cell with new outcomes.
+        The result with new outcomes.
     """
     measures = cell.measures
     has_policy_failure = np.array([reason is not None for reason in cell.failure], np.bool_)
@@ -168,5 +191,15 @@ def apply_success_rule(cell: PolicyScenarioResult, rule: SuccessRule) -> PolicyS
 
 
 def evaluation_seeds(seed: int, count: int) -> NDArray[np.int64]:
-    """Return the seeds of `count` evaluation episodes by a run's `seed`, (count,); not used in training."""
+    """Return the seeds of the first `count` evaluation episodes for the run's `seed`, (count,).
+
+    Training and validation never use these seeds.
+
+    Args:
+        seed: Evaluation seed of the run.
+        count: Number of episodes.
+
+    Returns:
+        Seeds of the episodes, (count,).
+    """
     return episode_seeds("evaluation", seed, count)

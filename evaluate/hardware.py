@@ -1,6 +1,6 @@
-"""Hardware of a run's robots: names of robot, servos, motors, sensors, estimator and simulator.
+"""Configuration of a run's robots: names of robot, servos, motors, sensors, estimator and simulator.
 
-The functions import other packages when they are called, because --help must stay quick.
+Functions import other packages only when they are called, because the command-line help must be quick.
 """
 
 import sys
@@ -18,29 +18,30 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class HardwareConfig:
-    """Names of robot, servo gains, motors, sensors, estimator and simulator.
+    """Names of robot, servo gains, motor model, sensor model, state estimator and simulator.
 
-    Each field except `servo` is the keyword argument of `SimpleQuadVectorEnv` with the same name.
+    Each field except `servo` has the name and the meaning of a keyword argument of `SimpleQuadVectorEnv`.
     """
 
     actuator: str = "ideal"
     sensors: str = "truth"
     estimator: str = "complementary"
     robot: str = "simple_quad"
-    """Name of the robot, or path of its MJCF, URDF or TOML."""
+    """Name of a built-in robot, or path of a robot description in MJCF, URDF or TOML."""
     servo: str = ""
-    """Servo gains of the project's controllers as `stiffness/damping`, N·m/rad and N·m·s/rad.
+    """Servo gains for this project's controllers: `stiffness/damping`, N·m/rad and N·m·s/rad.
 
     Each policy keeps its own gains if the text is empty.
     """
     simulator: str = "mujoco"
-    """Simulator of the physics, one of `quad_env.physics.simulators.SIMULATORS`."""
+    """Physics simulator, one of `quad_env.physics.simulators.SIMULATORS`."""
 
     @property
     def robot_model(self) -> "Robot":
-        """Robot with the servo gains of `servo`.
+        """Robot that `robot` names, with the servo gains of `servo`.
 
-        Loading it can raise ValueError for a bad `servo`, and the errors of `quad_env.robots.registry.get_robot`.
+        The property loads the robot. It can raise ValueError for a wrong `servo`, and the errors of
+        `quad_env.robots.registry.get_robot`.
         """
         from quad_env.robots.registry import get_robot
 
@@ -54,7 +55,10 @@ class HardwareConfig:
             raise ValueError(f"servo is stiffness/damping above 0, such as 35/0.5, not {self.servo!r}") from None
 
     def env_kwargs(self, robot: "Robot") -> dict[str, Any]:
-        """Return keyword argument -> value of an environment, with the servo gains of a policy's `robot`."""
+        """Return the keyword arguments of an environment for a policy.
+
+        The result maps argument names to values. Its robot has the servo gains of the policy's `robot`.
+        """
         robot_model = self.robot_model.with_servo(robot.servo_stiffness, robot.servo_damping)
         names = ("actuator", "sensors", "estimator", "simulator")
         return {name: getattr(self, name) for name in names} | {"robot": robot_model}
@@ -62,14 +66,15 @@ class HardwareConfig:
     def policy(
         self, name_or_path: str, trust: bool = False, *, on_hardware_profile: bool = False, **options: Any
     ) -> "Policy":
-        """Make a new policy for the robot; raise PolicyError if the name or path is unknown.
+        """Make a new policy for the robot of this configuration; raise PolicyError if the policy is unknown.
 
         Args:
             name_or_path: Name or path of the policy, as for `policies.resolve`.
             trust: True to load files that can contain hidden code.
-            on_hardware_profile: True for scenarios with the robot's hardware profile. The project's controllers then
-                use the servo gains of the robot's manufacturer.
-            **options: Further options of the policy, for example `parameters`.
+            on_hardware_profile: True to make the policy for scenarios with the hardware profile (models of the real
+                robot's motors and sensors). This project's controllers then use the servo gains of the robot's
+                manufacturer.
+            **options: Further keyword arguments of the policy, for example `parameters`.
 
         Returns:
             The policy.
@@ -87,16 +92,16 @@ class HardwareConfig:
 
     @property
     def is_customized(self) -> bool:
-        """True if actuator, sensors or estimator differ from the default."""
+        """True if the motor model, the sensor model or the estimator differs from the default."""
         return replace(self, robot=IDEAL.robot, servo="", simulator=IDEAL.simulator) != IDEAL
 
 
 IDEAL = HardwareConfig()
-"""Default hardware: SimpleQuad with ideal motors and the true state, in MuJoCo."""
+"""Default configuration: the robot SimpleQuad with ideal motors and the true state, in MuJoCo."""
 
 
 def describe_hardware(hardware: HardwareConfig) -> str:
-    """Return a sentence for each part that differs from the default: ` Robot: go1. Motors: motor; ...`."""
+    """Return a sentence such as ` Robot: go1.` for each part of `hardware` that is not the default."""
     text = ""
     if hardware.robot != IDEAL.robot:
         text += f" Robot: {hardware.robot}."
@@ -111,17 +116,17 @@ def describe_hardware(hardware: HardwareConfig) -> str:
 
 
 def parse_robot_option(robot: str, option: str = "--robot") -> HardwareConfig:
-    """Return the default hardware with the robot that a command-line option names.
+    """Make the default hardware configuration with the robot that a command-line option names.
 
     Args:
-        robot: Name or path of the robot.
-        option: Name of the option in the error message.
+        robot: Name of a robot, or path of its description.
+        option: Name of the option, for the error message.
 
     Returns:
-        The default hardware with that robot.
+        The default configuration with this robot.
 
     Raises:
-        UsageError: The robot does not exist.
+        UsageError: The robot does not exist or cannot be loaded.
     """
     hardware = HardwareConfig(robot=robot)
     try:
@@ -132,17 +137,17 @@ def parse_robot_option(robot: str, option: str = "--robot") -> HardwareConfig:
 
 
 def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None) -> None:
-    """Check that all hardware names exist and that the simulator supports the hardware.
+    """Check that all names of a hardware configuration exist and that the simulator supports them.
 
-    A robot from a user's file is also checked for plausibility; implausible properties are printed as warnings.
+    A robot from a user's file is also checked for plausibility. Implausible properties are printed as warnings.
 
     Args:
-        hardware: Hardware to check.
+        hardware: Configuration to check.
         scenario: Scenario to simulate; None for flat ground.
 
     Raises:
-        ValueError: A name is unknown (the message lists the valid ones), the robot cannot be loaded, an estimator is
-            named without sensors, or the simulator does not support the scenario or the hardware.
+        ValueError: A name is unknown (the message lists the valid names). The robot cannot be loaded. An estimator is
+            named, but no sensors. The simulator does not support the scenario or the hardware.
     """
     from quad_env.actuation.models import find_actuator
     from quad_env.physics.simulators import check_simulator
@@ -152,7 +157,7 @@ def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None)
 
     try:
         robot = hardware.robot_model
-    except (OSError, ImportError) as error:  # the robot's file or a required package is missing
+    except (OSError, ImportError) as error:  # raised if the robot's file or a required package is missing
         raise ValueError(str(error)) from error
     if robot.source is not None:
         _print_warnings(robot)
@@ -164,7 +169,7 @@ def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None)
 
 @lru_cache
 def _print_warnings(robot: "Robot") -> None:
-    """Print warnings about implausible properties of a user's robot, only once for each robot."""
+    """Print warnings about implausible properties of a user's `robot`, at most once for each robot."""
     from quad_env.robots.leg_names import find_contradictions
     from quad_env.robots.plausibility import find_warnings
 

@@ -1,1 +1,1 @@
-"""Causes of failed episodes, by rules on the recorded signals and the scenario."""
+"""Causes of failed episodes, such as a trip or a slip, determined by rules on the recorded signals."""

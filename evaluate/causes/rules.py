@@ -1,7 +1,8 @@
-"""Cause rules: each rule searches a failed episode for one cause and yields possible events.
+"""Rules for causes of failure: each rule searches a failed episode for one cause and yields events.
 
-An instantaneous event, for example a blow, happens in one control step. A lasting event, for example low friction or
-noise, begins within the searched window.
+An event is a possible cause with a score. An instantaneous event, for example a collision of a foot with a step,
+happens in one control step. A lasting event, for example low friction or sensor noise, begins within the searched
+control steps.
 """
 
 from collections.abc import Iterator
@@ -32,39 +33,39 @@ STALLED = "stalled"
 POLICY = "policy_error"
 UNCLEAR = "unclear"
 CAUSES = (TRIP, SLIP, PUSH, MOTOR, REACH, ESTIMATE, SIGNAL, GAIT, SLOW, STALLED, POLICY, UNCLEAR)
-"""All causes; a failed episode has exactly one."""
+"""Names of all causes of failure; each failed episode has exactly one."""
 CAUSE_RULE = "causes/1"
-"""Version of the cause rules, written into every manifest."""
+"""Version of these rules, which is written into the manifest of every run."""
 TRIP_WINDOW_STEPS = 3
-"""Number of control steps over which a leg's speed before a blow is averaged."""
+"""Number of control steps before a leg hits an obstacle over which the speed of the leg is averaged."""
 SATURATION_WINDOW_STEPS = 5
-"""Number of control steps over which a torque is averaged before the comparison with its limit."""
+"""Number of control steps over which a motor torque is averaged before it is compared with its limit."""
 MIN_TRIP_SCORE = 0.5
-"""Minimum score of a blow that counts as an event."""
+"""Minimum score of a collision of a leg that is yielded as a trip event."""
 
 
 class Event(NamedTuple):
-    """A possible cause of a failed episode, found by a rule."""
+    """A possible cause of a failed episode, found by one of the rules."""
 
     cause: str
-    """One of CAUSES."""
+    """Name of the cause, one of CAUSES."""
     step: int
-    """Control step in which the event began."""
+    """Control step in which the event began, counted from the start of the episode."""
     score: float
-    """Deciding quantity divided by its threshold; an event with a score of 1 or more can be the cause."""
+    """Measured quantity divided by its threshold; an event with a score of 1 or more can be the cause."""
     description: str
     is_instantaneous: bool = False
 
 
 def trips(record: EpisodeSignals, window: slice | None = None) -> Iterator[Event]:
-    """Find trips: swing legs that lose speed where the ground rises.
+    """Find trips: swing legs that hit an obstacle and lose speed where the ground rises.
 
     Args:
         record: Signals of the episode.
-        window: Steps to search; None to search `record.window`.
+        window: Control steps to search; None to search `record.window`.
 
     Yields:
-        The strongest blow of each control step that has one.
+        The trip event with the highest score, for each control step in which a leg is hit.
     """
     window = window or record.window
     steps = np.arange(max(window.start, TRIP_WINDOW_STEPS), min(window.stop, record.end - 1))
@@ -83,15 +84,15 @@ def trips(record: EpisodeSignals, window: slice | None = None) -> Iterator[Event
 
 
 def _shank_blows(record: EpisodeSignals, steps: Ints) -> tuple[Floats, Floats, Floats]:
-    """Compute speed, lost speed and ground rise at each sample point of the shanks.
+    """Compute speed, loss of speed and rise of the ground at each sample point of the four shanks.
 
     Args:
         record: Signals of the episode.
-        steps: Control steps of the blows.
+        steps: Control steps in which a collision may have happened, (k,).
 
     Returns:
-        speed: Mean horizontal speed before the step, (len(steps), 4, len(SHANK_SAMPLES)), m/s.
-        speed_lost: Decrease of the speed along the direction before the step, same shape, m/s.
+        speed: Mean horizontal speed before the step, (k, 4 legs, 4 points), m/s.
+        speed_lost: Decrease of the speed along the direction of motion before the step, same shape, m/s.
         rise: Rise of the ground along this direction, same shape, m.
     """
     points, velocity = record.shank
@@ -104,22 +105,30 @@ def _shank_blows(record: EpisodeSignals, steps: Ints) -> tuple[Floats, Floats, F
 
 
 def _rise_ahead(record: EpisodeSignals, points: Floats, direction: Floats) -> Floats:
-    """Return the ground height just ahead of points minus the ground height just behind them.
+    """Return the ground height just ahead of moving points minus the ground height just behind them.
 
     Args:
         record: Signals of the episode.
-        points: Positions, world frame, (…, 2), m.
-        direction: Unit vector of motion, world frame, (…, 2).
+        points: Horizontal positions, world frame, (…, 2), m.
+        direction: Unit vectors of the direction of motion, world frame, (…, 2).
 
     Returns:
-        Rise, (…), m.
+        Rise of the ground, (…), m.
     """
     ahead = record.threshold("reach of a riser") * direction
     return np.asarray(record.ground(points + ahead) - record.ground(points - ahead))
 
 
 def _touching(record: EpisodeSignals, steps: Ints) -> Bools:
-    """Return the mask of swing-leg points that touch something, (len(steps), 4, len(SHANK_SAMPLES))."""
+    """Return the mask of the sample points on swing legs that touch an obstacle.
+
+    Args:
+        record: Signals of the episode.
+        steps: Control steps, (k,).
+
+    Returns:
+        True for points in contact, (k, 4 legs, 4 points).
+    """
     contact = record.signal("foot_contact") > 0
     touching = np.repeat(contact[steps, :, None], len(SHANK_SAMPLES), axis=2)
     touching[..., :-1] = record.signal("leg_contact")[steps, None, None] > 0
@@ -128,7 +137,7 @@ def _touching(record: EpisodeSignals, steps: Ints) -> Bools:
 
 
 def trunk_blow(record: EpisodeSignals) -> Iterator[Event]:
-    """Find a collision of the trunk with rising ground while the trunk's posture is ordinary."""
+    """Find a collision of the trunk with rising ground that happens while the trunk's posture is ordinary."""
     last = record.end - 1
     episodes = record.episodes
     is_ordinary = record.signal("tilt")[last] <= 2 * record.threshold("tilt") and record.onset >= last - record.steps(
@@ -146,9 +155,10 @@ def trunk_blow(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def slides(record: EpisodeSignals) -> Iterator[Event]:
-    """Find stance feet that slide.
+    """Find stance feet that slide on the ground.
 
-    The score is reduced on ground with high friction, because the controller then causes the sliding.
+    The score is lower on ground with high friction, because there the controller rather than the ground causes the
+    sliding.
     """
     window = record.window
     friction = record.sampled.friction
@@ -165,9 +175,9 @@ def slides(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def pushes(record: EpisodeSignals) -> Iterator[Event]:
-    """Find pushes shortly before the onset, and a steady force that moves the robot along its direction.
+    """Find pushes shortly before the onset of the failure, and a steady force that shifts the robot.
 
-    The score of a push is the displacement of the capture point divided by the threshold.
+    The score of a push is the displacement of the capture point by the push, divided by its threshold.
     """
     if not record.fell:
         return
@@ -191,7 +201,7 @@ def pushes(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def motor_saturation(record: EpisodeSignals) -> Iterator[Event]:
-    """Find motors that stay at a limit, and servos of limited bandwidth that lag behind their targets."""
+    """Find motors at their torque or speed limit, and servos with low bandwidth that lag their targets."""
     yield _saturation(record)
     bandwidth = record.scenario.motors.bandwidth
     if bandwidth is not None:
@@ -202,7 +212,10 @@ def motor_saturation(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def _saturation(record: EpisodeSignals) -> Event:
-    """Return the event of motors at the torque limit, or at the speed limit of a torque-speed curve."""
+    """Return the event of motors at their torque limit or at the speed limit of their torque-speed curve.
+
+    The speed limit counts only if the motor model has a torque-speed curve.
+    """
     window = record.window
     episodes = record.episodes
     limit = np.broadcast_to(episodes.torque_limit, episodes.joint_torque.shape[-1:])
@@ -221,9 +234,9 @@ def _saturation(record: EpisodeSignals) -> Event:
 
 
 def limits(record: EpisodeSignals) -> Iterator[Event]:
-    """Find stance legs that are at a joint limit or stretched.
+    """Find stance legs with a joint at its limit, and stance legs that are almost fully stretched.
 
-    Joint targets are not checked, because crouching gaits usually have targets beyond a limit.
+    Joint targets are not checked, because crouching gaits usually have targets beyond a joint limit.
     """
     window = record.window
     robot = record.episodes.robot
@@ -241,9 +254,9 @@ def limits(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def estimation_error(record: EpisodeSignals) -> Iterator[Event]:
-    """Find errors of the observed tilt and velocity.
+    """Find large errors of the tilt and the velocity that the policy observes.
 
-    Each observation is compared with the true state at its time of measurement, since the delay is known.
+    Each observation is compared with the true state at the time of measurement, because the observation delay is known.
     """
     if record.episodes.observed is None:
         return
@@ -261,7 +274,7 @@ def estimation_error(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def delay_or_dropout(record: EpisodeSignals) -> Iterator[Event]:
-    """Find delayed readings and actions, and servos that received no targets shortly before the onset."""
+    """Find delays of observations and actions, and joint targets that were lost before the failure."""
     if delay_steps := record.sampled.action_delay + _observation_delay_steps(record):
         delay = delay_steps * record.episodes.dt
         description = f"readings and actions are {1000 * delay_steps * record.episodes.dt:.0f} ms late together"
@@ -271,9 +284,9 @@ def delay_or_dropout(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def _dropouts(record: EpisodeSignals) -> Iterator[Event]:
-    """Find servos that received no targets shortly before the onset.
+    """Find servos that received no joint targets for some time shortly before the onset of the failure.
 
-    The score measures the largest change of the targets that a servo missed.
+    The score is the largest change of the joint target that a servo missed, divided by its threshold.
     """
     window = record.window
     dt = record.episodes.dt
@@ -294,18 +307,21 @@ def _dropouts(record: EpisodeSignals) -> Iterator[Event]:
 
 
 RULES = (trips, trunk_blow, slides, pushes, motor_saturation, limits, estimation_error, delay_or_dropout)
-"""Rules for episodes that ended by a fall."""
+"""Rules that are applied to episodes in which the robot fell."""
 UPRIGHT_RULES = (motor_saturation, slides, estimation_error, delay_or_dropout, limits)
-"""Rules for failures of upright robots; the first rule with a triggered event decides."""
+"""Rules that are applied to failed episodes in which the robot stayed upright.
+
+The first rule that yields an event with a score of at least 1 decides.
+"""
 
 
 def _can_rise(record: EpisodeSignals) -> bool:
-    """Return True if the terrain can have steps or rises, which a leg can hit."""
+    """Return True if the terrain can have steps or bumps: it is neither flat nor a plane slope."""
     return not isinstance(record.scenario.terrain, Flat | Slope)
 
 
 def _leg_name(record: EpisodeSignals, leg: int) -> str:
-    """Return the name of the leg with index `leg`, for example `front left`."""
+    """Return the name of the leg with the index `leg` (FL, FR, RL, RR), for example `front left`."""
     robot = record.episodes.robot
     end = "front" if robot.hip_positions[leg, 0] > 0.0 else "hind"
     side = "left" if robot.side[leg] > 0.0 else "right"
@@ -313,36 +329,49 @@ def _leg_name(record: EpisodeSignals, leg: int) -> str:
 
 
 def _joint_name(record: EpisodeSignals, joint: int) -> str:
-    """Return the name of the joint with index `joint`, for example `front left thigh`."""
+    """Return the name of the joint with the index `joint`, 0 … 11, for example `front left thigh`."""
     return f"{_leg_name(record, joint // 3)} {('hip', 'thigh', 'calf')[joint % 3]}"
 
 
 def _rise_text(record: EpisodeSignals, height: float) -> str:
-    """Return the description of an obstacle with the given height, m."""
+    """Describe an obstacle of the given `height` in m, for example `the edge of a step (0.15 m)`."""
     obstacle = "the edge of a step" if isinstance(record.scenario.terrain, Stairs) else "a rise"
     return f"{obstacle} ({height:.2f} m)"
 
 
 def _observation_delay_steps(record: EpisodeSignals) -> int:
-    """Return the delay of the scenario's observations in control steps; 0 if there is no delay."""
+    """Return the delay of the observations in the scenario, in control steps; 0 if there is no delay."""
     latency = record.scenario.latency
     return 0 if latency is None else round(latency.observation / record.episodes.dt)
 
 
 def _running_mean(values: Floats | Bools, length: int) -> Floats:
-    """Return the mean over each row of `values` and the `length - 1` rows before, (rows, …)."""
+    """Return the running mean of the rows of `values`.
+
+    Args:
+        values: Values with one row for each control step, (steps, …).
+        length: Number of rows to average: each row and the rows before it.
+
+    Returns:
+        Means, (steps, …).
+    """
     sums = np.cumsum(np.concatenate((np.zeros((length, *values.shape[1:])), values)), axis=0)
     return np.asarray((sums[length:] - sums[:-length]) / length)
 
 
 def _root_mean_square(values: Floats) -> float:
-    """Return the root mean square of `values`, (steps,)."""
+    """Return the root mean square of `values`, (steps,), in their unit."""
     return float(np.sqrt((values**2).mean()))
 
 
 def _first_step(window: slice, mask: Bools) -> int:
-    """Return the first step of a window with a true entry in `mask`, (steps, k).
+    """Return the first control step of a window in which any entry of `mask` is true.
 
-    Return the start of the window if all entries are false.
+    Args:
+        window: Control steps of the window.
+        mask: Condition in each step of the window, (steps, k).
+
+    Returns:
+        Index of the control step; the start of the window if all entries are false.
     """
     return int(window.start + np.argmax(mask.any(axis=1)))

@@ -1,4 +1,4 @@
-"""Timeline of an episode: at most five events, sorted by time, that explain the outcome."""
+"""Timeline of an episode for the user: at most five events, sorted by time, that explain the outcome."""
 
 from collections.abc import Iterable
 
@@ -13,22 +13,22 @@ from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import SUCCEEDED
 
 MAX_CAUSES = 3
-"""Maximum number of events with different causes in a timeline."""
+"""Maximum number of events in a timeline that have different causes."""
 
 
 def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tuple[float, str]]:
-    """Return the main events of an episode.
+    """Return the main events of an episode, sorted by time.
 
-    The events are the deciding event, the strongest events of two other causes, and the departure from the ordinary
-    gait. The outcome comes last.
+    For a failed episode, they are the event that decided the cause, and the strongest events of up to two other causes.
+    If the robot fell, the time at which it left its ordinary gait is added. The outcome comes last.
 
     Args:
         episodes: Recorded episodes.
-        measures: Measures of the recorded episodes.
+        measures: Measures of these episodes.
         number: Index of the episode.
 
     Returns:
-        Pairs of time (s) and description, such as `front left foot hits the edge of a step (0.15 m) at 0.9 m/s`.
+        Pairs of time (s) and description, for example `front left foot hits the edge of a step (0.15 m) at 0.9 m/s`.
     """
     outcome = str(measures.outcome[number]).replace("_", " ")
     if outcome == SUCCEEDED or episodes.scenario is None:
@@ -38,7 +38,7 @@ def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tu
     moments = _events(decided)
     if record.fell and record.end:
         if decided.event.cause in (GAIT, UNCLEAR) and decided.event.step == record.onset:
-            moments = []  # dropped, because it says no more than the departure from the gait
+            moments = []  # because the departure from the gait, added below, is the same event
         moments.append(_departure(record))
         outcome += f" ({episodes.fall_reason[number].replace('_', ' ')})"
     cause = decided.event.cause.replace("_", " ")
@@ -49,7 +49,10 @@ def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tu
 
 
 def _events(decided: Verdict) -> list[tuple[int, str]]:
-    """Return pairs of step and description: deciding event, then strongest event of each other cause."""
+    """Return the control step and the description of the deciding event and of other strong events.
+
+    The others are the events with the highest scores of up to two other causes.
+    """
     strongest = {decided.event.cause: decided.event}
     for event in sorted(decided.triggered_events, key=lambda event: -event.score):
         strongest.setdefault(event.cause, event)
@@ -57,7 +60,7 @@ def _events(decided: Verdict) -> list[tuple[int, str]]:
 
 
 def _departure(record: EpisodeSignals) -> tuple[int, str]:
-    """Return the step and a description of the departure from the ordinary gait."""
+    """Return the control step and a description of the robot's departure from its ordinary gait."""
     step = min(record.onset, record.end - 1)
     tilt = np.degrees(record.signal("tilt")[step])
     offset = planar(record.capture_point_offset)[step]
@@ -68,5 +71,5 @@ def _departure(record: EpisodeSignals) -> tuple[int, str]:
 
 
 def in_lines(moments: Iterable[tuple[float, str]]) -> list[str]:
-    """Format each event as a line, such as `2.41 s  front left foot hits the edge of a step (0.15 m)`."""
+    """Format pairs of time and description as lines of text, for example `2.41 s  the trunk meets a rise`."""
     return [f"{time:.2f} s  {description}" for time, description in moments]

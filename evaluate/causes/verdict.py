@@ -1,4 +1,4 @@
-"""Cause of a failed episode: the deciding event, and whether it is certain."""
+"""Verdict on a failed episode: the event that caused the failure, and whether this is certain."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -17,13 +17,16 @@ from quad_env.robots.similarity import scale_factor
 from quad_env.scenarios.scenario import Scenario
 
 TRIGGERED = 1.0
-"""Minimum score of an event that can be the cause."""
+"""Minimum score of an event that can be the cause of a failure."""
 MAX_FAILURE_LENGTH = 120
-"""Maximum number of characters of a policy's failure in a description."""
+"""Maximum length of a policy's error message in the description of a cause, characters."""
 
 
 class Verdict(NamedTuple):
-    """Cause of a failed episode: the deciding event, whether it is certain, and all triggered events."""
+    """Cause of a failed episode.
+
+    It has the deciding event, a flag that is true if the cause is certain, and all events with a score of at least 1.
+    """
 
     event: Event
     certain: bool
@@ -31,12 +34,20 @@ class Verdict(NamedTuple):
 
     @property
     def detail(self) -> str:
-        """Description of the deciding event, with `certain` or `likely`."""
+        """Description of the deciding event, followed by `(certain)` or `(likely)`."""
         return f"{self.event.description} ({'certain' if self.certain else 'likely'})"
 
 
 def with_causes(measures: Measures, episodes: Episodes) -> Measures:
-    """Add the causes of failures to the `measures` of `episodes`; no change if the scenario is not known."""
+    """Add the causes of failure to the `measures` of `episodes`.
+
+    Args:
+        measures: Measures without causes of failure.
+        episodes: Recorded episodes of the measures.
+
+    Returns:
+        Measures with causes; unchanged if the scenario of the episodes is not known.
+    """
     if episodes.scenario is None:
         return measures
     cause = np.full(episodes.count, None, dtype=object)
@@ -54,11 +65,11 @@ def verdict(record: EpisodeSignals, measures: Measures) -> Verdict:
     """Determine the cause of a failed episode.
 
     Args:
-        record: Signals of the episode.
-        measures: Measures of all episodes in `record.episodes`.
+        record: Signals of the failed episode.
+        measures: Measures of all episodes in `record.episodes`, with outcomes.
 
     Returns:
-        The cause of the episode's failure.
+        The cause of the failure: an error of the policy, or a cause that the rules find.
     """
     number = record.number
     if measures.outcome[number] == outcomes.POLICY_ERROR:
@@ -69,10 +80,10 @@ def verdict(record: EpisodeSignals, measures: Measures) -> Verdict:
 
 
 def _verdict_on_fall(record: EpisodeSignals) -> Verdict:
-    """Choose the cause of a fall: the first instantaneous event, else the strongest lasting event.
+    """Choose the cause of a fall: the first instantaneous event, otherwise the strongest lasting event.
 
-    Joint limits are chosen only if no other event is triggered. The cause is unclear if the scenario starts in any pose
-    or the robot falls in its first steps.
+    Only events with a score of at least 1 count. A joint limit is chosen only if there is no other event. The cause is
+    unclear if the scenario starts in a random pose, or if the robot falls within its first control steps.
     """
     if isinstance(record.scenario.start, AnyPose) or record.end <= rules.TRIP_WINDOW_STEPS:
         return Verdict(Event(rules.UNCLEAR, 0, 1.0, "it never came to an ordinary gait"), False)
@@ -90,10 +101,19 @@ def _verdict_on_fall(record: EpisodeSignals) -> Verdict:
 
 
 def _is_certain(record: EpisodeSignals, first: Event, triggered_events: tuple[Event, ...]) -> bool:
-    """Return True if the event `first` is certainly the cause of a fall.
+    """Return True if an event is certainly the cause of a fall.
 
-    The score of `first` must be high, and no event of another cause may begin earlier or at the same time. A trip must
-    not have happened before without a fall. Joint limits are never certain, and do not count as another cause.
+    The score of the event must be high, and no event of another cause may begin earlier or at the same time. If the
+    event is a trip, the robot must not have survived an equally strong trip before. Joint limits are never certain, and
+    do not count as another cause.
+
+    Args:
+        record: Signals of the episode.
+        first: Event that was chosen as the cause.
+        triggered_events: All events with a score of at least 1.
+
+    Returns:
+        True if the cause is certain.
     """
     has_competing_cause = any(
         event.step <= first.step for event in triggered_events if event.cause not in (first.cause, rules.REACH)
@@ -101,23 +121,23 @@ def _is_certain(record: EpisodeSignals, first: Event, triggered_events: tuple[Ev
     is_usual = False
     if (
         first.cause == rules.TRIP and first.step < record.end
-    ):  # the legs may have been hit as hard before without a fall
+    ):  # because the legs may have been hit as hard before, but the robot did not fall
         is_usual = any(event.score >= TRIGGERED for event in trips(record, slice(0, record.window.start)))
     is_strong = first.score >= record.threshold("certain") and first.cause != rules.REACH
     return is_strong and not has_competing_cause and not is_usual
 
 
 def _verdict_without_event(record: EpisodeSignals, max_score: float) -> Verdict:
-    """Choose the cause of a fall if no event is triggered: the gait, or unclear.
+    """Choose the cause of a fall if no event has a score of at least 1: the gait itself, or unclear.
 
-    The cause is unclear if an event was nearly triggered or the simulation diverged.
+    The cause is unclear if the score of an event was nearly 1, or if the simulation diverged.
 
     Args:
         record: Signals of the episode.
-        max_score: Largest score of all events, which is below TRIGGERED.
+        max_score: Largest score of all events, below TRIGGERED.
 
     Returns:
-        The cause. It can be certain only if the scenario is undisturbed.
+        The cause. It can be certain only if the scenario has no disturbance.
     """
     if max_score >= record.threshold("nearly") or record.episodes.diverged[record.number]:
         return Verdict(Event(rules.UNCLEAR, record.onset, 1.0, "no rule decides"), False)
@@ -130,9 +150,17 @@ def _verdict_without_event(record: EpisodeSignals, max_score: float) -> Verdict:
 
 
 def _verdict_on_upright(record: EpisodeSignals, measures: Measures) -> Verdict:
-    """Choose the cause of a failure of an upright robot: the first triggered event by UPRIGHT_RULES.
+    """Choose the cause of a failure in which the robot stayed upright.
 
-    The cause is the deviation from the command if no event is triggered.
+    It is the first event by UPRIGHT_RULES with a score of at least 1. If there is none, the cause is the deviation from
+    the velocity command.
+
+    Args:
+        record: Signals of the episode.
+        measures: Measures of all episodes in `record.episodes`.
+
+    Returns:
+        The cause of the failure.
     """
     events = [event for rule in rules.UPRIGHT_RULES for event in rule(record)]
     if triggered_events := tuple(event for event in events if event.score >= TRIGGERED):
@@ -152,14 +180,17 @@ def _verdict_on_upright(record: EpisodeSignals, measures: Measures) -> Verdict:
 
 
 def worst_interval(measures: Measures, number: int) -> int:
-    """Return the index of the command interval with the largest deviation; stalled intervals come first.
+    """Return the index of the interval of constant command with the largest velocity error.
+
+    The error is relative to the tolerance of the success rule. Intervals in which the robot hardly moved although a
+    velocity was commanded come first.
 
     Args:
         measures: Measures of n episodes.
         number: Index of the episode.
 
     Returns:
-        Index of the interval.
+        Index of the command interval.
     """
     rule = outcomes.RULES[outcomes.SUCCESS_RULE]
     commands = measures.commands[number]
@@ -168,17 +199,17 @@ def worst_interval(measures: Measures, number: int) -> int:
 
 
 def _off_command(record: EpisodeSignals, measures: Measures, interval: int) -> tuple[str, str, bool]:
-    """Determine the cause of a deviation from the command that no event explains.
+    """Determine the cause of a deviation from the velocity command that no event explains.
 
     Args:
         record: Signals of the episode.
         measures: Measures of all episodes in `record.episodes`.
-        interval: Index of the worst command interval.
+        interval: Index of the command interval with the largest deviation.
 
     Returns:
-        cause: Name of the cause.
-        description: Text with the achieved part of the command.
-        certain: True if the cause is certain, apart from events that were nearly triggered.
+        cause: Name of the cause: stalled, too slow, gait or unclear.
+        description: Text with the commanded and the achieved velocity.
+        certain: True if the cause is certain, as far as this deviation shows.
     """
     command = measures.commands[record.number, interval]
     velocity = measures.mean_velocities[record.number, interval]
@@ -204,5 +235,5 @@ def _off_command(record: EpisodeSignals, measures: Measures, interval: int) -> t
 
 
 def _velocity_text(velocity: np.ndarray) -> str:
-    """Format a velocity, (3,), m/s, m/s, rad/s, as text."""
+    """Format a velocity (forward, m/s, left, m/s, yaw rate, rad/s), (3,), as text."""
     return f"{velocity[0]:.2f} m/s forward, {velocity[1]:.2f} m/s left, {velocity[2]:.2f} rad/s"
