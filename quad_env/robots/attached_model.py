@@ -1,7 +1,8 @@
-"""Changes to a user's model before it is attached to SimpleQuad's scene.
+"""Changes to a user's robot model before it replaces SimpleQuad in the simulated scene.
 
-The attachment loses compiler settings of the whole model, such as `settotalmass`. The functions therefore write the
-values that MuJoCo computes when it compiles the model alone. `AttachedModel` holds the model during the changes.
+MuJoCo ignores compiler settings of a whole model, such as `settotalmass`, when the model is attached to another one.
+The functions of this module therefore write explicit masses, inertias and joint parameters: the values that MuJoCo
+computes when it compiles the user's model alone. `AttachedModel` holds the model during the changes.
 """
 
 from dataclasses import dataclass
@@ -16,55 +17,64 @@ from quad_env.robots.shapes import GROUND_BIT, Floats, surface_points
 from quad_env.robots.structure import LINKS, Leg, RobotStructure
 
 _INVISIBLE = (0.0, 0.0, 0.0, 0.0)
-"""Colour of sites that are used only by sensors: red, green, blue, opacity."""
+"""Colour of sites that only mark positions for sensors and must not be seen: red, green, blue, opacity."""
 _SITE_MARGIN = 1e-3
-"""Margin of the touch site around the geoms of a foot, m. A touch sensor measures only contacts inside its site."""
+"""Margin of the box site of a touch sensor around the geoms of its foot, m.
+
+The margin is needed because MuJoCo's touch sensor measures only contacts inside its site.
+"""
 _ALIGNED = 1e-12
-"""Largest position difference, m, and rotation matrix difference of two frames that are considered equal."""
+"""Tolerance with which the root body's frame is considered equal to the trunk's frame.
+
+It limits the difference of the origins, m, and the difference of each coefficient of the rotation matrices.
+"""
 
 
 class SpecElements(NamedTuple):
-    """Elements of a specification: id in the compiled model -> element.
+    """Bodies, joints and geoms of a `mujoco.MjSpec`, found by their ids in the compiled model.
 
-    The dictionaries are needed because elements lose their ids when the specification changes.
+    The dictionaries are made before the first change, because elements lose their ids when the `MjSpec` changes.
     """
 
     bodies: dict[int, Any]
+    """Id of a body in the compiled model -> the body in the `mujoco.MjSpec`."""
     joints: dict[int, Any]
+    """Id of a joint in the compiled model -> the joint in the `mujoco.MjSpec`."""
     geoms: dict[int, Any]
+    """Id of a geom in the compiled model -> the geom in the `mujoco.MjSpec`."""
 
 
 @dataclass(frozen=True, eq=False)
 class AttachedModel:
-    """User's model during its attachment to the scene; made by `copy_user_model`, changed by the other functions."""
+    """User's robot model while it is prepared for SimpleQuad's scene; made by `copy_user_model`."""
 
     robot: RobotParameters
-    """Parameters of the robot."""
+    """Parameters of the user's robot, such as its home pose and rated torque."""
     spec: Any
-    """Copy of the user's specification, `mujoco.MjSpec`; the functions of this module change this copy."""
+    """Copy of the user's `mujoco.MjSpec`; the functions of the module `attached_model` change this copy."""
     model: Any
-    """Compiled `mujoco.MjModel` of the user's file, unchanged."""
+    """Compiled `mujoco.MjModel` of the user's file; it stays unchanged, and is the source of the compiled values."""
     structure: RobotStructure
-    """Structure of the compiled model."""
+    """Trunk, legs and colliding geoms that were found in `model`."""
     elements: SpecElements
-    """Elements of `spec`, by the ids in `model`."""
+    """Bodies, joints and geoms of `spec`, found by their ids in `model`."""
 
     @property
     def root(self) -> Any:
-        """Body of the specification with the free joint."""
+        """Root body of the robot in `spec`: the body with the free joint."""
         return self.elements.bodies[self.structure.root]
 
 
 def copy_user_model(robot: RobotParameters, modified: int) -> AttachedModel:
-    """Copy the model of an imported robot, so that the copy can be changed and attached.
+    """Copy the model of a user's robot, so that the copy can be changed and attached to SimpleQuad's scene.
 
     Args:
-        robot: Parameters of the robot.
-        modified: Current modification time of the model's file, ns. The file is read again if it has changed since the
-            robot was made.
+        robot: Parameters of the user's robot.
+        modified: Current modification time of the model's file, ns. The file is read again if it has changed since
+            `robot` was made from it.
 
     Returns:
-        The copy.
+        The model with a copy of its `mujoco.MjSpec`.
     """
     user_model = robot.user_model
     if user_model.modified != modified:
@@ -75,14 +85,17 @@ def copy_user_model(robot: RobotParameters, modified: int) -> AttachedModel:
 
 
 def delete_elements(spec: Any, *kinds: str) -> None:
-    """Delete all elements of the given `kinds`, such as `sensors`, from the specification `spec`."""
+    """Delete all elements of some `kinds`, such as "sensors" or "keys", from the `mujoco.MjSpec` `spec`."""
     for kind in kinds:
         for element in list(getattr(spec, kind)):
             spec.delete(element)
 
 
 def keep_compiled_inertias(attached: AttachedModel) -> None:
-    """Write mass and inertia of each body in the compiled model to the specification."""
+    """Write the compiled mass, centre of mass and inertia of each robot body as explicit values to `attached.spec`.
+
+    Otherwise MuJoCo would compute them again after the attachment, with the compiler settings of SimpleQuad's scene.
+    """
     model = attached.model
     for body in attached.structure.bodies:
         element = attached.elements.bodies[body]
@@ -101,12 +114,13 @@ def keep_compiled_inertias(attached: AttachedModel) -> None:
 
 
 def align_joint_axes(attached: AttachedModel) -> None:
-    """Rewrite the joints to the robot's convention.
+    """Convert the twelve leg joints of `attached.spec` to the joint axes and zero angles of this package.
 
-    Axes are +x and +y, and angles are zero with the leg straight down.
+    After the conversion, hips turn about +x, thighs and calves about +y. All angles are zero with the leg straight
+    down. Limits, spring references and `ref` are converted, and written in degrees if the user's file uses degrees.
 
-    Angles are written in the unit of the specification. Armature and damping of the motors are added to their joints.
-    Torque limits of the joints are widened to the rated torque.
+    Armature and damping of each motor are added to its joint, because the motors are replaced by position servos.
+    Torque limits of the joints are widened to at least ± the rated torque, so that only the servos limit the torque.
     """
     motors = _motor_armature_and_damping(attached.model)
     lower, upper = attached.structure.limits(attached.model)
@@ -115,16 +129,16 @@ def align_joint_axes(attached: AttachedModel) -> None:
 
 
 def _align_joint(attached: AttachedModel, number: int, limits: tuple[float, float], motor: Floats) -> None:
-    """Rewrite one joint, see `align_joint_axes`.
+    """Convert one leg joint to the joint axes and zero angles of this package, see `align_joint_axes`.
 
-    The torque of a joint spring is -(a x + b x² + c x³). The coefficient b changes its sign if the axis is reversed.
-    The torque of a damper is an odd function of the speed, so its coefficients do not change.
+    The torque of a joint spring at the deflection x is -(a x + b x² + c x³). The coefficient b changes its sign if the
+    axis is reversed. The torque of a damper is an odd function of the joint speed, so its coefficients do not change.
 
     Args:
-        attached: The model.
+        attached: The user's model; its `spec` is changed.
         number: Index of the joint among the robot's twelve joints.
-        limits: Lower and upper limit in the robot's convention, rad.
-        motor: Armature, followed by the three damping coefficients, of the joint's motors, (4,).
+        limits: Lower and upper joint limit after the conversion, rad.
+        motor: Armature, followed by the three damping coefficients, which the motors add to the joint, (4,).
     """
     model = attached.model
     joint = attached.structure.joints[number]
@@ -143,22 +157,35 @@ def _align_joint(attached: AttachedModel, number: int, limits: tuple[float, floa
     element.stiffness = (model.jnt_stiffness[joint], sign * square, cube)
     element.damping = np.array((model.dof_damping[dof], *model.dof_dampingpoly[dof])) + motor[1:]
     element.armature = model.dof_armature[dof] + motor[0]
-    element.springdamper = (0.0, 0.0)  # The compiled stiffness and damping already contain its effect.
+    element.springdamper = (0.0, 0.0)  # The compiled stiffness and damping already contain the effect of this setting.
     if model.jnt_actfrclimited[joint]:
         _widen_torque_limit(element, np.sort(sign * model.jnt_actfrcrange[joint]), attached.robot.rated_torque)
 
 
 def _widen_torque_limit(joint: Any, limits: Floats, rated_torque: float) -> None:
-    """Set the torque limits of a joint to the wider of `limits`, (2,), N·m, and ± the rated torque."""
+    """Set the torque limits of a joint so that they include both `limits` and ± the rated torque.
+
+    Args:
+        joint: The joint of a `mujoco.MjSpec`, which is changed.
+        limits: Smallest and largest torque of the joint in the user's model, (2,), N·m.
+        rated_torque: Largest torque of the robot's servos, N·m.
+    """
     low, high = limits
     joint.actfrclimited = 1
     joint.actfrcrange = (min(low, -rated_torque), max(high, rated_torque))
 
 
 def _motor_armature_and_damping(model: Any) -> Floats:
-    """Return armature and three damping coefficients that the motors add to each joint, (njnt, 4).
+    """Compute the armature and damping that the motors of a model add to its joints.
 
-    The values of a motor are multiplied by its squared gear ratio.
+    The armature and damping of a motor are multiplied by its squared gear ratio.
+
+    Args:
+        model: Compiled `mujoco.MjModel`.
+
+    Returns:
+        For each joint, the armature, kg·m², and the coefficients of the first, second and third power of the joint
+        speed in the damping torque, N·m·s/rad, N·m·s²/rad² and N·m·s³/rad³, (njnt, 4).
     """
     import mujoco
 
@@ -172,16 +199,15 @@ def _motor_armature_and_damping(model: Any) -> Floats:
 
 
 def angle_unit(joint: Any) -> float:
-    """Return the factor from radians to the angle unit of a joint's specification: 180/π or 1."""
+    """Return the factor from radians to the angle unit of the joint's file: 180/π for degrees, 1 for radians."""
     return float(np.rad2deg(1.0)) if joint.compiler.degree else 1.0
 
 
 def remove_forces(attached: AttachedModel) -> None:
-    """Remove forces that the scene does not simulate.
+    """Remove the forces of a user's model that are not simulated here.
 
-    Removed are gravity compensation, plugins, plastic springs, and springs, damping and friction of the free joint.
-
-    `omissions` reports the removed forces.
+    These are gravity compensation, plugins, plastic yielding of springs, and all passive forces of the free joint:
+    springs, damping, armature and friction. The module `omissions` reports the removed forces to the user.
     """
     import mujoco
 
@@ -203,11 +229,11 @@ def remove_forces(attached: AttachedModel) -> None:
 
 
 def set_contact_parameters(attached: AttachedModel, foot: Any) -> None:
-    """Give geoms and pairs the contact parameters of SimpleQuad's `foot` geom, except friction.
+    """Give all geoms and geom pairs of a user's robot the contact parameters of SimpleQuad's feet, except friction.
 
     Args:
-        attached: Attached model, which is changed.
-        foot: Geom with the contact parameters.
+        attached: The user's model; its `spec` is changed.
+        foot: Foot geom of SimpleQuad with the contact parameters, such as `solref`, `solimp` and `condim`.
     """
     geoms = [geom for body in attached.structure.bodies for geom in attached.elements.bodies[body].geoms]
     for element in (*geoms, *attached.spec.pairs):
@@ -228,9 +254,10 @@ def set_contact_parameters(attached: AttachedModel, foot: Any) -> None:
 
 
 def rename_elements(attached: AttachedModel) -> None:
-    """Rename the parts that the simulation finds by name as in SimpleQuad.
+    """Give the trunk, the links, the leg joints and the foot geoms names that the simulation can find.
 
-    Sites of the feet, and a box for a trunk that does not collide, are added.
+    These parts get SimpleQuad's names, such as `base_link` and `fl_foot`; only the joints keep the user's names. The
+    function also adds sites to the feet, and a colliding box to a trunk that does not collide with the ground.
     """
     elements = attached.elements
     for kind, named in (("body", elements.bodies), ("geom", elements.geoms)):
@@ -238,7 +265,8 @@ def rename_elements(attached: AttachedModel) -> None:
             element.name = element.name or f"{RENAMED_PREFIX}{kind}_{number}"
     attached.root.name = RENAMED_PREFIX + "base_link"
     for geom in elements.geoms.values():
-        # Let the scenario set the friction, through the ground; condim 3 restricts friction to sliding.
+        # With priority 0, the geoms leave the friction of a contact to the ground, which has priority 1: the scenario
+        # sets the friction of the ground. With condim 3, contacts have sliding friction only.
         geom.priority = 0
         geom.condim = 3
     for leg in attached.structure.legs:
@@ -248,9 +276,10 @@ def rename_elements(attached: AttachedModel) -> None:
 
 
 def _rename_leg(attached: AttachedModel, leg: Leg) -> None:
-    """Rename joints, links and foot geoms of a leg, and add the sites of its foot.
+    """Rename the joints, links and foot geoms of a leg, and add the sites that the sensors of its foot need.
 
-    One site is at the centre of the foot, and one site surrounds the foot geoms of each body.
+    One site is at the centre of the foot. One further site per body with foot geoms is a box around these geoms, in
+    which a touch sensor measures contacts.
     """
     model = attached.model
     elements = attached.elements
@@ -267,9 +296,17 @@ def _rename_leg(attached: AttachedModel, leg: Leg) -> None:
 
 
 def _sole_site(model: Any, leg: Leg, body: int) -> dict[str, Any]:
-    """Return the fields of the site around the foot geoms of one body, for a touch sensor.
+    """Return the fields of a box site around the foot geoms of one body, in which a touch sensor measures contacts.
 
-    The site is slightly larger than the geoms, because a touch sensor measures only contacts inside its site.
+    The box is slightly larger than the geoms, because a touch sensor measures only contacts inside its site.
+
+    Args:
+        model: Compiled `mujoco.MjModel` of the user's file.
+        leg: The leg with the foot.
+        body: Id of a body with geoms of this foot.
+
+    Returns:
+        Keyword -> argument of `add_site` of a body of a `mujoco.MjSpec`.
     """
     geoms = [geom for geom in leg.foot.geoms if model.geom_bodyid[geom] == body]
     points = np.concatenate([surface_points(model, geom) for geom in geoms])
@@ -279,9 +316,9 @@ def _sole_site(model: Any, leg: Leg, body: int) -> dict[str, Any]:
 
 
 def _add_trunk_box(attached: AttachedModel) -> None:
-    """Add a box to the trunk that collides only with the ground.
+    """Add a massless box to the trunk that collides only with the ground, so that falls on the trunk are simulated.
 
-    The box is needed if the trunk of the user's model does not collide with the ground.
+    The caller adds the box only if the trunk of the user's model does not collide with the ground.
     """
     robot = attached.robot
     box = {"type": 6, "pos": robot.trunk_centre, "size": robot.trunk_size / 2.0, "mass": 0.0, "group": 3}
@@ -290,7 +327,10 @@ def _add_trunk_box(attached: AttachedModel) -> None:
 
 
 def reset_orientation(element: Any) -> None:
-    """Align a new geom or site with its body, because defaults of the model may rotate elements."""
+    """Align a new geom or site with the axes of its body.
+
+    This is needed because defaults in the user's file may rotate every new geom or site.
+    """
     import mujoco
 
     element.quat = (1.0, 0.0, 0.0, 0.0)
@@ -299,7 +339,11 @@ def reset_orientation(element: Any) -> None:
 
 
 def move_base_frame(attached: AttachedModel) -> None:
-    """Move the frame of the root body to the trunk's frame. The parts of the root body do not move."""
+    """Move the frame of the root body, which has the free joint, to the frame of the trunk.
+
+    The poses of the free joint are then the poses of the trunk. Geoms, sites, child bodies and the centre of mass of
+    the root body keep their places in the world.
+    """
     import mujoco
 
     root = attached.root

@@ -1,7 +1,7 @@
-"""Collisions of a user's robot in the scene.
+"""Selection of the parts of a user's robot that collide with the ground and with each other in our scene.
 
-A bit of `contype` selects the geoms that collide with the ground. Self-collisions are the same as in the user's model,
-except between bodies that overlap in the home pose.
+One bit of `contype`, `GROUND_BIT`, selects the geoms that collide with the ground. Self-collisions are the same as in
+the user's model, except that bodies that overlap in the home pose do not collide with each other.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,33 +13,44 @@ from quad_env.robots.shapes import GROUND_BIT, geom_ids, welded_bodies
 from quad_env.robots.structure import LINKS
 
 RULES = {"excludes": ("body", "bodyname1", "bodyname2"), "pairs": ("geom", "geomname1", "geomname2")}
-"""Kind of collision rule in a specification -> kind of the two parts, and the two fields with their names.
+"""Attribute of `mujoco.MjSpec` with collision rules -> kind of the two parts, and the fields with their names.
 
-`excludes` are pairs of bodies that must not collide, `pairs` are pairs of geoms that collide.
+A rule in `excludes` names two bodies that must not collide. A rule in `pairs` names two geoms that collide.
 """
 
 Rule = tuple[Any, str, Any]
-"""A rule of a specification, the name of one of its fields, and the element that this field names."""
+"""One of the two parts that a collision rule names: the rule, the name of the field, and the named body or geom.
+
+`apply_rules` writes the final name of the body or geom into the field after all parts have been renamed.
+"""
 
 
 def collect_rules(attached: AttachedModel, overlaps: Sequence[Overlap]) -> list[Rule]:
-    """Collect the collision rules between parts of the robot, and delete all other rules.
+    """Collect the collision rules between parts of the robot, and delete all other rules from the model.
 
     Args:
-        attached: The model; its elements still have the ids of the compiled model.
+        attached: The user's model; its elements still have the ids of the compiled model.
         overlaps: Pairs of bodies that overlap in the home pose and must not collide.
 
     Returns:
-        The user's rules that are kept, and a new exclusion for each overlap.
+        Two items for each rule: one for each body or geom that the rule names. The rules are the user's rules that are
+        kept, followed by a new exclusion for each overlap.
     """
     return [*_keep_robot_rules(attached, overlaps), *_add_exclusions(attached, overlaps)]
 
 
 def _keep_robot_rules(attached: AttachedModel, overlaps: Sequence[Overlap]) -> list[Rule]:
-    """Return the user's rules between parts of the robot, and delete all others.
+    """Return the user's collision rules between parts of the robot, and delete all other rules from the model.
 
-    Rules with parts of the user's scene are deleted, because the scene is replaced by ours. Geom pairs of overlapping
-    bodies are deleted, because these bodies must not collide.
+    Rules with parts of the user's scene are deleted, because our scene replaces the user's scene. Geom pairs of bodies
+    that overlap in the home pose are deleted, because these bodies must not collide.
+
+    Args:
+        attached: The user's model; its `spec` is changed.
+        overlaps: Pairs of bodies that overlap in the home pose.
+
+    Returns:
+        Two items for each kept rule: one for each body or geom that the rule names.
     """
     spec = attached.spec
     kept: list[Rule] = []
@@ -57,7 +68,10 @@ def _keep_robot_rules(attached: AttachedModel, overlaps: Sequence[Overlap]) -> l
 
 
 def _add_exclusions(attached: AttachedModel, overlaps: Sequence[Overlap]) -> list[Rule]:
-    """Exclude the collision of overlapping bodies and return the new rules."""
+    """Add a rule to `attached.spec` for each overlap, so that its two bodies do not collide; return these rules.
+
+    Each rule gives two items of the list: one for each of its bodies.
+    """
     _, *fields = RULES["excludes"]
     rules: list[Rule] = []
     for overlap in overlaps:
@@ -68,15 +82,23 @@ def _add_exclusions(attached: AttachedModel, overlaps: Sequence[Overlap]) -> lis
 
 
 def apply_rules(rules: Sequence[Rule]) -> None:
-    """Write the final names of the elements into the rules; called after all elements are renamed."""
+    """Write the final name of each body or geom into the collision rule that names it.
+
+    This must be called after all bodies and geoms have been renamed, because MuJoCo's rules refer to names.
+    """
     for rule, field, element in rules:
         setattr(rule, field, element.name)
 
 
 def contact_parts(attached: AttachedModel) -> Iterator[tuple[str, list[Any]]]:
-    """Yield each part of the robot that gets contact sensors: its name, and its bodies or geoms.
+    """Yield the parts of the robot that get contact sensors: the trunk, and the foot, thigh and calf of each leg.
 
-    The parts are the trunk, and foot, thigh and calf of each leg.
+    Args:
+        attached: The user's model with renamed bodies and geoms.
+
+    Yields:
+        Name of the part, such as `fl_calf`, and its bodies and geoms in `attached.spec`. Each of these bodies and geoms
+        gets one sensor.
     """
     structure = attached.structure
     trunk = [] if structure.trunk_collides(attached.model) else [attached.elements.bodies[structure.trunk]]
@@ -89,15 +111,16 @@ def contact_parts(attached: AttachedModel) -> Iterator[tuple[str, list[Any]]]:
 
 
 def _colliding_parts(attached: AttachedModel, body: int, foot: Sequence[int]) -> list[Any]:
-    """Collect the elements of a rigid assembly that collide with the ground, without its foot.
+    """Collect the parts of a link that collide with the ground and do not belong to the foot.
 
     Args:
-        attached: The model.
-        body: Id of a body; its assembly is this body and all bodies welded to it.
-        foot: Ids of the foot geoms, which have a separate sensor.
+        attached: The user's model.
+        body: Id of a body; the link consists of this body and all bodies that are welded to it.
+        foot: Ids of the foot geoms. They are left out, because the foot has a separate contact sensor.
 
     Returns:
-        Each body of the assembly that collides. A body with foot geoms is replaced by its other colliding geoms.
+        Bodies of the link with geoms that collide with the ground. A body that also has foot geoms is replaced by its
+        other colliding geoms.
     """
     parts: list[Any] = []
     for each in welded_bodies(attached.model, body):
@@ -108,7 +131,10 @@ def _colliding_parts(attached: AttachedModel, body: int, foot: Sequence[int]) ->
 
 
 def set_ground_bits(attached: AttachedModel) -> None:
-    """Set GROUND_BIT in the geoms that collide with the ground, and clear it in all other geoms."""
+    """Set the bit `GROUND_BIT` of `contype` in the geoms that collide with the ground, and clear it in all others.
+
+    The bit is also cleared in `conaffinity` of all geoms, so that it does not affect self-collisions.
+    """
     for geom, collides in enumerate(attached.structure.collides_with_ground):
         element = attached.elements.geoms[geom]
         element.contype &= ~GROUND_BIT

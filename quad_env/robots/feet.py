@@ -1,12 +1,12 @@
-"""Detection of a leg's foot: the geoms of the last link that can carry the robot in a stance.
+"""Detection of the feet in a user's model: the geoms of a leg's last link that can carry the robot when it stands.
 
-Kinematics and terrain model a foot as a ball. The ball is the foot geom itself if this is a sphere, or the lower end if
-it is a capsule. For another shape or several geoms, the diameter of the ball is at most the thickness of the thinnest
-geom, and the ball touches the middle of the sole. `points` and `radii` of a `Foot` then describe the exact shape, see
-`kinematics.foot_depths`.
+The kinematics and the terrain model a foot as a ball. If the foot is a single sphere, the ball is this sphere. If the
+foot is a single capsule, the ball is its lower end. For another shape or several geoms, the diameter of the ball is at
+most the thickness of the thinnest geom, and the ball touches the middle of the sole. `points` and `radii` of a `Foot`
+then describe the exact shape; `kinematics.foot_depths` uses them.
 
-A geom belongs to the foot if it is the lowest geom in at least one pose of a stance. In these poses the link is tilted
-about the axis of the knee and about the leg's x axis, see `extend_foot`.
+A geom belongs to the foot if it is the lowest geom in at least one pose of a standing robot. In these poses the shin
+is tilted about the axis of the knee and about the leg's x axis, see `extend_foot`.
 """
 
 from dataclasses import dataclass
@@ -19,50 +19,54 @@ from quad_env.robots.shapes import Floats, bounding_box, end_spheres, rounded_hu
 
 @dataclass(frozen=True)
 class StanceTilts:
-    """Tilts of a shin in the stances that decide which geoms belong to the foot."""
+    """Range of shin tilts of a standing robot; a geom that touches the ground at one of them belongs to the foot."""
 
     margin: float = 0.3
-    """Largest tilt in excess of the tilt in the standing pose, rad."""
+    """Angle that is added to the shin's tilt in the model's keyframes to get its largest tilt in a stance, rad."""
     min_bent: float = 0.8
-    """Lower bound on the estimate of the largest tilt with a bent knee, rad."""
+    """Lower bound on the largest tilt of the shin in the direction in which the knee bends, rad."""
     max_bent: float = 1.0
-    """Upper bound on the estimate of the largest tilt with a bent knee, rad."""
+    """Upper bound on the largest tilt of the shin in the direction in which the knee bends, rad."""
     max_roll: float = 0.4
-    """Largest tilt to the left and right, rad."""
+    """Largest tilt of the shin to the left and to the right, rad."""
 
 
 @dataclass(frozen=True)
 class FootThresholds:
-    """Lengths and ratios that decide which geoms are the foot and which are the shin."""
+    """Thresholds that decide which geoms of a leg's last link are the foot and which are the shin."""
 
     level: float = 1e-3
-    """Largest height above the lowest point at which another geom also belongs to the foot, m."""
+    """Largest height of a geom's lowest point above the lowest geom at which the geom also belongs to the foot, m."""
     short_level: float = 5e-3
-    """Same height for a short geom in a tilted stance, m; it is larger because contacts yield under load."""
+    """Value of `level` for a geom that is too short for a shin, with the shin tilted, m.
+
+    It is larger than `level` because contacts yield under load.
+    """
     ball_depth: float = 1e-4
-    """Largest depth of other geoms below the foot's ball at which the foot remains a ball, m."""
+    """Depth of other foot geoms below the foot's ball, m; up to this depth, the ball alone represents the foot."""
     shin_length: float = 0.5
-    """Extent along the leg above which a geom is a shin, as a fraction of the distance from knee to sole."""
+    """Length of a geom along the leg from which it is a shin and no foot, as a fraction of the knee-sole distance."""
     sole_height: float = 0.1
-    """Largest height of the sole's points above the lowest point, as a fraction of the ball's radius."""
+    """Largest height of a point of the sole above the lowest point of the foot, as a fraction of the ball's radius."""
     max_radius: float = 0.15
-    """Largest radius of the ball for a foot of another shape, as a fraction of the distance from knee to sole."""
+    """Largest radius of the ball that models a foot of another shape, as a fraction of the knee-sole distance."""
     end_distance: float = 0.9
-    """Smallest distance from the knee of a geom at the leg's end, as a fraction of the farthest geom's distance."""
+    """Distance from the knee from which a geom is at the leg's end, as a fraction of the farthest geom's distance."""
     min_vector: float = 1e-6
-    """Length below which a vector is considered zero, m."""
+    """Length of a vector below which its direction is undefined, m."""
 
 
 STANCE_TILTS = StanceTilts()
 _THRESHOLDS = FootThresholds()
 _MIDDLE_ITERATIONS = 4
-"""Number of iterations of `_middle_direction`, which converges to the middle of the leg's end."""
+"""Number of iterations with which `_middle_direction` finds the direction from the knee to the middle of the foot."""
 
 
 def _sample_directions() -> Floats:
-    """Return unit vectors in all directions, (k, 3).
+    """Return unit vectors in all directions, base frame with the leg straight down, (k, 3).
 
-    They are denser near the plane in which the leg bends, because a tilted shin is lowest in these directions.
+    `extreme_points` keeps the points of a foot that are extreme in one of these directions. The vectors are denser near
+    the plane in which the leg bends, because the lowest point of a tilted shin lies in one of these directions.
     """
     grid = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 9)], indexing="ij"), axis=-1).reshape(-1, 3)
     surface = grid[np.abs(grid).max(axis=1) == 1.0]
@@ -76,40 +80,40 @@ _DIRECTIONS = _sample_directions()
 
 
 class Foot(NamedTuple):
-    """Foot of a leg; made by `find_foot` and extended by `extend_foot`."""
+    """Geoms and shape of a leg's foot in a compiled model; made by `find_foot` and extended by `extend_foot`."""
 
     geoms: tuple[int, ...]
-    """Ids of the foot geoms, the lowest first."""
+    """Ids of the foot geoms in the compiled model, the geom that reaches lowest first."""
     body: int
     """Id of the body with the first foot geom; `centre` and `points` are in the frame of this body."""
     centre: Floats
-    """Centre of the ball that models the foot, body frame, (3,), m."""
+    """Centre of the ball that models the foot in the kinematics, frame of `body`, (3,), m."""
     radius: float
-    """Radius of the ball that models the foot, m."""
+    """Radius of the ball that models the foot in the kinematics, m."""
     points: Floats
-    """Points relative to the centre, body frame, (k, 3), m; k is 0 if the foot is a ball.
+    """Points that describe the exact shape of the foot, relative to `centre`, frame of `body`, (k, 3), m.
 
-    The foot is the convex hull of balls about these points, with the radii in `radii`.
+    The foot is the convex hull of balls about these points, with the radii in `radii`. k is 0 if the foot is one ball.
     """
     radii: Floats
-    """Radii of the balls about the points, (k,), m."""
+    """Radius of the ball about each point of `points`, (k,), m; 0 at a corner or edge of the foot."""
 
     def bodies(self, model: Any) -> list[int]:
-        """Return the ids of the bodies with foot geoms in the compiled `model`, `body` first."""
+        """Return the ids of all bodies that have foot geoms in the compiled `model`; `self.body` is the first."""
         return list(dict.fromkeys(int(model.geom_bodyid[geom]) for geom in self.geoms))
 
 
 def find_foot(model: Any, data: Any, joint: int, candidates: list[int]) -> Foot | None:
-    """Find the foot of a straight leg: the lowest geoms of its last link.
+    """Find the foot of a leg as if the leg pointed straight down: the geoms of its last link that reach lowest.
 
     Args:
-        model: Compiled model.
-        data: State with the kinematics of `qpos0`.
-        joint: Id of the knee's joint.
-        candidates: Ids of the geoms of the last link that collide with the ground.
+        model: Compiled `mujoco.MjModel`.
+        data: `mujoco.MjData` with the kinematics of the pose `qpos0`.
+        joint: Id of the knee joint.
+        candidates: Ids of the geoms of the leg's last link that collide with the ground.
 
     Returns:
-        The foot; None if there are no candidates, or if all of them lie at the knee.
+        The foot; None if `candidates` is empty, or if all of these geoms lie at the knee.
     """
     if not candidates:
         return None
@@ -128,7 +132,18 @@ def find_foot(model: Any, data: Any, joint: int, candidates: list[int]) -> Foot 
 
 
 def _ball_foot(model: Any, data: Any, geoms: tuple[int, ...], knee: Floats, down: Floats) -> Foot | None:
-    """Make the foot if it is a sphere, or a capsule that does not lie across the leg; else None."""
+    """Make the foot from a single sphere or capsule geom; its ball is the sphere or the lower end of the capsule.
+
+    Args:
+        model: Compiled `mujoco.MjModel`.
+        data: `mujoco.MjData` with the kinematics of the pose `qpos0`.
+        geoms: Ids of the foot geoms.
+        knee: Position of the knee, world frame, (3,), m.
+        down: Direction from the knee to the middle of the foot, unit vector, world frame, (3,).
+
+    Returns:
+        The foot; None if it has several geoms or another shape, or if the capsule lies across the leg.
+    """
     first = geoms[0]
     ends = end_spheres(model, first) if len(geoms) == 1 else []
     if not ends:
@@ -149,19 +164,19 @@ def _hull_foot(
     length: float,
     hulls: dict[int, Floats],
 ) -> Foot:
-    """Make the foot if it has several geoms or is not a ball.
+    """Make a foot that one ball cannot represent, because it has several geoms or is no sphere or upright capsule.
 
     Args:
-        model: Compiled model.
-        data: State with the kinematics of `qpos0`.
-        geoms: Ids of the foot geoms, the lowest first.
+        model: Compiled `mujoco.MjModel`.
+        data: `mujoco.MjData` with the kinematics of the pose `qpos0`.
+        geoms: Ids of the foot geoms, the geom that reaches lowest first.
         knee: Position of the knee, world frame, (3,), m.
         down: Direction from the knee to the middle of the foot, unit vector, world frame, (3,).
-        length: Distance along `down` from the knee to the lowest point of the link, m.
-        hulls: Id of a geom -> points on its surface, world frame, (k, 3), m.
+        length: Distance along `down` from the knee to the lowest point of the leg's last link, m.
+        hulls: Id of a geom -> points on the surface of this geom, world frame, (k, 3), m.
 
     Returns:
-        The foot, with its ball, points and radii.
+        The foot: a ball for the kinematics, and the points and radii that describe the exact shape.
     """
     body = int(model.geom_bodyid[geoms[0]])
     points = np.concatenate([hulls[geom] for geom in geoms])
@@ -176,19 +191,19 @@ def _hull_foot(
 def extend_foot(
     model: Any, data: Any, joint: int, candidates: list[int], foot: Foot, tilts: tuple[float, float]
 ) -> Foot:
-    """Add the geoms of the last link that touch the ground in poses of a stance with a tilted leg.
+    """Add the geoms of the leg's last link that touch the ground when the robot stands with a tilted shin.
 
     Args:
-        model: Compiled model.
-        data: State with the kinematics of `qpos0`.
-        joint: Id of the knee's joint.
-        candidates: Ids of the geoms of the last link that collide with the ground.
-        foot: The foot of the straight leg, see `find_foot`.
-        tilts: Smallest and largest tilt of the shin about the knee's axis in a stance, rad.
+        model: Compiled `mujoco.MjModel`.
+        data: `mujoco.MjData` with the kinematics of the pose `qpos0`.
+        joint: Id of the knee joint.
+        candidates: Ids of the geoms of the leg's last link that collide with the ground.
+        foot: The foot of the straight leg, made by `find_foot`.
+        tilts: Smallest and largest tilt of the shin about the knee's axis in a stance, rad; 0 is straight down.
 
     Returns:
-        The foot with the same ball and all geoms that touch. A foot without points gets points, unless its ball is the
-        lowest in every pose.
+        The foot with the same ball, and with all geoms that touch the ground. If an added geom reaches below the ball,
+        `points` and `radii` describe the shape of all foot geoms.
     """
     knee = data.xanchor[joint]
     axis = data.xaxis[joint]
@@ -213,11 +228,11 @@ def extend_foot(
 
 
 def _depths_below(knee: Floats, hull: tuple[Floats, float], directions: Floats) -> Floats:
-    """Compute the depths of a geom below the knee for k directions of gravity.
+    """Compute how far a geom reaches below the knee, for k directions of gravity.
 
     Args:
         knee: Position of the knee, world frame, (3,), m.
-        hull: Points of the geom, world frame, (m, 3), m, and the radius about the points, m.
+        hull: The geom as the convex hull of balls: their centres, world frame, (m, 3), m, and their radius, m.
         directions: Directions of gravity, unit vectors, world frame, (k, 3).
 
     Returns:
@@ -229,15 +244,15 @@ def _depths_below(knee: Floats, hull: tuple[Floats, float], directions: Floats) 
 
 
 def _touching_geoms(depths: dict[int, Floats], lowest: Floats, short: set[int]) -> set[int]:
-    """Find the geoms that touch the ground, or nearly touch it, in at least one pose.
+    """Find the geoms that touch the ground, or nearly touch it, in at least one of k poses of a standing robot.
 
     Args:
-        depths: Id of a geom -> its depths below the knee in k poses, (k,), m.
-        lowest: Largest depth of all geoms in each pose, (k,), m.
-        short: Ids of the geoms that are too short for a shin.
+        depths: Id of a geom -> depth of its lowest point below the knee in each pose, (k,), m.
+        lowest: Depth of the lowest point of all geoms below the knee in each pose, (k,), m.
+        short: Ids of the geoms that are too short for a shin; a larger distance to the ground is accepted for them.
 
     Returns:
-        Ids of the geoms.
+        Ids of the geoms that touch the ground.
     """
     touching = set()
     for geom, depth in depths.items():
@@ -248,19 +263,31 @@ def _touching_geoms(depths: dict[int, Floats], lowest: Floats, short: set[int]) 
 
 
 def _rounded_hull_in_world(model: Any, data: Any, geom: int) -> tuple[Floats, float]:
-    """Return the points of a geom, world frame, (k, 3), m, and their radius, m; see `rounded_hull`."""
+    """Represent a geom as the convex hull of balls of one radius in the world frame.
+
+    Args:
+        model: Compiled `mujoco.MjModel`.
+        data: `mujoco.MjData` with kinematics.
+        geom: Id of the geom.
+
+    Returns:
+        points: Centres of the balls, world frame, (k, 3), m.
+        radius: Radius of the balls, m; 0 unless the geom is a sphere or a capsule.
+    """
     points, radius = rounded_hull(model, geom)
     return geom_points_to_world(model, data, geom, points), radius
 
 
 def _leg_direction(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) -> Floats | None:
-    """Return the direction from the knee to the middle of the leg's end, normal to the knee's axis.
+    """Return the direction from the knee to the middle of the leg's end, perpendicular to the knee's axis.
+
+    It is the direction that points straight down when the leg is straight.
 
     Args:
-        model: Compiled model.
-        data: State with the kinematics of `qpos0`.
-        joint: Id of the knee's joint.
-        hulls: Id of a candidate geom -> points on its surface, world frame, (k, 3), m.
+        model: Compiled `mujoco.MjModel`.
+        data: `mujoco.MjData` with the kinematics of the pose `qpos0`.
+        joint: Id of the knee joint.
+        hulls: Id of a geom of the leg's last link -> points on its surface, world frame, (k, 3), m.
 
     Returns:
         Unit vector, world frame, (3,); None if the geoms lie at the knee.
@@ -270,7 +297,8 @@ def _leg_direction(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) 
     distances = {geom: float(np.linalg.norm(points - knee, axis=1).max()) for geom, points in hulls.items()}
     farthest = max(distances, key=lambda geom: distances[geom])
     length = distances[farthest]
-    # Use the component normal to the axis, because the centre of a wide foot may lie outside the plane of the leg.
+    # Use the component perpendicular to the knee's axis, because the centre of a wide foot may lie outside the plane
+    # in which the leg bends.
     down = _normal_direction(_end_centre(model, data, farthest, knee) - knee, axis)
     if down is None:
         return None
@@ -282,15 +310,18 @@ def _leg_direction(model: Any, data: Any, joint: int, hulls: dict[int, Floats]) 
 
 
 def _middle_direction(points: Floats, down: Floats, axis: Floats) -> Floats:
-    """Return the direction from the knee to the middle of the leg's end, normal to the knee's axis.
+    """Refine an estimate of the direction from the knee to the middle of the leg's end by fixed-point iteration.
+
+    Each iteration uses the point that is farthest along the present direction, halfway between the front and the rear
+    of the geoms.
 
     Args:
         points: Points of the geoms at the leg's end, relative to the knee, world frame, (k, 3), m.
-        down: First estimate of the direction, world frame, (3,).
-        axis: Axis of the knee, world frame, (3,).
+        down: First estimate of the direction, unit vector, world frame, (3,).
+        axis: Axis of the knee, unit vector, world frame, (3,).
 
     Returns:
-        Unit vector, world frame, (3,).
+        Unit vector perpendicular to the knee's axis, world frame, (3,).
     """
     for _ in range(_MIDDLE_ITERATIONS):
         ahead = np.cross(axis, down)
@@ -303,10 +334,10 @@ def _middle_direction(points: Floats, down: Floats, axis: Floats) -> Floats:
 
 
 def _is_ball(model: Any, geom: int, hull: Floats, down: Floats) -> bool:
-    """Return True if a geom ends in a ball.
+    """Return True if the lower end of a geom is a ball, so that this ball can model the foot.
 
     Args:
-        model: Compiled model.
+        model: Compiled `mujoco.MjModel`.
         geom: Id of the geom.
         hull: Points on the surface of the geom, world frame, (k, 3), m.
         down: Direction of the leg, unit vector, world frame, (3,).
@@ -319,7 +350,15 @@ def _is_ball(model: Any, geom: int, hull: Floats, down: Floats) -> bool:
 
 
 def _normal_direction(vector: Floats, axis: Floats) -> Floats | None:
-    """Return the unit vector of the component of `vector` normal to `axis`, (3,); None if it is zero."""
+    """Return the direction of the component of a vector that is perpendicular to an axis.
+
+    Args:
+        vector: The vector, (3,), m.
+        axis: Unit vector of the axis, in the same frame, (3,).
+
+    Returns:
+        Unit vector, (3,); None if the vector is parallel to the axis or nearly zero.
+    """
     normal = vector - (vector @ axis) * axis
     length = float(np.linalg.norm(normal))
     if length < _THRESHOLDS.min_vector:
@@ -329,23 +368,31 @@ def _normal_direction(vector: Floats, axis: Floats) -> Floats | None:
 
 
 def _is_short(points: Floats, down: Floats, length: float) -> bool:
-    """Return True if a geom is too short for a shin.
+    """Return True if a geom is too short for a shin, so that it can be a foot.
 
-    The extent of a short geom along `down` is less than half of `length`.
+    Args:
+        points: Points on the surface of the geom, world frame, (k, 3), m.
+        down: Direction of the leg, unit vector, world frame, (3,).
+        length: Distance from the knee to the sole, m.
+
+    Returns:
+        True if the extent of the geom along `down` is less than half of `length`.
     """
     return float(np.ptp(points @ down)) < _THRESHOLDS.shin_length * length
 
 
 def _gravity_directions(down: Floats, axis: Floats, tilts: tuple[float, float]) -> Floats:
-    """Return the directions of gravity in the poses of a stance, relative to a straight leg.
+    """Return the directions of gravity that a fixed, straight leg sees in the poses of a standing robot.
+
+    Tilting gravity instead of the leg gives the same lowest points, and the model does not have to be moved.
 
     Args:
         down: Direction of the straight leg, unit vector, world frame, (3,).
         axis: Axis of the knee, unit vector, world frame, (3,).
-        tilts: Smallest and largest tilt about the axis, rad.
+        tilts: Smallest and largest tilt of the shin about the knee's axis, rad.
 
     Returns:
-        Unit vectors, world frame, (k, 3).
+        Unit vectors on a grid of pitch and roll tilts, world frame, (k, 3).
     """
     pitches = np.linspace(*tilts, 27)
     rolls = np.linspace(-STANCE_TILTS.max_roll, STANCE_TILTS.max_roll, 9)
@@ -356,7 +403,16 @@ def _gravity_directions(down: Floats, axis: Floats, tilts: tuple[float, float]) 
 
 
 def _with_points(model: Any, data: Any, foot: Foot) -> Foot:
-    """Return the foot with `points` and `radii` computed from its geoms."""
+    """Return the foot with `points` and `radii` that describe the exact shape of all its geoms.
+
+    Args:
+        model: Compiled `mujoco.MjModel`.
+        data: `mujoco.MjData` with kinematics.
+        foot: The foot; only its geoms, body and centre are used.
+
+    Returns:
+        A copy of the foot; the points are relative to its centre, in the frame of its body.
+    """
     shapes = [(geom, *rounded_hull(model, geom)) for geom in foot.geoms]
     points = np.concatenate([geom_points_to_world(model, data, geom, points) for geom, points, _ in shapes])
     radii = np.concatenate([np.full(len(points), radius) for _, points, radius in shapes])
@@ -365,11 +421,14 @@ def _with_points(model: Any, data: Any, foot: Foot) -> Foot:
 
 
 def extreme_points(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
-    """Keep the points that are extreme in a sampled direction, and add the lowest points of round ends.
+    """Reduce the points of a foot to those that can touch the ground.
+
+    Kept are the points that are extreme in one of the sampled directions. The lowest points of balls are added, so that
+    the foot is exact when the leg points straight down.
 
     Args:
         points: Points of a foot, base frame with the leg straight down, (k, 3), m.
-        radii: Radii of the balls about the points, (k,), m.
+        radii: Radii of the balls about the points, (k,), m; the foot is the convex hull of these balls.
 
     Returns:
         points: Extreme points, followed by the lowest points of balls with a radius above 0, (m, 3), m.
@@ -388,11 +447,13 @@ def extreme_points(points: Floats, radii: Floats) -> tuple[Floats, Floats]:
 def depths_below_centre(points: Floats, radii: Floats, angles: Floats, up: Floats) -> Floats:
     """Compute the depth of each foot's lowest point below the foot's centre.
 
+    Each foot is the convex hull of balls about its points.
+
     Args:
         points: Points of the feet relative to their centres, base frame with the legs straight down, (..., k, 3), m.
         radii: Radii of the balls about the points, (..., k), m.
-        angles: Joint angles of the legs, (..., 3), rad.
-        up: Vertical unit vector, base frame, (..., 3).
+        angles: Joint angles of the legs (hip, thigh, calf), zero with the legs straight down, (..., 3), rad.
+        up: Unit vector that points up in the world, base frame, (..., 3).
 
     Returns:
         Depths, (...,), m.
@@ -410,13 +471,13 @@ def depths_below_centre(points: Floats, radii: Floats, angles: Floats, up: Float
 
 
 def _sole_middle(points: Floats, knee: Floats, down: Floats, slack: float) -> Floats:
-    """Compute the middle of a foot's sole.
+    """Compute the middle of a foot's sole, which consists of the lowest points of the foot.
 
     Args:
-        points: Points of the foot, world frame, (k, 3), m.
+        points: Points on the surface of the foot, world frame, (k, 3), m.
         knee: Position of the knee, world frame, (3,), m.
         down: Direction of the leg, unit vector, world frame, (3,).
-        slack: Largest height of the sole's points above the lowest point, m.
+        slack: Largest height above the lowest point of the foot at which a point belongs to the sole, m.
 
     Returns:
         Middle of the sole, world frame, (3,), m.
@@ -429,10 +490,19 @@ def _sole_middle(points: Floats, knee: Floats, down: Floats, slack: float) -> Fl
 
 
 def _end_centre(model: Any, data: Any, geom: int, knee: Floats) -> Floats:
-    """Return the centre of the leg's end, world frame, (3,), m.
+    """Return the centre of the geom at the leg's end, world frame, (3,), m.
 
-    This is the centre of a sphere, the centre of the end of a capsule that is farther from the knee, or the centre of
-    the bounding box of another shape.
+    For a sphere, this is its centre. For a capsule, it is the centre of the end sphere that is farther from the knee.
+    For any other shape, it is the centre of the bounding box.
+
+    Args:
+        model: Compiled `mujoco.MjModel`.
+        data: `mujoco.MjData` with kinematics.
+        geom: Id of the geom.
+        knee: Position of the knee, world frame, (3,), m.
+
+    Returns:
+        The centre, world frame, (3,), m.
     """
     centres = [centre for centre, _ in end_spheres(model, geom)] or [bounding_box(model, geom)[0]]
     positions = (geom_points_to_world(model, data, geom, centre) for centre in centres)

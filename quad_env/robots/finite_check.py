@@ -1,4 +1,4 @@
-"""Check for NaN and infinity in a compiled model; the message names the parts with these numbers."""
+"""Check of a user's compiled model for NaN and infinity; the error message names the parts with these numbers."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 _KINDS = {"body_": "body", "jnt_": "joint", "geom_": "geom", "actuator_": "actuator"}
-"""Prefix of a model field -> kind of part that the field describes."""
+"""Prefix of a field's name in `mujoco.MjModel` -> kind of part that the field describes, for error messages."""
 _FIELDS = (
     *("body_pos", "body_quat", "body_mass", "body_inertia", "body_ipos", "body_iquat"),
     *("jnt_pos", "jnt_axis", "jnt_range", "jnt_stiffness", "jnt_actfrcrange"),
@@ -14,15 +14,15 @@ _FIELDS = (
     *("actuator_gear", "actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "actuator_ctrlrange"),
     *("jnt_margin", "actuator_armature", "actuator_damping"),
 )
-"""Fields of bodies, joints, geoms and actuators that are checked."""
+"""Fields of `mujoco.MjModel` with one row per body, joint, geom or actuator that must be finite."""
 _JOINT_FIELDS = ("dof_armature", "dof_damping", "dof_frictionloss")
-"""Checked fields that have one row per degree of freedom."""
+"""Fields of `mujoco.MjModel` with one row per degree of freedom that must be finite."""
 _SHOWN = 3
-"""Largest number of parts that the message names."""
+"""Largest number of parts with NaN or infinity that the error message names; the others are only counted."""
 
 
 def nonfinite_parts(model: Any) -> Iterator[str]:
-    """Yield a text for each part with a number that is not finite, such as `pos of body 'FL_calf'`."""
+    """Yield a text for each NaN or infinite quantity of a compiled model, such as `pos of body 'FL_calf'`."""
     for field in _FIELDS:
         prefix = next(prefix for prefix in _KINDS if field.startswith(prefix))
         for row in _bad_rows(getattr(model, field)):
@@ -36,7 +36,7 @@ def nonfinite_parts(model: Any) -> Iterator[str]:
 
 
 def nonfinite_line(model: Any) -> str | None:
-    """Return a message about the parts with a number that is not finite; None if all are finite."""
+    """Return an error message about the NaN and infinite numbers of a compiled model; None if all are finite."""
     parts = list(dict.fromkeys(nonfinite_parts(model)))
     if not parts:
         return None

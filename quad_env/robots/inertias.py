@@ -1,6 +1,7 @@
-"""Correction of impossible and missing inertias of a user's model; the changed bodies are reported.
+"""Correction of impossible and missing inertias of a user's model; the changed bodies are reported to the user.
 
-An impossible inertia is replaced by three equal moments, as MuJoCo's option `balanceinertia` does.
+An inertia is impossible if a principal moment is not above 0 or exceeds the sum of the other two. It is replaced by
+three equal moments with the same mean, as MuJoCo's option `balanceinertia` does.
 """
 
 from typing import Any
@@ -11,32 +12,34 @@ from quad_env.robots.shapes import Floats
 from quad_env.robots.structure import ModelError
 
 UNBALANCED_MESSAGE = "A + B >= C"
+"""Part of the error message of MuJoCo's compiler about a moment of inertia above the sum of the other two."""
 NOT_POSITIVE_MESSAGE = "positive eigenvalues"
+"""Part of the error message of MuJoCo's compiler about a principal moment of inertia that is not above 0."""
 TOO_SMALL_MESSAGE = "must be larger than mjMINVAL"
-"""Part of the error message of MuJoCo's compiler about a too small mass or inertia.
-
-The two constants above are parts of the messages about other invalid inertias.
-"""
+"""Part of the error message of MuJoCo's compiler about a too small mass or inertia; it identifies this error."""
 MIN_INERTIA = 1e-15
-"""Smallest valid mass, kg, and moment of inertia, kg·m², of a moving body: mjMINVAL of MuJoCo."""
+"""Smallest mass, kg, and moment of inertia, kg·m², that MuJoCo accepts for a moving body: its constant mjMINVAL."""
 INERTIA_FROM_GEOMS = 1
-"""Value of `inertiafromgeom` with which MuJoCo ignores the inertias of the file: mjINERTIAFROMGEOM_TRUE."""
+"""Value of the compiler option `inertiafromgeom` with which MuJoCo ignores the inertias in the file.
+
+It is MuJoCo's constant mjINERTIAFROMGEOM_TRUE: all inertias are then computed from the shapes.
+"""
 MIN_LINK_MASS = 1e-9
-"""Mass that a moving link without a mass gets, kg."""
+"""Mass that replaces the missing mass of a moving link, kg; it is too small to affect the motion."""
 MIN_LINK_RADIUS = 0.01
-"""Radius of gyration that a moving link without a mass gets, m."""
+"""Radius of gyration from which the inertia of a moving link without a mass is computed, m."""
 
 
 def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
-    """Compile a specification; replace inertias that MuJoCo refuses by three equal moments.
+    """Compile a user's model; replace an inertia that MuJoCo refuses by three equal moments with the same mean.
 
     Args:
         mujoco: The package `mujoco`.
-        spec: The `mujoco.MjSpec`; it is changed only if MuJoCo refuses an inertia.
+        spec: The `mujoco.MjSpec` of the user's file; it is changed only if MuJoCo refuses an inertia.
 
     Returns:
         model: Compiled `mujoco.MjModel`.
-        balanced: Names of the bodies with a changed inertia.
+        balanced: Names of the bodies with a replaced inertia.
 
     Raises:
         ModelError: A body has no mass, or the mean of its moments of inertia is not above 0.
@@ -68,15 +71,15 @@ def compile_balanced(mujoco: Any, spec: Any) -> tuple[Any, tuple[str, ...]]:
 
 
 def _balanced_bodies(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -> tuple[str, ...]:
-    """Return the names of bodies with an impossible inertia, for which the model has equal moments.
+    """Return the names of the bodies with an impossible inertia in the file that MuJoCo has replaced.
 
     Args:
-        spec: Specification of the model.
-        model: Compiled model.
-        moments: Explicit inertias of bodies: the body, and its principal moments in the file, (3,), kg·m².
+        spec: The `mujoco.MjSpec` of the model.
+        model: Compiled `mujoco.MjModel`.
+        moments: Bodies with an inertia in the file: the body, and its principal moments, ascending, (3,), kg·m².
 
     Returns:
-        Names of the bodies.
+        Names of the bodies; "number 3" for a body without a name.
     """
     if int(spec.compiler.inertiafromgeom) == INERTIA_FROM_GEOMS:
         return ()
@@ -90,18 +93,18 @@ def _balanced_bodies(spec: Any, model: Any, moments: list[tuple[Any, Floats]]) -
 
 
 def remove_inferred_masses(spec: Any) -> tuple[str, ...]:
-    """Find the links of a URDF without a mass, and give `MIN_LINK_MASS` to those that MuJoCo would refuse.
+    """Find the links of a URDF without a mass, and give a negligible mass to the moving links among them.
 
-    MuJoCo would refuse a moving link without a mass. It gets `MIN_LINK_MASS` if links below it have a mass. Masses are
-    not inferred from shapes.
+    MuJoCo would refuse a moving link without a mass. The link gets the mass `MIN_LINK_MASS` if a link below it has a
+    mass. Masses are not inferred from shapes, unless the file requests it.
 
     Args:
         spec: The `mujoco.MjSpec` of the URDF, which is changed in place.
 
     Returns:
-        Names of the links that have colliding shapes but no mass.
+        Names of the links that have colliding shapes but no mass, for the report to the user.
     """
-    if int(spec.compiler.inertiafromgeom):  # The file itself requests that masses are inferred from shapes.
+    if int(spec.compiler.inertiafromgeom):  # The file itself requests that MuJoCo infers masses from shapes.
         return ()
     massless = []
     for body in spec.bodies[1:]:
@@ -118,9 +121,14 @@ def remove_inferred_masses(spec: Any) -> tuple[str, ...]:
 
 
 def _mass(body: Any, welded_only: bool = False) -> float:
-    """Return the mass of a body and all bodies below it, kg.
+    """Return the total mass of a body and all bodies below it in the kinematic tree, kg.
 
-    Only bodies that are welded to the body are included if `welded_only` is True.
+    Args:
+        body: Body of a `mujoco.MjSpec`.
+        welded_only: True to include only bodies that cannot move relative to `body`.
+
+    Returns:
+        The mass, kg; bodies without an explicit mass count as 0.
     """
     below = [each for each in body.bodies if not (welded_only and each.joints)]
     mass = float(body.mass) if body.explicitinertial else 0.0
@@ -141,7 +149,15 @@ def _moments(body: Any) -> Floats:
 
 
 def _without_inertia(spec: Any, error: ValueError) -> str:
-    """Return the message that the body in MuJoCo's error has no mass or no inertia."""
+    """Return an error message about the body that MuJoCo refuses because it has no mass or no inertia.
+
+    Args:
+        spec: The `mujoco.MjSpec` of the model.
+        error: Error of MuJoCo's compiler; its text contains the name of the body.
+
+    Returns:
+        The message.
+    """
     name = next((body.name for body in spec.bodies if body.name and f"'{body.name}'" in str(error)), "")
     return _refusal(name)
 

@@ -1,6 +1,8 @@
-"""Forward kinematics of the legs: positions, depths and Jacobians of the feet.
+"""Forward kinematics of the legs: positions of the feet, their Jacobians, and depths of the soles.
 
-Hip frame of a leg: origin at its hip joint, axes parallel to the base frame (x forward, y left, z up).
+The functions use the base frame (x forward, y left, z up, origin at the trunk's centre) and the hip frame of a leg
+(origin at its hip joint, axes parallel to the base frame). Joint angles are zero with the legs straight down; hips turn
+about +x, thighs and calves about +y.
 """
 
 import numpy as np
@@ -12,15 +14,15 @@ from quad_env.robots.robot import Robot
 
 
 def foot_positions(robot: Robot, joints: ArrayLike, *, legs_first: bool = False) -> Array:
-    """Compute the positions of the foot centres from the joint angles.
+    """Compute the position of each foot's centre relative to its hip joint (forward kinematics).
 
     Args:
-        robot: The robot.
-        joints: Joint angles, (..., legs, 3), or (legs, n, 3) if `legs_first` is True, rad.
-        legs_first: True if the legs are the first axis of `joints`.
+        robot: The robot; its leg lengths and hip offset are used.
+        joints: Joint angles (hip, thigh, calf), (..., legs, 3), or (legs, n, 3) if `legs_first` is True, rad.
+        legs_first: True if the legs are the first axis of `joints`, False if they are the last but one.
 
     Returns:
-        Position of each foot's centre, hip frame of its leg, same shape as `joints`, m.
+        Positions relative to the hip joints, axes of the base frame, same shape as `joints`, m.
     """
     angles = np.asarray(joints, dtype=np.float64)
     thigh = angles[..., 1]
@@ -39,10 +41,10 @@ def foot_positions(robot: Robot, joints: ArrayLike, *, legs_first: bool = False)
 
 
 def feet_in_world(robot: Robot, position: Array, rotation: Array, joints: Array) -> Array:
-    """Compute the positions of the foot centres in the world frame.
+    """Compute the positions of the foot centres in the world frame (forward kinematics) of n robots.
 
     Args:
-        robot: The robot.
+        robot: The robot; its leg lengths and hip positions are used.
         position: Positions of the trunk centres, world frame, (n, 3), m.
         rotation: Rotations from the base frame to the world frame, (n, 3, 3).
         joints: Joint angles, (n, 12), rad.
@@ -51,23 +53,23 @@ def feet_in_world(robot: Robot, position: Array, rotation: Array, joints: Array)
         Positions of the foot centres, world frame, (n, 4, 3), m.
     """
     base = robot.hip_positions + foot_positions(robot, joints.reshape(-1, len(robot.leg_names), 3))
-    # Sum in a fixed order, because the rounding of matmul depends on the batch size.
+    # Sum the products in a fixed order, because the rounding of a matrix product depends on the number of robots.
     products = rotation[:, None] * base[:, :, None]
     return position[:, None] + (products[..., 0] + products[..., 1] + products[..., 2])
 
 
 def foot_depths(robot: Robot, rotation: Array, joints: Array) -> float | Array:
-    """Compute the depth of each foot's lowest point below the foot's centre.
+    """Compute the depth of each foot's lowest point below the foot's centre, along the world's vertical.
 
-    The feet are rigid in this computation: the ground does not deform them.
+    The feet are considered rigid: the ground does not deform them.
 
     Args:
-        robot: The robot.
+        robot: The robot; the shapes of its feet are used.
         rotation: Rotations from the base frame to the world frame, (n, 3, 3).
         joints: Joint angles, (n, 12), rad.
 
     Returns:
-        Depths, (n, 4), m; one number, the foot radius, if all feet are balls.
+        Depths, (n, 4), m. If all feet are balls, the depth is the same in every pose: a float, the foot radius.
     """
     if not robot.foot_points.size:
         return robot.foot_radius
@@ -79,18 +81,20 @@ def foot_jacobians(robot: Robot, joints: Array) -> Array:
     """Compute the Jacobian of each foot's position with respect to the joint angles of its leg.
 
     Args:
-        robot: The robot.
-        joints: Joint angles, (n, 4, 3), rad.
+        robot: The robot; its leg lengths and hip offset are used.
+        joints: Joint angles (hip, thigh, calf), (n, 4, 3), rad.
 
     Returns:
-        Jacobians of `foot_positions`; rows are coordinates, columns are joints, (n, 4, 3, 3), m/rad.
+        Jacobians, (n, 4, 3, 3), m/rad: rows are the coordinates x, y, z in the base frame, columns are hip, thigh and
+        calf.
     """
     feet = foot_positions(robot, joints)
     hip = joints[..., 0]
     knee = joints[..., 1] + joints[..., 2]
     upper = robot.thigh_length
     lower = robot.calf_length
-    by_calf = -lower * np.cos(knee), lower * np.sin(knee)  # Forward and upward component in the plane of the leg.
+    # Derivatives by the calf and the thigh angle: forward and upward component, in the plane in which the leg bends.
+    by_calf = -lower * np.cos(knee), lower * np.sin(knee)
     by_thigh = by_calf[0] - upper * np.cos(joints[..., 1]), by_calf[1] + upper * np.sin(joints[..., 1])
     jacobians = np.zeros((*joints.shape, 3))
     jacobians[..., 1, 0] = -feet[..., 2]

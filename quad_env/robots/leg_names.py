@@ -1,6 +1,7 @@
-"""Detection of the leg in a joint's name, and comparison of the names with the positions of the legs.
+"""Check whether the joint names of a user's robot agree with the positions of the legs.
 
-Both `FL_hip_joint` and `front_left_hip` mean the leg fl.
+The leg is read from the words of a joint's name: `FL_hip_joint` and `front_left_hip` both mean the front left leg, fl.
+A contradiction most often means that the model faces backward.
 """
 
 import re
@@ -10,30 +11,35 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG, LEG_WORDS
 
 LEG_POSITIONS = {"fl": "front left", "fr": "front right", "hl": "hind left", "hr": "hind right"}
-"""Name of a leg -> its position in words."""
+"""Name of a leg (f: front, h: hind, l: left, r: right) -> its position in words, for messages."""
 _ENDS = {"front": "f", "fore": "f", "hind": "h", "rear": "h", "back": "h"}
+"""Word of a joint's name that means the front or hind end -> first letter of the leg's name."""
 _SIDES = {"left": "l", "l": "l", "right": "r", "r": "r"}
+"""Word of a joint's name that means the left or right side -> second letter of the leg's name."""
 _JOINED_WORDS = re.compile(f"({'|'.join(_ENDS)})(left|right)|(left|right)({'|'.join(_ENDS)})")
-"""Pattern of two words that are joined, such as `frontleft`."""
+"""Pattern of an end and a side that are written as one word, such as `frontleft`."""
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
+"""Pattern of one word in a joint's name; a change from lower to upper case starts a new word."""
 _MIRROR = str.maketrans("lr", "rl")
+"""Translation of a leg's name that exchanges left and right, for `str.translate`."""
 _REVERSE = str.maketrans("fh", "hf")
+"""Translation of a leg's name that exchanges front and hind, for `str.translate`."""
 _TURNS = {
     "the model faces backward (its x axis points to the tail): turn it by 180° about z": (_MIRROR, _REVERSE),
     "left and right are exchanged (its y axis points to the right?): y points to the left": (_MIRROR,),
     "fore and hind are exchanged (its x axis points to the tail?): x points forward": (_REVERSE,),
 }
-"""Cause and remedy -> maps of letters that turn the leg in each name into the leg at the actual position.
+"""Cause and remedy of wrong joint names -> translations from the named leg to the actual leg.
 
-An entry applies if all names differ from the positions in the same way.
+A cause applies if its translations explain all wrong names.
 """
 
 PARTIAL_REMEDY = "the other legs are where their names say: exchange the names of these, or their places"
-"""Remedy if only some of the names differ from the positions."""
+"""Remedy that a message names if only some of the joint names contradict the positions of their legs."""
 
 
 def split_words(name: str) -> list[str]:
-    """Split a name such as `FL_hip_joint` into its words, in lower case."""
+    """Split a joint's name such as `FL_hip_joint` into its words in lower case: fl, hip, joint."""
     words = [word.lower() for word in _WORD.findall(name)]
     return [part for word in words for part in _parts(word)]
 
@@ -44,7 +50,10 @@ def _parts(word: str) -> list[str]:
 
 
 def leg_from_words(words: Sequence[str]) -> str | None:
-    """Return the leg that the words of a name mean, fl, fr, hl or hr; None if it is not clear."""
+    """Return the leg that the words of a joint's name mean: fl, fr, hl or hr.
+
+    None is returned if the words name no leg or more than one leg.
+    """
     known = {LEG_WORDS[word] for word in words if word in LEG_WORDS}
     ends = {_ENDS[word] for word in words if word in _ENDS}
     sides = {_SIDES[word] for word in words if word in _SIDES}
@@ -54,9 +63,9 @@ def leg_from_words(words: Sequence[str]) -> str | None:
 
 
 def find_contradictions(robot: Robot) -> Iterator[str]:
-    """Yield one line with the joint names that contradict the positions of their legs, and the remedy.
+    """Yield a warning with the joint names that contradict the positions of their legs, and the remedy.
 
-    Nothing is yielded if no name contradicts.
+    At most one line is yielded; no line is yielded if all names agree with the positions.
     """
     named = [leg_from_words(split_words(name)) for name in robot.joint_names]
     places = [leg for leg in robot.leg_names for _ in range(JOINTS_PER_LEG)]

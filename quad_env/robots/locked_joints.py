@@ -1,7 +1,7 @@
-"""Detection and locking of joints that belong to no leg, such as joints of an arm or wheels.
+"""Detection and locking of a robot's joints that belong to no leg, such as joints of an arm or wheels.
 
 A locked joint is removed from the model, and its body is welded to the parent body. A stiff servo or an equality
-constraint could hold the joint, too. But it would limit the stable time step, yield under load, and leave coordinates
+constraint could also hold the joint. But it would limit the stable time step, yield under load, and leave coordinates
 in the state that policies do not expect. A weld is exact at any time step and costs no computation.
 """
 
@@ -23,27 +23,29 @@ from quad_env.robots.structure import (
 )
 
 WHEEL_ROUNDNESS = 0.8
-"""Smallest ratio of the smallest to the largest distance of a wheel's outline from its axis.
+"""Smallest roundness of a link that counts as a wheel, dimensionless.
 
-A link with a larger ratio is round: its rotation does not move the point that carries the load.
+The roundness is the smallest distance of the link's outline from its axis, divided by the largest distance. The axle of
+a wheel is locked, because its rotation does not move the point that carries the load.
 """
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+"""Directions around the axis of a hinge in which the outline of its link is measured, (16,), rad."""
 
 
 def find_non_leg_joints(mujoco: Any, model: Any) -> list[int]:
-    """Find the hinges and slides below the trunk that belong to none of the four legs.
+    """Find the hinges and slides below the trunk that belong to none of the four legs, to lock them.
 
-    A leg has one hinge about the trunk's x axis, followed by two parallel hinges. If a branch has more than three
-    hinges, only its load-bearing hinges are considered: they move colliding geoms, unlike the axle of a wheel, which
-    turns a round link in place.
+    A leg has one hinge about the trunk's x axis, followed by two parallel hinges. If a branch of the kinematic tree has
+    more than three hinges, only its load-bearing hinges can belong to a leg. A load-bearing hinge moves colliding
+    geoms, and is not the axle of a wheel.
 
     Args:
         mujoco: The package `mujoco`.
         model: Compiled `mujoco.MjModel`.
 
     Returns:
-        Ids of the joints; empty if not exactly four legs are found or joints of other kinds exist. `structure` refuses
-        these models.
+        Ids of the joints. The list is empty if not exactly four legs are found, or if joints of other kinds exist: the
+        module `structure` then refuses the model.
     """
     root = find_root_body(mujoco, model)
     kinds = mujoco.mjtJoint
@@ -66,27 +68,37 @@ def find_non_leg_joints(mujoco: Any, model: Any) -> list[int]:
 
 
 def _trunk_candidate(model: Any, root: int, branches: dict[int, list[int]]) -> int:
-    """Return the id of the body from which at least four branches hang, else the id of the root."""
+    """Return the id of the body that is probably the trunk.
+
+    This is the body from which at least four branches of the kinematic tree hang, else the root.
+
+    Args:
+        model: Compiled `mujoco.MjModel`.
+        root: Id of the robot's root body.
+        branches: Id of the first body of a branch of the kinematic tree -> ids of the joints in this branch.
+
+    Returns:
+        Id of the body.
+    """
     parents = Counter(int(model.body_parentid[first]) for first in branches)
     (body, count), *_ = parents.most_common()
     return body if count >= LEGS else root
 
 
 def lock_joints(mujoco: Any, spec: Any, model: Any, joints: Sequence[int]) -> Any:
-    """Remove joints from a specification and weld their bodies to the parents.
+    """Remove joints from a model and weld their bodies to the parent bodies.
 
-    Bodies and geoms keep their ids.
-
-    The bodies are welded in the pose of the first keyframe, or of `qpos0` if the model has no keyframe.
+    The bodies are welded in the pose of the first keyframe, or in the pose `qpos0` if the model has no keyframe. Bodies
+    and geoms keep their ids.
 
     Args:
         mujoco: The package `mujoco`.
-        spec: The `mujoco.MjSpec`, which is changed in place.
-        model: Compiled model of `spec` before the change.
+        spec: The `mujoco.MjSpec` of the model, which is changed in place.
+        model: Compiled `mujoco.MjModel` of `spec` before the change.
         joints: Ids of the joints to lock.
 
     Returns:
-        Compiled model of the changed specification.
+        Compiled `mujoco.MjModel` of the changed `spec`.
     """
     _keep_springs(spec, model)
     data = mujoco.MjData(model)
@@ -110,14 +122,14 @@ def lock_joints(mujoco: Any, spec: Any, model: Any, joints: Sequence[int]) -> An
 
 
 def _weld(mujoco: Any, element: Any, model: Any, data: Any, body: int) -> None:
-    """Set the pose of a body relative to its parent to the pose in a simulation state.
+    """Fix a body to its parent in the relative pose that the two bodies have in a simulation state.
 
     Args:
         mujoco: The package `mujoco`.
-        element: The body in the specification.
-        model: Compiled model.
-        data: State with the pose.
-        body: Id of the body in the model.
+        element: The body in the `mujoco.MjSpec`, which is changed.
+        model: Compiled `mujoco.MjModel`.
+        data: `mujoco.MjData` with the kinematics of this state.
+        body: Id of the body in `model`.
     """
     parent = int(model.body_parentid[body])
     inverse = np.zeros(4)
@@ -131,9 +143,13 @@ def _weld(mujoco: Any, element: Any, model: Any, data: Any, body: int) -> None:
 
 
 def _keep_springs(spec: Any, model: Any) -> None:
-    """Replace `springdamper` of the joints by the compiled stiffness and damping.
+    """Write the compiled stiffness and damping to joints that define them by the attribute `springdamper`.
 
-    MuJoCo computes them from an inertia that changes when joints are locked.
+    MuJoCo computes the values of `springdamper` from an inertia that changes when joints are locked.
+
+    Args:
+        spec: The `mujoco.MjSpec`, which is changed in place.
+        model: Compiled `mujoco.MjModel` of `spec` before the joints are locked.
     """
     for joint in spec.joints:
         if joint.springdamper.any():
@@ -144,9 +160,15 @@ def _keep_springs(spec: Any, model: Any) -> None:
 
 
 def _dependents(mujoco: Any, spec: Any, names: set[str]) -> list[Any]:
-    """Return the elements that must be deleted together with the joints in `names`.
+    """Return the elements that must be deleted together with some joints, because they refer to them.
 
-    They are all sensors, the tendons over these joints, and the motors and equalities of these joints or tendons.
+    Args:
+        mujoco: The package `mujoco`.
+        spec: The `mujoco.MjSpec` of the model.
+        names: Names of the joints.
+
+    Returns:
+        All sensors, the tendons over these joints, and the motors and equalities of these joints or tendons.
     """
     transmissions = mujoco.mjtTrn
     equality_kinds = mujoco.mjtEq
@@ -164,12 +186,12 @@ def _dependents(mujoco: Any, spec: Any, names: set[str]) -> list[Any]:
 
 
 def _wraps_any(mujoco: Any, tendon: Any, names: set[str]) -> bool:
-    """Return True if a tendon runs over a joint with a name in `names`."""
+    """Return True if a tendon of a `mujoco.MjSpec` runs over one of the joints named in `names`."""
     return any(wrap.type == mujoco.mjtWrap.mjWRAP_JOINT and wrap.target.name in names for wrap in tendon.path)
 
 
 def bodies_moved_by(model: Any, joints: Sequence[int]) -> frozenset[int]:
-    """Return the ids of all bodies that move with the `joints`, given by ids in the compiled `model`."""
+    """Return the ids of all bodies in the compiled `model` that the joints with the ids `joints` move."""
     return frozenset(int(body) for joint in joints for body in np.flatnonzero(_moved_mask(model, joint)))
 
 
@@ -178,16 +200,19 @@ def _moved_mask(model: Any, joint: int) -> Bools:
 
 
 def _is_leg(axes: Floats) -> bool:
-    """Return True if hinges with the axes `axes`, base frame, (k, 3), can be a leg."""
+    """Return True if k hinges can form a leg: one hinge about x, then two parallel lateral hinges.
+
+    `axes` are the unit vectors of the hinge axes from the trunk to the foot, base frame, (k, 3).
+    """
     return len(axes) == JOINTS_PER_LEG and is_hip_axis(axes[0]) and are_lateral_axes(axes[1], axes[2])
 
 
 def _is_load_bearing(model: Any, data: Any, joint: int, collides: Bools) -> bool:
-    """Check if a hinge moves geoms that collide with the ground and is not the axle of a wheel.
+    """Return True if a hinge moves geoms that collide with the ground and is not the axle of a wheel.
 
     Args:
-        model: Compiled model.
-        data: State with kinematics.
+        model: Compiled `mujoco.MjModel`.
+        data: `mujoco.MjData` with kinematics.
         joint: Id of the hinge.
         collides: Mask of the geoms that collide with the ground, (ngeom,).
 

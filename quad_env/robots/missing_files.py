@@ -1,36 +1,47 @@
-"""Removal of visual meshes and textures with missing files from a model, with a report."""
+"""Removal of visual meshes and textures with missing files from a user's model.
+
+The names of the missing files are recorded, so that they can be reported to the user.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 RECORD_NAME = "quad_env: files that are not there"
-"""Name of the custom text in a specification that lists the missing files."""
+"""Name of the custom text element of a `mujoco.MjSpec` that stores the names of its missing files."""
 
 
 def remove_missing_files(spec: Any) -> None:
-    """Delete textures and meshes with missing files from a specification, with the geoms of these meshes.
+    """Delete visual meshes and textures with missing files from a `mujoco.MjSpec`; record the files.
 
-    A mesh is not deleted if one of its geoms collides or gives its body a mass. MuJoCo then refuses the model and names
-    the file.
+    The geoms of a deleted mesh are deleted, too. A mesh is not deleted if one of its geoms collides or gives its body a
+    mass, because the motion depends on this mesh: MuJoCo then refuses the model and names the file.
     """
     missing = [*_remove_meshes(spec), *_remove_textures(spec)]
     record_missing_files(spec, missing)
 
 
 def record_missing_files(spec: Any, files: list[str]) -> None:
-    """Record the names of missing files, `files`, in a custom text of the specification `spec`."""
+    """Store the names of missing files, `files`, in a custom text element of the `mujoco.MjSpec` `spec`.
+
+    Args:
+        spec: The `mujoco.MjSpec`, which is changed in place.
+        files: Names of the missing files; if there are none, `spec` is not changed.
+    """
     if files:
         spec.add_text(name=RECORD_NAME, data=", ".join(files))
 
 
 def recorded_missing_files(spec: Any) -> str | None:
-    """Return the recorded names of missing files, joined by commas; None if no file is missing."""
+    """Return the names of missing files that `record_missing_files` has stored in a `mujoco.MjSpec`.
+
+    The names are joined by commas. The result is None if no file is missing.
+    """
     return next((str(text.data) for text in spec.texts if text.name == RECORD_NAME), None)
 
 
 def _remove_meshes(spec: Any) -> Iterator[str]:
-    """Delete meshes with missing files and the geoms of these meshes; yield the names of the files.
+    """Delete meshes with missing files from a `mujoco.MjSpec`, with their geoms; yield the files' names.
 
     A mesh is kept if one of its geoms collides or gives its body a mass, or if no geom uses the mesh.
     """
@@ -47,9 +58,14 @@ def _remove_meshes(spec: Any) -> Iterator[str]:
 
 
 def _collides_or_weighs(geom: Any, paired: set[str]) -> bool:
-    """Return True if a geom collides or gives its body a mass.
+    """Return True if a geom affects the motion, because it can collide or gives its body a mass.
 
-    `paired` are the names of the geoms in explicit pairs.
+    Args:
+        geom: Geom of a `mujoco.MjSpec`.
+        paired: Names of the geoms in explicit geom pairs, which can collide without a collision bit.
+
+    Returns:
+        False if the geom is only visual.
     """
     if geom.contype or geom.conaffinity or (geom.name and geom.name in paired):
         return True
@@ -63,7 +79,10 @@ def _collides_or_weighs(geom: Any, paired: set[str]) -> bool:
 
 
 def _remove_textures(spec: Any) -> Iterator[str]:
-    """Delete textures with missing files, also from materials; yield the names of the files."""
+    """Delete textures with missing files from a `mujoco.MjSpec` and its materials.
+
+    The names of the missing files are yielded.
+    """
     for texture in list(spec.textures):
         if not texture.file or _exists(spec, texture.file, spec.compiler.texturedir):
             continue

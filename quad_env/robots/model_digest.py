@@ -1,6 +1,6 @@
-"""Digest of a robot's compiled model.
+"""Digest (SHA-256) of the physical properties in a robot's compiled model.
 
-A trained policy stores the digest and is valid only for robots with the same digest.
+A trained policy stores the digest of its robot and is valid only for robots with the same digest.
 """
 
 import hashlib
@@ -18,16 +18,21 @@ DIGEST_FIELDS = (
     *("geom_type", "geom_size", "geom_pos", "geom_quat", "geom_contype", "geom_conaffinity", "geom_friction"),
     *("actuator_gainprm", "actuator_biasprm", "actuator_forcerange", "key_qpos"),
 )
-"""Fields of a compiled model that enter the digest, because they determine the motion."""
+"""Fields of `mujoco.MjModel` that enter a robot's digest, because they determine the robot's motion."""
 OPTIONAL_DIGEST_FIELDS = ("jnt_stiffnesspoly", "dof_dampingpoly")
-"""Fields that enter the digest only if they are not zero, so that digests of older versions remain valid."""
+"""Fields of `mujoco.MjModel` that enter the digest of a robot only if they are not zero.
+
+Earlier versions of this package did not include them; the digests of robots without these forces remain valid.
+"""
 
 
 def digest(names: Iterable[str], model: Any) -> str:
-    """Compute the digest of a robot, see `Robot.sha256`.
+    """Compute the SHA-256 of a robot's names and physical properties, see `Robot.sha256`.
+
+    The numbers are rounded to six significant digits before they are hashed.
 
     Args:
-        names: Names of the robot's legs and joints.
+        names: Names of the robot's legs, followed by the names of its joints.
         model: Compiled `mujoco.MjModel` of the robot on flat ground.
 
     Returns:

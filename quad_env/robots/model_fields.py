@@ -1,6 +1,7 @@
-"""Treatment of each field of a user's compiled model: kept, replaced, reported or without effect.
+"""Treatment of each field of a user's compiled model when the robot is imported.
 
-The lists are complete: a test visits all fields of MuJoCo and fails for a field that is in no list or in two lists.
+A field is kept, replaced by SimpleQuad's value, reported as left out, or has no effect on the motion. The lists are
+complete: a test visits all fields of MuJoCo and fails for a field that is in no list or in two lists.
 """
 
 
@@ -60,7 +61,7 @@ _DERIVED = _fields("""
     tendon_adr tendon_invweight0 tendon_length0 tendon_num tendon_plasticadr tendon_treeid tendon_treenum
     tree_bodyadr tree_bodynum tree_dofadr tree_dofnum
 """)
-"""Fields that MuJoCo computes from other fields."""
+"""Fields of `mujoco.MjModel` that MuJoCo computes from other fields; an import ignores them."""
 _SIZES = _fields("""
     nB nC nD nJfe nJmom nJten nM na nactuator narena nbody nbuffer nbvh nbvhdynamic nbvhstatic ncam nconmax
     nefm0L nefm0dof nefmCvert nemax neq nexclude nflex nflexbending nflexedge nflexelem nflexelemdata
@@ -85,10 +86,10 @@ KEPT = _fields("""
     actuator_armature actuator_damping actuator_dampingpoly
     qpos0 qpos_spring plugin plugin_attr
 """)
-"""Fields that keep the value of the user's model, converted to the joint coordinates of `Robot`.
+"""Fields of `mujoco.MjModel` with values that an imported robot keeps from the user's model.
 
-Armature and damping of a motor are added to its joint. Spring, damping, armature and friction of the free joint are not
-kept; `omissions` reports them.
+They are converted to the joint axes and zero angles of `Robot`. Armature and damping of a motor are added to its joint.
+Spring, damping, armature and friction of the free joint are not kept; the module `omissions` reports them.
 """
 REPLACED = _fields("""
     geom_condim geom_priority geom_margin geom_gap geom_solref geom_solimp geom_solmix geom_fluid
@@ -102,7 +103,10 @@ REPLACED = _fields("""
     tree_sleep_policy
     hfield_adr hfield_data hfield_ncol hfield_nrow hfield_pathadr hfield_size
 """)
-"""Fields that get SimpleQuad's value, or a value computed from SimpleQuad's parameters; see docs/your-robot.md."""
+"""Fields of `mujoco.MjModel` with values of the user's model that an imported robot does not keep.
+
+They get SimpleQuad's value, or a value computed from SimpleQuad's parameters; see docs/your-robot.md.
+"""
 NAMED = _fields("""
     body_gravcomp body_plugin body_mocapid
     jnt_actgravcomp jnt_springyield
@@ -120,11 +124,14 @@ NAMED = _fields("""
     flex_plasticmode flex_priority flex_radius flex_rigid flex_selfcollide flex_size flex_solimp flex_solmix
     flex_solref flex_stiffness flex_vert flex_vert0 flex_vertbodyid flex_yield
 """)
-"""Fields that the robot lacks; `omissions` reports each of them."""
+"""Fields of `mujoco.MjModel` that an imported robot lacks, although they can affect the motion.
+
+The module `omissions` reports to the user the fields among them that the model uses.
+"""
 WITHOUT_EFFECT = _SHOWN + _NAMES + _SENSORS + _DERIVED + _SIZES
-"""Fields that do not affect the motion."""
+"""Fields of `mujoco.MjModel` that do not affect the motion, such as colours, names and sensors."""
 MODEL_FIELDS = {"kept": KEPT, "replaced": REPLACED, "named": NAMED, "without effect": WITHOUT_EFFECT}
-"""Treatment -> fields of `mujoco.MjModel` with this treatment."""
+"""Treatment at the import of a user's model -> fields of `mujoco.MjModel` with this treatment."""
 OPTION_FIELDS = {
     "kept": (),
     "replaced": _fields("""
@@ -137,4 +144,4 @@ OPTION_FIELDS = {
     """),
     "without effect": ("magnetic",),
 }
-"""Treatment -> fields of `mujoco.MjOption` with this treatment."""
+"""Treatment at the import of a user's model -> fields of `mujoco.MjOption` with this treatment."""

@@ -1,7 +1,7 @@
 """Reading and compiling of a user's model file, MJCF or URDF.
 
-MuJoCo can crash or run for hours on an invalid file. A limited process, a subprocess with time and memory limits,
-therefore reads each file first.
+MuJoCo can crash or run for hours on an invalid file. A subprocess with limits on time and memory therefore reads each
+file first; this process reads the file only if the subprocess succeeds.
 """
 
 import os
@@ -25,14 +25,15 @@ from quad_env.robots.structure import ModelError, RobotStructure, detect_structu
 from quad_env.robots.urdf import load_urdf
 
 MAX_PARTS = 2000
-"""Largest number of parts of one kind, such as keyframes or sensors.
+"""Largest number of parts of one kind, such as keyframes or sensors, that a user's model may have.
 
-The time in which MuJoCo deletes parts grows with the square of their number. Published models have some hundreds of
-parts at most.
+The limit is needed because the time in which MuJoCo deletes parts grows with the square of their number. Published
+models have some hundreds of parts at most.
 """
 _LIMITED_KINDS = ("keys", "sensors", "actuators", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
-"""Kinds of parts to which MAX_PARTS applies, because `scene` deletes all of them."""
+"""Attributes of `mujoco.MjSpec` with the parts that MAX_PARTS limits; an import deletes all these parts."""
 _DEFAULT_LOG = "MUJOCO_LOG.TXT"
+"""File to which MuJoCo writes warnings if the user has chosen no other log file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,23 +41,23 @@ class UserModel:
     """Compiled model of a user's file, in which joints that belong to no leg are locked; made by `read`."""
 
     spec: Any
-    """Specification of the model, `mujoco.MjSpec`; it must be copied before a change."""
+    """The `mujoco.MjSpec` of the file, from which `model` was compiled; copy it before changing it."""
     model: Any
     """Compiled `mujoco.MjModel` of `spec`."""
     structure: RobotStructure
-    """Trunk and legs of the model."""
+    """Trunk, legs and colliding geoms that were found in `model`."""
     modified: int
-    """Modification time of the file when it was read, ns."""
+    """Modification time of the file when it was read, ns; it shows whether the file has changed since."""
 
 
 def read(path: Path) -> UserModel:
-    """Read a model file, after a limited process has read it without error.
+    """Read and compile a user's model file, after a subprocess with limits on time and memory has read it.
 
     Args:
-        path: MJCF or URDF file. A file of an installed package is trusted and read directly.
+        path: MJCF or URDF file. A file of an installed package is trusted and read without the subprocess.
 
     Returns:
-        The compiled model.
+        The compiled model and its detected trunk and legs.
 
     Raises:
         FileNotFoundError: The file is missing.
@@ -65,7 +66,7 @@ def read(path: Path) -> UserModel:
     if not path.is_file():
         raise FileNotFoundError(f"{path} is no file")
     if not _is_installed(path):
-        # The import is local because it is slow.
+        # Imported here because the import is slow and files of installed packages do not need it.
         from quad_env.cli.limited_process import CrashError, LimitExceededError, read_limited
 
         try:
@@ -78,7 +79,10 @@ def read(path: Path) -> UserModel:
 
 
 def check(path: Path) -> None:
-    """Check that the model file at `path` can be read; runs in the limited process. Raises ModelError."""
+    """Raise ModelError if the model file at `path` cannot be read.
+
+    `read` calls this function in a subprocess with limits on time and memory.
+    """
     check_referenced_files(path)
     try:
         _read(path)
@@ -90,7 +94,10 @@ def check(path: Path) -> None:
 
 @cache
 def _installed_folders() -> tuple[str, ...]:
-    """Return the folders of this package and of installed packages; the files in them are trusted."""
+    """Return the paths of the folders with installed packages, including this one.
+
+    Model files in these folders are trusted.
+    """
     places = [str(Path(__file__).parents[1]), *(sysconfig.get_paths()[name] for name in ("purelib", "platlib"))]
     return tuple(os.path.realpath(place) + os.sep for place in places)
 
@@ -100,14 +107,14 @@ def _is_installed(path: Path) -> bool:
 
 
 def _read(path: Path) -> UserModel:
-    """Read and compile a model file in this process. Raises ModelError."""
+    """Read and compile a user's model file in this process. Raises ModelError if the model is invalid."""
     import mujoco
 
     log_to_console()
     modified = path.stat().st_mtime_ns
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Ignore warnings about deprecated attributes: MuJoCo still reads them.
+            warnings.simplefilter("ignore")  # The warnings concern deprecated attributes, which MuJoCo still reads.
             spec, model, omissions = _compile(mujoco, path)
             model, structure = _detect_locked_structure(mujoco, spec, model)
     except ModelError:
@@ -119,16 +126,18 @@ def _read(path: Path) -> UserModel:
 
 
 def _compile(mujoco: Any, path: Path) -> tuple[Any, Any, Lines]:
-    """Compile a model file with corrected inertias and without missing visual files.
+    """Compile a user's model file.
+
+    Impossible inertias are corrected, and visual parts with missing files are removed.
 
     Args:
         mujoco: The package `mujoco`.
         path: MJCF or URDF file.
 
     Returns:
-        spec: Specification of the model, `mujoco.MjSpec`.
-        model: Compiled `mujoco.MjModel`.
-        lines: Report of the parts that the robot lacks, see `omissions`.
+        spec: The `mujoco.MjSpec` of the file after these changes.
+        model: Compiled `mujoco.MjModel` of `spec`.
+        lines: Report of the parts of the file that the imported robot lacks: heading and text of each line.
 
     Raises:
         ModelError: The model is invalid.
@@ -147,9 +156,18 @@ def _compile(mujoco: Any, path: Path) -> tuple[Any, Any, Lines]:
 
 
 def _detect_locked_structure(mujoco: Any, spec: Any, model: Any) -> tuple[Any, RobotStructure]:
-    """Lock the joints that belong to no leg. Raises ModelError.
+    """Lock the joints that belong to no leg, and detect the trunk and the legs.
 
-    The new compiled model and its structure are returned.
+    A model that is not a quadruped with four legs of three hinges raises ModelError.
+
+    Args:
+        mujoco: The package `mujoco`.
+        spec: The `mujoco.MjSpec` of the user's file; it is changed if joints are locked.
+        model: Compiled `mujoco.MjModel` of `spec`.
+
+    Returns:
+        model: Compiled `mujoco.MjModel` with locked joints; `model` itself if no joint is locked.
+        structure: Trunk and legs of this model.
     """
     joints = find_non_leg_joints(mujoco, model)
     if not joints:
@@ -162,14 +180,22 @@ def _detect_locked_structure(mujoco: Any, spec: Any, model: Any) -> tuple[Any, R
 
 
 def _check_counts(spec: Any) -> None:
-    """Raise ModelError if a specification has more than `MAX_PARTS` parts of one kind."""
+    """Raise ModelError if a `mujoco.MjSpec` has more than `MAX_PARTS` parts of one kind, such as sensors."""
     for kind in _LIMITED_KINDS:
         if (count := len(getattr(spec, kind))) > MAX_PARTS:
             raise ModelError(f"it has {count} {kind}: at most {MAX_PARTS} are read")
 
 
 def _inertia_lines(massless: Iterable[str], balanced: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """Yield lines of the report about links without a mass, and about bodies with a changed inertia."""
+    """Yield lines of the import report about links without a mass and bodies with a corrected inertia.
+
+    Args:
+        massless: Names of the links of a URDF that have colliding shapes but no mass.
+        balanced: Names of the bodies with an impossible inertia, which has been replaced.
+
+    Yields:
+        Heading and text of a line.
+    """
     if names := join_names(massless):
         yield "no mass", f"{names}: the URDF gives none, and shapes do not"
     if names := join_names(balanced):
@@ -177,15 +203,18 @@ def _inertia_lines(massless: Iterable[str], balanced: Iterable[str]) -> Iterator
 
 
 def _missing_file_lines(spec: Any) -> Iterator[tuple[str, str]]:
-    """Yield a line of the report about missing visual files, if there are any."""
+    """Yield a line of the import report, heading and text, about missing visual files.
+
+    No line is yielded if no file is missing.
+    """
     if (files := recorded_missing_files(spec)) is not None:
         yield "not there", f"visual files, left out: {files}"
 
 
 def _keep_parts(mujoco: Any, spec: Any) -> None:
-    """Set the compiler options so that MuJoCo keeps every body, geom and frame of the file.
+    """Set MuJoCo's compiler options so that it keeps every body, geom and frame of the file.
 
-    This is needed because elements of the specification are found by their ids in the compiled model.
+    This is needed because the elements of the `mujoco.MjSpec` are found by their ids in the compiled model.
     """
     for part in (spec, *spec.bodies, *spec.joints, *spec.geoms):
         compiler = part.compiler

@@ -1,4 +1,7 @@
-"""Remarks on a user's model for `describe` and `doctor`: feet, omitted parts, overlaps and body names."""
+"""Texts about a user's model for the commands `describe` and `doctor`.
+
+They concern the feet, the omitted parts, overlapping bodies and the names of bodies.
+"""
 
 from collections.abc import Iterator
 
@@ -11,7 +14,10 @@ from quad_env.robots.structure import LINKS
 
 
 def describe_extras(robot: RobotParameters) -> Iterator[tuple[str, str]]:
-    """Yield heading and text of each remark on an imported robot's model: feet, trunk and omitted parts."""
+    """Yield the lines of `describe` about an imported robot's feet, trunk and omitted parts.
+
+    Each line is a pair of heading and text.
+    """
     import mujoco
 
     model = robot.user_model.model
@@ -26,12 +32,12 @@ def describe_extras(robot: RobotParameters) -> Iterator[tuple[str, str]]:
 
 
 def omission_lines(user_model: UserModel, keeps_contact: bool = False) -> Iterator[tuple[str, str]]:
-    """Yield the lines about parts of a user's model that the robot lacks.
+    """Yield the report lines about parts of a user's model that the imported robot lacks.
 
     Args:
-        user_model: The model.
-        keeps_contact: True if the robot keeps the contact parameters of its model, so that the line about them is
-            skipped; see `RobotParameters.keeps_contact`.
+        user_model: The user's model.
+        keeps_contact: True if the robot keeps the contact parameters of its model, so that the line about replaced
+            contact parameters is left out; see `RobotParameters.keeps_contact`.
 
     Yields:
         Heading and text of a line.
@@ -42,7 +48,10 @@ def omission_lines(user_model: UserModel, keeps_contact: bool = False) -> Iterat
 
 
 def overlap_remark(robot: RobotParameters) -> str | None:
-    """Return a line about the bodies of a user's robot that overlap in the home pose, or None."""
+    """Return a line about the bodies of a robot that overlap in the home pose.
+
+    None is returned if no bodies overlap, or if the robot is not imported.
+    """
     import mujoco
 
     if not robot.imported:
@@ -53,9 +62,10 @@ def overlap_remark(robot: RobotParameters) -> str | None:
 
 
 def body_names(robot: RobotParameters) -> dict[str, str]:
-    """Return the dictionary: name of a body in the scene -> name of the same body in the user's file.
+    """Return the dictionary: name of a body in our scene -> name of this body in the user's file.
 
-    Bodies without a name in the file are left out. The dictionary is empty for a robot that is not imported.
+    Messages need it, because an import renames bodies. Bodies without a name in the file are left out. The dictionary
+    is empty for a robot that is not imported.
     """
     if not robot.imported:
         return {}

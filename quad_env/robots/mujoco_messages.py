@@ -22,11 +22,14 @@ _MEANINGS = {
     "zero quaternion": "a rotation is four zeros: correct it",
     "size": "a size is missing or not above 0: correct it",
 }
-"""Part of a message of MuJoCo -> cause and remedy. The first part that occurs in the message is used."""
+"""Text that occurs in an error message of MuJoCo -> cause of the error, and remedy.
+
+The first text that occurs in the message is used.
+"""
 
 
 def explain_message(message: str) -> str:
-    """Return a message of MuJoCo on one line, preceded by its explanation if one is known."""
+    """Return an error message of MuJoCo as one line, preceded by its cause and remedy if they are known."""
     line = " ".join(message.split())
     meaning = next((meaning for part, meaning in _MEANINGS.items() if part in line), None)
     return line if meaning is None else f"{meaning} ({line})"

@@ -1,6 +1,6 @@
-"""Report of the parts of a user's model that were removed or replaced for the robot in our scene.
+"""Report to the user about parts and settings of a model that the imported robot does not have.
 
-`model_fields` lists the treatment of every field. The report is made from the file's model, before joints are locked
+The module `model_fields` lists the treatment of every field of the model. The report is made before joints are locked
 and the user's scene is removed, because these steps delete tendons, equalities and motors.
 """
 
@@ -13,13 +13,13 @@ from quad_env.robots.model_fields import OPTION_FIELDS
 from quad_env.robots.shapes import Bools, collision_mask, descendant_mask
 
 Lines = tuple[tuple[str, str], ...]
-"""Lines of the report, each a pair of heading and text."""
+"""Lines of the report about omitted parts of a user's model, each a pair of heading and text."""
 MAX_NAMES = 6
-"""Largest number of names that a line of the report lists."""
+"""Largest number of names in a line of the report about omitted parts; further names are only counted."""
 CONTACT = "contact"
-"""Heading of the line about contact parameters."""
+"""Heading of the report line about contact parameters of a user's model that were replaced."""
 _CONTACT_FIELDS = ("condim", "priority", "margin", "gap", "solref", "solimp", "solmix", "adhesion", "surfacevel")
-"""Names of the contact parameters of a geom."""
+"""Names of the contact parameters of a geom in MJCF that an import replaces; friction is kept."""
 _PAIR_FIELDS = {
     "dim": 3.0,
     "margin": 0.0,
@@ -29,27 +29,30 @@ _PAIR_FIELDS = {
     "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
     "adhesion": 0.0,
 }
-"""Name of a contact parameter of an explicit geom pair -> MuJoCo's default value."""
+"""Name of a contact parameter of explicit geom pairs that an import replaces -> MuJoCo's default."""
 _SUPPORTING_FIELDS = {
     "spring": ("jnt_stiffness", "jnt_stiffnesspoly"),
     "damping": ("dof_damping", "dof_dampingpoly"),
     "armature": ("dof_armature",),
     "friction loss": ("dof_frictionloss",),
 }
-"""Quantity of a free joint that would support the trunk -> fields of the compiled model with this quantity."""
+"""Passive force of a free joint that would support the trunk -> fields of `mujoco.MjModel` for it."""
 _FLAGS = (
     *("mjDSBL_CONSTRAINT", "mjDSBL_EQUALITY", "mjDSBL_FRICTIONLOSS", "mjDSBL_LIMIT", "mjDSBL_CONTACT", "mjDSBL_SPRING"),
     *("mjDSBL_DAMPER", "mjDSBL_GRAVITY", "mjDSBL_CLAMPCTRL", "mjDSBL_FILTERPARENT", "mjDSBL_ACTUATION"),
 )
-"""MuJoCo's disable flags that change the physics; the other disable flags concern only the numerics."""
+"""MuJoCo's disable flags that change the physics and are therefore reported.
+
+The other disable flags concern only the numerics.
+"""
 
 
 def find_omissions(mujoco: Any, spec: Any, model: Any, root: int) -> Lines:
-    """Report the parts of a model that the robot lacks.
+    """Report the parts, forces and settings of a user's model that the imported robot does not have.
 
     Args:
         mujoco: The package `mujoco`.
-        spec: The unchanged `mujoco.MjSpec` of the file.
+        spec: The `mujoco.MjSpec` of the file, before any part is removed.
         model: Compiled `mujoco.MjModel` of `spec`.
         root: Id of the robot's body with the free joint.
 
@@ -66,18 +69,28 @@ def find_omissions(mujoco: Any, spec: Any, model: Any, root: int) -> Lines:
 
 
 def join_names(names: Iterable[str]) -> str:
-    """Join names with commas. Only the first MAX_NAMES are listed; the number of the others follows."""
+    """Join names with commas. Only the first MAX_NAMES are listed; the number of the other names follows."""
     names = list(names)
     more = len(names) - MAX_NAMES
     return ", ".join(names) if more <= 0 else f"{', '.join(names[:MAX_NAMES])} and {more} more"
 
 
 def _omitted_parts(mujoco: Any, spec: Any, model: Any, is_robot_body: Bools) -> Iterator[tuple[str, str]]:
-    """Yield a line about removed parts: scene, tendons, equalities, flexes, plugins and actuators.
+    """Yield a report line about the removed parts of a user's model; no line if nothing is removed.
 
-    These actuators act on neither a joint nor a tendon.
+    Removed are the user's scene, tendons, equality constraints, flexible bodies, plugins, and the actuators that act
+    on neither a joint nor a tendon.
+
+    Args:
+        mujoco: The package `mujoco`.
+        spec: The `mujoco.MjSpec` of the file, before any part is removed.
+        model: Compiled `mujoco.MjModel` of `spec`.
+        is_robot_body: Mask of the robot's bodies, (nbody,).
+
+    Yields:
+        Heading and text of the line.
     """
-    scene = np.flatnonzero(~is_robot_body & (model.body_parentid == 0))[1:]  # Skip the first body, the world.
+    scene = np.flatnonzero(~is_robot_body & (model.body_parentid == 0))[1:]  # The first body, the world, is skipped.
     parts = [f"body {model.body(int(body)).name or body}" for body in scene]
     geoms = sum(geom.parent.id == 0 for geom in spec.geoms)
     parts += [f"{geoms} {'geom' if geoms == 1 else 'geoms'} of the world"] if geoms else []
@@ -110,23 +123,32 @@ def _body(model: Any, body: Any) -> str:
 
 
 def unlimited_joint_lines(model: Any, joints: Iterable[int]) -> Lines:
-    """Report the leg joints without a range, which get the range ±π rad.
+    """Report the leg joints that have no limits in the user's model; they get the limits ±π rad.
 
     Args:
-        model: Compiled model.
+        model: Compiled `mujoco.MjModel` of the user's file.
         joints: Ids of the leg joints.
 
     Returns:
-        One line of the report; empty if all joints have a range.
+        One report line, as heading and text; an empty tuple if all joints have limits.
     """
     names = [model.joint(joint).name for joint in joints if not model.jnt_limited[joint]]
     return (("no range", f"of {join_names(names)} in the model: ±π rad"),) if names else ()
 
 
 def _omitted_forces(mujoco: Any, model: Any, is_robot_body: Bools, root: int) -> Iterator[tuple[str, str]]:
-    """Yield a line for each omitted kind of force.
+    """Yield a report line for each kind of force that the imported robot does not have.
 
-    The kinds are gravity compensation, forces of the free joint and plastic springs.
+    The kinds are gravity compensation, passive forces of the free joint, and plastic yielding of joint springs.
+
+    Args:
+        mujoco: The package `mujoco`.
+        model: Compiled `mujoco.MjModel` of the user's file.
+        is_robot_body: Mask of the robot's bodies, (nbody,).
+        root: Id of the robot's body with the free joint.
+
+    Yields:
+        Heading and text of a line.
     """
     if (lifted := np.flatnonzero(is_robot_body & (model.body_gravcomp != 0.0))).size:
         names = join_names(_body(model, body) for body in lifted)
@@ -149,7 +171,16 @@ def _omitted_forces(mujoco: Any, model: Any, is_robot_body: Bools, root: int) ->
 
 
 def _contact_lines(mujoco: Any, model: Any, is_robot_body: Bools) -> Iterator[tuple[str, str]]:
-    """Yield a line about the contact parameters in which the file differs from MuJoCo's defaults."""
+    """Yield a report line about contact parameters that an import replaces and that are not defaults.
+
+    Args:
+        mujoco: The package `mujoco`.
+        model: Compiled `mujoco.MjModel` of the user's file.
+        is_robot_body: Mask of the robot's bodies, (nbody,).
+
+    Yields:
+        Heading and text of the line; no line if all contact parameters are MuJoCo's defaults.
+    """
     is_robot_geom = is_robot_body[model.geom_bodyid]
     geoms = is_robot_geom & collision_mask(model)
     pairs = is_robot_geom[model.pair_geom1] & is_robot_geom[model.pair_geom2]
@@ -174,7 +205,17 @@ def _differs(values: Any, neutral: Any) -> bool:
 
 
 def _settings_lines(mujoco: Any, model: Any) -> Iterator[tuple[str, str]]:
-    """Yield a line about the physics options in which the file differs from MuJoCo's defaults."""
+    """Yield a report line about the physics options, such as gravity, that are not MuJoCo's defaults.
+
+    The imported robot does not keep them. No line is yielded if all of them are the defaults.
+
+    Args:
+        mujoco: The package `mujoco`.
+        model: Compiled `mujoco.MjModel` of the user's file.
+
+    Yields:
+        Heading and text of the line.
+    """
     default = mujoco.MjSpec().option
     has_override = bool(model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE)
     settings = []
