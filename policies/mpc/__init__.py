@@ -1,1 +1,1 @@
-"""Model-based control: convex MPC of a single rigid body, and a whole-body QP for the joint torques."""
+"""Model-based controllers: contact forces by convex MPC of a rigid body, joint torques by a whole-body QP."""

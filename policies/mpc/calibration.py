@@ -1,4 +1,4 @@
-"""Calibration after a reset: stand to measure the noise, then bend the legs to estimate the delay."""
+"""Calibration after a reset: the robot stands to measure the sensor noise, then bends its legs to find the delay."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,27 +10,29 @@ from quad_env.columns import Mask
 from quad_env.robots.robot import Robot
 
 CALIBRATION_STEPS = (4, 8)
-"""Control steps of the noise measurement: first for robots in which no noise is found, then for the others."""
+"""Durations of the noise measurement, control steps: 4 for robots without sensor noise, 8 for robots with noise."""
 CALIBRATION_BEND = 1.1
-"""Factor on the joint angles of the home pose that excites the delay estimate."""
+"""Factor on the joint angles of the home pose in the second phase.
+
+The joint motion that it causes is needed to estimate the delay."""
 
 
 class Calibration(PerRobotState):
-    """Phases of the calibration of n robots.
+    """Phases of the calibration of n robots after a reset, and their joint targets meanwhile.
 
-    A robot stands in the home pose while the noise of its readings is measured. If the delay of the joint readings is
-    unknown, the robot then bends its legs. It stops when the motion has shown the delay, or after the longest candidate
-    delay.
+    In the first phase, a robot stands in the home pose while the noise of its sensor readings is measured. In the
+    second phase, it bends its legs, if the delay from joint target to joint reading is unknown. This phase ends when
+    the delay is identified, or after the longest candidate delay.
 
     Args:
-        robot: Robot of the targets.
-        identifies_delay: False where the delay of the encoders is known.
+        robot: Robot model; it supplies the home pose.
+        identifies_delay: False if the delay is known, because encoders read the joints. There is no second phase then.
     """
 
     is_active: Mask = per_robot(True)
-    """True for robots in calibration: noise or delay is not known yet, (n,)."""
+    """True for robots in calibration, with noise or delay not known yet, (n,)."""
     measures_noise: Mask = per_robot(True)
-    """True for robots in the first phase, in which the noise is measured, (n,)."""
+    """True for robots in the first phase, in which the sensor noise is measured, (n,)."""
 
     def __init__(self, robot: Robot, *, identifies_delay: bool) -> None:
         self._home_pose = robot.home_pose
@@ -38,12 +40,12 @@ class Calibration(PerRobotState):
         super().__init__()
 
     def update(self, sample_count: NDArray[np.int64], is_noisy: Mask, delay_identified: Mask) -> None:
-        """Advance the phases by one control step.
+        """Update the calibration phase of each robot; called once per control step.
 
         Args:
-            sample_count: Readings since the reset, (n,).
-            is_noisy: Robots with noisy readings, (n,).
-            delay_identified: True for robots with a delay that motion has shown, (n,).
+            sample_count: Number of observations since the reset, (n,).
+            is_noisy: True for robots with noisy sensor readings, (n,).
+            delay_identified: True for robots with a delay identified from joint motion, (n,).
         """
         quiet_steps, noisy_steps = CALIBRATION_STEPS
         steps_after_noise = sample_count - np.where(is_noisy, noisy_steps, quiet_steps)
@@ -51,6 +53,10 @@ class Calibration(PerRobotState):
         self.is_active = self.measures_noise | ~delay_identified & (steps_after_noise <= self._max_bend_steps)
 
     def targets(self, targets: Floats) -> Floats:
-        """Return joint targets, (n, 12), rad: home pose or bent legs in calibration, else `targets`."""
+        """Return the joint targets of a control step, (n, 12), rad.
+
+        They are the home pose in the first phase of the calibration, bent legs in the second phase, and `targets`
+        afterwards.
+        """
         bend = np.where(self.measures_noise, 1.0, CALIBRATION_BEND)[:, None]
         return np.where(self.is_active[:, None], bend * self._home_pose, targets)

@@ -1,7 +1,7 @@
 """Contact forces, external wrench and friction, estimated from joint torques.
 
-`policies.contact.foot_forces` estimates the force on each foot. A push, a load or the wind causes an external
-wrench, the part of the force on the trunk that the foot forces do not explain.
+`policies.contact.foot_forces` estimates the force on each foot. The external wrench is the force and the moment on
+the trunk that the foot forces do not explain. It is caused by a push, a load or the wind.
 """
 
 from dataclasses import dataclass
@@ -25,39 +25,50 @@ from quad_env.robots.robot import Robot
 
 @dataclass(frozen=True)
 class ContactEstimatorConstants:
-    """Bounds and time constants of the contact estimates that no parameter search changes."""
+    """Bounds, thresholds and time constants of `ContactEstimator`.
+
+    The parameter search does not change them; it changes only `policies.mpc.parameters.ModelParameters`.
+    """
 
     max_wrench: tuple[float, ...] = (80.0, 80.0, 400.0, 15.0, 15.0, 15.0)
-    """Largest external wrench, N and N·m."""
-    max_upward_force: float = 40.0
-    """Largest upward external force, N; small because a load presses downward."""
-    impact_force: float = 300.0
-    """Force on a foot above which it is an impact, N. The wrench is not updated in a control period with an impact."""
-    firm_contact_force: float = 30.0
-    """Force on a foot above which it stands firmly, N. If fewer than two feet stand firmly, the robot is tilted or in
-    the air, and other parts may touch the ground."""
-    max_update_tilt: float = 0.2
-    """Largest tilt at which the wrench is updated, rad."""
-    initial_weight: float = 5.0
-    """Number of samples that the initial wrench, zero, counts for in the running mean."""
-    contact_margin_per_stiffness: float = 0.03
-    """Error of the force on a foot caused by noise of encoder readings, N per N·m/rad of servo stiffness.
+    """Bounds of the absolute values of the external wrench; each sample is clipped to them.
 
-    A foot in the air becomes a contact only if its force exceeds the touch force by this margin. The reason is that the
-    prediction would stop a foot with a false contact at once."""
+    Force x, y, z, level frame, N, then moment x, y, z, base frame, N·m."""
+    max_upward_force: float = 40.0
+    """Largest upward component of the external force, N; it is small because a load presses downward."""
+    impact_force: float = 300.0
+    """Vertical force on a foot above which the contact counts as an impact, N.
+
+    The external wrench is not updated in a control period with an impact."""
+    firm_contact_force: float = 30.0
+    """Vertical force on a foot above which the foot stands firmly, N.
+
+    The external wrench is not updated if fewer than two feet stand firmly. The robot is then tilted or in the air, and
+    other parts than the feet may touch the ground."""
+    max_update_tilt: float = 0.2
+    """Largest absolute roll and pitch angle at which the external wrench is updated, rad."""
+    initial_weight: float = 5.0
+    """Weight of the initial external wrench, which is zero, in the running mean, as a number of samples."""
+    contact_margin_per_stiffness: float = 0.03
+    """Error of an estimated foot force that encoder noise causes, N per N·m/rad of servo stiffness.
+
+    A foot in the air counts as in contact only if its vertical force exceeds `touch_force` by this error. The margin
+    is needed because the state prediction would stop a foot with a false contact at once."""
     min_encoder_load_time: float = 0.15
-    """Shortest time constant of the vertical force if encoders read the joints, s."""
+    """Shortest time constant of the filter of the vertical external force, if encoders read the joints, s."""
     encoder_offset_time: float = 1.0
-    """Time constant of the encoder offsets, while a foot is in the air, s."""
+    """Time constant of the filter of the encoder offsets, s. They are updated while the foot of the leg is in the air.
+    """
     max_encoder_offset: float = 0.03
-    """Largest encoder offset that one sample can show, rad."""
+    """Bound of the absolute encoder offset computed from one sample, before the filter, rad."""
     friction_safety_factor: float = 0.7
-    """Factor on the friction measured in a slip; below 1 because the edges of the friction pyramid reach out further
-    than its sides."""
+    """Factor on the friction coefficient measured in a slip.
+
+    It is below 1 because the friction pyramid allows larger forces along its edges than along its sides."""
     min_friction: float = 0.05
-    """Smallest friction coefficient that the controller assumes."""
+    """Smallest friction coefficient that the controller assumes, even after a slip."""
     slip_update_gain: float = 0.3
-    """Gain with which the friction estimate approaches the friction of a slip, per control period."""
+    """Low-pass gain per control period with which the friction estimate falls to the friction measured in a slip."""
 
 
 CONSTANTS = ContactEstimatorConstants()
@@ -67,32 +78,34 @@ MAX_WRENCH = np.array(CONSTANTS.max_wrench)
 class ContactEstimator(PerRobotState):
     """Estimates contact forces, external wrench and friction of n robots, once per control period.
 
+    The external wrench is the force and the moment on the trunk by a push, a load or the wind.
+
     Args:
-        robot: Robot with the servo gains.
-        parameters: Thresholds and time constants.
+        robot: Robot model; it supplies the servo gains and the home pose.
+        parameters: Force thresholds, time constants of the filters, and the initial friction coefficient.
         period: Control period, s.
-        actuator: Drives of the joints.
+        actuator: Model of the joint motors.
         encoders: True if joint speeds are differences of two encoder angles, and thus means over a control period.
     """
 
     wrench: Floats = per_robot(np.zeros(6))
-    """External wrench on the trunk, low-pass filtered, with the weight of the load, (n, 6).
+    """External wrench on the trunk, low-pass filtered; it includes the weight of the load, (n, 6).
 
     Force in the level frame, N, and moment about the trunk centre in the base frame, N·m."""
     friction_estimate: Floats = per_robot()
-    """Friction coefficient that the controller assumes, (n,)."""
+    """Estimated friction coefficient between feet and ground, which the controller assumes, (n,)."""
     in_contact: Mask = per_robot(np.ones(4, np.bool_))
-    """True for feet that press on the ground with more than the threshold, (n, 4)."""
+    """True for feet in contact: their vertical force exceeds `touch_force`, and they are not in mid-swing, (n, 4)."""
     encoder_offsets: Floats = per_robot(np.zeros(12))
-    """Estimated encoder readings at a joint angle of zero, (n, 12), rad.
+    """Estimated encoder offsets: encoder reading minus true joint angle, (n, 12), rad.
 
-    An offset shows in a leg in the air as a servo torque that the motion does not need."""
+    In a leg in the air, an offset causes a servo torque that the motion of the leg does not explain."""
     _sample_count: Floats = per_robot(0.0)
-    """Number of samples in the mean wrench, (n,)."""
+    """Number of samples that have updated `wrench` since the reset, (n,)."""
     _was_sliding: Mask = per_robot(np.zeros(4, np.bool_))
-    """True for feet that were loaded and moving in the last control step, (n, 4)."""
+    """True for feet that were loaded and faster than `slip_speed` in the last control step, (n, 4)."""
     _had_slipped: Mask = per_robot(np.zeros(4, np.bool_))
-    """True for feet that were loaded in the last control step and were sliding one step before, (n, 4)."""
+    """True for feet that were loaded in the last control step and were sliding in the step before it, (n, 4)."""
 
     def __init__(
         self,
@@ -116,7 +129,7 @@ class ContactEstimator(PerRobotState):
         super().__init__(friction_estimate=parameters.friction)
 
     def remove_encoder_offsets(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the observations, (n, k), without the estimated encoder offsets."""
+        """Return the observations, (n, k), minus the estimated encoder offsets; unchanged without encoders."""
         if not self._encoders:
             return observation
         corrected = observation.copy()
@@ -127,12 +140,14 @@ class ContactEstimator(PerRobotState):
         """Estimate the contact forces, and update wrench, contacts, encoder offsets and friction.
 
         Args:
-            motion: State at the time of the readings, with the joint targets that led to it and the load.
-            weight: Gravity wrench of the loads, (n, 6), N and N·m. The dynamics in `motion` include it already.
-            in_mid_swing: True for feet in mid-swing by the gait, (n, 4). Feet in mid-swing are not in contact.
+            motion: State at the time of the readings, with the joint targets that led to it. Its dynamics include the
+                load on the trunk.
+            weight: Weight of the loads as a wrench on the trunk, (n, 6), N and N·m. It is added to the unexplained
+                wrench, because the dynamics in `motion` include it already.
+            in_mid_swing: True for feet that are in mid-swing according to the gait, (n, 4). They are not in contact.
 
         Returns:
-            Forces of the feet over the last control period, level frame, (n, 4, 3), N.
+            Mean ground reaction forces on the feet over the last control period, level frame, (n, 4, 3), N.
         """
         forces, unexplained = self._solve_contact_forces(motion, in_mid_swing)
         self._turn_wrench(self._period * motion.angular_velocity[:, 2])
@@ -141,9 +156,9 @@ class ContactEstimator(PerRobotState):
         return forces
 
     def _is_informative(self, motion: MotionState, normal_forces: Floats) -> Mask:
-        """Return True for robots with an unexplained wrench that comes from an external force, (n,).
+        """Return True for robots on which the unexplained wrench is an external wrench, (n,).
 
-        These robots stand firmly on two feet or more, nearly level, and no foot has an impact.
+        These robots stand firmly on two feet or more, the trunk is nearly level, and no foot has an impact.
         `normal_forces`: vertical forces on the feet, (n, 4), N.
         """
         c = CONSTANTS
@@ -154,7 +169,10 @@ class ContactEstimator(PerRobotState):
         return informative
 
     def _turn_wrench(self, yaw: Floats) -> None:
-        """Rotate the force by -`yaw`, (n,), rad; a push keeps its direction while the level frame turns."""
+        """Rotate the horizontal force of the wrench by -`yaw`, (n,), rad.
+
+        The level frame has turned by `yaw` with the robot, whereas a push keeps its direction in the world.
+        """
         cosine = np.cos(yaw)
         sine = np.sin(yaw)
         x, y = self.wrench[:, :2].T.copy()
@@ -162,7 +180,10 @@ class ContactEstimator(PerRobotState):
         self.wrench[:, 1] = cosine * y - sine * x
 
     def _update_wrench(self, sample: Floats, informative: Mask) -> None:
-        """Update the mean wrench of the robots in the mask `informative`, (n,), with a sample, (n, 6)."""
+        """Update the filtered external wrench of some robots with a new sample.
+
+        `sample`: external wrench, (n, 6), N and N·m; `informative`: True for robots to update, (n,).
+        """
         bounded = sample.clip(-MAX_WRENCH, MAX_WRENCH)
         bounded[:, 2] = np.minimum(bounded[:, 2], CONSTANTS.max_upward_force)
         gains = warm_start_gain(self._wrench_gains, CONSTANTS.initial_weight + self._sample_count[:, None])
@@ -174,20 +195,21 @@ class ContactEstimator(PerRobotState):
 
         Args:
             motion: State at the time of the readings, with the joint targets that led to it.
-            in_mid_swing: True for feet that are not in contact, (n, 4).
+            in_mid_swing: True for feet in mid-swing, which cannot be in contact, (n, 4).
 
         Returns:
-            forces: Forces on the feet, level frame, (n, 4, 3), N.
-            unexplained: Wrench on the trunk that the forces on the feet do not explain, (n, 6), N and N·m.
+            forces: Ground reaction forces on the feet, level frame, (n, 4, 3), N.
+            unexplained: Wrench on the trunk that the forces on the feet do not explain, (n, 6). Force, level frame, N,
+                and moment about the trunk centre, base frame, N·m.
         """
         forces, needed = self.foot_forces.estimate(motion)
         threshold = self._parameters.touch_force + np.where(self.in_contact, 0.0, self._contact_margin)
         self.in_contact = (forces[..., 2] > threshold) & np.logical_not(in_mid_swing)
         if self._encoders:
             self._update_encoder_offsets(needed[:, 6:])
-        # Forces that pull are set to zero, because the ground cannot pull. They come from a joint at its limit or from
-        # two links that touch. With encoders they are kept for the wrench: noise pulls as often as it presses, so that
-        # the mean is right.
+        # Downward foot forces are set to zero, because the ground cannot pull a foot down. They are caused by a joint
+        # at its limit or by two links that touch. With encoders, the wrench is computed with the downward forces,
+        # because clipping the encoder noise, which has a mean of zero, would bias the wrench.
         pressing = np.where(forces[..., 2:] < 0.0, 0.0, forces)
         explaining = forces if self._encoders else pressing
         count = len(forces)
@@ -198,18 +220,23 @@ class ContactEstimator(PerRobotState):
         return pressing, unexplained
 
     def _update_encoder_offsets(self, unexplained_torque: Floats) -> None:
-        """Update the encoder offsets of legs in the air with their unexplained joint torques, (n, 12), N·m."""
+        """Update the encoder offsets of legs in the air.
+
+        `unexplained_torque`: joint torques that the motion needs beyond the servo torques, (n, 12), N·m. In the air,
+        offset = torque / servo stiffness.
+        """
         largest = CONSTANTS.max_encoder_offset
         sample = np.clip(unexplained_torque / self.foot_forces.servos.stiffness, -largest, largest)
         in_stance = np.repeat(self.in_contact, 3, axis=1)
         self.encoder_offsets += np.where(in_stance, 0.0, self._offset_gain * sample)
 
     def _estimate_friction(self, forces: Floats, velocity: Floats) -> None:
-        """Lower the friction estimate to the force ratio of sliding feet, and let it return slowly afterwards.
+        """Update the friction estimate: it falls when feet slide and slowly returns to `friction` afterwards.
 
-        A foot slides if it moves and is still loaded one step later; a foot that lifts off is not. A slide
-        counts only after two consecutive steps, because a foot that lands slides for a moment. `forces`: forces on the
-        feet, (n, 4, 3), N; `velocity`: foot velocities, (n, 4, 3), m/s.
+        The friction of a sliding foot is its horizontal divided by its vertical force. A foot slides if it moves and is
+        still loaded one control step later, because a foot that lifts off has no load then. It must slide for two
+        consecutive steps, because a foot that lands slides for a moment. `forces`: forces on the feet, (n, 4, 3), N;
+        `velocity`: foot velocities, (n, 4, 3), m/s.
         """
         p = self._parameters
         c = CONSTANTS
@@ -229,15 +256,15 @@ class ContactEstimator(PerRobotState):
 
 
 def wrench_to_acceleration(bodies: DynamicsTerms, rotation: Floats, wrench: Floats) -> Floats:
-    """Return the acceleration that a wrench on the trunk gives each robot, taken as a single rigid body.
+    """Return the acceleration that a wrench on the trunk causes if each robot is a single rigid body.
 
     Args:
-        bodies: Dynamics of n robots.
+        bodies: Dynamics terms of n robots: mass, centre of mass and rotational inertia.
         rotation: Rotation from the base to the level frame, (n, 3, 3).
         wrench: Force in the level frame, N, and moment about the trunk centre in the base frame, N·m, (n, 6).
 
     Returns:
-        Linear and angular acceleration, level frame, (n, 6), m/s² and rad/s².
+        Linear acceleration of the centre of mass, m/s², then angular acceleration, rad/s², level frame, (n, 6).
     """
     force = wrench[:, :3]
     moment = np.matmul(rotation, wrench[:, 3:, None]) - cross(bodies.com_position, force)[..., None]
@@ -246,22 +273,24 @@ def wrench_to_acceleration(bodies: DynamicsTerms, rotation: Floats, wrench: Floa
 
 
 MAX_LATE_CONTACT_PHASE = 0.5
-"""Progress of the stance, 0 to 1, up to which a foot in the air is lowered; later it counts as a stance foot."""
+"""Progress of the stance phase, 0 to 1, up to which a foot without contact counts as late and is lowered.
+
+After this progress, the foot counts as a stance foot even without contact."""
 LIFTOFF_PHASE = 0.1
-"""Progress of the swing, 0 to 1, up to which a foot may still be on the ground."""
+"""Progress of the swing phase, 0 to 1, up to which a foot may still be on the ground after its stance."""
 EARLY_CONTACT_PHASE = 0.6
-"""Progress of the swing, 0 to 1, from which a foot may land early."""
+"""Progress of the swing phase, 0 to 1, from which a foot may touch the ground before its stance begins."""
 
 
 class ContactState(NamedTuple):
-    """Contact state of the feet of n robots, (n, 4) each."""
+    """Contact state of the feet of n robots, made by `classify_contacts`; each mask is (n, 4)."""
 
     stance: Mask
-    """True for feet that carry the robot."""
+    """True for feet that carry the robot: their contact forces are planned, (n, 4)."""
     late: Mask
-    """True for feet in stance by the gait that have not touched the ground yet."""
+    """True for feet in their stance phase that have not touched the ground yet, (n, 4)."""
     landed: Mask
-    """True for feet on the ground; their positions become footprints."""
+    """True for feet on the ground, (n, 4). Their positions are recorded as footprints for the terrain estimate."""
 
 
 def classify_contacts(
@@ -273,18 +302,18 @@ def classify_contacts(
     *,
     flies: bool,
 ) -> ContactState:
-    """Classify the feet by the gait and by their contact forces.
+    """Classify the feet as stance, late or landed, by their phase in the gait and by their contact forces.
 
     Args:
-        p: Force thresholds.
+        p: Parameters with the force thresholds `touch_force` and `early_force`.
         cycle: Gait cycle of the legs now, (n, 4).
-        cycle_at_measurement: Gait cycle at the time of the forces, (n, 4).
+        cycle_at_measurement: Gait cycle of the legs when the forces were measured, (n, 4).
         normal_forces: Estimated vertical forces on the feet, (n, 4), N.
-        is_first_step: True for robots without a force estimate yet, (n,). They follow the gait.
+        is_first_step: True for robots that have no force estimate yet, (n,). Their feet follow the gait.
         flies: True if the gait has a flight phase, in which no foot is in stance.
 
     Returns:
-        Stance, late and landed feet.
+        Masks of the stance, late and landed feet.
     """
     has_estimate = ~is_first_step[:, None]
     in_contact = normal_forces > p.touch_force
@@ -295,7 +324,8 @@ def classify_contacts(
     early = may_be_early & (normal_forces > p.early_force)
     stance = (gait_stance & ~late) | early
     if not flies:
-        # The force plan needs a stance foot, also for a robot that a push has thrown into the air.
+        # The force plan needs at least one stance foot. A robot that a push has thrown into the air has no contact, so
+        # its stance feet are taken from the gait.
         stance = np.where(stance.any(axis=1, keepdims=True), stance, gait_stance)
     landed = (gait_stance & in_contact & ~late) | early | ~has_estimate
     return ContactState(stance, late, landed)

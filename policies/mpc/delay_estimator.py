@@ -1,4 +1,7 @@
-"""Estimate of the delay from joint target to joint reading, by the prediction errors of candidates."""
+"""Estimate of the delay from joint target to joint reading.
+
+The joint speeds are predicted for each candidate delay. The estimate is the delay with the smallest prediction error.
+"""
 
 from dataclasses import dataclass
 from typing import TypeVar
@@ -13,46 +16,62 @@ from quad_env.columns import Mask
 T = TypeVar("T", bound=np.generic)
 
 MAX_DELAY_STEPS = 19
-"""Longest candidate delay, control steps."""
+"""Longest delay that the estimate considers, control steps. The candidates are 0 to this number."""
 
 
 @dataclass(frozen=True)
 class DelayEstimatorParameters:
-    """Thresholds of the delay estimate."""
+    """Filter time and thresholds of `DelayEstimator`."""
 
     filter_time: float = 1.0
-    """Time constant of the mean squared prediction errors, s. Before this time has passed, they are running means."""
+    """Time constant of the low-pass filter of the squared prediction errors, s.
+
+    Until this time has passed since the reset, the filtered errors are running means."""
     min_improvement: float = 0.1
-    """Smallest reduction of the error by a new delay, as a fraction of the present error minus the noise variance."""
+    """Reduction of the mean squared prediction error that a new delay must give, as a fraction.
+
+    The fraction refers to the mean squared error of the present delay minus the noise variance."""
     noise_fraction: float = 0.1
-    """Further reduction that a new delay must give, as a fraction of the noise variance."""
+    """Additional reduction that a new delay must give, as a fraction of the noise variance.
+
+    It is added to the reduction by `min_improvement`."""
     model_error: float = 0.05
-    """Mean squared error of the joint speeds that remains at the true delay, rad²/s²."""
+    """Mean squared prediction error of the joint speeds that model errors cause at the true delay, rad²/s²."""
     samples_without_error: int = 2
-    """Number of samples after a reset before the prediction errors count."""
+    """Number of observations after a reset with prediction errors that are ignored."""
     min_samples: int = 16
-    """Number of samples before the delay may change, for robots with a delay that is not identified yet."""
+    """Number of observations after a reset before the delay may change.
+
+    A robot with a delay that is identified already may change it earlier."""
 
 
 DEFAULT_PARAMETERS = DelayEstimatorParameters()
 
 
 class DelayEstimator(PerRobotState):
-    """Estimates the delay of each of n robots, so that the targets explain the joint speeds best.
+    """Estimates the control delay of each of n robots, from the predicted and the measured joint speeds.
+
+    The control delay is the time from a joint reading to the time when the joint target computed from it acts.
 
     Args:
         period: Control period, s.
-        joint_delay_steps: Delay of the encoders, control steps, from which the estimate starts; 0 if the joint readings
-            are true values.
-        parameters: Thresholds.
+        joint_delay_steps: Initial estimate, control steps: the delay of the encoders, or 0 if the joint readings are
+            the undelayed true values.
+        parameters: Filter time and thresholds.
     """
 
     delays: NDArray[np.int64] = per_robot()
-    """Control steps from the reading that a target is based on to the time when the target acts, (n,)."""
+    """Estimated delay of each robot, (n,), control steps.
+
+    It is the time from a joint reading to the time when the joint target computed from it acts."""
     is_identified: Mask = per_robot(False)
-    """True once motion has shown a delay, (n,)."""
+    """True for robots with joint motion since the reset that has distinguished the candidate delays, (n,).
+
+    It stays False if encoders read the joints."""
     _errors: Floats = per_robot(np.zeros(MAX_DELAY_STEPS + 1), axis=1)
-    """Mean squared prediction error of each candidate delay, (MAX_DELAY_STEPS + 1, n), rad²/s²."""
+    """Low-pass filtered squared error of the predicted joint speeds, (MAX_DELAY_STEPS + 1, n), rad²/s².
+
+    Row k belongs to the candidate delay of k control steps."""
 
     def __init__(
         self, period: float, joint_delay_steps: int = 0, parameters: DelayEstimatorParameters = DEFAULT_PARAMETERS
@@ -63,14 +82,14 @@ class DelayEstimator(PerRobotState):
         super().__init__(delays=np.int64(joint_delay_steps))
 
     def update(self, errors: Floats, noise: Floats, sample_count: NDArray[np.int64], is_excited: Mask) -> None:
-        """Update the mean prediction errors, and change the delay if another candidate has a smaller error.
+        """Update the filtered prediction errors, and change the delay if another one has a clearly smaller error.
 
         Args:
-            errors: Squared error of the joint speeds, mean over the joints, by candidate delay,
-                (MAX_DELAY_STEPS + 1, n), rad²/s².
+            errors: Squared error of the predicted joint speeds, mean over the joints, (MAX_DELAY_STEPS + 1, n),
+                rad²/s². Row k belongs to the candidate delay of k control steps.
             noise: Noise variance of the joint speeds, (n,), rad²/s².
-            sample_count: Readings since the reset, (n,).
-            is_excited: True for robots that may move their joints, because their noise measurement is over, (n,).
+            sample_count: Number of observations since the reset, (n,).
+            is_excited: True for robots that move their joints, because their noise measurement is over, (n,).
         """
         p = self._parameters
         error_count = sample_count - p.samples_without_error
@@ -87,8 +106,8 @@ class DelayEstimator(PerRobotState):
         self.delays = np.where(is_better, self._errors.argmin(axis=0), self.delays)
 
     def at_delay(self, history: NDArray[T]) -> NDArray[T]:
-        """Return the entry of each robot at its delay, (n, …), from a `history` with the newest entry first.
+        """Return for each robot the item of `history` that is as old as its estimated delay, (n, …).
 
-        `history`: (MAX_DELAY_STEPS + 1, n, …).
+        `history`: items of the last control steps, newest first, (MAX_DELAY_STEPS + 1 or more, n, …).
         """
         return history[self.delays, np.arange(len(self.delays))]

@@ -18,36 +18,42 @@ from quad_env.config import GRAVITY
 from quad_env.robots.robot import Robot
 
 MAX_FOOTHOLD_OFFSET = 0.35
-"""Largest distance of a foothold from its nominal position, m."""
+"""Largest horizontal distance of a foothold from its nominal position (see `nominal_footholds`), m."""
 MAX_LEAN_SHIFT = 0.2
-"""Largest shift of the footholds against a lasting force, m."""
+"""Largest forward and lateral shift of the footholds that balances a lasting external force, m."""
 MAX_HIP_ANGLE = 0.42
-"""Largest angle of a hip joint at a foothold, rad; smaller than the joint limit."""
+"""Largest sideways angle between the vertical and the leg at a foothold, rad.
+
+It bounds the lateral foothold, so that the abduction joint stays within its limit."""
 MAX_SLOPE = 0.6
-"""Largest slope that the estimate takes from a measurement, m/m."""
+"""Bound of the measured slope of the ground before the filter, rise per metre along each axis."""
 ROUGHNESS_FILTER_TIME = 1.0
-"""Time constant of the filter of the roughness, s."""
+"""Time constant of the low-pass filter of `TerrainEstimator.roughness`, s."""
 CROUCH_MARGIN = 0.05
-"""Distance that the trunk may have sunk below its reference height when a foot lands, m."""
+"""Assumed largest sag of the trunk below its reference height when a foot lands, m.
+
+The lateral range of the footholds is computed for a trunk that is lower by this distance."""
 
 _PHASE_STEP = 1e-3
-"""Finite-difference step of the swing progress."""
+"""Finite-difference step of the swing progress (0 to 1), for the foot velocity."""
 _ROTATE_90 = np.array([-1.0, 1.0])
-"""Factor on (y, x) that gives (x, y) rotated by 90 degrees."""
+"""Signs that turn (y, x) into (-y, x), which is the vector (x, y) rotated by 90 degrees."""
 
 Terrain = Callable[[Floats, Floats, Floats], Floats]
-"""Function (x, y, progress of the swing) -> height of the terrain under the swing; each (n, 4), lengths in m."""
+"""Function (x, y, progress) -> height of the terrain under the swing feet, level frame; each array is (n, 4).
+
+x, y and the height are in m; progress is the progress of the swing, 0 to 1."""
 
 
 class TerrainPlane(NamedTuple):
-    """Ground planes under n robots, level frame."""
+    """Ground planes under n robots, level frame (origin at the trunk centre, z up, x forward)."""
 
     height: Floats
     """Height of the plane at x = y = 0, relative to the trunk centre, (n,), m; negative if below."""
     forward: Floats
-    """Rise of the plane per metre forward, (n,)."""
+    """Slope of the plane forward, rise per metre, (n,)."""
     lateral: Floats
-    """Rise of the plane per metre to the left, (n,)."""
+    """Slope of the plane to the left, rise per metre, (n,)."""
 
     def at(self, x: Floats, y: Floats) -> Floats:
         """Return the height of the plane, (n, 4), m, at the coordinates `x` and `y`, each (n, 4), m."""
@@ -58,16 +64,16 @@ class TerrainEstimator(PerRobotState):
     """Estimates the terrain plane of n robots from the last footprint of each foot.
 
     Args:
-        slope_time: Time constant of the slope, s.
+        slope_time: Time constant of the low-pass filter of the slope, s.
         period: Control period, s.
     """
 
     slope: Floats = per_robot(np.zeros(2), axis=1)
-    """Filtered rise per metre forward and to the left, (2, n)."""
+    """Slope of the ground, low-pass filtered: rise per metre forward and to the left, (2, n)."""
     roughness: Floats = per_robot(0.0)
     """Largest distance of a footprint from the plane through the four footprints, low-pass filtered, (n,), m."""
     footprints: Floats = per_robot(np.zeros((3, 4)), axis=2)
-    """Positions of the last footprints, level frame, (3, 4, n), m."""
+    """Position of the last footprint of each foot (the place where it last stood), level frame, (3, 4, n), m."""
 
     def __init__(self, slope_time: float, period: float) -> None:
         self._slope_gain = lowpass_gain(period, slope_time)
@@ -80,10 +86,10 @@ class TerrainEstimator(PerRobotState):
 
         Args:
             state: State of n robots.
-            landed: True for feet on the ground; their positions become footprints, (n, 4).
+            landed: True for feet on the ground, (n, 4). Their positions become the footprints of these feet.
 
         Returns:
-            Plane with the filtered slope, at the mean height of the footprints.
+            Ground plane with the filtered slope, at the mean height of the four footprints.
         """
         yaw_rate = state.angular_velocity[:, 2]
         carried_along = advect_footprints(self.footprints, state.velocity.T, yaw_rate, self._period)
@@ -91,7 +97,8 @@ class TerrainEstimator(PerRobotState):
         plane = fit_plane(self.footprints)
         distance = np.abs(height_above_plane(plane, self.footprints)).max(axis=0)
         self.roughness += self._roughness_gain * (distance - self.roughness)
-        # The level frame turns with the robot and the ground does not, so the slope vector turns the other way.
+        # The slope vector is turned against the yaw rate, because the level frame turns with the robot and the ground
+        # does not.
         forward, lateral = self.slope
         self.slope = self.slope + self._period * yaw_rate * np.array((lateral, -forward))
         measured_slope = np.clip(plane[1:], -MAX_SLOPE, MAX_SLOPE)
@@ -104,6 +111,8 @@ class TerrainEstimator(PerRobotState):
 def ground_velocity(state: MotionState, yaw_rate: Floats) -> Floats:
     """Return the horizontal velocity of the ground relative to the trunk, at the position of each foot.
 
+    A foot in stance moves with this velocity relative to the trunk.
+
     Args:
         state: State of n robots.
         yaw_rate: Yaw rate of the trunks, (n,), rad/s.
@@ -115,10 +124,10 @@ def ground_velocity(state: MotionState, yaw_rate: Floats) -> Floats:
 
 
 def point_velocity(state: MotionState, yaw_rate: Floats, positions: Floats) -> Floats:
-    """Return the horizontal velocity of points fixed to the trunk.
+    """Return the horizontal velocity of points fixed to the trunk: v + ω_z × r.
 
     Args:
-        state: State of n robots.
+        state: State of n robots; v is the velocity of the centre of mass.
         yaw_rate: Yaw rate of the trunks, (n,), rad/s.
         positions: Points relative to the trunk centre, level frame, (n, 4, 2 or 3), m.
 
@@ -132,14 +141,16 @@ def point_velocity(state: MotionState, yaw_rate: Floats, positions: Floats) -> F
 
 @cache
 def nominal_footholds(robot: Robot, p: ModelParameters) -> Floats:
-    """Return the nominal footholds, from which `plan_footholds` starts.
+    """Return the footholds of a robot that stands: a rectangle about the centre of mass.
+
+    `plan_footholds` adds offsets for velocity and disturbances to them.
 
     Args:
-        robot: Robot of the feet.
-        p: Length, width and shift of the footholds.
+        robot: Robot model; it supplies the order and the side of the legs.
+        p: Parameters with `length`, `width` and forward `shift` of the rectangle.
 
     Returns:
-        Footholds relative to the centre of mass, level frame, (4, 2), m.
+        Footholds (x, y) relative to the centre of mass, level frame, (4, 2), m.
     """
     fore_or_hind = np.sign(robot.hip_positions[:, 0])
     return np.stack((fore_or_hind * p.length / 2.0 + p.shift, robot.side * p.width / 2.0), axis=-1)
@@ -155,20 +166,21 @@ def plan_footholds(
 ) -> Floats:
     """Plan footholds (Raibert heuristic).
 
-    The body passes over a nominal foothold halfway through the stance. A velocity error moves the foothold in its own
-    direction. A lasting acceleration moves it to the point where the foot balances that acceleration.
+    Three offsets are added to each nominal foothold. The first is half the distance that the body moves in a stance, so
+    that the body is over the nominal foothold at mid-stance. The second is `step_gain` times the velocity error. The
+    third is a shift with which the feet balance a lasting external force.
 
     Args:
-        robot: Robot of the feet.
-        p: Gait and gains.
+        robot: Robot model; it supplies the hip positions.
+        p: Parameters with nominal footholds, `step_gain` and `lean_gain`.
         motion: State of n robots.
-        disturbance_acceleration: Lasting acceleration by external forces, level frame, (n, 2), m/s².
-        stance_time: Duration of a stance, (n,), s.
+        disturbance_acceleration: Horizontal acceleration by lasting external forces, level frame, (n, 2), m/s².
+        stance_time: Duration of a stance phase, (n,), s.
         height: Reference height of the trunk above the ground, m.
 
     Returns:
-        Footholds, level frame, (n, 4, 2), m. All are within the range of the hips, and at most MAX_FOOTHOLD_OFFSET
-        away from the nominal footholds.
+        Footholds (x, y), level frame, (n, 4, 2), m. They are at most `MAX_FOOTHOLD_OFFSET` away from the shifted
+        nominal footholds, and their lateral positions are within the range of the abduction joints.
     """
     bodies = motion.bodies
     command = motion.command
@@ -195,25 +207,25 @@ def swing_trajectory(
     period: float,
     terrain: Terrain,
 ) -> tuple[Floats, Floats, Floats]:
-    """Return position, velocity and acceleration of swing feet relative to the trunk.
+    """Return position, velocity and acceleration of the swing trajectory of each foot, relative to the trunk.
 
-    A swing lifts off and lands with the velocity of the ground, and ends `landing_depth` below it. The acceleration is
-    the mean over the next control period.
+    At lift-off and touch-down, the foot moves with the ground. The trajectory ends `landing_depth` below the ground.
 
     Args:
-        p: Step height and landing depth.
-        start: Position at lift-off, level frame, (n, 4, 2), m.
-        foothold_positions: Position at touch-down, level frame, (n, 4, 2), m.
-        ground_velocities: Velocity of the ground relative to the trunk, (n, 4, 2), m/s.
+        p: Parameters with `step_height` and `landing_depth`.
+        start: Foot position (x, y) at lift-off, level frame, (n, 4, 2), m.
+        foothold_positions: Foot position (x, y) at touch-down, level frame, (n, 4, 2), m.
+        ground_velocities: Velocity of the ground relative to the trunk, level frame, (n, 4, 2), m/s.
         progress: Progress of the swing, 0 to 1, (n, 4).
-        time: Duration of a swing, (n,), s.
+        time: Duration of a swing phase, (n,), s.
         period: Control period, s.
-        terrain: Terrain under the swing.
+        terrain: Function that returns the height of the terrain under the swing.
 
     Returns:
         position: Foot positions, level frame, (n, 4, 3), m.
         velocity: Foot velocities relative to the trunk, level frame, (n, 4, 3), m/s.
-        acceleration: Foot accelerations relative to the trunk, level frame, (n, 4, 3), m/s².
+        acceleration: Foot accelerations relative to the trunk, level frame, (n, 4, 3), m/s². They are means over the
+            next control period.
     """
     end_slope = ground_velocities * time[:, None, None]
     progress_step = (period / time)[:, None]
@@ -248,17 +260,18 @@ def predict_moment_arms(
     times: Floats,
     z: Floats,
 ) -> Floats:
-    """Predict the vectors from the centre of mass to the feet over a horizon of N steps.
+    """Predict the vectors from the centre of mass to the feet over the N steps of the MPC horizon.
 
-    A foot that stays in stance keeps its position while the body moves on; a foot that lands stays at its foothold.
+    The body moves at constant velocity. Meanwhile a stance foot stays where it stands, and a swing foot stays at its
+    foothold once it has landed.
 
     Args:
-        feet: Present positions, level frame, (n, 4, 3), m.
-        foothold_positions: Next footholds, level frame, (n, 4, 2), m.
+        feet: Present foot positions, level frame, (n, 4, 3), m.
+        foothold_positions: Next footholds (x, y), level frame, (n, 4, 2), m.
         centre: Position of the centre of mass, level frame, (n, 3), m.
-        velocity: Horizontal velocity of the centre of mass, (n, 2), m/s.
-        stance: Stance feet in each step, (n, N, 4).
-        time_in_stance: Time since the touch-down, (n, N, 4), s.
+        velocity: Horizontal velocity of the centre of mass, level frame, (n, 2), m/s.
+        stance: True for stance feet in each step of the horizon, (n, N, 4).
+        time_in_stance: Time since the touch-down of each foot, (n, N, 4), s.
         times: Time from now to the middle of each step, (N,), s.
         z: Height of the ground under the feet relative to the centre of mass, broadcasts to (n, N, 4), m.
 

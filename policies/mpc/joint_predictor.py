@@ -1,4 +1,4 @@
-"""Smith predictor of joint angles and speeds, from delayed encoder readings and planned accelerations."""
+"""Smith predictor: present joint angles and speeds, from delayed encoder readings and planned accelerations."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,16 +9,21 @@ from quad_env import OBSERVATION
 from quad_env.columns import Mask
 
 VELOCITY_OBSERVER_GAIN = 90.0
-"""Correction of the joint speed per error of the predicted angle, 1/s. With 100 one control step would remove it."""
+"""Observer gain: correction of the joint speed per error of the predicted joint angle, 1/s.
+
+A gain of 100 would remove the error within one control step of 10 ms."""
 
 
 class JointPredictor(PerRobotState):
     """Predicts the present joint angles and speeds of n robots from readings that are `delay_steps` old.
 
-    An encoder angle that is one control step old differs from the present angle by the joint speed times 10 ms. A
-    controller that inverts the servo law turns this difference into torque, 9 N·m in a trot. After the reading, the
-    joints have followed the planned accelerations. The predictor integrates these accelerations. Each delayed reading
-    corrects the prediction for the time of the reading (Smith, "Closer control of loops with dead time", 1957).
+    The prediction is needed because an encoder angle that is one control step old differs from the present angle by the
+    joint speed times 10 ms. A controller that inverts the servo law would turn this error into a torque error, 9 N·m in
+    a trot.
+
+    The predictor assumes that the joints follow the planned accelerations, and integrates them from the time of the
+    reading to now. The error of the angle that was predicted for the time of the reading corrects the joint speed
+    (Smith, "Closer control of loops with dead time", 1957).
 
     Args:
         delay_steps: Delay of the joint readings, control steps; 0 if the readings are not delayed.
@@ -26,13 +31,13 @@ class JointPredictor(PerRobotState):
     """
 
     _is_started: Mask = per_robot(False)
-    """True for robots with a prediction for their next reading, (n,)."""
+    """True for robots that have had a reading since their reset, and thus a prediction for the next one, (n,)."""
     _expected_angles: Floats = per_robot(np.zeros(12))
     """Predicted joint angles at the time of the next reading, (n, 12), rad."""
     _expected_speeds: Floats = per_robot(np.zeros(12))
     """Predicted joint speeds at the time of the next reading, (n, 12), rad/s."""
     _accelerations: Floats = per_robot(axis=1)
-    """Planned joint accelerations from the time of the next reading on, oldest first, (delay_steps, n, 12), rad/s²."""
+    """Planned joint accelerations of the last control periods, oldest first, (delay_steps, n, 12), rad/s²."""
 
     def __init__(self, delay_steps: int, period: float) -> None:
         self.delay_steps = delay_steps
@@ -40,7 +45,10 @@ class JointPredictor(PerRobotState):
         super().__init__(_accelerations=np.zeros((delay_steps, 12)))
 
     def predict(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the observations, (n, k), with predicted joints; unchanged if `delay_steps` is 0."""
+        """Return the observations, (n, k), with the delayed joint angles and speeds replaced by predicted ones.
+
+        The observations are returned unchanged if `delay_steps` is 0.
+        """
         if not self.delay_steps:
             return observation
         period = self._period
@@ -51,7 +59,7 @@ class JointPredictor(PerRobotState):
         for number, acceleration in enumerate(self._accelerations):
             angles = angles + period * speeds + 0.5 * period**2 * acceleration
             speeds = speeds + period * acceleration
-            if number == 0:  # the predicted time is now the time of the next reading
+            if number == 0:  # because the next reading is one control period newer than the present one
                 self._expected_angles = angles
                 self._expected_speeds = speeds
         self._is_started[:] = True
@@ -61,6 +69,6 @@ class JointPredictor(PerRobotState):
         return predicted
 
     def record(self, acceleration: Floats) -> None:
-        """Record the planned joint accelerations of the control period that begins, (n, 12), rad/s²."""
+        """Store the planned joint `acceleration`, (n, 12), rad/s², of the control period that begins."""
         if self.delay_steps:
             self._accelerations = np.concatenate((self._accelerations[1:], acceleration[None]))

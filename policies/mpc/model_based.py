@@ -1,8 +1,8 @@
 """Base class of the model-based controllers, with the five phases of a control step.
 
-The phases are: estimate the state, plan the contacts, plan the contact forces, solve for the joint
-torques, and convert the torques to joint targets. The targets invert the PD law of the servos, so that the servos give
-the torques halfway through the control period.
+The phases are: estimate the state, plan the contacts, plan the contact forces, solve for the joint torques, and convert
+the torques to joint targets. The targets are computed by inverting the PD law of the servos. The servos therefore give
+the planned torques halfway through the control period.
 """
 
 from abc import abstractmethod
@@ -48,58 +48,65 @@ from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import UNSEEN, table_with
 
 FREQUENCY_FILTER_GAIN = 0.3
-"""Fraction of a change of the step frequency that is made per control period."""
+"""Gain of the low-pass filter of the step frequency, per control period, 0 to 1."""
 MIN_HURRY_ERROR = 0.4
-"""Velocity error above which the robot steps faster, m/s."""
+"""Horizontal velocity error above which the step frequency rises, m/s."""
 MAX_JOINT_ACCELERATION = 2000.0
-"""Largest joint acceleration that the inverse servo law assumes, rad/s²."""
+"""Bound of the planned joint accelerations that the inverse servo law and the joint predictor use, rad/s²."""
 SOLVER_FAILURE_TIMEOUT = 0.1
-"""Time that a robot may go on without a solution before its controlled stop, s; half a step of the gait."""
+"""Time without a valid solution or observation after which a robot starts its controlled stop, s.
+
+It is half a step of the gait."""
 
 
 class ControlState(NamedTuple):
-    """Estimates of n robots; the result of the first phase of a control step."""
+    """State and force estimates of n robots; the result of the first phase of a control step."""
 
     motion: MotionState
-    """State when the next targets act. The dynamics include the load; the command includes position feedback."""
+    """Predicted state of n robots at the time when the next joint targets act.
+
+    Its dynamics include the load on the trunk. Its command includes the feedback of the position error."""
     contact_forces: Floats
-    """Forces on the feet in the control period before the readings, level frame, (n, 4, 3), N."""
+    """Estimated forces on the feet in the control period before the readings, level frame, (n, 4, 3), N."""
     disturbance_wrench: Floats
-    """External wrench on the trunk minus the weight of the load, (n, 6).
+    """External wrench on the trunk except for the weight of the load, (n, 6).
 
     Force in the level frame, N, and moment about the trunk centre in the base frame, N·m."""
     disturbance_acceleration: Floats
-    """Acceleration of the robot by `disturbance_wrench`, level frame, (n, 6), m/s² and rad/s²."""
+    """Acceleration that `disturbance_wrench` causes, level frame, (n, 6): linear, m/s², then angular, rad/s²."""
     friction: Friction
-    """Bounds of the contact forces."""
+    """Bounds of the contact forces: friction coefficient and largest vertical force of each robot."""
 
 
 class ContactPlan(NamedTuple):
-    """Contacts and foot motions of n robots; the result of the second phase of a control step."""
+    """Planned contacts and foot motions of n robots; the result of the second phase of a control step."""
 
     stance: Mask
-    """True for feet that carry the robot, (n, 4)."""
+    """True for feet that carry the robot in the next control period, (n, 4)."""
     ground: TerrainPlane
-    """Ground plane under the feet."""
+    """Estimated ground plane under each robot."""
     foothold_positions: Floats
-    """Next footholds, level frame, (n, 4, 2), m."""
+    """Planned position (x, y) of the next touch-down of each foot, level frame, (n, 4, 2), m."""
     foot_acceleration: Floats
     """Reference accelerations of the feet, level frame, (n, 4, 3), m/s²."""
 
 
 class StanceForces(NamedTuple):
-    """Planned contact forces of the stance feet; the result of the third phase of a control step."""
+    """Planned contact forces of n robots; the result of the third phase of a control step."""
 
     forces: Floats
-    """Planned forces, level frame, (n, 4, 3), N."""
+    """Planned ground reaction forces on the feet, level frame, (n, 4, 3), N."""
     moment_arms: Floats
     """Vectors from the centre of mass to the feet, level frame, (n, 4, 3), m."""
     failed: Mask
-    """True for robots with a plan that was due and could not be renewed, (n,)."""
+    """True for robots that needed a new force plan but got no solution, (n,)."""
 
 
 def _observation_at_rest(policy: Policy) -> NDArray[np.float32]:
-    """Return the observation of a robot that stands level in the home pose; its height scan is empty."""
+    """Return the observation, (k,), of a robot that stands level in the home pose; its height scan is empty.
+
+    It replaces an observation that is not finite, if the robot has not had a finite one yet.
+    """
     table = table_with(policy.robot, policy.height_scan)
     observation = np.zeros(table.size, np.float32)
     observation[table.slices.get("height_scan", slice(0))] = UNSEEN
@@ -108,7 +115,10 @@ def _observation_at_rest(policy: Policy) -> NDArray[np.float32]:
 
 
 def _trunk_velocity_at(state: MotionState, position: Floats) -> Floats:
-    """Return the velocity, (n, 4, 3), m/s, of points that move with the trunk; `position`: (n, 4, 3), m."""
+    """Return the velocity, level frame, (n, 4, 3), m/s, that points have if they are fixed to the trunk.
+
+    The points turn with the yaw rate only. `position`: points relative to the trunk centre, level frame, (n, 4, 3), m.
+    """
     velocity = np.empty_like(position)
     velocity[..., :2] = point_velocity(state, state.angular_velocity[:, 2], position)
     velocity[..., 2] = state.velocity[:, 2:]
@@ -116,41 +126,41 @@ def _trunk_velocity_at(state: MotionState, position: Floats) -> Floats:
 
 
 class ModelBased(GaitedPolicy):
-    """Base class of gaited controllers that use the robot's dynamics.
+    """Base class of gaited controllers that use a dynamic model of the robot.
 
-    Stance feet apply planned forces, and swing feet track a trajectory to the next foothold. If a robot has no solution
-    or no finite observation, the controller goes on with its last plan or targets. After `SOLVER_FAILURE_TIMEOUT` it
-    starts a controlled stop.
+    Stance feet apply planned forces, and swing feet track a trajectory to the next foothold. A robot repeats its last
+    force plan or its last targets if the solver fails or the observation is not finite. After `SOLVER_FAILURE_TIMEOUT`
+    it starts a controlled stop.
 
     Args:
-        parameters: Gait, footholds, swing and estimators.
-        leg_offsets: Phase of each leg minus the phase of the clock, in the leg order of the robot, rad.
+        parameters: Parameters of gait, footholds, swing and estimators.
+        leg_offsets: Phase of each leg minus the phase of the gait clock, in the leg order of the robot, rad.
         robot: Robot that is controlled.
         control_period: Control period, s.
-        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are true values.
-        actuator: Drives of the joints.
+        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are the undelayed true values.
+        actuator: Model of the joint motors.
     """
 
     parameters: ModelParameters
-    stiff_servos = False  # because the targets compensate the sag, and soft servos yield at impacts
+    stiff_servos = False  # because the targets compensate the servo error under load, and soft servos yield at impacts
     stopped: Mask = per_robot(False)
     """True for robots in a controlled stop after repeated failures, (n,)."""
     _observation_invalid: Mask = per_robot(False)
-    """True for robots with a present observation that is not finite, (n,)."""
+    """True for robots with an observation that is not finite in the present control step, (n,)."""
     _failed_steps: NDArray[np.int64] = per_robot(0)
-    """Number of consecutive control steps without a solution, (n,)."""
+    """Number of consecutive control steps with a failed solver or an observation that is not finite, (n,)."""
     _is_first_step: Mask = per_robot(True)
     """True for robots that have not acted since their reset, (n,)."""
     _was_swing: Mask = per_robot(np.zeros(4, np.bool_))
     """True for feet that were in swing in the last control step, (n, 4)."""
     _frequencies: Floats = per_robot()
-    """Step frequency, (n,), Hz."""
+    """Present step frequency of each robot, in gait cycles per second, (n,), Hz."""
     _liftoff_position: Floats = per_robot(np.zeros((4, 2)))
-    """Position of each foot at its last lift-off, level frame, (n, 4, 2), m."""
+    """Position (x, y) of each foot at its last lift-off, level frame at that time, (n, 4, 2), m."""
     _targets: Floats = per_robot()
-    """Last joint targets, (n, 12), rad."""
+    """Joint targets of the last control step, (n, 12), rad."""
     _last_observation: NDArray[np.float32] = per_robot(_observation_at_rest)
-    """Last finite observation, (n, k)."""
+    """Last finite observation of each robot, (n, k)."""
 
     def __init__(
         self,
@@ -201,21 +211,24 @@ class ModelBased(GaitedPolicy):
         return to_actions(self.robot, self._targets)
 
     def _replace_nonfinite(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Replace observations, (n, k), that are not finite by the last finite observation of the same robot."""
+        """Replace each observation in `rows`, (n, k), that is not finite by the last finite one of the same robot."""
         self._observation_invalid[:] = ~np.isfinite(rows).all(axis=1)
         return np.where(self._observation_invalid[:, None], self._last_observation, rows)
 
     # Phase 1: estimate.
 
     def _estimate(self, observation: NDArray[np.float32]) -> ControlState:
-        """Estimate state, contact forces, external wrench and friction from corrected observations."""
+        """Estimate state, contact forces, external wrench and friction of n robots.
+
+        `observation`: observations, (n, k), from which the encoder offsets are removed.
+        """
         p = self.parameters
         observer = self.observer
         contact_estimator = self.contact_estimator
         load = estimate_load(contact_estimator.wrench, p.load_height)
         measured = add_load(observer.read(observation, contact_estimator.wrench), load)
         if observer.noise_unknown.any():
-            # Reset, because noise that is not known yet looks like pushes and loads.
+            # The estimates are reset, because noise of unknown variance would be taken for pushes and loads.
             contact_estimator.reset_where(observer.noise_unknown)
         contact_forces = contact_estimator.estimate(
             measured, load.gravity_wrench(measured.rotation), self._feet_in_mid_swing()
@@ -236,19 +249,19 @@ class ModelBased(GaitedPolicy):
         )
 
     def _feet_in_mid_swing(self) -> Mask:
-        """Return the mask of feet in mid-swing by the gait at the time of the readings, (n, 4)."""
+        """Return True for feet that were in mid-swing according to the gait when the readings were taken, (n, 4)."""
         cycle = self._cycle_at_measurement()
         return cycle.swing & (cycle.progress > LIFTOFF_PHASE) & (cycle.progress < EARLY_CONTACT_PHASE)
 
     def _cycle_at_measurement(self) -> LegCycle:
-        """Return the gait cycle of the legs at the time of the readings."""
+        """Return the gait cycle of the legs, (n, 4), at the time of the readings: the delay before the targets act."""
         delay_time = self.control_period * self.observer.delays
         return self._gait.legs(self._phase - TURN * self._frequencies * delay_time)
 
     # Phase 2: plan the contacts.
 
     def _advance_gait_clock(self, state: MotionState) -> None:
-        """Advance the gait clocks by a control step; the step frequency rises with large velocity errors."""
+        """Advance the gait clocks by one control step; the step frequency rises with a large velocity error."""
         p = self.parameters
         velocity_error = np.hypot(*(state.velocity - state.command)[:, :2].T)
         faster = (p.frequency_gain * (velocity_error - MIN_HURRY_ERROR)).clip(0.0, p.most_faster)
@@ -256,7 +269,7 @@ class ModelBased(GaitedPolicy):
         self._tick(self._frequencies - self.frequency)
 
     def _plan_contacts(self, control_state: ControlState) -> ContactPlan:
-        """Plan stance feet, footholds and foot motions."""
+        """Plan stance feet, footholds and foot accelerations of n robots for the next control period."""
         p = self.parameters
         state = control_state.motion
         cycle = self._gait.legs(self._phase)
@@ -275,7 +288,11 @@ class ModelBased(GaitedPolicy):
         return ContactPlan(contacts.stance, ground, foothold_positions, foot_acceleration)
 
     def _classify_contacts(self, cycle: LegCycle, contact_forces: Floats) -> ContactState:
-        """Classify stance, late and landed feet by the gait cycle and the contact forces, (n, 4, 3), N."""
+        """Classify the feet as stance, late or landed.
+
+        `cycle`: present gait cycle of the legs, (n, 4); `contact_forces`: forces on the feet, level frame, (n, 4, 3),
+        N.
+        """
         cycle_at_measurement = self._cycle_at_measurement() if self.observer.delays.any() else cycle
         return classify_contacts(
             self.parameters,
@@ -292,11 +309,14 @@ class ModelBased(GaitedPolicy):
         return self.parameters.height - self.robot.hip_rise
 
     def _estimate_ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
-        """Return the ground plane; `landed`: True for feet on the ground, (n, 4)."""
+        """Return the ground plane through the footprints; `landed`: True for feet on the ground, (n, 4)."""
         return self.terrain_estimator.ground(state, landed)
 
     def _swing_terrain(self, foothold_positions: Floats, ground: TerrainPlane) -> Terrain:
-        """Return the terrain function for swings to the footholds, (n, 4, 2), m; raised on rough ground."""
+        """Return the function for the terrain height under the swings to the footholds, (n, 4, 2), m.
+
+        The height is the height of the ground plane, raised in mid-swing on rough ground.
+        """
         higher = 16.0 * self.parameters.roughness_gain * self.terrain_estimator.roughness[:, None]
         return lambda x, y, t: ground.at(x, y) + higher * (t * (1.0 - t)) ** 2
 
@@ -305,8 +325,8 @@ class ModelBased(GaitedPolicy):
     ) -> Floats:
         """Return the reference accelerations of the feet, level frame, (n, 4, 3), m/s².
 
-        Swing feet track their trajectory by a PD law. Stance feet are damped. Late feet, which should be in stance but
-        have not touched the ground, are lowered.
+        Swing feet track their trajectory by a PD law. The velocity of stance feet is damped. Late feet, which should be
+        in stance but have not touched the ground, are lowered at `search_speed`.
         """
         p = self.parameters
         foot_velocity = state.foot_velocity
@@ -334,7 +354,7 @@ class ModelBased(GaitedPolicy):
         return np.where(contacts.stance[..., None], -p.stance_damping * foot_velocity, foot_acceleration)
 
     def _record_liftoff(self, state: MotionState, cycle: LegCycle) -> None:
-        """Record the positions of the feet that begin a swing."""
+        """Store the positions of the feet that begin their swing in this control step."""
         lifted = cycle.swing & ~self._was_swing
         self._was_swing = cycle.swing
         self._liftoff_position = np.where(lifted[..., None], state.bodies.feet[..., :2], self._liftoff_position)
@@ -343,7 +363,7 @@ class ModelBased(GaitedPolicy):
 
     @abstractmethod
     def _compute_stance_forces(self, control_state: ControlState, contact_plan: ContactPlan) -> StanceForces:
-        """Return the planned contact forces of the stance feet."""
+        """Return the planned contact forces of the stance feet; a subclass implements the plan."""
 
     # Phase 4: solve for the torques.
 
@@ -352,8 +372,9 @@ class ModelBased(GaitedPolicy):
     ) -> WholeBodyReference:
         """Return the reference of the whole-body controller.
 
-        The planned forces f and the disturbance give its angular acceleration: α = I⁻¹ Σ r × f + α_disturbance, with
-        the inertia I about the centre of mass.
+        Its angular acceleration is α = I⁻¹ Σ r × f + α_d. I is the rotational inertia about the centre of mass, r are
+        the vectors from the centre of mass to the feet, f are the planned forces, and α_d is the angular acceleration
+        by the disturbance.
         """
         state = control_state.motion
         moment = cross(stance_forces.moment_arms, stance_forces.forces).sum(axis=1)[..., None]
@@ -369,30 +390,32 @@ class ModelBased(GaitedPolicy):
     def _solve_torques(
         self, state: MotionState, reference: WholeBodyReference, disturbance_wrench: Floats, friction: Friction
     ) -> Torques:
-        """Return the joint torques that track the reference; this base class computes each leg separately.
+        """Return the joint torques that track the reference; the torques of each leg are computed separately.
 
-        `disturbance_wrench`: external wrench on the trunk, (n, 6), N and N·m; `friction`: bounds of the forces.
+        A subclass may override the method with a whole-body QP. `disturbance_wrench`: external wrench on the trunk,
+        (n, 6), N and N·m; `friction`: bounds of the contact forces, which only the QP uses.
         """
         return leg_torques(state.bodies, reference, disturbance_wrench, self._torque_limits(state))
 
     def _torque_limits(self, state: MotionState) -> tuple[Floats, Floats]:
-        """Return the minimum and maximum joint torques at the present speeds, (n, 12) each, N·m."""
+        """Return the minimum and maximum joint torques of the motors at the present joint speeds, (n, 12) each, N·m."""
         return self.observer.servos.limits(state.generalised_velocity[:, 6:])
 
     # Phase 5: convert to targets.
 
     def _invert_servo_law(self, state: MotionState, torques: Torques) -> Mask:
-        """Set the joint targets at which the servos give the torques halfway through the control period.
+        """Set the joint targets at which the servos give the planned torques halfway through the control period.
 
-        u = q + (τ + d q̇) / k, with q and q̇ integrated over half a period at the planned acceleration.
+        The target is u = q + (τ + d q̇) / k: τ is the torque, d the servo damping and k the servo stiffness. The joint
+        angle q and speed q̇ are integrated over half a control period at the planned acceleration.
 
         Args:
-            state: State of n robots.
-            torques: Joint torques and accelerations.
+            state: State of n robots at the time when the targets act.
+            torques: Planned joint torques and accelerations.
 
         Returns:
-            True for robots without a solution or without finite targets, (n,). Robots without finite targets keep their
-            last targets.
+            True for robots that have no solution or targets that are not finite, (n,). They keep their last targets if
+            the new targets are not finite.
         """
         robot = self.robot
         half_period = 0.5 * self.control_period
@@ -407,9 +430,10 @@ class ModelBased(GaitedPolicy):
         return ~torques.has_solution | ~finite.all(axis=1)
 
     def _stop_failed_robots(self, failed: Mask, observation: NDArray[np.float32], joint_position: Floats) -> None:
-        """Switch robots to a controlled stop, until a reset, if they have failed for `SOLVER_FAILURE_TIMEOUT`.
+        """Start a controlled stop of robots that have failed for `SOLVER_FAILURE_TIMEOUT`; it lasts until a reset.
 
-        `failed`: True for robots that failed in this control step, (n,); `joint_position`: joint angles, (n, 12), rad.
+        `failed`: True for robots with a failed solver or an invalid observation in this control step, (n,);
+        `joint_position`: joint angles, (n, 12), rad.
         """
         self._failed_steps = np.where(failed, self._failed_steps + 1, 0)
         giving_up = np.greater(self._failed_steps * self.control_period, SOLVER_FAILURE_TIMEOUT) & ~self.stopped

@@ -1,4 +1,4 @@
-"""Operations on motion states: position feedback, load on the trunk, and selection of robots."""
+"""Operations on motion states: position feedback, a load on the trunk, and selection of some robots of a batch."""
 
 from typing import Any, NamedTuple, TypeVar
 
@@ -14,15 +14,25 @@ from quad_env.physics.rotations import cross, skew
 P = TypeVar("P", bound=Any)
 
 MAX_LOAD = 40.0
-"""Largest load that the estimate accepts, kg."""
+"""Upper bound of the estimated mass of a load on the trunk, kg."""
 MAX_LOAD_OFFSET = 0.25
-"""Largest forward or lateral distance of a load from the trunk centre, m."""
+"""Bound of the estimated forward and lateral distance of a load from the trunk centre, m."""
 MIN_LOAD = 0.5
-"""Smallest load that counts, kg; a smaller one is taken as an error of the model."""
+"""Smallest estimated mass that is taken as a load on the trunk, kg.
+
+A smaller mass is set to zero, because it may come from an error of the robot model."""
 
 
 def select_robots(state: P, robots: EnvIndices) -> P:
-    """Return the entries of `robots`, (g,) indices or mask, of every array in a nested tuple `state`."""
+    """Return a copy of the nested tuple `state` in which every array has only the rows of some `robots`.
+
+    Args:
+        state: Array of n robots, or nested (named) tuple of arrays of n robots, for example a `MotionState`.
+        robots: Indices of the robots, (g,), or mask, (n,).
+
+    Returns:
+        Tuple of the same type, with arrays of g robots.
+    """
     if isinstance(state, tuple):
         return type(state)(*(select_robots(part, robots) for part in state))
     selected: P = state[robots]
@@ -30,15 +40,15 @@ def select_robots(state: P, robots: EnvIndices) -> P:
 
 
 def replace_robots(state: P, robots: EnvIndices, replacement: P) -> P:
-    """Return a nested tuple of arrays in which some robots are replaced.
+    """Return a copy of a nested tuple of arrays in which the rows of some robots are replaced.
 
     Args:
-        state: Nested tuple of arrays of n robots.
+        state: Nested (named) tuple of arrays of n robots, for example a `MotionState`.
         robots: Indices of the robots to replace, (g,).
-        replacement: Tuple with the same structure, of g robots.
+        replacement: Tuple of the same type with the new rows of the g robots.
 
     Returns:
-        Copy of `state` with the entries of `replacement`.
+        Copy of `state` with the rows of `replacement`.
     """
     if isinstance(state, tuple):
         pairs = zip(state, replacement, strict=True)
@@ -49,21 +59,23 @@ def replace_robots(state: P, robots: EnvIndices, replacement: P) -> P:
 
 
 class PositionErrorIntegrator(PerRobotState):
-    """Integrates the velocity error in the heading frame into a position error.
+    """Integrates the velocity error of n robots into a position error, and adds its feedback to the command.
 
-    The position error replaces the position set point of `ConvexMPCLocomotion` in MIT's Cheetah-Software. A new command
-    resets the integral to zero.
+    The velocity error is commanded minus actual velocity, in the heading frame (yaw only). The position error has the
+    function of the position set point of `ConvexMPCLocomotion` in MIT's Cheetah-Software. A new command resets it to
+    zero.
 
     Args:
-        max_error: Largest position error, m, and yaw error, rad.
+        max_error: Bound of the position error, m, and of the yaw error, rad.
         period: Control period, s.
-        max_return_speed: Largest speed of the corrected command, m/s. A command that is faster keeps its own speed.
+        max_return_speed: Largest horizontal speed of the corrected command, m/s. If the command itself is faster, its
+            speed is the limit.
     """
 
     position_error: Floats = per_robot(np.zeros(3))
-    """Forward and lateral position error, m, and yaw error, rad, (n, 3)."""
+    """Integrated velocity error, heading frame, (n, 3): forward and lateral position error, m, and yaw error, rad."""
     _command: Floats = per_robot(np.zeros(3))
-    """Last command, (n, 3), m/s and rad/s."""
+    """Last velocity command, (n, 3): forward and lateral, m/s, and yaw rate, rad/s."""
 
     def __init__(self, max_error: float, period: float, max_return_speed: float = np.inf) -> None:
         self._max_error = max_error
@@ -72,14 +84,14 @@ class PositionErrorIntegrator(PerRobotState):
         super().__init__()
 
     def with_position_feedback(self, state: MotionState, gain: float) -> MotionState:
-        """Return the state with a command that also corrects the position error.
+        """Update the position error, and return the state with a command that also corrects this error.
 
         Args:
-            state: State of n robots.
-            gain: Velocity per position error, 1/s.
+            state: State of n robots with their commands.
+            gain: Velocity added to the command per position error, 1/s.
 
         Returns:
-            The state with the corrected command.
+            The state with the corrected command: command + gain × position error, with a limited speed.
         """
         velocity = np.concatenate((state.velocity[:, :2], state.angular_velocity[:, 2:]), axis=1)
         position_error = self.position_error + self._period * (state.command - velocity)
@@ -96,10 +108,10 @@ class PositionErrorIntegrator(PerRobotState):
 
 
 class PointLoad(NamedTuple):
-    """Loads of n robots, each a point mass fixed to the trunk."""
+    """Estimated loads on the trunks of n robots, each a point mass fixed to the trunk."""
 
     mass: Floats
-    """Mass of the load, (n,), kg."""
+    """Mass of the load, (n,), kg; 0 for a robot that carries no load."""
     position: Floats
     """Position of the load relative to the trunk centre, base frame, (n, 3), m."""
 
@@ -121,14 +133,17 @@ class PointLoad(NamedTuple):
 
 
 def estimate_load(wrench: Floats, height: float) -> PointLoad:
-    """Estimate the load from a lasting wrench: the weight of the load is the downward force.
+    """Estimate the load on the trunk from the lasting external wrench.
+
+    The downward force is the weight of the load. The roll and pitch moments divided by the weight give the lateral and
+    forward position of the load.
 
     Args:
-        wrench: External wrench on the trunk, (n, 6), N and N·m.
+        wrench: External wrench on the trunk, (n, 6): force, level frame, N, then moment, base frame, N·m.
         height: Assumed height of the load above the trunk centre, m.
 
     Returns:
-        Loads of n robots; their horizontal positions follow from the moments.
+        Loads of n robots.
     """
     mass = (-wrench[:, 2] / GRAVITY).clip(0.0, MAX_LOAD)
     mass = np.where(mass < MIN_LOAD, 0.0, mass)
@@ -141,17 +156,17 @@ def estimate_load(wrench: Floats, height: float) -> PointLoad:
 
 
 def add_load(motion: MotionState, load: PointLoad) -> MotionState:
-    """Add the loads to the dynamics of the robots.
+    """Add the loads on the trunks to the dynamics terms of the robots.
 
-    A load of mass m with the Jacobian J adds m Jᵀ J to the inertia matrix and m Jᵀ (a + g) to the bias force; a is the
-    acceleration of the load at zero generalised acceleration.
+    A load of mass m adds m Jᵀ J to the inertia matrix and m Jᵀ (a + g) to the bias force. J is the Jacobian of its
+    position, a is its acceleration at zero generalised acceleration, and g is the gravity acceleration.
 
     Args:
-        motion: State of n robots.
+        motion: State of n robots, with the dynamics of the robots alone.
         load: Loads of the robots.
 
     Returns:
-        The state with the dynamics of the loaded robots; `motion` itself if no robot has a load.
+        The state with the dynamics of robots and loads together; `motion` itself if no robot has a load.
     """
     if not load.mass.any():
         return motion
@@ -177,7 +192,7 @@ def add_load(motion: MotionState, load: PointLoad) -> MotionState:
 
 
 def _load_jacobian(motion: MotionState, load: PointLoad) -> Floats:
-    """Return the Jacobian of the load position, level frame, (n, 3, 18)."""
+    """Return the Jacobian from the generalised velocity to the velocity of the load, level frame, (n, 3, 18)."""
     count, size = motion.generalised_velocity.shape
     jacobian = np.zeros((count, 3, size))
     jacobian[:, :, :3] = np.eye(3)
@@ -186,7 +201,7 @@ def _load_jacobian(motion: MotionState, load: PointLoad) -> Floats:
 
 
 def _load_bias_acceleration(motion: MotionState, load: PointLoad) -> Floats:
-    """Return the centripetal acceleration of the load, level frame, (n, 3), m/s²."""
+    """Return the centripetal acceleration of the load relative to the trunk centre, level frame, (n, 3), m/s²."""
     angular_velocity_base = motion.generalised_velocity[:, 3:6]
     centripetal = cross(angular_velocity_base, cross(angular_velocity_base, load.position))
     acceleration: Floats = np.einsum("nij,nj->ni", motion.rotation, centripetal)

@@ -1,11 +1,11 @@
-"""Delay compensation: estimates noise and delay, and predicts the state when the next targets act.
+"""Delay compensation: estimates sensor noise and delay, and predicts the state when the next targets act.
 
-The joint targets are known, and the dynamics of the robot (`servo_step`) predict the motion of the joints within a
-control period. The delay from target to reading is the candidate that explains the joint speeds best
-(`delay_estimator`). The state is predicted over that delay with the targets that have not acted yet
-(`state_predictor`; a Smith predictor of the whole body, "Closer control of loops with dead time", 1957). A Kalman
-filter (`state_filter`) combines the prediction with readings in which noise was found (`reading_noise`). Readings in
-which no noise was found are used unchanged.
+The joint targets of the past are known, so that the dynamics model of the robot (`servo_step`) predicts the motion
+within a control period. `delay_estimator` compares the predicted joint speeds of several candidate delays with the
+measured ones. `state_predictor` predicts the state over the estimated delay, with the targets that have not acted yet.
+It is a Smith predictor of the whole body ("Closer control of loops with dead time", 1957). `reading_noise` estimates
+the noise of the readings. Noisy readings are combined with their prediction by a Kalman filter (`state_filter`);
+noise-free readings are used unchanged.
 """
 
 import numpy as np
@@ -31,26 +31,26 @@ from quad_env.robots.robot import Robot
 
 
 class DelayCompensator(PerRobotState):
-    """Estimates noise and delay of the readings, and the state, of n robots for model-based control.
+    """Estimates sensor noise and delay of n robots, and predicts their state when the next targets act.
 
-    A control step calls `read`, the contact estimate, `correct`, `predict` and `record_stance`, in this order. Joint
-    readings are either true values or encoder readings. True readings are filtered in `read`, with the recorded stance
-    feet, because the contact estimate then needs the filtered state. Encoder readings are filtered in `correct`, with
-    the estimated contacts, because the contact estimate then needs the raw readings.
+    A control step calls `read`, then the contact estimate, then `correct`, `predict` and `record_stance`. The joint
+    readings come from the true joint state or from encoders. Readings of the true joint state are filtered in `read`,
+    with the recorded stance feet, because the contact estimate then needs the filtered state. Readings of encoders are
+    filtered in `correct`, with the estimated contacts, because the contact estimate then needs the raw readings.
 
     Args:
-        robot: Robot of the readings.
-        dynamics: Dynamics of the robot.
+        robot: Robot model; it supplies home pose and servo gains.
+        dynamics: Dynamics model of the robot.
         period: Control period, s.
-        actuator: Drives of the joints.
-        joint_delay_steps: Delay of the encoders, control steps; 0: joint angles and speeds are the true ones. With
-            encoders the speeds are differences of two angles.
+        actuator: Model of the joint motors.
+        joint_delay_steps: Delay of the encoders, control steps; 0 if the readings come from the true joint state. With
+            encoders, a joint speed is the difference of two angles divided by the control period.
     """
 
     _targets: Floats = per_robot(axis=1)
-    """Joint targets of the last control periods, newest first, (steps, n, 12), rad."""
+    """Joint targets of the last control periods, newest first, (number of periods, n, 12), rad."""
     _stance: Mask = per_robot(np.ones((MAX_DELAY_STEPS + 1, 4), np.bool_), axis=1)
-    """Stance feet of the last control periods, newest first, (MAX_DELAY_STEPS + 1, n, 4)."""
+    """True for the stance feet of the last control periods, newest first, (MAX_DELAY_STEPS + 1, n, 4)."""
 
     def __init__(
         self, robot: Robot, dynamics: Dynamics, period: float, actuator: Actuator = IDEAL, joint_delay_steps: int = 0
@@ -75,11 +75,11 @@ class DelayCompensator(PerRobotState):
         self._state = None
 
     def copy_state_from(self, mask: Mask, other: "DelayCompensator") -> None:
-        """Copy the state of another compensator. Both must have read an observation.
+        """Copy estimates and state of another compensator for some robots. Both must have read an observation.
 
         Args:
             mask: Robots that receive a state, (n,) bool.
-            other: Compensator with one robot for each True in `mask`.
+            other: Compensator with as many robots as `mask` selects.
         """
         super().copy_state_from(mask, other)
         assert self._state is not None
@@ -88,33 +88,35 @@ class DelayCompensator(PerRobotState):
 
     @property
     def delays(self) -> NDArray[np.int64]:
-        """Control steps from the reading that a target is based on to the time when the target acts, (n,)."""
+        """Estimated control steps from a reading to the time when the joint target computed from it acts, (n,)."""
         return self.delay_estimator.delays
 
     @property
     def calibrating(self) -> Mask:
-        """True for robots in calibration: noise or delay of their readings is not known yet, (n,)."""
+        """True for robots in calibration, because noise or delay of their readings is not known yet, (n,)."""
         return self.calibration.is_active
 
     @property
     def sample_count(self) -> NDArray[np.int64]:
-        """Readings of each robot since its reset, (n,)."""
+        """Number of observations of each robot since its reset, (n,)."""
         return self.noise_estimator.sample_count
 
     def read(self, observation: NDArray[np.float32], wrench: Floats) -> MotionState:
-        """Update noise estimate and calibration, and filter the readings unless encoders read the joints.
+        """Store the observation, update noise estimate and calibration, and compute the motion state.
+
+        The readings are filtered first if they come from the true joint state. If encoders read the joints, the state
+        is computed from the raw readings.
 
         Args:
-            observation: Observation, (n, k).
+            observation: Observations of n robots, (n, k).
             wrench: External wrench on the trunks, (n, 6), N and N·m.
 
         Returns:
-            State at the time of the readings, with the joint targets that led to it. It is computed from the raw
-            readings if encoders read the joints, else from the filtered readings.
+            State at the time of the readings, with the joint targets that led to it.
         """
         self._observation = observation.astype(np.float64)
-        # Use the targets in the observation, because a residual or the safety layer may have changed the targets that
-        # this controller returned.
+        # The last targets are read from the observation, because a residual policy or the safety layer may have changed
+        # the targets that this controller returned.
         targets = self._observation[:, OBSERVATION["previous_action"]] + self._robot.home_pose
         self._targets = np.concatenate((targets[None], self._targets[:-1]))
         self._filtered_targets = self.servos.filtered_targets(self._targets)
@@ -122,7 +124,9 @@ class DelayCompensator(PerRobotState):
         is_noisy = self._noise.max(axis=1) > 0.0
         self.calibration.update(self.sample_count, is_noisy, self.delay_estimator.is_identified)
         self.noise_unknown = self.calibrating & is_noisy
-        """Robots in calibration with noisy readings, (n,)."""
+        """True for robots with noisy readings that are still in calibration, (n,).
+
+        Their noise variance is not reliable yet."""
         if not self._has_encoders:
             self._filter_readings(self.delay_estimator.at_delay(self._stance), wrench)
         state = compute_motion_state(self._robot, self._dynamics, self._observation)
@@ -131,10 +135,12 @@ class DelayCompensator(PerRobotState):
         return state._replace(targets=self.delay_estimator.at_delay(self._filtered_targets))
 
     def correct(self, in_contact: Mask, wrench: Floats) -> None:
-        """Filter the readings with the estimated contacts; does nothing unless encoders read the joints.
+        """Filter encoder readings with the estimated contacts, and update the state.
+
+        The method does nothing if the readings come from the true joint state, because `read` has filtered them.
 
         Args:
-            in_contact: Feet that touched the ground at the time of the readings, (n, 4).
+            in_contact: True for feet that touched the ground at the time of the readings, (n, 4).
             wrench: External wrench on the trunks, (n, 6), N and N·m.
         """
         if self._has_encoders:
@@ -142,17 +148,17 @@ class DelayCompensator(PerRobotState):
             self._state = compute_motion_state(self._robot, self._dynamics, self._observation)
 
     def predict(self, wrench: Floats, in_contact: Mask, slope: Floats, planned: Floats | None = None) -> MotionState:
-        """Predict the state when the next targets act, after `read` and `correct`.
+        """Predict the state at the time when the next joint targets act; called after `read` and `correct`.
 
         Args:
             wrench: External wrench on the trunks, (n, 6), N and N·m.
-            in_contact: Feet that touched the ground at the time of the readings, (n, 4).
-            slope: Rise of the ground per metre forward and to the left, (2, n).
-            planned: Observations with the planned joint angles and speeds, (n, k), or None. For robots with the
-                delay `joint_delay_steps` the predicted joints stay near the planned ones.
+            in_contact: True for feet that touched the ground at the time of the readings, (n, 4).
+            slope: Slope of the ground forward and to the left, rise per metre, (2, n).
+            planned: Observations with joint angles and speeds as planned by the controller, (n, k), or None. The
+                predicted joints are kept near the planned ones if the estimated delay is `joint_delay_steps`.
 
         Returns:
-            State of n robots.
+            Predicted state of n robots.
         """
         assert self._state is not None
         ground = self.state_predictor.locate_ground(self._state, in_contact, slope)
@@ -161,12 +167,18 @@ class DelayCompensator(PerRobotState):
         )
 
     def record_stance(self, stance: Mask) -> None:
-        """Record the stance feet of the control period that begins, (n, 4); all feet of robots in calibration."""
+        """Store the mask of `stance` feet, (n, 4), of the control period that begins.
+
+        All feet of a robot in calibration are stored as stance feet, because it stands.
+        """
         stance = stance | self.calibrating[:, None]
         self._stance = np.concatenate((stance[None], self._stance[:-1]))
 
     def _filter_readings(self, stance: Mask, wrench: Floats) -> None:
-        """Update the delay estimate, and filter the readings; `stance`: assumed feet in contact, (n, 4)."""
+        """Update the delay estimate, and filter the readings of the present observation in place.
+
+        `stance`: feet that are assumed in contact, (n, 4); `wrench`: external wrench on the trunks, (n, 6), N and N·m.
+        """
         before = self._state
         if before is None:
             return
@@ -191,14 +203,15 @@ class DelayCompensator(PerRobotState):
 
         Args:
             before: State one control step before the readings.
-            velocities: Predicted generalised velocities by candidate delay, (MAX_DELAY_STEPS + 1, n, 18).
-            readings: Readings, (n, 33).
+            velocities: Predicted generalised velocities, (MAX_DELAY_STEPS + 1, n, 18), m/s and rad/s. Row k belongs to
+                the candidate delay of k control steps.
+            readings: Readings of the robots, see `policies.mpc.readings`, (n, 33).
 
         Returns:
-            Squared error, mean over the joints, (MAX_DELAY_STEPS + 1, n), rad²/s².
+            Squared error, mean over the joints, for each candidate delay, (MAX_DELAY_STEPS + 1, n), rad²/s².
         """
         speeds = velocities[..., 6:]
-        if self._has_encoders:  # because the speed of an encoder is the mean over the period
+        if self._has_encoders:  # because a speed from two encoder angles is the mean over the control period
             speeds = 0.5 * (before.generalised_velocity[:, 6:] + speeds)
         error = speeds - readings[:, JOINT_VELOCITY]
         errors: Floats = (error * error).sum(axis=2) / error.shape[2]

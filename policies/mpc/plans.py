@@ -1,7 +1,8 @@
-"""Force plans of the robots: contact forces over the horizon, and their age.
+"""Force plans of the robots: the contact forces over the MPC horizon, and the time since they were planned.
 
-A robot follows its plan until the plan is renewed; the age of the plan selects the step. If other feet are in stance
-than planned, the wrench of the planned forces about the centre of mass is distributed over the feet in stance.
+A robot applies the forces of its plan until the plan is renewed. The age of the plan gives the present step of the
+horizon. If other feet are in stance than planned, the total wrench of the planned forces about the centre of mass is
+distributed over the feet in stance.
 """
 
 import numpy as np
@@ -13,30 +14,33 @@ from quad_env.columns import EnvIndices, EnvSelection, Mask
 from quad_env.physics.rotations import cross, skew
 
 _DAMPING = 1e-4
-"""Regularisation of the distribution of a wrench: two feet cannot give a moment about the line through them."""
+"""Regularisation when a wrench is distributed over the stance feet.
+
+It is needed because two feet cannot give a moment about the line through them."""
 _CLOCK_ROUNDING = 1e-6
-"""Tolerance for the rounding of the age of a plan, s."""
+"""Tolerance for rounding errors of the age of a plan, s."""
 
 
 class ForcePlans(PerRobotState):
-    """Force plans of n robots for N steps.
+    """Force plans of n robots over a horizon of N steps.
 
-    In the initial plan every foot carries a quarter of the weight. The initial plan is due for renewal at once.
+    In the initial plan, every foot carries a quarter of the weight. The initial plan is replaced in the first control
+    step, because its age is infinite.
 
     Args:
-        steps: Number of steps N.
-        period: Duration of a step, s.
+        steps: Number of steps N of the horizon.
+        period: Duration of a step of the horizon, s.
         weight: Weight of the robot, N.
     """
 
     forces: Floats = per_robot()
-    """Planned contact forces, level frame, (n, N, 4, 3), N."""
+    """Planned contact force of each foot in each of the N steps, level frame, (n, N, 4, 3), N."""
     age: Floats = per_robot(np.inf)
-    """Time since the forces were planned, (n,), s."""
+    """Time since the plan was computed, (n,), s; infinite before the first plan."""
     _stance: Mask = per_robot()
-    """Stance feet of the plan, (n, N, 4)."""
+    """True for the planned stance feet in each step, (n, N, 4)."""
     _moment_arms: Floats = per_robot()
-    """Planned vectors from the centre of mass to the feet, (n, N, 4, 3), m."""
+    """Planned vectors from the centre of mass to the feet in each step, level frame, (n, N, 4, 3), m."""
 
     def __init__(self, steps: int, period: float, weight: float) -> None:
         self._steps = steps
@@ -48,18 +52,20 @@ class ForcePlans(PerRobotState):
         )
 
     def advance(self, time: float) -> None:
-        """Advance the age of the plans by `time`, s."""
+        """Add `time`, s, to the age of every plan."""
         self.age += time
 
     def due(self, stance: Mask, interval: float) -> Mask:
-        """Return True for robots that need a new plan.
+        """Return the mask of robots that need a new plan.
+
+        A robot needs a new plan if its plan is old, or if other feet are in stance than planned.
 
         Args:
-            stance: Present stance feet, (n, 4). A plan for other stance feet is due.
-            interval: Age from which a plan is due, s.
+            stance: Present stance feet, (n, 4).
+            interval: Age from which a plan is old, s.
 
         Returns:
-            Mask, (n,) bool.
+            True for robots that need a new plan, (n,).
         """
         is_old = self.age > interval - _CLOCK_ROUNDING
         if is_old.all():
@@ -68,13 +74,13 @@ class ForcePlans(PerRobotState):
         return has_other_stance | is_old
 
     def renew(self, robots: EnvSelection, forces: Floats, stance: Mask, moment_arms: Floats) -> None:
-        """Replace the plans of g robots by new plans that start now.
+        """Replace the plans of g robots by new plans that start now; their age is set to zero.
 
         Args:
             robots: Indices of the robots, (g,).
-            forces: Contact forces, level frame, (g, N, 4, 3), N.
-            stance: Stance feet, (g, N, 4).
-            moment_arms: Vectors from the centre of mass to the feet, level frame, (g, N, 4, 3), m.
+            forces: Contact forces in each step, level frame, (g, N, 4, 3), N.
+            stance: True for the stance feet in each step, (g, N, 4).
+            moment_arms: Vectors from the centre of mass to the feet in each step, level frame, (g, N, 4, 3), m.
         """
         self.forces[robots] = forces
         self._stance[robots] = stance
@@ -84,10 +90,12 @@ class ForcePlans(PerRobotState):
     def present_forces(self, stance: Mask, moment_arms: Floats, friction: Friction) -> Floats:
         """Return the contact forces of the present step of each plan.
 
+        If other feet are in stance than planned, the total wrench of the planned forces is distributed over them.
+
         Args:
             stance: Present stance feet, (n, 4).
             moment_arms: Present vectors from the centre of mass to the feet, level frame, (n, 4, 3), m.
-            friction: Bounds of the forces; used only if other feet are in stance than planned.
+            friction: Bounds of the contact forces; used only if a wrench is distributed.
 
         Returns:
             Contact forces, level frame, (n, 4, 3), N.
@@ -109,22 +117,23 @@ class ForcePlans(PerRobotState):
 
     @property
     def _step(self) -> EnvIndices:
-        """Index of the present step of each plan, (n,); the last index after the end of the horizon."""
+        """Index of the present step of each robot's plan, (n,); N - 1 if the plan is older than the horizon."""
         return np.minimum((self.age + _CLOCK_ROUNDING) / self._period, self._steps - 1).astype(np.intp)
 
 
 def distribute_wrench(wrench: Floats, stance: Mask, moment_arms: Floats, friction: Friction) -> Floats:
-    """Distribute a wrench over the stance feet.
+    """Distribute a wrench over the stance feet: contact forces with the smallest norm that give the wrench.
+
+    The forces are clipped to the friction pyramid afterwards, so that their sum may differ from the wrench.
 
     Args:
-        wrench: Wrench about the centre of mass, (n, 6), N and N·m.
+        wrench: Total force, N, and moment about the centre of mass, N·m, level frame, (n, 6).
         stance: Stance feet, (n, 4).
-        moment_arms: Vectors from the centre of mass to the feet, (n, 4, 3), m.
-        friction: Bounds of the forces.
+        moment_arms: Vectors from the centre of mass to the feet, level frame, (n, 4, 3), m.
+        friction: Bounds of the contact forces.
 
     Returns:
-        Minimum-norm contact forces clipped to the friction pyramid, (n, 4, 3), N. The clipped forces may not sum to
-        the wrench.
+        Contact forces, level frame, (n, 4, 3), N; zero for feet that are not in stance.
     """
     effects = np.concatenate((np.broadcast_to(np.eye(3), (len(moment_arms), 4, 3, 3)), skew(moment_arms)), axis=2)
     forces = min_norm_forces(effects, wrench, stance, _DAMPING)
@@ -136,16 +145,18 @@ def distribute_wrench(wrench: Floats, stance: Mask, moment_arms: Floats, frictio
 
 
 def min_norm_forces(effects: Floats, wanted: Floats, stance: Mask, damping: float) -> Floats:
-    """Return the smallest stance forces with a wanted effect: f = Eᵀ (E Eᵀ + damping)⁻¹ wanted.
+    """Return the stance forces with the smallest norm that give a desired total effect, for example a wrench.
+
+    They are the damped least-squares solution f = Eᵀ (E Eᵀ + λ 1)⁻¹ w.
 
     Args:
-        effects: Matrix E from the force on each foot to its effect, (n, 4, 6, 3).
-        wanted: Wanted effect, (n, 6).
+        effects: Matrix E of each foot, from its force to the effect of the force, (n, 4, 6, 3).
+        wanted: Desired sum w of the effects of all stance feet, (n, 6).
         stance: Stance feet, (n, 4).
-        damping: Regularisation for effects that the feet cannot have.
+        damping: Damping λ, which keeps the forces finite for effects that the feet cannot have.
 
     Returns:
-        Forces, (n, 4, 3).
+        Forces, (n, 4, 3); zero for feet that are not in stance.
     """
     matrix = np.where(stance[..., None, None], effects, 0.0).transpose(0, 2, 1, 3).reshape(len(wanted), 6, 12)
     square = np.matmul(matrix, matrix.transpose(0, 2, 1)) + damping * np.eye(6)

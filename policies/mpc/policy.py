@@ -1,4 +1,8 @@
-"""Model-predictive control of gaits: contact forces by condensed MPC, torques by a QP or for each leg."""
+"""Model-predictive controllers `Mpc` and `MpcWbc`.
+
+Both plan the contact forces by condensed MPC of a single rigid body. `Mpc` computes the joint torques of each leg
+separately, `MpcWbc` by a whole-body QP.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,25 +27,27 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 HORIZON = 10
-"""Number of steps in the prediction horizon."""
+"""Number of steps of the MPC's prediction horizon."""
 
 
 class Mpc(ModelBased):
-    """Convex model-predictive control of a gait; the joint torques of each leg are computed separately.
+    """Policy that walks by convex model-predictive control of the contact forces.
+
+    The planned contact forces are converted to joint torques for each leg separately.
 
     Args:
-        parameters: Gait, cost and gains; None for the parameters of `parameters_of`.
-        gait: Name of the gait.
+        parameters: Parameters of gait, estimators and cost; None for the parameters of the gait from `parameters_of`.
+        gait: Name of the gait: trot, bound, pace, pronk or walk.
         robot: Robot that is controlled, or its name.
         control_period: Control period, s.
-        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are true values.
-        actuator: Drives of the joints.
+        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are the undelayed true values.
+        actuator: Model of the joint motors.
     """
 
     name = "mpc"
     parameters: MpcParameters
     failures: NDArray[np.int64] = per_robot(0)
-    """Number of quadratic programs without a solution since the reset of each robot, (n,)."""
+    """Number of quadratic programs (MPC and whole-body QP) without a solution since each robot's reset, (n,)."""
 
     def __init__(
         self,
@@ -70,7 +76,7 @@ class Mpc(ModelBased):
         self._solver: Solver = solve
 
     def _compute_stance_forces(self, control_state: ControlState, contact_plan: ContactPlan) -> StanceForces:
-        """Renew the force plans that are due, and return the planned forces."""
+        """Renew the force plans that are due, and return the planned contact forces of the present step."""
         state = control_state.motion
         stance = contact_plan.stance
         stance_schedule, time_in_stance = self._make_schedule(stance)
@@ -92,14 +98,16 @@ class Mpc(ModelBased):
         return StanceForces(forces, moment_arms[:, 0], failed)
 
     def _make_schedule(self, stance: Mask) -> tuple[Mask, Floats]:
-        """Return the contact schedule: the present stance feet in the first step, then the gait.
+        """Return the contact schedule: which feet are in stance in each of the N steps of the MPC horizon.
+
+        The first step has the present stance feet. In the other steps, the gait gives the stance feet.
 
         Args:
-            stance: Present stance feet, (n, 4).
+            stance: True for the present stance feet, (n, 4).
 
         Returns:
-            stance_schedule: Stance feet in each step of the horizon, (n, N, 4).
-            time_in_stance: Time since the touch-down of each foot, in each step, (n, N, 4), s.
+            stance_schedule: True for stance feet in each step of the horizon, (n, N, 4).
+            time_in_stance: Time since the touch-down of each stance foot, in each step, (n, N, 4), s.
         """
         phase_ahead = TURN * self._frequencies[:, None] * self._horizon.step_middles
         cycle = self._gait.legs(self._phase[:, None] + phase_ahead)
@@ -110,7 +118,7 @@ class Mpc(ModelBased):
     def _predict_moment_arms(
         self, state: MotionState, contact_plan: ContactPlan, stance_schedule: Mask, time_in_stance: Floats
     ) -> Floats:
-        """Predict the vectors from the centre of mass to the feet, level frame, (n, N, 4, 3), m."""
+        """Predict the vectors from the centre of mass to the feet over the horizon, level frame, (n, N, 4, 3), m."""
         bodies = state.bodies
         foothold_height = self._foothold_height(
             state, contact_plan.foothold_positions, contact_plan.ground, stance_schedule
@@ -142,19 +150,19 @@ class Mpc(ModelBased):
         stance_schedule: Mask,
         friction: Friction,
     ) -> Mask:
-        """Renew the force plans that are due.
+        """Compute new force plans by MPC, for the robots that need one.
 
         Args:
-            due: True for robots with a plan that is due, (n,).
+            due: True for robots that need a new plan, (n,).
             state: State of n robots.
-            ground: Ground plane under the feet.
+            ground: Ground plane under each robot.
             disturbance_acceleration: Acceleration by external forces, level frame, (n, 6), m/s² and rad/s².
-            moment_arms: Vectors from the centre of mass to the feet over the horizon, (n, N, 4, 3), m.
-            stance_schedule: Stance feet over the horizon, (n, N, 4).
+            moment_arms: Vectors from the centre of mass to the feet over the horizon, level frame, (n, N, 4, 3), m.
+            stance_schedule: True for stance feet in each step of the horizon, (n, N, 4).
             friction: Bounds of the contact forces.
 
         Returns:
-            True for robots with a program that has no solution, (n,). Robots without a solution follow their last plan.
+            True for robots with a quadratic program that has no solution, (n,). They keep their last plan.
         """
         horizon = self._horizon
         robots = due.nonzero()[0]
@@ -178,7 +186,10 @@ class Mpc(ModelBased):
     def _rigid_body_state(
         self, state: MotionState, ground: TerrainPlane, disturbance_acceleration: Floats
     ) -> RigidBodyState:
-        """Return the state as a single rigid body; orientation and height are relative to their references."""
+        """Return the state of each robot as a single rigid body, for the MPC.
+
+        Roll and pitch are relative to the ground plane, and the height is relative to its reference above the ground.
+        """
         bodies = state.bodies
         pose = np.zeros((self.num_envs, 6))
         pose[:, 0] = state.tilt[:, 0] - np.arctan(ground.lateral)
@@ -189,7 +200,10 @@ class Mpc(ModelBased):
         return RigidBodyState(pose, rate, bodies.mass, bodies.rotational_inertia, acceleration)
 
     def _mpc_reference(self, state: MotionState, ground: TerrainPlane, selection: EnvSelection) -> MpcReference:
-        """Return the reference of some robots: from the present position at the commanded velocity."""
+        """Return the reference of the MPC for some robots: motion from the present position at the commanded velocity.
+
+        `selection`: indices or slice of the robots. The reference stays at a constant height above the ground plane.
+        """
         command = state.command
         rate = np.zeros((self.num_envs, 6))
         rate[:, 2] = command[:, 2]
@@ -200,7 +214,7 @@ class Mpc(ModelBased):
 
 
 def _cost_weights(p: MpcParameters) -> MpcWeights:
-    """Return the weights of the cost; the weight of the horizontal position is zero."""
+    """Return the weights of the MPC's cost for the parameters `p`; the weight of the horizontal position is zero."""
     pose = (p.roll_weight, p.pitch_weight, p.yaw_weight, 0.0, 0.0, p.height_weight)
     angular = (p.turn_weight, p.turn_weight, p.yaw_rate_weight)
     linear = (p.velocity_weight, p.velocity_weight, p.vertical_weight)
@@ -208,9 +222,9 @@ def _cost_weights(p: MpcParameters) -> MpcWeights:
 
 
 class MpcWbc(Mpc):
-    """Convex model-predictive control with a whole-body QP for the torques.
+    """Policy that walks by convex MPC of the contact forces and a whole-body QP for the joint torques.
 
-    If the QP of a robot has no solution, the torques of each leg are computed separately, as in `Mpc`.
+    If the QP of a robot has no solution, its joint torques are computed for each leg separately, as in `Mpc`.
     """
 
     name = "mpc_wbc"

@@ -1,4 +1,7 @@
-"""Small dense quadratic programs of one shape: minimise ½ xᵀHx + gᵀx subject to lower ≤ Ax ≤ upper."""
+"""Batches of small dense quadratic programs, solved by DAQP.
+
+A program minimises ½ xᵀHx + gᵀx subject to lower ≤ Ax ≤ upper. The programs of a batch have the same size.
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -10,47 +13,57 @@ from numpy.typing import NDArray
 from policies.gait_cycle import Floats
 
 DAQP_EQUALITY = 5
-"""Value in DAQP's array `sense` that marks an equality constraint."""
+"""Value in DAQP's constraint array `sense` that marks an equality constraint."""
 DAQP_OPTIMAL = 1
-"""DAQP's exit flag of an optimum."""
+"""Exit flag that DAQP returns if it has found the optimum."""
 MAX_VIOLATION = 1e-4
-"""Largest constraint violation of a valid solution, as a fraction of the largest finite bound (at least 1)."""
+"""Largest constraint violation of a valid solution.
+
+It is relative to the largest absolute finite bound of the program, or absolute if this bound is below 1."""
 MAX_ITERATIONS = 300
-"""Iteration limit of DAQP: ten times the iterations that a robot's programs need, because a later solution comes too
-late. A limit on iterations gives the same result on every machine; a limit on time would not."""
+"""Iteration limit of DAQP for each program; ten times the number of iterations that the controllers' programs need.
+
+A limit is needed because a solution that takes longer comes too late for the control step. A limit on iterations gives
+the same result on every machine, whereas a limit on time does not."""
 
 
 class QpBatch(NamedTuple):
-    """Batch of g quadratic programs, each with k variables and m constraints."""
+    """Batch of g quadratic programs, each with k variables and m constraints.
+
+    Each program minimises ½ xᵀHx + gᵀx subject to lower ≤ Ax ≤ upper.
+    """
 
     hessian: Floats
-    """H, positive definite, (g, k, k)."""
+    """Hessian matrices H of the cost, positive definite, (g, k, k)."""
     gradient: Floats
-    """Gradient of the cost at x = 0, (g, k)."""
+    """Gradients g of the cost at x = 0, (g, k)."""
     constraint_matrix: Floats
-    """A, (g, m, k)."""
+    """Constraint matrices A, (g, m, k)."""
     lower: Floats
-    """Lower bounds of Ax, (g, m)."""
+    """Lower bounds of A x, (g, m)."""
     upper: Floats
-    """Upper bounds of Ax, (g, m)."""
+    """Upper bounds of A x, (g, m)."""
     equalities: int = 0
-    """Number of equality constraints, which are the first rows of A and have lower = upper."""
+    """Number of equality constraints (lower = upper); they are the first rows of A."""
 
 
 class Solutions(NamedTuple):
-    """Solutions of g quadratic programs."""
+    """Solutions of g quadratic programs with k variables each."""
 
     x: Floats
-    """Variables, (g, k)."""
+    """Optimal variables, (g, k); valid where `solved` is True."""
     solved: NDArray[np.bool_]
-    """True if the solver reports an optimum and the solution is finite and within all bounds, (g,)."""
+    """True for programs with a valid solution: optimal, finite and within all bounds, (g,)."""
 
 
 Solver = Callable[[QpBatch], Solutions]
 
 
 def solve(programs: QpBatch) -> Solutions:
-    """Solve the programs one by one with DAQP's dual active-set method, in at most `MAX_ITERATIONS` each."""
+    """Solve the programs of a batch one by one with DAQP's dual active-set method.
+
+    A program that needs more than `MAX_ITERATIONS` iterations counts as not solved.
+    """
     hessian = np.ascontiguousarray(programs.hessian)
     gradient = np.ascontiguousarray(programs.gradient)
     constraint_matrix = np.ascontiguousarray(programs.constraint_matrix)
@@ -68,7 +81,10 @@ def solve(programs: QpBatch) -> Solutions:
 
 
 def _is_feasible(programs: QpBatch, x: Floats) -> NDArray[np.bool_]:
-    """Return True where `x`, (g, k), is finite and violates no bound by more than `MAX_VIOLATION`, (g,)."""
+    """Return the mask of programs, (g,), with an `x`, (g, k), that is finite and within the bounds.
+
+    A violation of the bounds up to `MAX_VIOLATION` is accepted.
+    """
     values = np.matmul(programs.constraint_matrix, x[..., None])[..., 0]
     violation: Floats = np.maximum(values - programs.upper, programs.lower - values).max(axis=1, initial=0.0)
     is_small = violation < MAX_VIOLATION
