@@ -3,12 +3,15 @@
 import sys
 from pathlib import Path
 
-if __name__ == "__main__":  # because a file `evaluate.py` of the user must not hide the package `evaluate`
+# The folder of the project comes first in the import path. Otherwise a file `evaluate.py` in the user's folder would
+# hide the package `evaluate`.
+if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from quad_env.cli import launcher
 
-if __name__ == "__main__":  # here because Ctrl-C must also work during the slow imports below
+# This call precedes the slow imports below, so that Ctrl-C ends the process cleanly during the imports too.
+if __name__ == "__main__":
     launcher.leave_on_interrupt()
 
 from train.commands.run import COMMANDS, PROGRAM

@@ -31,26 +31,31 @@ BaseName = Literal[
 The names are repeated here, so that --help can list them without a slow import."""
 
 POSES: tuple[BaseName, ...] = ("crouch", "stand")
-"""Names of the base policies on which an end-to-end policy can be trained: fixed poses."""
+"""Names of the base policies on which an end-to-end policy can be trained. Each of them only holds a fixed pose."""
 MAX_REWARD_WEIGHT = 1e4
-"""Largest absolute weight of a reward term."""
+"""Largest absolute value that the command accepts as the weight of a reward term."""
 MAX_SHARE = 1e6
-"""Largest share of a scenario in the mixture. Only the ratios of the shares matter, because they are normalised."""
+"""Largest share of a scenario in the option --mixture. A share is a relative weight.
+
+The shares are divided by their sum, and the quotient is the fraction of the robots that train on the scenario."""
 MAX_HIDDEN_LAYERS = 8
 """Largest number of hidden layers of a network in a policy bundle."""
 MAX_ROLLOUT_SAMPLES = 2**24
-"""Largest number of samples of a rollout, `envs` * `rollout_steps`."""
+"""Largest number of samples of a PPO rollout: robots times steps per rollout, `envs` * `rollout_steps`."""
 MAX_SEED = 2**32 - 1
-"""Largest seed. SB3 seeds the global random generator of NumPy, which accepts no larger seed."""
+"""Largest seed of a training run.
+
+Stable-Baselines3 (SB3) passes the seed to the global random generator of NumPy, which accepts no larger seed."""
 _LOG_STD_LIMITS = (-20.0, 2.0)
 _WIDTH_LIMITS = {"limits": (1, 4096)}
 TIMESTEP = 0.005
 """Physics time step in training, s. Validation and evaluation use the time step of the robot, 0.002 s."""
 SOLVER_ITERATIONS = 4
-"""Largest number of iterations of the contact solver in training.
+"""Largest number of iterations of MuJoCo's contact solver per physics step in training.
 
-Validation and evaluation use the robot's number, 30. A control step takes three to four times as long with the time
-step and the number of iterations of the robot as with `TIMESTEP` and `SOLVER_ITERATIONS`."""
+Validation and evaluation use the number of the robot model, 30. With the time step and the number of iterations of the
+robot model, the simulation of a control step takes three to four times as long as with `TIMESTEP` and
+`SOLVER_ITERATIONS`."""
 MIXTURE = (
     ("flat:2", 0.05), ("flat:4", 0.06), ("push:3", 0.20), ("rough:3", 0.12), ("stairs:3", 0.08), ("gravel:3", 0.07),
     ("soft:4", 0.03), ("slope:4", 0.05), ("slippery:4", 0.03), ("latency:2", 0.02), ("latency:4", 0.03),
@@ -59,66 +64,77 @@ MIXTURE = (
 )  # fmt: skip
 """Default scenarios of the training, each with the fraction of the robots that train on it.
 
-Every axis of disturbance has one or two levels above its nominal level. The small delay of `latency:2` is included,
-because robots that train only on a delay of 0.08 s perform worse than their base policy at 0.03 s."""
+A name such as `push:3` means level 3 of the disturbance axis `push`; a higher level is more severe. Every axis has one
+or two levels above its nominal level. The small delay of `latency:2` is included, because robots that train only on a
+delay of 0.08 s perform worse than their base policy at 0.03 s."""
 REWARDS = RewardWeights(
     linear_velocity_error=-0.6, yaw_rate_error=-0.3, crouch=-3.0, action_rate=-0.05, mechanical_power=-0.0025, fall=-5.0
 )
 """Default reward weights of the training: the environment's defaults, linear error terms, and effort terms.
 
-The tracking rewards of the environment have almost no gradient if the velocity error is large; the linear error terms
-do. A large velocity error costs about 1 per second. A fall costs more, because a robot would otherwise learn to fall.
+The tracking rewards of the environment have almost no gradient if the velocity error is large. The gradient of the
+linear error terms does not vanish there. A large velocity error costs about 1 per second. A fall costs more, because a
+robot would otherwise learn to fall.
 """
 EFFORT_TERMS = ("action_rate", "torque", "mechanical_power", "touchdown_speed")
-"""Reward terms of effort. Their weights grow from zero at the start of a run, see `TrainConfig.effort_ramp`."""
+"""Names of the reward terms that penalise effort.
+
+Their weights grow linearly from zero at the start of a training run to their full values, see
+`TrainConfig.effort_ramp`."""
 HISTORY_INPUTS = Inputs(lags=(0.04, 0.08, 0.16), averages=(0.5, 2.0))
-"""Past observations, from which the network can recognise delays, payloads, external forces and slow motors."""
+"""Default inputs of the network in addition to the current observation: past and averaged observations.
+
+`lags` are the ages of single past observations, and `averages` the time constants of exponential averages, s. From
+these inputs the network can recognise delays, payloads, external forces and slow motors."""
 
 
 @dataclasses.dataclass(frozen=True)
 class PpoConfig:
-    """Settings of PPO, the learner."""
+    """Settings of PPO (proximal policy optimisation), the reinforcement-learning algorithm of the training."""
 
     envs: int = parameter(2048, limits=(1, 65_536))
-    """Robots simulated together."""
+    """Number of robots simulated together."""
     rollout_steps: int = parameter(12, limits=(1, 65_536))
-    """Steps of the learner between two updates, each of `hold` control steps of 10 ms."""
-    minibatch: int = parameter(8192, limits=(2, 2**24))  # at least 2, because advantages are normalised within it
+    """Learner steps between two updates of the networks; a learner step is --ppo.hold control steps of 10 ms."""
+    # At least 2 samples, because the advantages are divided by their standard deviation within the minibatch.
+    minibatch: int = parameter(8192, limits=(2, 2**24))
     """Samples in one gradient step; must divide envs x rollout-steps."""
     epochs: int = parameter(3, limits=(1, 1000))
-    """Passes over each rollout."""
+    """Number of passes over the samples of each rollout in an update."""
     learning_rate: float = parameter(1e-3, limits=(1e-9, 1.0))
-    """Adam's step size at the start."""
+    """Learning rate of the Adam optimiser at the start of the run."""
     learning_rate_schedule: Literal["linear", "constant", "adaptive"] = "adaptive"
     """linear: down to zero at the last step; adaptive: halved or raised to keep the KL divergence near target-kl."""
     target_kl: float = parameter(0.012, limits=(1e-6, 10.0))
-    """KL divergence of one update that the adaptive schedule steers towards, nat."""
+    """Target KL divergence of the policies before and after one update, for the adaptive schedule, nat."""
     hold: int = parameter(2, limits=(1, 1000))
-    """Control steps for which a correction is held, in training and in the policy."""
+    """Control steps of 10 ms for which a correction is held, in training and in the trained policy."""
     gamma: float = parameter(0.98, limits=(0.0, 1.0))
-    """Discount a step of the learner."""
+    """Discount factor per learner step, 0 to 1."""
     gae_lambda: float = parameter(0.95, limits=(0.0, 1.0))
-    """Lambda of the generalised advantage estimate."""
+    """Lambda of the generalised advantage estimation (GAE), 0 to 1."""
     entropy: float = parameter(0.0, limits=(0.0, 10.0))
-    """Weight of the entropy bonus."""
+    """Weight of the entropy bonus in the PPO loss."""
     log_std_init: float = parameter(-2.0, limits=_LOG_STD_LIMITS)
-    """Logarithm of the exploration noise at the start, in units of the authority."""
+    """Natural logarithm of the standard deviation of the exploration noise at the start; noise as a fraction of the
+    largest correction (--joint-authority, --hip-authority)."""
     log_std_final: float | None = parameter(None, limits=_LOG_STD_LIMITS)
-    """Logarithm of the exploration noise at the last step, reached linearly; by default the noise is learned."""
+    """Natural logarithm of the standard deviation of the exploration noise at the last step, reached linearly; by
+    default the standard deviation is learned."""
     actor: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTH_LIMITS)
-    """Hidden layer widths of the policy's network."""
+    """Numbers of units in the hidden layers of the policy network."""
     critic: tuple[int, ...] = dataclasses.field(default=(128, 128), metadata=_WIDTH_LIMITS)
-    """Hidden layer widths of the value network."""
+    """Numbers of units in the hidden layers of the value network."""
 
 
 @dataclasses.dataclass(frozen=True)
 class ValidationConfig:
-    """Evaluation during training, by the code of `evaluate`, on episodes of its own."""
+    """Settings of the validation: evaluations of the policy during the training, on separate episodes."""
 
     interval: int = parameter(1_000_000, limits=(0, 10**12))
-    """Steps between two validations; 0 for none but the last."""
+    """Learner steps, summed over the robots, between two validations; 0: validate only at the end of the run."""
     episodes: int = parameter(12, limits=(1, 100_000))
-    """Episodes a scenario."""
+    """Number of validation episodes per scenario."""
     scenarios: tuple[str, ...] = ()
     """Scenarios of the validation; by default the scenarios of the training."""
 
@@ -131,22 +147,23 @@ class TrainConfig:
     """residual: a correction of --base. end-to-end: the same learner on a pose, crouch or stand."""
     base: BaseName = "trot_reference"
     """Base policy that the correction is added to."""
-    steps: int = parameter(10_000_000, limits=(1, 10**12 - 1))  # because the name of a checkpoint has twelve digits
-    """Steps of the learner, all robots together, for example 3e6. With --resume a larger number extends the run; its
-    schedules continue as in a run of the new length, but the weights are not the same to the bit."""
+    # The upper limit is 10**12 - 1, because the file name of a checkpoint has twelve digits for the number of steps.
+    steps: int = parameter(10_000_000, limits=(1, 10**12 - 1))
+    """Number of learner steps of the run, summed over all robots, for example 3e6. With --resume a larger number
+    extends the run; the extended run does not have exactly the same weights as a new run of that length."""
     seed: int = parameter(0, limits=(0, MAX_SEED))
     """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
     out: Path | None = None
     """Run folder, new or empty unless --resume; by default runs/POLICY-SEED, or runs/ROBOT-POLICY-SEED for another
     robot than SimpleQuad."""
     start: Path | None = None
-    """Folder of a bundle or run with the initial network, instead of no correction. Base, --inputs, authorities and
-    network widths must be the same. From a run, value network and noise are taken too; it must have as many
-    scenarios."""
+    """Folder of a policy bundle or a run with the initial network; by default the initial correction is zero. --base,
+    --inputs, authorities and network widths must be equal. The value network and the noise of a run are loaded too;
+    that run must have as many scenarios."""
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Continue the run in --out from its last checkpoint."""
     threads: int = parameter(2, limits=(1, 256))
-    """Threads of the simulation; the learner needs one."""
+    """Number of threads of the simulation; the learner uses one thread."""
     device: Literal["cpu", "cuda"] = "cpu"
     """Processor of simulation and network; cuda: an NVIDIA GPU, with MuJoCo Warp (pip install -e ".[warp]"). Validation
     always runs MuJoCo on the CPU."""
@@ -165,8 +182,9 @@ class TrainConfig:
     """Initial difficulty of each scenario of the mixture, 0 (mildest level of its axis) to 1 (full severity). It rises
     if the robots track their commands, and falls if they do not. 1: full severity from the start."""
     effort_ramp: float = parameter(0.25, limits=(0.0, 1.0))
-    """Share of the run over which the reward weights of effort (action rate, torque, power, touch-down speed) grow from
-    zero. They change after each episode of all robots, by default a million steps. 0: full weights from the start."""
+    """Fraction of the run during which the reward weights of effort (action rate, torque, power, touch-down speed) grow
+    from zero. They change whenever all robots start new episodes, by default every million steps. 0: full weights from
+    the start."""
     max_episode_steps: int = parameter(1000, limits=(1, 1_000_000))
     """Length of a training episode, control steps."""
     robot: str = "simple_quad"
@@ -189,23 +207,26 @@ class TrainConfig:
 
     @property
     def folder(self) -> Path:
-        """Folder of the run: `out`, or the default folder if `out` is None."""
+        """Folder for all files of the training run: the option `out`, or the default folder if `out` is None."""
         prefix = "" if self.robot == HardwareConfig.robot else f"{Path(self.robot).stem}-"
         return self.out if self.out is not None else Path("runs") / f"{prefix}{self.policy}-{self.seed}"
 
     @property
     def hardware(self) -> HardwareConfig:
-        """Hardware settings of the robots, made from the options of this class."""
+        """Robot, servo gains, motor model, sensors and estimator of the run, as one object of the evaluator."""
         return HardwareConfig(self.actuator, self.sensors, self.estimator, self.robot, self.servo)
 
     @property
     def height_scan(self) -> HeightScan | None:
-        """Height scan that --sighted gives to the network. None without --sighted: the base policy decides."""
+        """Height scan of the ground that the network observes with --sighted.
+
+        Without --sighted the property is None, and the robot has a height scan only if the base policy needs one.
+        """
         return self.scan if self.sighted else None
 
     @property
     def complete_validation(self) -> ValidationConfig:
-        """Validation settings with a list of scenarios; by default the scenarios of the training."""
+        """Validation settings in which an empty list of scenarios is replaced by the scenarios of the training."""
         trained = tuple(name for name, share in self.mixture if share)
         return dataclasses.replace(self.validation, scenarios=self.validation.scenarios or trained)
 
@@ -220,17 +241,17 @@ _END_TO_END = TrainConfig(
     ),
 )  # fmt: skip
 DEFAULTS: dict[PolicyKind, TrainConfig] = {"residual": TrainConfig(), "end-to-end": _END_TO_END}
-"""Default settings of each kind of policy."""
+"""Kind of policy, "residual" or "end-to-end" -> its default settings of a training run."""
 
 
 def check(config: TrainConfig) -> None:
-    """Check that a run can be trained with the given settings.
+    """Check that the settings of a training run are valid and fit together.
 
     Args:
-        config: Settings of the run.
+        config: Settings of the training run.
 
     Raises:
-        UsageError: A setting is not valid; the message is one line.
+        UsageError: A setting is not valid. The message is one line that names the option.
     """
     for group, part in (("", config), ("ppo.", config.ppo), ("validation.", config.validation)):
         check_numbers(part, limits_of(part), group)
@@ -267,7 +288,7 @@ def _check_hardware_profile(config: TrainConfig) -> None:
 
 
 def _check_extension_rewards(config: TrainConfig) -> None:
-    """Raise UsageError if a reward term of an extension is unknown, given twice, or has an invalid weight."""
+    """Raise UsageError if a reward term in --extension-rewards is unknown, repeated, or has an invalid weight."""
     names = [name for name, _ in config.extension_rewards]
     if len(set(names)) < len(names):
         raise UsageError("--extension-rewards: a term is given twice")
@@ -280,18 +301,18 @@ def _check_extension_rewards(config: TrainConfig) -> None:
 
 
 def _check_mixture(config: TrainConfig) -> None:
-    """Raise UsageError if a scenario or a share of the mixture is not valid."""
+    """Raise UsageError if a scenario or its share of the robots in --mixture is not valid."""
     shares = [share for _, share in config.mixture]
     check_scenarios("--mixture", [name for name, _ in config.mixture], config.hardware.robot_model)
     if not all(0 <= share <= MAX_SHARE for share in shares):
         raise UsageError(f"--mixture needs shares that are not negative and at most {MAX_SHARE:g}, as in: flat 0.5")
-    # The sum is a divisor. The bound keeps the quotients finite and is below every meaningful share.
+    # The shares are divided by their sum. The bound 1e-6 keeps the quotients finite; meaningful shares are larger.
     if sum(shares) < 1e-6:
         raise UsageError("--mixture: at least one share must be above zero")
 
 
 def _check_warp(config: TrainConfig) -> None:
-    """Raise UsageError if MuJoCo Warp cannot simulate a scenario of the mixture."""
+    """Raise UsageError if MuJoCo Warp, the simulator of --device cuda, cannot simulate a scenario in --mixture."""
     try:
         for name, share in config.mixture:
             if share:
@@ -304,7 +325,7 @@ def _check_warp(config: TrainConfig) -> None:
 
 
 def check_scenarios(option: str, names: Sequence[str], robot: Robot = SIMPLE_QUAD) -> None:
-    """Check the scenario names that a command-line option has.
+    """Check the list of scenario names that a user gave for a command-line option.
 
     Args:
         option: Name of the option, with dashes.

@@ -1,4 +1,4 @@
-"""Curriculum: raises the difficulty of a scenario if commands are tracked, and lowers it if not."""
+"""Curriculum of a training run: adapts the difficulty of each scenario to how well commands are tracked."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -18,20 +18,22 @@ from train.residual_env import BoolArray
 
 Purpose = Literal["validation", "search", "training"]
 TERRAIN_SEEDS: dict[Purpose, int] = {"validation": 1, "search": 2, "training": 1000}
-"""Purpose of the episodes -> seed of their random ground. Every episode uses another part of the ground."""
+"""Purpose of the episodes -> seed of their random terrain.
+
+Separate seeds give separate terrain for validation, search and training. Every episode uses another part of it."""
 
 
 def with_terrain_seed(name: str | Scenario, purpose: Purpose, seed: int = 0, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """Return a scenario with the random ground for training, validation or search.
+    """Return a scenario with the random terrain that belongs to a purpose: training, validation or search.
 
     Args:
         name: A scenario, or the name of a scenario.
         purpose: Purpose of the episodes: training, validation or search.
-        seed: Added to the seed of the purpose, to select another random ground.
+        seed: Number that is added to the terrain seed of the purpose. Another number gives other random terrain.
         robot: Robot to which a named scenario is scaled.
 
     Returns:
-        The scenario with the terrain seed of the purpose; unchanged if its ground is not random.
+        The scenario with the terrain seed of the purpose. The scenario is unchanged if its terrain is not random.
     """
     original = scenario(name, robot)
     if not isinstance(original.terrain, SmoothRandom):
@@ -41,22 +43,24 @@ def with_terrain_seed(name: str | Scenario, purpose: Purpose, seed: int = 0, rob
 
 
 FAST_PROMOTION_RATE = 0.9
-"""Fraction of tracked command intervals above which the difficulty rises by two steps."""
+"""Fraction of tracked command intervals above which the difficulty of a scenario rises by two `DIFFICULTY_STEP`."""
 PROMOTION_RATE = 0.7
-"""Fraction of tracked command intervals above which the difficulty rises by one step."""
+"""Fraction of tracked command intervals above which the difficulty of a scenario rises by one `DIFFICULTY_STEP`."""
 DEMOTION_RATE = 0.5
-"""Fraction of tracked command intervals below which the difficulty falls by one step."""
+"""Fraction of tracked command intervals below which the difficulty of a scenario falls by one `DIFFICULTY_STEP`."""
 DIFFICULTY_STEP = 0.1
-"""Change of the difficulty in one step.
+"""Smallest change of the difficulty of a scenario in the curriculum, dimensionless.
 
-The difficulty goes from 0, the mildest level of the scenario's axis of disturbance, to 1, the severity of the scenario
-in the training mixture."""
+The difficulty is between 0, the mildest level of the scenario's disturbance axis, and 1, the severity of the scenario
+in the option --mixture."""
 MIN_INTERVALS = 10
-"""Smallest number of command intervals after which the difficulty may change."""
+"""Smallest number of finished command intervals in a scenario for which its difficulty may change.
+
+A command interval is the time during which the velocity command of a robot is constant."""
 
 
 class CommandIntervalTracker:
-    """Judges whether n robots track their velocity commands, by the success rule of the evaluation.
+    """Decides for n robots if they track their velocity commands, with the success rule of the evaluator.
 
     A command interval is the time during which the command of a robot is constant. The rule compares the command with
     the mean velocity after the first second of the interval.
@@ -73,9 +77,9 @@ class CommandIntervalTracker:
         self._steps = np.zeros(robots, np.int64)
 
     def reset(self, robots: BoolArray) -> None:
-        """Start a new interval of the robots in a mask `robots`, (n,).
+        """Start a new command interval of the robots for which the mask `robots`, (n,), is True.
 
-        The unfinished intervals of these robots do not count.
+        The unfinished command intervals of these robots are discarded.
         """
         self._steps[robots] = 0
         self._velocity_sum[robots] = 0.0
@@ -83,7 +87,7 @@ class CommandIntervalTracker:
     def step(
         self, command: NDArray[np.float64], velocity: NDArray[np.float64], fell: BoolArray
     ) -> tuple[BoolArray, BoolArray]:
-        """Add a control step to the current interval of each robot.
+        """Add one control step to the current command interval of each robot, and report the intervals that end.
 
         Args:
             command: Velocity command of the step (forward, lateral, yaw rate), heading frame, (n, 3), m/s and rad/s.
@@ -91,7 +95,7 @@ class CommandIntervalTracker:
             fell: True for robots that fell in this step, (n,).
 
         Returns:
-            ended: True for robots with an interval that ended, by a new command or by a fall, (n,).
+            ended: True for robots with a command interval that ended, by a new command or by a fall, (n,).
             tracked: True for robots that tracked the command of the ended interval, (n,). The entries of robots with no
                 ended interval have no meaning.
         """
@@ -110,15 +114,15 @@ class CommandIntervalTracker:
 
 
 def at_difficulty(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """Return a scenario at reduced severity, interpolated in the logarithm of the severity.
+    """Return a scenario at a reduced severity that is interpolated in the logarithm of the severity.
 
     Args:
         scenario: Scenario at full severity.
-        share: Difficulty, from 0 (mildest level of the scenario's axis) to 1 (full severity).
-        robot: Robot to which the axes are scaled.
+        share: Difficulty, from 0 (mildest level of the scenario's disturbance axis) to 1 (full severity).
+        robot: Robot to which the severities of the disturbance axes are scaled.
 
     Returns:
-        The scenario; unchanged if it has no axis or is milder than the mildest level of its axis.
+        The scenario. It is unchanged if it has no disturbance axis or is milder than the mildest level of its axis.
     """
     if not scenario.axis or share >= 1.0:
         return scenario
@@ -134,7 +138,7 @@ def at_difficulty(scenario: Scenario, share: float, robot: Robot = SIMPLE_QUAD) 
 def update_difficulties(
     difficulties: Sequence[float], counted: NDArray[np.int64], tracked: NDArray[np.int64]
 ) -> list[float]:
-    """Raise the difficulty of scenarios with well tracked commands; lower it if few are tracked.
+    """Compute new difficulties: higher if most commands were tracked, lower if few commands were tracked.
 
     Args:
         difficulties: Difficulty of each of the s scenarios, from 0 to 1.

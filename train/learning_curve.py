@@ -17,37 +17,42 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PANELS = (("success in validation, %", 100.0), ("cost of transport", 1.0))
-"""Label of the vertical axis of each panel, and the factor that converts the data to the unit of the label."""
+"""Panels of the learning curve, from top to bottom.
+
+Each item has the label of the vertical axis, and the factor that converts the data to the unit of the label."""
 FIGURE_WIDTH = 5.6
-"""Width of the figure, inches."""
+"""Width of the figure of a learning curve, inches."""
 PANEL_HEIGHT = 2.3
-"""Height of a panel of the figure, inches."""
+"""Height of a panel of the figure of a learning curve, inches."""
 LEGEND_LINE_HEIGHT = 0.2
-"""Height of a line of the legend, inches."""
+"""Height that the figure reserves for a line of its legend, inches."""
 DATE_METADATA = {".svg": "Date", ".png": "Creation Time", ".pdf": "CreationDate"}
-"""File suffix -> metadata field with the date. No date is written, so that equal runs give identical files."""
+"""Suffix of an image file -> name of the metadata field with its date.
+
+`write_figure` leaves the field empty, so that two equal runs write identical files."""
 
 
 def write_curve(validations: Sequence[Mapping[str, Any]], out: Path) -> None:
-    """Write the learning curve of `validations` to the file `out`.
+    """Write the plot of the learning curve of a training run to a file.
 
-    The title is the name of the folder.
-
-    OSError is raised if the file cannot be written.
+    The title of the plot is the name of the folder of the file. OSError is raised if the file cannot be written.
 
     Args:
-        validations: Validations of a run, in order.
-        out: File to write.
+        validations: Results of all validations of the run, in order of steps. Each is a dictionary with the keys
+            "steps", "success" and, in newer versions, "cost_of_transport".
+        out: Image file to write; its suffix is a key of `DATE_METADATA`.
     """
     write_figure(partial(draw_curve, validations, out.parent.name), out)
 
 
 def write_figure(draw: "Callable[[], Figure]", out: Path) -> None:
-    """Draw a figure and write it to a file. Raises OSError, and then leaves an existing file unchanged.
+    """Draw a figure and write it to an image file.
+
+    Raises OSError if the file cannot be written; an existing file is then unchanged.
 
     Args:
-        draw: Function that draws the figure.
-        out: File to write; its suffix is a key of `DATE_METADATA`.
+        draw: Function without arguments that draws and returns the figure.
+        out: Image file to write; its suffix is a key of `DATE_METADATA`.
     """
     content = io.BytesIO()
     metadata = {DATE_METADATA[out.suffix]: None}
@@ -57,12 +62,13 @@ def write_figure(draw: "Callable[[], Figure]", out: Path) -> None:
 
 
 def draw_curve(validations: Sequence[Mapping[str, Any]], title: str) -> "Figure":
-    """Draw the learning curve of `validations` with a `title`.
+    """Draw the learning curve of a training run: success and cost of transport over the learner steps.
 
-    The validations of older versions have no cost of transport; the panel of the cost is then left out.
+    Validations of older versions have no cost of transport. The figure then has only the panel for success.
 
     Args:
-        validations: Validations of a run, in order.
+        validations: Results of all validations of the run, in order of steps. Each is a dictionary with the keys
+            "steps", "success" and, in newer versions, "cost_of_transport".
         title: Title of the figure.
 
     Returns:
@@ -78,15 +84,15 @@ def draw_curve(validations: Sequence[Mapping[str, Any]], title: str) -> "Figure"
 
 
 def make_axes(figures: Floats, title: str, legend: int = 0) -> "tuple[Figure, Sequence[Axes]]":
-    """Make a figure with a panel for success over steps, and one for cost of transport if known.
+    """Make the empty figure of a learning curve: a panel for success, and one for cost of transport if known.
 
     Args:
-        figures: Success and cost of transport of k validations, (2, k); NaN where unknown.
+        figures: Success rate (0 to 1) and cost of transport (dimensionless) of k validations, (2, k); NaN if unknown.
         title: Title of the figure.
         legend: Number of lines of the legend, for which space is left.
 
     Returns:
-        The figure and the axes of its panels, from top to bottom; the panels are empty.
+        The figure and the Matplotlib axes of its empty panels, from top to bottom.
     """
     from matplotlib.figure import Figure
     from matplotlib.ticker import EngFormatter

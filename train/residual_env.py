@@ -25,56 +25,63 @@ FloatArray = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 Infos = dict[str, Any]
 Step = tuple[FloatArray, NDArray[np.float64], BoolArray, BoolArray, Infos]
-"""Result of a step of a vector environment: observation, reward, terminated, truncated and infos."""
+"""Type of the result of a step of n robots.
+
+The items are the observation, (n, m); the reward, (n,); the masks of terminated and of truncated episodes, each (n,);
+and the infos."""
 
 
 class BaseGroup:
-    """Group of k robots with one base policy: its latest action, and the features of the learner.
+    """Group of k robots with a common base policy, for which the learner computes corrections.
 
-    `ResidualVectorEnv` makes one group for each base policy.
+    The group stores the latest action of the base policy and the latest features, which are the inputs of the network
+    of the learner. `ResidualVectorEnv` makes one group for each base policy.
 
     Args:
         base: Base policy of the group, made for its robots and their control period.
-        rows: Rows of the robots of the group in the environment.
-        inputs: Additional observations of the learner, as in `ResidualVectorEnv`.
+        rows: Range of the indices that the robots of the group have in the environment.
+        inputs: Observations of the learner in addition to the current observation and the action of the base policy.
     """
 
     action: Actions
-    """Latest action of the base policy, joint targets, (k, 12), rad."""
+    """Latest action of the base policy for the robots of the group: joint targets, (k, 12), rad."""
     features: FloatArray
-    """Learner's features of the latest observation, (k, `width`)."""
+    """Latest inputs of the network of the learner for the robots of the group, (k, `width`)."""
 
     def __init__(self, base: Policy, rows: slice, inputs: Inputs) -> None:
         self.base = base
         self.rows = rows
         self._feature_extractor = Features(base, inputs)
         self.width = self._feature_extractor.width
-        """Number of features of a robot."""
+        """Number of features, inputs of the network of the learner, of a robot."""
         self._reset_base = copy.deepcopy(base)
-        """Copy of the base policy that acts on the first observations of restarted robots.
+        """Copy of the base policy that computes the first action of restarted robots.
 
-        `base` then takes over the state of the restarted robots from the copy. `base` has already acted for all robots
-        in the same step. A second call of `base` would advance the clocks of the other robots twice."""
+        Then the states of the restarted robots are copied from this policy to `base`. `base` itself has already acted
+        for all robots in the same step. A second call of `base` would advance the clocks of the other robots twice."""
         self._reset_feature_extractor = Features(self._reset_base, inputs)
 
     def reset(self) -> None:
-        """Reset the base policy and the features of all robots of the group."""
+        """Reset the base policy and the history of the features for all robots of the group."""
         count = self.rows.stop - self.rows.start
         self.base.reset(count)
         self._feature_extractor.reset(count)
 
     def act(self, observation: FloatArray) -> None:
-        """Update `action` and `features` from an `observation` of all robots of the environment, (n, m)."""
+        """Update `action` and `features` of the group from a new observation.
+
+        `observation`, (n, m), has a row for each of the n robots of the environment, not only of the group.
+        """
         group_observation = observation[self.rows]
         self.action = self.base.act(group_observation)
         self.features = self._feature_extractor.update(group_observation, self.action)
 
     def reset_rows(self, mask: BoolArray, observation: FloatArray) -> None:
-        """Reset the robots that begin an episode, and compute their first action and features.
+        """Reset the robots of the group that begin an episode, and compute their first action and features.
 
         Args:
-            mask: True for robots that begin an episode; one entry for each robot of the environment, (n,).
-            observation: Observation of all robots of the environment, (n, m).
+            mask: True for robots that begin an episode. The mask covers all n robots of the environment, (n,).
+            observation: Observation of all n robots of the environment, (n, m).
         """
         group_mask = mask[self.rows]
         if not group_mask.any():
@@ -93,28 +100,32 @@ class BaseGroup:
         self.features[group_mask] = features
 
 
-class ResidualVectorEnv(VectorWrapper):  # without type parameters, because Gymnasium 1.2 does not accept any
-    """Vector environment of robots that execute the action of a base policy plus a correction.
+class ResidualVectorEnv(
+    VectorWrapper
+):  # The base class has no type parameters, because Gymnasium 1.2 does not accept any.
+    """Vector environment of n robots that execute the action of a base policy plus a correction by a learner.
 
-    Observation: features, see `policies.residual.Features`, (n, m). Action: correction of the joint targets as a
-    fraction of the authority, from -1 to 1, (n, 12). Each correction is applied for `hold` control steps, while the
-    base policy acts at every control step. Exploration noise that changes every 10 ms would only shake a robot; noise
-    that lasts longer moves the robot.
+    The observation, (n, m), has the features of each robot, see `policies.residual.Features`. The action, (n, 12), has
+    the corrections of the joint targets as fractions of the authority, from -1 to 1. The authority is the largest
+    correction of a joint. Each correction is applied for `hold` control steps, while the base policy acts at every
+    control step. Exploration noise that changes every 10 ms would only shake a robot. Noise that lasts longer moves the
+    robot.
 
-    A finished robot restarts in the same step. The robot's row then shows the new episode. The entries
-    `infos["final_obs"]` and `infos["final_info"]` show the end of the finished episode.
+    A robot with a finished episode restarts in the same step. Its row of the observation is then the first observation
+    of the new episode. `infos["final_obs"]` and `infos["final_info"]` have the last observation and infos of the
+    finished episode.
 
     Args:
         env: Robots with `autoreset_mode` DISABLED. `ResidualVectorEnv` restarts them, after it has computed their last
             features.
-        base: Base policy, made for the robots and their control period. Or several policies of one kind, each with its
-            number of robots, for example with and without the delays of a real robot.
-        authority: Largest correction of each joint, (12,), rad. None for the default authority.
-        hold: Number of control steps per step of the learner.
+        base: Base policy, made for the robots and their control period. Or a sequence of variants of a base policy,
+            each with its number of robots, for example with and without the delays of a real robot.
+        authority: Largest correction of each joint, (12,), rad. None for the default of the robot, see `authority_of`.
+        hold: Number of control steps in one step of the learner.
         inputs: Observations of the learner in addition to the current observation and the action of the base policy.
 
     Raises:
-        ValueError: `env` restarts its robots by itself.
+        ValueError: `env` restarts its robots by itself: its `autoreset_mode` is not DISABLED.
     """
 
     def __init__(
@@ -143,10 +154,10 @@ class ResidualVectorEnv(VectorWrapper):  # without type parameters, because Gymn
 
         Args:
             seed: Seed, passed to `env.reset`.
-            options: Options, passed to `env.reset`; without "reset_mask".
+            options: Options, passed to `env.reset`. A "reset_mask" is not allowed.
 
         Returns:
-            Features, (n, m), and infos.
+            Features of all robots, (n, m), and infos.
 
         Raises:
             ValueError: `options` has a "reset_mask".
@@ -162,16 +173,16 @@ class ResidualVectorEnv(VectorWrapper):  # without type parameters, because Gymn
     def step(self, actions: FloatArray) -> Step:
         """Simulate `hold` control steps with one correction, and sum the rewards.
 
-        A robot with an episode that ends before the last of these control steps stands still for the others.
+        If the episode of a robot ends before the last of these control steps, its state does not change in the rest.
 
         Args:
             actions: Corrections as fractions of the authority, (n, 12).
 
         Returns:
-            Features, reward, terminated, truncated and infos.
+            Features, (n, m); summed rewards, (n,); masks of terminated and of truncated episodes, each (n,); and infos.
 
         Raises:
-            ValueError: The corrections have a wrong shape.
+            ValueError: `actions` does not have the shape of `action_space`.
         """
         correction = np.asarray(actions, np.float32)
         if correction.shape != self.action_space.shape:
@@ -187,12 +198,15 @@ class ResidualVectorEnv(VectorWrapper):  # without type parameters, because Gymn
         return self._features, rewards, terminated, truncated, infos
 
     def _step_robots(self, correction: FloatArray) -> Step:
-        """Simulate one control step with the corrected actions of the base policies."""
+        """Simulate one control step of all robots with the actions of the base policies plus `correction`, (n, 12)."""
         base_action = np.concatenate([group.action for group in self.bases])
         return self.env.step(apply_correction(self.bases[0].base.robot, base_action, correction, self.authority))
 
     def _restart_finished(self, finished: BoolArray, infos: Infos) -> Infos:
-        """Restart the finished robots; return the infos of the step, with "final_obs" and "final_info" added."""
+        """Restart the robots for which the mask `finished`, (n,), is True.
+
+        Returns the infos of the step, with the end of the finished episodes under "final_obs" and "final_info".
+        """
         ends = {
             "final_obs": np.where(finished[:, None], self._features, np.float32(0.0)),
             "final_info": {key: finished.copy() if key.startswith("_") else value for key, value in infos.items()},
@@ -204,22 +218,22 @@ class ResidualVectorEnv(VectorWrapper):  # without type parameters, because Gymn
         return _merge_infos(finished, reset_infos, infos) | ends | masks
 
     def _update_bases(self, observation: FloatArray) -> None:
-        """Update the actions and features of all groups from an observation of all robots, (n, m)."""
+        """Update the base actions and features of all groups from the `observation` of all robots, (n, m)."""
         for group in self.bases:
             group.act(observation)
 
     @property
     def _features(self) -> FloatArray:
-        """Features of all robots, (n, m)."""
+        """Latest features of all robots, which are the observation of the learner, (n, m)."""
         return np.concatenate([group.features for group in self.bases])
 
 
 def _make_groups(
     env: VectorEnv[FloatArray, FloatArray, NDArray[Any]], base: Policy | Sequence[tuple[Policy, int]], inputs: Inputs
 ) -> list[BaseGroup]:
-    """Make the group of each base policy.
+    """Make a `BaseGroup` for each base policy of an environment.
 
-    Raises ValueError if the policies do not fit the robots or their number.
+    Raises ValueError if a policy does not fit the robots, or the numbers of robots do not add up to all robots.
     """
     robots: Any = env.unwrapped
     bases = [(base, env.num_envs)] if isinstance(base, Policy) else list(base)
@@ -234,7 +248,10 @@ def _make_groups(
 
 
 def _merge_infos(mask: BoolArray, reset_infos: Infos, infos: Infos) -> Infos:
-    """Return a copy of `infos` with the rows in `mask` from `reset_infos`, for the keys that both have."""
+    """Return a copy of the infos of a step in which restarted robots have the infos of their reset.
+
+    `mask`, (n,), is True for the restarted robots. Only keys that occur in both dictionaries are replaced.
+    """
     return {
         key: np.where(mask.reshape(-1, *(1,) * (value.ndim - 1)), reset_infos[key], value)
         if key in reset_infos

@@ -32,10 +32,11 @@ from train.training_robots import make_bases, make_robots, training_seeds
 
 
 def train(config: TrainConfig) -> None:
-    """Train to the last step, or until Ctrl-C, and write all files of the run.
+    """Train a policy to the last step, or until Ctrl-C, and write all files to the folder of the run.
 
-    The files are bundles, checkpoints, settings, validations and logs. Raises UsageError with a message of one line if
-    a run cannot be trained or written. Raises KeyboardInterrupt after Ctrl-C, when everything is saved.
+    The files are policy bundles, checkpoints, settings, results of validations, and logs. Raises UsageError with a
+    message of one line if the policy cannot be trained or a file cannot be written. After Ctrl-C, a checkpoint is saved
+    and KeyboardInterrupt is raised.
     """
     with Interrupt() as interrupt:
         if config.resume:
@@ -48,7 +49,7 @@ def train(config: TrainConfig) -> None:
 
 
 def _run(config: TrainConfig, interrupt: Interrupt, resumed: checkpoint.Checkpoint | None = None) -> None:
-    """Train a new run, or continue a run from the checkpoint `resumed`."""
+    """Start a new training run, or continue a stopped run from its checkpoint `resumed`."""
     state = CallbackState.read(resumed.progress["remembered"]) if resumed else CallbackState()
     with contextlib.closing(make_env(config)) as env:
         model = make_ppo(config, env)
@@ -59,7 +60,7 @@ def _run(config: TrainConfig, interrupt: Interrupt, resumed: checkpoint.Checkpoi
         done = model.num_timesteps
         if done >= config.steps:
             raise UsageError(f"the run in {config.folder} is finished: extend it with --steps larger than {done}")
-        # The folder is made here and not earlier, so that settings that fail above leave no empty folder.
+        # The folder is made only now, because an error above would otherwise leave an empty folder.
         with report_write_errors(config.folder) if resumed else new_run_folder(config.folder):
             notices = _write_settings(config, done, resumed)
             display = ProgressDisplay(config.steps, ProgressEstimator(config, done, state.validated))
@@ -75,7 +76,11 @@ def _run(config: TrainConfig, interrupt: Interrupt, resumed: checkpoint.Checkpoi
 
 
 def _write_settings(config: TrainConfig, done: int, resumed: checkpoint.Checkpoint | None) -> list[str]:
-    """Write the settings of a run that starts or resumes at `done` steps, and return notices for the user."""
+    """Write the settings of a run that starts or resumes at `done` steps.
+
+    Returns notices for the user, one line each: damaged checkpoints, changed package versions, and the step at which
+    the run continues.
+    """
     notices = [f"skipped a checkpoint: {damage}" for damage in (resumed.damaged if resumed else ())]
     changed = write_settings(config, done)
     notices += [f"the result may differ from an uninterrupted run; {change}" for change in changed]
@@ -84,7 +89,10 @@ def _write_settings(config: TrainConfig, done: int, resumed: checkpoint.Checkpoi
 
 
 def _load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
-    """Load the network of a policy bundle or run into a new learner. Raises UsageError if it does not fit."""
+    """Load the network of the policy bundle or run in the folder `start` into a new learner `model`.
+
+    Raises UsageError if the network or the settings of that policy do not fit the new run.
+    """
     try:
         policy = policies.load(start, config.hardware.robot_model)
         if policy.base.name != config.base:
@@ -102,10 +110,10 @@ def _load_initial_network(model: PPO, config: TrainConfig, start: Path) -> None:
 
 
 def make_env(config: TrainConfig) -> TrainingVecEnv:
-    """Make the environment of the learner, with the seeds of the first segment of the run.
+    """Make the environment in which the learner trains, with the seeds of the first segment of the run.
 
-    A segment is a part of a run; all robots start new episodes at its start, see `segment_steps`. The value network
-    also observes quantities that the robot cannot measure: the scenario, the true velocity, and pushes.
+    A run is divided into segments. All robots start new episodes at the start of a segment, see `segment_steps`. The
+    value network also observes quantities that a robot cannot measure: its scenario, its true velocity, and pushes.
     """
     robots = make_robots(config)
     authority = authority_of(robots.robot, config.hip_authority, config.joint_authority)

@@ -8,30 +8,30 @@ from quad_env.cli.command_line import UsageError
 from quad_env.files.writing import FolderInUseError, exclusive_lock, make_writable_folder
 
 CONFIG_FILE = "config.json"
-"""Name of the JSON file of the run's settings."""
+"""Name of the JSON file with the settings of a training run."""
 RECORD_FILE = "run.json"
-"""Name of the JSON file with the command that repeats the run.
+"""Name of the JSON file with the command line that repeats a training run.
 
 The file also lists the revision and the package versions of each session. A session is the part of a run that one
 process trains."""
 METRICS_FILE = "metrics.jsonl"
-"""Name of the file of training metrics, with one line of JSON per rollout."""
+"""Name of the file with the training metrics, one line of JSON per rollout."""
 TENSORBOARD = "tensorboard"
-"""Name of the folder of the same metrics, as TensorBoard events."""
+"""Name of the folder with the training metrics as TensorBoard events."""
 VALIDATIONS_FILE = "validations.json"
-"""Name of the JSON file of all validations, and of the number of steps at the best one."""
+"""Name of the JSON file with the results of all validations, and the number of steps at the best validation."""
 CURVE_FILE = "learning_curve.svg"
-"""Name of the plot of success and cost of transport of all validations."""
+"""Name of the image file with the plot of success and cost of transport over all validations."""
 CHECKPOINTS = "checkpoints"
-"""Name of the folder of checkpoints, from which a run can be resumed."""
+"""Name of the folder with the checkpoints, from which a stopped training run can be resumed."""
 BEST = "best"
-"""Name of the folder of the policy bundle with the best validation."""
+"""Name of the folder of the policy bundle with the best validation result of the run."""
 LAST = "last"
-"""Name of the folder of the latest policy bundle."""
+"""Name of the folder of the policy bundle that was saved last in the run."""
 
 
 def has_checkpoint(folder: Path) -> bool:
-    """Return True if the run folder has a checkpoint, even an incomplete one."""
+    """Return True if the folder of a training run has a checkpoint, even a damaged one."""
     return any((folder / CHECKPOINTS).glob("*.json"))
 
 
@@ -41,7 +41,7 @@ def steps_done(folder: Path) -> int:
 
 
 def refuse_folder_in_use(folder: Path) -> None:
-    """Check that a new run can start in a folder.
+    """Check that a new training run can start in a folder, and raise UsageError if not.
 
     The folder must be missing, empty, or left by a run that was stopped before its first step.
 
@@ -67,20 +67,22 @@ def refuse_folder_in_use(folder: Path) -> None:
 
 @contextlib.contextmanager
 def new_run_folder(folder: Path) -> Iterator[None]:
-    """Make the folder of a new run, and lock it within the context.
+    """Make the folder of a new training run, and lock it against other processes within the context.
 
-    Raises UsageError if the folder cannot be used.
+    Raises UsageError if the folder is in use, has other files, or cannot be written.
     """
     with report_write_errors(folder):
         make_writable_folder(folder)
         with exclusive_lock(folder):
-            refuse_folder_in_use(folder)  # again, because another run may have used the folder since the first check
+            refuse_folder_in_use(
+                folder
+            )  # second check, because another run may have started in the folder since the first one
             yield
 
 
 @contextlib.contextmanager
 def report_write_errors(folder: Path) -> Iterator[None]:
-    """Convert an OSError on writing into `folder` to a UsageError with a remedy."""
+    """Convert an OSError that occurs within the context to a UsageError with a remedy for the run in `folder`."""
     try:
         yield
     except FolderInUseError:

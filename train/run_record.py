@@ -21,9 +21,9 @@ from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
 
 def to_dict(config: TrainConfig) -> dict[str, Any]:
-    """Convert the settings to a dictionary of JSON types.
+    """Convert the settings of a training run to a dictionary of JSON types.
 
-    The options `out`, `resume` and `threads` are left out, because they do not affect the result.
+    The options `out`, `resume` and `threads` are left out, because they do not affect the trained policy.
     """
     settings: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(config), default=str))
     return {key: value for key, value in settings.items() if key not in ("out", "resume", "threads")}
@@ -41,17 +41,18 @@ def from_dict(settings: Mapping[str, Any]) -> TrainConfig:
 
 
 def load_config(folder: Path) -> TrainConfig:
-    """Load the settings of the run in `folder`.
+    """Load the settings of the training run in `folder`.
 
-    Raises UsageError if there is no run or its settings are not valid.
+    Raises UsageError if the folder has no run or the settings are not valid.
     """
     return from_dict(load_settings(folder))
 
 
 def load_settings(folder: Path) -> dict[str, Any]:
-    """Load the settings of the run in `folder` as a dictionary. Raises UsageError if there is no run.
+    """Load the settings of the training run in `folder` as a dictionary of JSON types.
 
-    The dictionary is not checked, because older versions may have written other settings.
+    The settings are not checked, because older versions may have written other ones. Raises UsageError if the folder
+    has no run or the file is damaged.
     """
     try:
         settings = json.loads(read_bytes(folder / CONFIG_FILE))
@@ -70,11 +71,11 @@ def decode(kind: Any, value: Any) -> Any:
 
     Args:
         kind: Target type: a dataclass, tuple, Literal, optional or plain type.
-        value: Value of JSON types. If it has the wrong type, the conversion may also raise TypeError, AttributeError or
-            OverflowError.
+        value: Value of JSON types. If its type does not fit `kind`, the conversion may also raise TypeError,
+            AttributeError or OverflowError.
 
     Returns:
-        The converted value.
+        The converted value, of the target type.
 
     Raises:
         ValueError: A setting is unknown or its value is not valid.
@@ -92,13 +93,13 @@ def decode(kind: Any, value: Any) -> Any:
         if value not in parts:
             raise ValueError(f"{value!r} is none of {', '.join(parts)}")
         return value
-    if typing.get_origin(kind) in (types.UnionType, typing.Union):  # always a union with None
+    if typing.get_origin(kind) in (types.UnionType, typing.Union):  # the only unions in the settings are with None
         return None if value is None else decode(parts[0], value)
     return kind(value)
 
 
 class SettingChange(NamedTuple):
-    """Setting that has different values in two runs."""
+    """Setting that has different values in two training runs."""
 
     option: str
     """Command-line option of the setting, for example `--ppo.envs`."""
@@ -109,7 +110,7 @@ class SettingChange(NamedTuple):
 
     @property
     def extends(self) -> bool:
-        """True if the change is a larger number of steps, which only makes the run longer."""
+        """True if the setting is the number of steps and the second value is larger: the run becomes longer."""
         return self.option == "--steps" and self.new > self.old
 
     def __str__(self) -> str:
@@ -117,7 +118,10 @@ class SettingChange(NamedTuple):
 
 
 def differences(old: TrainConfig, new: TrainConfig) -> list[SettingChange]:
-    """Return the settings that affect the result and have different values in `old` and `new`."""
+    """Return the settings that have different values in `old` and `new`.
+
+    Settings that do not affect the trained policy, such as the number of threads, are not compared.
+    """
     after = dict(flatten(to_dict(new)))
     return [
         SettingChange(f"--{name}", value, after[name]) for name, value in flatten(to_dict(old)) if value != after[name]
@@ -125,7 +129,7 @@ def differences(old: TrainConfig, new: TrainConfig) -> list[SettingChange]:
 
 
 def flatten(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Flatten nested settings to pairs of option name and value.
+    """Flatten nested settings of a training run to pairs of an option name and its value.
 
     Args:
         settings: Settings as a dictionary, made by `to_dict`.
@@ -143,11 +147,13 @@ def flatten(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str
 
 
 LEARNER_PACKAGES = ("stable-baselines3", "torch", "safetensors")
-"""Packages that affect a training run and are not in the version list of an evaluation."""
+"""Names of the Python packages that affect a training run but not an evaluation.
+
+Their versions are recorded in addition to the versions that an evaluation records."""
 
 
 def training_command(config: TrainConfig) -> str:
-    """Return the command line that repeats a run."""
+    """Return the command line that repeats the training run with the settings `config`."""
     options = [f"--policy {config.policy}"] if config.policy != "residual" else []
     changed = [each for each in differences(DEFAULTS[config.policy], config) if each.option != "--seed"]
     options += [f"{each.option} {to_words(each.new)}" for each in changed]
@@ -155,9 +161,9 @@ def training_command(config: TrainConfig) -> str:
 
 
 def evaluation_command(config: TrainConfig) -> str:
-    """Return the command line that evaluates the best policy of a run, with its hardware settings.
+    """Return the command line that evaluates the best policy of a training run.
 
-    The base policy of a residual is evaluated too.
+    The command has the hardware settings of the run. For a residual, it evaluates the base policy too.
     """
     chosen = vars(config.hardware).items() - vars(HardwareConfig()).items()
     base = [config.base] if config.policy == "residual" else []
@@ -172,14 +178,16 @@ def to_words(value: Any) -> str:
 
 
 def write_settings(config: TrainConfig, steps: int) -> list[str]:
-    """Write the settings of a run, its command, and the package versions of the current session.
+    """Write the settings of a training run, its command line, and the package versions of the current session.
+
+    A session is the part of a run that one process trains.
 
     Args:
         config: Settings of the run.
         steps: Number of steps at the start of the session; 0 for a new run.
 
     Returns:
-        Lines for the user, one for each version that differs from the version in the first session.
+        Messages for the user, one for each package with another version than in the first session.
     """
     write_atomically(config.folder / CONFIG_FILE, _lines(to_dict(config)))
     packages = {name: metadata.version(name) for name in LEARNER_PACKAGES}
@@ -195,7 +203,11 @@ def write_settings(config: TrainConfig, steps: int) -> list[str]:
 
 
 def _sessions(path: Path) -> list[dict[str, Any]]:
-    """Return the sessions in a record file; an empty list if the file is missing or damaged."""
+    """Return the sessions that the record file of a training run lists.
+
+    A session is the part of a run that one process trains. Its dictionary has the first step and the package versions.
+    The list is empty if the file is missing or damaged.
+    """
     try:
         return list(json.loads(read_bytes(path))["sessions"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -203,12 +215,12 @@ def _sessions(path: Path) -> list[dict[str, Any]]:
 
 
 def write_validations(folder: Path, best: int, validations: Sequence[Mapping[str, Any]]) -> None:
-    """Write the validations of a run to its folder.
+    """Write the results of all validations of a training run to its folder.
 
     Args:
         folder: Folder of the run.
         best: Number of steps at the best validation.
-        validations: All validations, in order of steps.
+        validations: Result of each validation, in order of steps, see `CallbackState.validations`.
     """
     write_atomically(folder / VALIDATIONS_FILE, _lines({"best": best, "validations": validations}))
 

@@ -26,13 +26,13 @@ from train.curriculum import CommandIntervalTracker, at_difficulty, with_terrain
 from train.residual_env import BoolArray, FloatArray, Infos, Step
 
 PUSH_SCALE = 500.0
-"""Pushing force that the value network observes as 1, N."""
+"""Scale of the pushing force in the input of the value network: a force of this size is observed as 1, N."""
 NO_TRUNCATION = np.iinfo(np.int64).max
-"""Truncation length of a first episode that is not truncated: a number of control steps that is never reached."""
+"""Control steps after which a first episode is truncated if it must not be truncated: a number never reached."""
 
 
 class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
-    """Concatenates one vector environment per scenario, and collects statistics.
+    """Combines the vector environments of several scenarios into one, and collects statistics of the training.
 
     The first episodes can be truncated at random lengths, so that the robots are out of phase with each other. Finished
     robots are not restarted automatically. The return and the length (control steps) of each episode are in
@@ -40,9 +40,9 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
 
     Args:
         batches: Vector environments, one for each scenario, made with `AutoresetMode.DISABLED`.
-        first_episode_steps: Function that takes the seeds of the robots and returns the control steps after which their
-            first episodes are truncated, (n,). None for no truncation.
-        threads: Number of batches that are stepped in parallel, one per thread. Results do not depend on it.
+        first_episode_steps: Function that takes the seeds of the robots and returns the numbers of control steps after
+            which their first episodes are truncated, (n,). None: first episodes have their full length.
+        threads: Number of batches that are stepped in parallel, one per thread. Results do not depend on this number.
     """
 
     def __init__(
@@ -73,7 +73,9 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
             np.eye(len(batches), dtype=np.float32), [batch.num_envs for batch in batches], axis=0
         )
         self.privileged_width = len(batches) + 3 + 2
-        """Width of `infos["privileged"]`: one-hot scenario, true velocity (3) and pushing force (2) of a robot."""
+        """Number of values per robot in `infos["privileged"]`, the observation that only the value network receives.
+
+        The values are the one-hot scenario, the true velocity (3 values) and the pushing force (2 values)."""
         self._sums = defaultdict[str, float](float)
         self._interval_counts = np.zeros((2, len(batches)), np.int64)
 
@@ -83,11 +85,11 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         """Start the first episodes of all robots, or the next episodes of the robots in a "reset_mask".
 
         Args:
-            seed: An integer, and robot i has the seed `seed + i`; or a sequence with the seed of each robot.
+            seed: An integer; robot i then has the seed `seed + i`. Or a sequence with the seed of each robot.
             options: May have a "reset_mask": True for robots that start their next episode, (n,).
 
         Returns:
-            Observation, (n, m), and infos.
+            Observation of all robots, (n, m), and infos.
         """
         seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
         mask = (options or {}).get("reset_mask")
@@ -124,13 +126,14 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         return observation, rewards, terminated, truncated, infos
 
     def pop_statistics(self) -> dict[str, float]:
-        """Return the statistics since the last call, and clear them.
+        """Return the statistics of all robots since the last call of this method, and clear them.
 
         Returns:
-            Name -> value. `velocity_error` (m/s), `yaw_rate_error` (rad/s) and `reward/TERM` are means over the steps.
-            `reward_rate` is the mean reward per second. `return` and `falls` are means over the `episodes` finished
-            episodes; NaN if no episode finished. `tracked` is the fraction of the `intervals` ended command intervals
-            that was tracked; NaN if no interval ended.
+            Name of the statistic -> value. `velocity_error` (m/s), `yaw_rate_error` (rad/s) and `reward/TERM` are means
+            over the control steps. `reward_rate` is the mean reward per second. `episodes` is the number of finished
+            episodes. `return` is their mean return, and `falls` the fraction of them that ended with a fall; both are
+            NaN if no episode finished. `intervals` is the number of command intervals that ended. `tracked` is the
+            fraction of them in which the command was tracked; NaN if no interval ended.
         """
         sums, self._sums = self._sums, defaultdict(float)
         steps = max(sums.pop("steps", 0.0), 1.0)
@@ -147,37 +150,44 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         }
 
     def pop_interval_counts(self) -> NDArray[np.int64]:
-        """Return the numbers of ended and of tracked command intervals of b batches, (2, b).
+        """Return the numbers of ended and of tracked command intervals for each of b scenarios, (2, b).
 
-        The counters are set to zero.
+        The numbers count from the last call of this method, which sets them to zero.
         """
         counts, self._interval_counts = self._interval_counts, np.zeros((2, len(self.batches)), np.int64)
         return counts
 
     def replace_batch(self, number: int, batch: SimpleQuadVectorEnv) -> None:
-        """Replace a batch. All robots must start new episodes afterwards.
+        """Replace the vector environment of a scenario. All robots must start new episodes afterwards.
 
         Args:
-            number: Index of the batch.
-            batch: Batch with the same number of robots.
+            number: Index of the environment in `batches`.
+            batch: New vector environment, with the same number of robots.
         """
         self.batches[number].close()
         self.batches = (*self.batches[:number], batch, *self.batches[number + 1 :])
 
     def close_extras(self, **_: Any) -> None:
-        """Close the batches and stop the threads."""
+        """Close the vector environments of all scenarios, and stop the threads."""
         if self._pool is not None:
             self._pool.shutdown()
         for batch in self.batches:
             batch.close()
 
     def _privileged(self, infos: Infos) -> FloatArray:
-        """Return the observations that only the value network receives, (n, `privileged_width`)."""
+        """Return the observations that only the value network receives, (n, `privileged_width`).
+
+        The columns are the one-hot scenario, the true velocity in the heading frame (forward, lateral, yaw rate; m/s
+        and rad/s), and the push in the heading frame (forward, lateral) in units of `PUSH_SCALE`.
+        """
         pushes = np.concatenate([_push(batch) for batch in self.batches], axis=1) / PUSH_SCALE
         return np.concatenate((self._scenario_one_hot, infos["heading_velocity"], pushes.T), axis=1, dtype=np.float32)
 
     def _count_step(self, infos: Infos, rewards: NDArray[np.float64], fell: BoolArray) -> None:
-        """Add a step, and the command intervals that end in it, to the statistics."""
+        """Add a control step of all robots, and the command intervals that end in it, to the statistics.
+
+        `rewards`, (n,), are the rewards of the step; `fell`, (n,), is True for robots that fell in the step.
+        """
         ended, tracked = self._intervals.step(infos["command"], infos["heading_velocity"], fell)
         self._sums["intervals"] += int(ended.sum())
         self._sums["tracked"] += int((ended & tracked).sum())
@@ -194,14 +204,17 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
                 self._sums[f"reward/{key.removeprefix(REWARD)}"] += float(infos[key].sum())
 
     def _count_episodes(self, finished: BoolArray) -> None:
-        """Add the episodes of the robots in the mask `finished`, (n,), to the statistics."""
+        """Add the episodes of the robots for which the mask `finished`, (n,), is True to the statistics."""
         self._sums["episodes"] += int(finished.sum())
         self._sums["return"] += float(self._returns[finished].sum())
         self._sums["falls"] += int((finished & self._fell).sum())
 
 
 def _push(batch: SimpleQuadVectorEnv) -> Array:
-    """Return the push on each trunk in the last step (forward, lateral), heading frame, (2, n), N."""
+    """Return the pushing force on the trunk of each of n robots in the last step.
+
+    The rows are the forward and the lateral component in the heading frame, (2, n), N.
+    """
     if batch.scenario.pushes is None:
         return np.zeros((2, batch.num_envs))
     rotation = rotation_matrix(to_components(batch.simulation.quaternion))
@@ -209,15 +222,15 @@ def _push(batch: SimpleQuadVectorEnv) -> Array:
 
 
 def _concatenate_infos(infos: Sequence[Infos]) -> Infos:
-    """Concatenate the infos of several batches, key by key."""
+    """Concatenate the infos of several vector environments along the robots, key by key."""
     return {key: np.concatenate([batch_infos[key] for batch_infos in infos]) for key in infos[0]}
 
 
 def training_seeds(config: TrainConfig, segment: int = 0) -> list[int]:
-    """Return the seeds of the n robots of a run.
+    """Return the seeds of the episodes that all robots start at the beginning of a segment of a training run.
 
     Args:
-        config: Settings of the run.
+        config: Settings of the training run.
         segment: Index of the segment, see `segment_steps`. Every segment has different seeds.
 
     Returns:
@@ -228,10 +241,10 @@ def training_seeds(config: TrainConfig, segment: int = 0) -> list[int]:
 
 
 def segment_steps(config: TrainConfig) -> int:
-    """Return the length of a segment in steps of the learner, summed over all robots.
+    """Return the length of a segment of a training run in learner steps, summed over all robots.
 
-    All robots start new episodes at the start of a segment, so that a run can be resumed there without their states. A
-    segment consists of whole rollouts and is about as long as the longest episode.
+    All robots start new episodes at the start of a segment. So a run can be resumed there, although the states of the
+    robots are not saved. A segment consists of whole rollouts and is about as long as the longest episode.
     """
     ppo = config.ppo
     rollouts = max(round(config.max_episode_steps / (ppo.hold * ppo.rollout_steps)), 1)
@@ -239,9 +252,9 @@ def segment_steps(config: TrainConfig) -> int:
 
 
 def make_robots(config: TrainConfig) -> MultiScenarioVectorEnv:
-    """Make the robots of a run on their scenarios.
+    """Make the simulated robots of a training run, distributed over the scenarios of the mixture.
 
-    First episodes are truncated at random lengths, which are drawn from the seeds of the reset.
+    The first episodes are truncated after random numbers of steps, which are derived from the seeds of the reset.
     """
 
     def sample_first_lengths(seeds: Sequence[int] | None) -> NDArray[np.int64]:
@@ -254,10 +267,10 @@ def make_robots(config: TrainConfig) -> MultiScenarioVectorEnv:
 
 
 def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
-    """Return a dictionary: name of the scenario -> number of robots on it.
+    """Return the number of robots that train on each scenario, as a dictionary: scenario name -> number.
 
-    The shares of the mixture are rounded to robots by the largest-remainder method. Scenarios with zero robots are left
-    out. Scenarios on the robot's hardware profile come last.
+    The largest-remainder method rounds the shares of the mixture to whole robots. Scenarios with zero robots are left
+    out. Scenarios with the robot's hardware profile (motors, delays and sensors of the real robot) come last.
     """
     total = sum(share for _, share in config.mixture)
     exact = [(name, share / total * config.ppo.envs) for name, share in config.mixture]
@@ -270,12 +283,12 @@ def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
 
 
 def make_base(config: TrainConfig, hardware_profile: bool = False) -> Policy:
-    """Make a new instance of the base policy of a run.
+    """Make a new instance of the base policy of a training run.
 
     Args:
-        config: Settings of the run.
-        hardware_profile: True: make the policy for scenarios on the robot's hardware profile, with the servo gains that
-            it has without the profile.
+        config: Settings of the training run.
+        hardware_profile: True: make the policy for scenarios with the robot's hardware profile. The policy has the same
+            servo gains as without the profile.
 
     Returns:
         The base policy.
@@ -286,10 +299,10 @@ def make_base(config: TrainConfig, hardware_profile: bool = False) -> Policy:
 
 
 def make_bases(config: TrainConfig) -> list[tuple[Policy, int]]:
-    """Make the base policies of a run, each with its number of robots.
+    """Make the base policies of a training run, each with its number of robots.
 
-    One policy is for the scenarios without the hardware profile, one for the scenarios with it. A policy without robots
-    is left out.
+    The first policy is for scenarios without the robot's hardware profile (motors, delays and sensors of the real
+    robot), and the second for scenarios with it. A policy for zero robots is left out.
     """
     counts = [0, 0]
     for name, count in robots_per_scenario(config).items():
@@ -300,44 +313,44 @@ def make_bases(config: TrainConfig) -> list[tuple[Policy, int]]:
 
 
 def _uses_hardware_profile(config: TrainConfig, name: str) -> bool:
-    """Return True if the scenario called `name` uses the robot's hardware profile."""
+    """Return True if the scenario called `name` simulates the motors, delays and sensors of the real robot."""
     return find_scenario(name, config.hardware.robot_model).hardware
 
 
 def uses_batch_threads(config: TrainConfig) -> bool:
-    """Return True if the threads step different batches at the same time.
+    """Return True if different threads step the robots of different scenarios at the same time.
 
-    This requires at least as many batches as threads. Otherwise the batches are stepped in turn, and all threads share
-    the robots of one batch.
+    This requires at least as many scenarios as threads. Otherwise the scenarios are stepped in turn, and all threads
+    share the robots of one scenario.
     """
     return len(robots_per_scenario(config)) >= config.threads
 
 
 def effort_weight_scale(config: TrainConfig, steps: int) -> float:
-    """Return the factor on the reward weights of effort after `steps` steps of a run, from 0 to 1.
+    """Return the factor on the weights of the reward terms of effort, `EFFORT_TERMS`, at a step of a training run.
 
     Args:
-        config: Settings of the run.
-        steps: Steps since the start of the run.
+        config: Settings of the training run.
+        steps: Learner steps since the start of the run, summed over all robots.
 
     Returns:
-        The factor.
+        The factor, which rises linearly from 0 to 1, see `TrainConfig.effort_ramp`.
     """
     ramp = config.effort_ramp * config.steps
     return min(steps / ramp, 1.0) if ramp else 1.0
 
 
 def make_batch(config: TrainConfig, number: int, share: float, effort: float = 1.0) -> SimpleQuadVectorEnv:
-    """Make the batch of robots on one scenario of a run.
+    """Make the vector environment of the robots that train on one scenario.
 
     Args:
-        config: Settings of the run.
+        config: Settings of the training run.
         number: Index of the scenario in `robots_per_scenario`.
         share: Difficulty of the scenario, from 0 to 1, see `at_difficulty`.
-        effort: Factor on the reward weights of effort, from 0 to 1.
+        effort: Factor on the weights of the reward terms of effort, from 0 to 1, see `effort_weight_scale`.
 
     Returns:
-        The batch, a vector environment.
+        The vector environment.
     """
     name, count = list(robots_per_scenario(config).items())[number]
     robot = config.hardware.robot_model

@@ -1,4 +1,4 @@
-"""Validation of a policy during training: evaluation by the code of `evaluate`, on separate seeds."""
+"""Validation of a policy during training: an evaluation on seeds that training and final evaluation never use."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -12,11 +12,11 @@ from train.config import ValidationConfig
 from train.curriculum import with_terrain_seed
 
 Results = Mapping[str, Mapping[str, float]]
-"""Name of the scenario -> name of the metric -> mean over the episodes."""
+"""Type of the results of a validation: scenario name -> metric name -> mean of the metric over the episodes."""
 VALIDATION_SEED = 0
 """Seed of the validation episodes. The seed is the same in every run, so that runs can be compared."""
 YAW_WEIGHT = 0.5
-"""Weight of the yaw-rate error in the score relative to the velocity error, m/s per rad/s."""
+"""Weight of the yaw-rate error in the score of a validation, relative to the velocity error, m/s per rad/s."""
 
 
 def validate(
@@ -26,14 +26,15 @@ def validate(
     hardware: HardwareConfig,
     hardware_profile: Policy | None = None,
 ) -> dict[str, dict[str, float]]:
-    """Evaluate a policy on the validation episodes.
+    """Evaluate a policy on the validation episodes of each scenario.
 
     Args:
         policy: Policy to evaluate.
-        config: Scenarios and number of episodes.
+        config: Validation settings: names of the scenarios and number of episodes per scenario.
         nthread: Number of simulation threads.
-        hardware: Hardware settings of the robots.
-        hardware_profile: The same policy, made for scenarios on the robot's hardware profile; by default `policy`.
+        hardware: Robot, servo gains, motor model, sensors and estimator.
+        hardware_profile: Variant of the policy for scenarios with the robot's hardware profile, which are the motors,
+            delays and sensors of the real robot. None: `policy` is used there too.
 
     Returns:
         Name of the scenario -> name of the metric -> mean over the episodes.
@@ -49,19 +50,19 @@ def validate(
 
 
 def ranking_key(results: Results) -> tuple[float, float]:
-    """Return the sort key of a policy: fraction of failed episodes, then mean score; smaller is better."""
+    """Return the sort key of a validation result: fraction of failed episodes, then mean score; smaller is better."""
     return 1.0 - mean_success_rate(results), mean_score(results)
 
 
 def mean_success_rate(results: Results) -> float:
-    """Return the fraction of successful episodes, averaged over the scenarios."""
+    """Return the fraction of successful episodes in a validation, from 0 to 1, averaged over the scenarios."""
     return sum(means["success_rate"] for means in results.values()) / len(results)
 
 
 def total_cost_of_transport(results: Results) -> float:
-    """Return the cost of transport over all scenarios: total energy / total (weight * distance).
+    """Return the cost of transport over all scenarios of a validation: total energy / total (weight * distance).
 
-    Returns NaN if no robot moved.
+    The cost is dimensionless, and NaN if no robot moved.
     """
     energy = sum(means["energy"] for means in results.values())
     moved_weight = sum(
@@ -71,9 +72,10 @@ def total_cost_of_transport(results: Results) -> float:
 
 
 def mean_score(results: Results) -> float:
-    """Return the score, averaged over the scenarios: velocity error + YAW_WEIGHT * yaw-rate error, m/s.
+    """Return the tracking score of a validation, averaged over the scenarios, m/s; smaller is better.
 
-    Every step after a fall has the largest possible error.
+    The score of a scenario is the velocity error (m/s) + `YAW_WEIGHT` * the yaw-rate error (rad/s). After a fall, every
+    remaining step of the episode has the largest possible error.
     """
     errors = [means["velocity_error"] + YAW_WEIGHT * means["yaw_rate_error"] for means in results.values()]
     return sum(errors) / len(errors)

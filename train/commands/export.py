@@ -11,7 +11,9 @@ from policies.external import onnx_file
 from quad_env.cli.command_line import UsageError, make_folder_of
 
 NUM_CHECKED = 10_000
-"""Number of random observations on which the outputs of the ONNX file and of the policy bundle are compared."""
+"""Number of random observations for the check of an export.
+
+The check compares the outputs of the ONNX file and of the policy bundle for these observations."""
 
 
 @dataclass(frozen=True)

@@ -32,15 +32,20 @@ from train.run_folder import BEST, has_checkpoint, steps_done
 from train.search import trot
 
 RESIDUAL = "residual"
-"""Name of the trained policy, also of its folder among the robot's models."""
+"""Name of the policy that the pipeline trains, and of its folder in the models folder of the robot."""
 OPTIONS_FILE = "begun.json"
-"""Name of the JSON file with the options of the first call in a folder; later calls must have the same options."""
+"""Name of the JSON file in the output folder with the options of the first call of the pipeline.
+
+Later calls with the same folder must have the same options."""
 DESCRIPTION_FILE = "described.txt"
-"""Name of the file with the printed description of the robot."""
+"""Name of the text file with the description of the robot that `python -m quad_env describe` prints."""
 MUTABLE_OPTIONS = ("out", "threads")
-"""Names of the options that may differ between two calls for the same folder."""
+"""Names of the options of the pipeline that may differ between two calls with the same output folder."""
 SEARCH = trot.TrotSearchOptions(generations=12, steps=400, check_episodes=48)
-"""Options of the trot search. A short search is enough, because the start already walks on most robots."""
+"""Options of the search of trot parameters.
+
+A short search is enough, because most robots already walk with the start parameters, which are scaled from SimpleQuad.
+"""
 
 
 @dataclass(frozen=True)
@@ -52,21 +57,21 @@ class RobotPipelineOptions:
     base: BaseName = "trot_feedback"
     """Policy that the residual corrects."""
     steps: int = parameter(4_000_000, limits=(1, 10**12 - 1))
-    """Steps of the training."""
+    """Number of learner steps of the training, summed over all robots."""
     training: tuple[str, ...] = ()
     """Further options of `python -m train`, in quotes, for example "--ppo.envs 512"."""
     policies: tuple[str, ...] = ("trot", "trot_feedback", RESIDUAL)
-    """Policies compared in the end, by name."""
+    """Names of the policies that are compared after the training."""
     scenarios: tuple[str, ...] = ("default",)
-    """Scenarios that they are compared on."""
+    """Names of the scenarios on which the policies are compared."""
     episodes: int = parameter(8, limits=(1, 1_000_000))
-    """Episodes of each policy on each scenario."""
+    """Number of episodes of each policy on each scenario."""
     seed: int = parameter(0, limits=(0, 2**31))
-    """Seed of search and training, and of the evaluation's episodes."""
+    """Seed of the search, of the training, and of the episodes of the evaluation."""
     out: Path | None = None
-    """Folder for everything; results/ROBOT when not given."""
+    """Folder for all files of the pipeline; results/ROBOT by default."""
     threads: int = parameter(available_cores(), limits=(1, 256))
-    """Threads of the simulation (count; default: this machine's cores)."""
+    """Number of threads of the simulation; by default the number of cores of the machine."""
 
     @property
     def folder(self) -> Path:
@@ -75,31 +80,31 @@ class RobotPipelineOptions:
 
     @property
     def evaluation_folder(self) -> Path:
-        """Folder of the evaluation, inside `folder`."""
+        """Folder of the results of the evaluation, a subfolder of `folder`."""
         return self.folder / "evaluation"
 
     @property
     def toml(self) -> Path:
-        """TOML file of the robot. A user may edit the file before the search."""
+        """TOML file with the description of the robot. A user may edit the file before the search."""
         given = Path(self.robot)
         return given if given.suffix == ".toml" else self.folder / f"{given.stem}.toml"
 
 
 class Stage(NamedTuple):
-    """One stage of the pipeline."""
+    """Stage of the pipeline for a new robot: describe, search, train or compare."""
 
     name: str
-    """Name of the stage, an imperative that is printed."""
+    """Name of the stage in the printed progress, for example "train a residual"."""
     minutes: float
-    """Typical duration on two cores, min."""
+    """Typical duration of the stage on two cores, min."""
     is_done: Callable[[], bool]
-    """Function that returns True if the stage is already done."""
+    """Function without arguments that returns True if the results of the stage already exist."""
     action: Callable[[], object]
-    """Function that performs the stage."""
+    """Function without arguments that performs the stage."""
 
 
 def main(options: RobotPipelineOptions) -> int:
-    """Run the stages that are not done yet, and return the exit code.
+    """Run all stages of the pipeline that are not done yet, and return the exit code.
 
     Args:
         options: Options of the command. UsageError is raised if they are not valid.
@@ -108,7 +113,7 @@ def main(options: RobotPipelineOptions) -> int:
         The exit code, 0.
 
     Raises:
-        KeyboardInterrupt: After Ctrl-C; the message has the command that continues.
+        KeyboardInterrupt: After Ctrl-C. The message has the command line that continues the pipeline.
     """
     check_numbers(options, limits_of(options))
     if not Path(options.robot).suffix:
@@ -135,7 +140,7 @@ def main(options: RobotPipelineOptions) -> int:
 
 
 def _stages(options: RobotPipelineOptions) -> list[Stage]:
-    """Return the stages of the pipeline, in order."""
+    """Return the stages of the pipeline in their order: describe, search, train, compare."""
     is_described = (options.folder / DESCRIPTION_FILE).is_file
     is_searched = partial(_has_model, options, trot.ACCOUNT)
     is_trained = partial(_has_model, options, f"{RESIDUAL}/{bundle.DESCRIPTION}")
@@ -148,23 +153,25 @@ def _stages(options: RobotPipelineOptions) -> list[Stage]:
 
 
 def _model_path(options: RobotPipelineOptions, name: str) -> Path:
-    """Return the path of a file or folder `name` in the folder of the robot's models."""
+    """Return the path of the file or folder `name` in the models folder of the robot."""
     return models_folder(parse_robot_option(str(options.toml)).robot_model) / name
 
 
 def _has_model(options: RobotPipelineOptions, name: str) -> bool:
-    """Return True if the folder of the robot's models has a file `name`."""
+    """Return True if the models folder of the robot has a file with the path `name`."""
     return options.toml.is_file() and _model_path(options, name).is_file()
 
 
 def _search(options: RobotPipelineOptions) -> None:
-    """Search the parameters of the robot's trot."""
+    """Search the parameters of the robot's open-loop trot by CMA-ES, and write them to the robot's models."""
     trot.main(replace(SEARCH, robot=str(options.toml), seed=options.seed, threads=options.threads))
 
 
 def _train(options: RobotPipelineOptions) -> None:
-    """Train a residual, or continue its training, and copy the best bundle to the robot's models."""
-    from train.commands.run import run  # imported here to avoid a circular import
+    """Train a residual policy, or continue its training, and copy the best bundle to the robot's models folder."""
+    from train.commands.run import (
+        run,
+    )  # This import is not at the top of the module, because it would be circular there.
 
     folder = options.folder / "training"
     words = f"--base {options.base} --steps {options.steps} --validation.interval {options.steps}"
@@ -178,7 +185,7 @@ def _train(options: RobotPipelineOptions) -> None:
 
 
 def _compare(options: RobotPipelineOptions) -> None:
-    """Evaluate the policies, or continue an interrupted evaluation."""
+    """Evaluate and compare the policies of the pipeline, or continue an interrupted evaluation."""
     from evaluate.commands.execution import execute
     from evaluate.commands.options import EvaluateOptions
     from evaluate.commands.plan import check, load_run_options
@@ -193,7 +200,7 @@ def _compare(options: RobotPipelineOptions) -> None:
 
 
 def _is_compared(options: RobotPipelineOptions) -> bool:
-    """Return True if the evaluation is finished."""
+    """Return True if the evaluation folder has the results of a finished evaluation."""
     from evaluate.records.store import is_unfinished
 
     folder = options.evaluation_folder
@@ -201,9 +208,9 @@ def _is_compared(options: RobotPipelineOptions) -> bool:
 
 
 def _check_same_options(options: RobotPipelineOptions) -> None:
-    """Write the options to the folder on the first call, and compare them on later calls.
+    """Check that every call of the pipeline for one output folder has the same options.
 
-    Raises UsageError if a later call has other options.
+    The first call writes its options to the folder. Raises UsageError if a later call has other options.
     """
     robot = str(Path(options.robot).resolve()) if Path(options.robot).suffix else options.robot
     absolute = asdict(replace(options, robot=robot))
@@ -224,9 +231,9 @@ def _check_same_options(options: RobotPipelineOptions) -> None:
 
 
 def _describe(options: RobotPipelineOptions) -> None:
-    """Print the description of the robot, and write the description, a TOML and a picture to the folder.
+    """Print the description of the robot, and write it, a TOML file and a picture to the output folder.
 
-    Raises UsageError if the robot cannot be used.
+    The text is printed by `python -m quad_env describe`. Raises UsageError if the robot cannot be used.
     """
     command = [sys.executable, "-m", "quad_env", "describe", options.robot]
     inferred = options.folder / "inferred.toml"

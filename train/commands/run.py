@@ -35,7 +35,7 @@ BASIC_OPTIONS = (
     "robot",
     "servo",
 )
-"""Names of the options that --help explains. --help-all explains all options."""
+"""Names of the main options of `python -m train`, which --help explains. --help-all explains all options."""
 HELP_ALL = "--help-all"
 MOVED_COMMANDS = {
     name: f"now `python -m research {name.split()[0]}`"
@@ -44,11 +44,11 @@ MOVED_COMMANDS = {
 MOVED_COMMANDS |= {
     name: f"gone: revision 59ce5e8 has it as `python -m research {name}`" for name in ("sweep", "trials")
 }
-"""Name of a command of an older version -> message that is shown if a user calls the command."""
+"""Name of a command of an older version -> message with the new command, shown if a user calls the old one."""
 
 
 def run(words: list[str]) -> int:
-    """Train with the options of a command line, and return the exit code.
+    """Train a policy with the options of a command line, and return the exit code.
 
     Args:
         words: Words of the command line after `python -m train`. The first word may be `run`.
@@ -57,10 +57,11 @@ def run(words: list[str]) -> int:
         The exit code, 0.
 
     Raises:
-        KeyboardInterrupt: After Ctrl-C. The message has the options that continue the run, if there is a checkpoint.
+        KeyboardInterrupt: After Ctrl-C. The message has the options that continue the training, if the run has a
+            checkpoint.
     """
     config = parse(words[1:] if words[:1] == ["run"] else words)
-    # Imported here, because torch takes seconds to import and --help and usage errors must answer at once.
+    # Imported here, because the import of torch takes seconds, and --help and usage errors must appear at once.
     from train.run import train
 
     launcher.raise_on_interrupt()
@@ -75,7 +76,7 @@ def run(words: list[str]) -> int:
 
 
 def parse(words: Sequence[str]) -> TrainConfig:
-    """Parse a command line to the settings of a run.
+    """Parse a command line of `python -m train` to the settings of a training run.
 
     With --help, the function prints the help and raises SystemExit(0).
 
@@ -83,11 +84,12 @@ def parse(words: Sequence[str]) -> TrainConfig:
         words: Words of the command line after `python -m train`.
 
     Returns:
-        The settings. Options that are not given have the defaults of --policy, or with --resume the values of the run.
+        The settings. An option that is not given has the default value for --policy, or with --resume the value of the
+        run that is continued.
 
     Raises:
-        UsageError: An option is unknown or its value is not valid, or an option next to --resume differs from the
-            settings of the run.
+        UsageError: An option is unknown, its value is not valid, or it differs from the settings of the run that
+            --resume continues.
     """
     spelled = normalise_option_names(TrainConfig, list(words))
     words = ["--help" if word == HELP_ALL else word for word in spelled]
@@ -107,11 +109,11 @@ def parse(words: Sequence[str]) -> TrainConfig:
 
 
 def _defaults(words: list[str]) -> TrainConfig:
-    """Return the default settings for a command line.
+    """Return the settings that options have if they are not given on the command line `words`.
 
-    The defaults depend on --policy, and with --resume on the settings of the run in the folder. So the command line is
-    parsed twice. The first time, here, the defaults are the settings of a residual. The second time is in `parse`,
-    which also prints the help, because only then the right defaults are known.
+    The defaults depend on --policy, and with --resume on the settings of the run that is continued. So the command line
+    is parsed twice. This function parses it with the defaults of a residual, to read --policy, --resume and --out. Then
+    `parse` parses it again with the defaults that this function returns, and prints the help if requested.
     """
     wants_help = not HELP.isdisjoint(words)
     without_help = [word for word in words if word not in HELP]
@@ -127,7 +129,7 @@ def _defaults(words: list[str]) -> TrainConfig:
 
 
 def _basic_config() -> type[TrainConfig]:
-    """Return a variant of TrainConfig with a help text that explains only the basic options."""
+    """Return a subclass of TrainConfig with a help text that explains only the options in `BASIC_OPTIONS`."""
     import tyro
 
     hints = get_type_hints(TrainConfig, include_extras=True)

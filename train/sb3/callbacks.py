@@ -43,36 +43,42 @@ from train.training_robots import (
 from train.validation import Results, mean_score, mean_success_rate, ranking_key, total_cost_of_transport, validate
 
 FIRST_CHECKPOINT_DEADLINE = 30.0
-"""Time within which a session writes its first checkpoint, s. A longer first rollout delays the checkpoint."""
+"""Time within which a session writes its first checkpoint, s.
+
+A session is the part of a training run that one process trains. If its first rollout takes longer, the checkpoint is
+written after that rollout."""
 
 
 _FIELDS = {"shares": "difficulties"}
-"""Key in a checkpoint -> field of `CallbackState`, for the fields with another name than their key."""
+"""Key in a checkpoint file -> name of the field of `CallbackState`, for fields that are not stored by their name."""
 
 
 @dataclasses.dataclass
 class CallbackState:
-    """State of the callback that checkpoints save for a later session. All values are JSON types.
+    """State of the training callback that a checkpoint saves, so that a later session continues the run.
 
-    A session is the part of a run that one process trains.
+    All values are JSON types. A session is the part of a run that one process trains.
     """
 
     segments: int = 0
-    """Number of segments that were started, see `segment_steps`."""
+    """Number of segments of the run that were started; all robots start new episodes at the start of a segment."""
     seconds: float = 0.0
-    """Training time of earlier sessions, validation included, s."""
+    """Time that all sessions of the run have spent on training and validation, s."""
     rate: float | None = None
-    """Current learning rate of the adaptive schedule; None if the schedule is another one."""
+    """Current learning rate, if the learning-rate schedule is "adaptive"; otherwise None."""
     difficulties: list[float] = dataclasses.field(default_factory=list)
-    """Difficulty of each scenario, from 0 to 1, see `train.curriculum`."""
+    """Current difficulty of each training scenario, from 0 to 1, see `train.curriculum`."""
     validations: list[dict[str, Any]] = dataclasses.field(default_factory=list)
-    """Result of each validation: keys "steps", "success", "score", "cost_of_transport" and "scenarios"."""
+    """Result of each validation of the run, in order of steps.
+
+    The keys of a result are "steps" (number of learner steps), "success" (rate from 0 to 1), "score" (m/s),
+    "cost_of_transport", and "scenarios" (scenario name -> metric name -> mean)."""
 
     @classmethod
     def read(cls, remembered: Mapping[str, Any]) -> "CallbackState":
-        """Create the state from `remembered`, its JSON types in a checkpoint.
+        """Create the callback state from its dictionary of JSON types in a checkpoint.
 
-        Raises UsageError if they do not fit.
+        Raises UsageError if the dictionary `remembered` does not fit the fields of the class.
         """
         try:
             return cast(CallbackState, decode(cls, {_FIELDS.get(key, key): value for key, value in remembered.items()}))
@@ -80,31 +86,34 @@ class CallbackState:
             raise UsageError(f"the checkpoint does not fit this run: {error}") from None
 
     def to_json(self) -> dict[str, Any]:
-        """Return the state as a dictionary of JSON types, with the keys of a checkpoint."""
+        """Return the callback state as a dictionary of JSON types, with the keys of a checkpoint file."""
         keys = {field: key for key, field in _FIELDS.items()}
         return {keys.get(field, field): value for field, value in vars(self).items()}
 
     @property
     def validated(self) -> int:
-        """Number of steps at the last validation; 0 before the first."""
+        """Number of learner steps at the last validation; 0 before the first validation."""
         return int(self.validations[-1]["steps"]) if self.validations else 0
 
     @property
     def best(self) -> int:
-        """Number of steps at the best validation, the earliest if several are equal."""
+        """Number of learner steps at the best validation; the earliest if several validations are equally good."""
         return int(min(self.validations, key=lambda validation: ranking_key(validation["scenarios"]))["steps"])
 
 
 class TrainingCallback(BaseCallback):
-    """Callback of a run: schedules, curriculum, validation, bundles, checkpoints and segments.
+    """SB3 callback of a training run: schedules, curriculum, validation, bundles, checkpoints and segments.
+
+    All robots start new episodes at the start of a segment, see `segment_steps`.
 
     Args:
-        config: Settings of the run.
-        env: Environment of the learner.
+        config: Settings of the training run.
+        env: Environment in which the learner trains.
         display: Progress display.
         interrupt: Shows whether the user has pressed Ctrl-C.
         state: State of the callback, which is updated in place.
-        actions: Actions of the unfinished segment of a resumed run. The robots first repeat them.
+        actions: Actions of all robots in the unfinished segment of a resumed run, one array, (n, 12), per learner step.
+            The robots first repeat these actions. Empty for a new run.
     """
 
     def __init__(
@@ -124,20 +133,21 @@ class TrainingCallback(BaseCallback):
         self._state = state
         self._actions = actions
         self._bases = [make_base(config, hardware_profile) for hardware_profile in (False, True)]
-        """Base policies for bundles, without and with the hardware profile.
+        """Base policies that are saved in policy bundles: first without, then with the robot's hardware profile.
 
-        They are made here, so that a parameter file that changes during the run has no effect on the bundles."""
+        The constructor makes them, so that a parameter file that changes during the run has no effect on the
+        bundles."""
         self._robots = cast(MultiScenarioVectorEnv, env.env.unwrapped)
         self._batch_settings = [(config.curriculum, effort_weight_scale(config, 0))] * len(self._robots.batches)
-        """Difficulty and factor on the reward weights of effort, for each batch."""
+        """For each training scenario: difficulty (0 to 1) and factor on the effort reward weights (0 to 1)."""
         self._recent = RecentIntervals(segment_steps(config) // (config.ppo.envs * config.ppo.rollout_steps))
         state.difficulties = state.difficulties or [config.curriculum] * len(self._batch_settings)
         self._earlier_seconds = state.seconds
         self._session_start = time.monotonic()
         self._start = 0
-        """Number of steps at the start of the session."""
+        """Number of learner steps of the run when this process started or resumed it."""
         self._end = 0
-        """Number of steps at the end of the current segment."""
+        """Number of learner steps of the run at the end of the current segment, see `segment_steps`."""
         self._last_checkpoint_step = 0
 
     @property
@@ -146,13 +156,16 @@ class TrainingCallback(BaseCallback):
 
     @property
     def _segment_finished(self) -> bool:
-        """True if the current segment is complete, also before the first segment."""
+        """True if the current segment is complete or no segment has started.
+
+        All robots start new episodes at the start of a segment.
+        """
         return self.num_timesteps >= self._end
 
     def _policy(self, hardware_profile: bool = False) -> ResidualPolicy:
-        """Make the policy for a bundle: the actor without exploration noise, and a new base policy.
+        """Make the policy for a policy bundle: the actor without exploration noise, on a copy of the base policy.
 
-        `hardware_profile` selects the base policy, see `make_base`.
+        `hardware_profile` selects the base policy for scenarios with the robot's hardware profile, see `make_base`.
         """
         config = self._config
         authority = cast(ResidualVectorEnv, self._env.env).authority
@@ -177,7 +190,7 @@ class TrainingCallback(BaseCallback):
             self._end = self._start - len(self._actions) * self._env.num_envs + segment_steps(self._config)
             seeds = training_seeds(self._config, self._state.segments - 1)
             self._learner._last_obs, self._learner._last_episode_starts = self._env.replay(seeds, self._actions)
-            self._robots.pop_statistics()  # clears the statistics of rollouts that were logged already
+            self._robots.pop_statistics()  # discards the statistics of rollouts that were logged already
             self._display.estimator.restart()
 
     def _on_rollout_end(self) -> None:
@@ -210,7 +223,7 @@ class TrainingCallback(BaseCallback):
         if self._state.validated < self.num_timesteps:
             self._validate()
         self._log()
-        self._end = 0  # so that a run that is extended later begins a new segment
+        self._end = 0  # 0, so that a run that is extended later begins with a new segment
         self._save_checkpoint()
 
     def _restore_rate(self) -> None:
@@ -223,13 +236,13 @@ class TrainingCallback(BaseCallback):
             fall = (ppo.log_std_final - ppo.log_std_init) * min(self.num_timesteps / self._config.steps, 1.0)
             self._learner.policy.log_std.data.fill_(ppo.log_std_init + fall)
         if isinstance(rate := self._learner.learning_rate, AdaptiveRate):
-            # The logger has the KL divergence of the last update; before the first update the entry is missing.
+            # The logger has the KL divergence of the last update under this name, but not before the first update.
             if (kl := self.logger.name_to_value.get("train/approx_kl")) is not None:
                 rate.update(float(kl))
             self._state.rate = rate.rate
 
     def _adjust_severities(self) -> None:
-        """Update the difficulty of each scenario from the command intervals of the finished segment."""
+        """Update the difficulty of each scenario from the command intervals that ended in the finished segment."""
         counted, tracked = self._robots.pop_interval_counts()
         if not counted.any():
             return
@@ -239,9 +252,9 @@ class TrainingCallback(BaseCallback):
             self.logger.record(f"kept/{batch.scenario.name}", tracked[number] / max(counted[number], 1))
 
     def _make_batches(self, begun: int) -> None:
-        """Replace batches with outdated settings.
+        """Replace the vector environments of scenarios with a changed difficulty or effort weight.
 
-        The settings are the difficulty and the reward weights of effort for the segment that starts at step `begun`.
+        The new values are for the segment that starts at learner step `begun`.
         """
         effort = effort_weight_scale(self._config, begun)
         settings = [(difficulty, effort) for difficulty in self._state.difficulties]
@@ -251,14 +264,14 @@ class TrainingCallback(BaseCallback):
         self._batch_settings = settings
 
     def _begin_segment(self) -> None:
-        """Begin a segment: start new episodes of all robots."""
+        """Begin a segment of the run: start new episodes of all robots with new seeds."""
         self._end = self.num_timesteps + segment_steps(self._config)
         self._learner._last_obs = self._env.reset_to_seeds(training_seeds(self._config, self._state.segments))
         self._learner._last_episode_starts = np.ones(self._env.num_envs, np.bool_)
         self._state.segments += 1
 
     def _validate(self) -> None:
-        """Validate the current policy, and save its bundle if it is the best so far."""
+        """Validate the current policy, and save its bundle if its result is the best of the run so far."""
         config = self._config
         policy = self._policy()
         with self._display.estimator.validation(self.num_timesteps):
@@ -275,7 +288,13 @@ class TrainingCallback(BaseCallback):
         self._report_validation(means, results, is_best)
 
     def _report_validation(self, means: Mapping[str, float], results: Results, is_best: bool) -> None:
-        """Log, write and print the results of the last validation."""
+        """Log, write and print the results of the last validation.
+
+        Args:
+            means: Metric name -> mean over all scenarios.
+            results: Scenario name -> metric name -> mean over the episodes.
+            is_best: True if the result is the best of the run so far.
+        """
         state = self._state
         for scenario, figures in {"": means, **results}.items():
             for name, value in figures.items():
@@ -290,9 +309,9 @@ class TrainingCallback(BaseCallback):
         self._display.note(f"{state.validated:>10,} validation: {line}")
 
     def _log(self) -> None:
-        """Write the metrics of the last rollout, of its update and of its validation, if any.
+        """Write the metrics of the last rollout, the update after it, and the validation after it, if there was one.
 
-        SB3 by itself would write the metrics of update and validation one rollout later.
+        Without this call, SB3 would write the metrics of the update and the validation one rollout later.
         """
         if self.logger.name_to_value:
             self.logger.record("time/seconds", self._seconds)
@@ -304,7 +323,10 @@ class TrainingCallback(BaseCallback):
 
     @property
     def _first_checkpoint_due(self) -> bool:
-        """True if the session has no checkpoint and another rollout would exceed FIRST_CHECKPOINT_DEADLINE."""
+        """True if the first checkpoint of this process must be written now.
+
+        This is the case if the next rollout would probably end after FIRST_CHECKPOINT_DEADLINE.
+        """
         rollouts = (self.num_timesteps - self._start) / (self._config.ppo.envs * self._config.ppo.rollout_steps)
         worked = time.monotonic() - self._session_start
         return (
@@ -314,11 +336,12 @@ class TrainingCallback(BaseCallback):
         )
 
     def _save_checkpoint(self) -> None:
-        """Write the latest bundle and a checkpoint, with the actions of the robots if a segment is unfinished.
+        """Write the latest policy bundle and a checkpoint to the folder of the run.
 
-        The bundle is written before the checkpoint. If the process is killed in between, the resumed run repeats the
-        steps and writes the bundle again. At step 0 the checkpoint is written first, because a folder with a bundle and
-        no checkpoint could neither be resumed nor used for a new run.
+        If a segment is unfinished, the checkpoint has the actions of all robots since its start. The bundle is written
+        before the checkpoint. If the process is killed in between, the resumed run repeats the steps and writes the
+        bundle again. At step 0 the checkpoint is written first, because a folder with a bundle and no checkpoint could
+        neither be resumed nor used for a new run.
         """
         self._state.seconds = self._seconds
         self._last_checkpoint_step = self.num_timesteps
@@ -336,7 +359,7 @@ class TrainingCallback(BaseCallback):
         save_bundle(self._config.folder / name, policy, to_dict(self._config), git_revision(REPOSITORY) or "unknown")
 
     def _save_and_interrupt(self) -> None:
-        """Save a checkpoint, and raise KeyboardInterrupt to end the run after Ctrl-C."""
+        """End the training after Ctrl-C: save a checkpoint if the last one is older, and raise KeyboardInterrupt."""
         if self._last_checkpoint_step < self.num_timesteps:
             self._save_checkpoint()
         untrained = "" if self._last_checkpoint_step else ", its base without a correction"

@@ -1,4 +1,4 @@
-"""Checkpoints of a run between two rollouts: arrays as safetensors, all else as JSON, no pickle.
+"""Checkpoints of a training run between two rollouts: arrays as safetensors, all other values as JSON.
 
 The learner, the schedules and the random generators are restored exactly. The states of the robots are not saved. A
 checkpoint has the actions of the robots since the start of the segment, see `segment_steps`. A resumed run repeats
@@ -30,9 +30,9 @@ from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
 
 SCHEMA = 2
-"""Version of the file format."""
+"""Version of the file format of checkpoints."""
 KEPT_CHECKPOINTS = 2
-"""Number of the latest checkpoints that are kept in a folder."""
+"""Number of checkpoints that are kept in the folder of a run; `save` removes older ones."""
 _POLICY = "policy."
 _OPTIMISER = "optimiser."
 _ACTIONS = "robots.actions"
@@ -40,31 +40,35 @@ _ACTIONS = "robots.actions"
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """State of a run between two rollouts, made by `capture` or read from a folder by `load`."""
+    """Checkpoint: state of a training run between two rollouts, made by `capture` or read from a folder by `load`."""
 
     tensors: dict[str, torch.Tensor]
-    """Name -> array: weights, optimiser moments, random states and actions, each with a prefix in the name."""
+    """Name -> array: network weights, optimiser moments, states of random generators, and actions of the robots.
+
+    The prefix of a name shows its kind, for example "policy." for network weights."""
     progress: dict[str, Any]
-    """Values of JSON types: counters, random states, and the state of the callback under the key "remembered"."""
+    """Name -> value of JSON types: number of steps and updates, states of random generators, callback state.
+
+    The callback state has the key "remembered"."""
     damaged: tuple[str, ...] = ()
-    """Errors of newer checkpoints that could not be read, one line each."""
+    """Error messages, one line each, of newer checkpoints in the same folder that could not be read."""
 
     @property
     def actions(self) -> list[NDArray[np.float32]]:
-        """Actions of all robots in each step since the start of the segment, each (n, k).
+        """Actions of all robots since the start of the segment, one array, (n, k), per learner step.
 
-        The list is empty if the checkpoint is at the end of a segment.
+        A resumed run repeats them. The list is empty if the checkpoint is at the end of a segment.
         """
         return list(self.tensors[_ACTIONS].numpy()) if _ACTIONS in self.tensors else []
 
 
 def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np.float32]] = ()) -> Checkpoint:
-    """Capture the state of a run, between the update from one rollout and the start of the next rollout.
+    """Make a checkpoint of a training run, between the update after one rollout and the start of the next one.
 
     Args:
-        model: Learner.
+        model: PPO learner.
         remembered: State of the callback, of JSON types.
-        actions: Actions of all robots in each step since the start of the segment, each (n, k).
+        actions: Actions of all robots since the start of the segment, one array, (n, k), per learner step.
 
     Returns:
         The checkpoint, with copies of all arrays.
@@ -86,7 +90,7 @@ def restore(model: PPO, checkpoint: Checkpoint) -> None:
     """Restore the learner and all random generators from a checkpoint.
 
     Args:
-        model: Learner, which is changed.
+        model: PPO learner, which is changed.
         checkpoint: Checkpoint of a learner with the same settings.
 
     Raises:
@@ -108,14 +112,14 @@ def restore(model: PPO, checkpoint: Checkpoint) -> None:
 
 
 def load_networks(model: PPO, folder: Path) -> None:
-    """Load actor, critic and exploration noise from the newest checkpoint in a folder into a new learner.
+    """Load actor, critic and exploration noise from the newest checkpoint of another run into a new learner.
 
     Args:
-        model: Learner, which is changed.
-        folder: Folder of checkpoints.
+        model: PPO learner, which is changed.
+        folder: Folder of the checkpoints of the other run.
 
     Raises:
-        UsageError: The networks have another shape, or there is no checkpoint.
+        UsageError: The networks in the checkpoint have another shape, or the folder has no checkpoint.
     """
     weights = _with_prefix(load(folder).tensors, _POLICY)
     try:
@@ -126,7 +130,7 @@ def load_networks(model: PPO, folder: Path) -> None:
 
 
 def _with_prefix(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
-    """Return the tensors with names that start with `prefix`; the prefix is removed from the names."""
+    """Return the tensors of a checkpoint with names that start with `prefix`, under their names without it."""
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
@@ -139,7 +143,7 @@ def _restore_optimiser(optimiser: torch.optim.Optimizer, moments: dict[str, torc
 
 
 def save(folder: Path, checkpoint: Checkpoint) -> None:
-    """Write a `checkpoint` to `folder`, and remove all but the latest `KEPT_CHECKPOINTS`."""
+    """Write a `checkpoint` to `folder`, and remove all checkpoints but the latest `KEPT_CHECKPOINTS`."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = f"{checkpoint.progress['steps']:012d}"
     tensors = save_tensors(checkpoint.tensors)
@@ -155,10 +159,10 @@ def load(folder: Path) -> Checkpoint:
     """Load the newest complete checkpoint in a folder.
 
     Args:
-        folder: Folder of checkpoints.
+        folder: Folder of the checkpoints of a run.
 
     Returns:
-        The checkpoint. Its field `damaged` lists the newer ones that could not be read.
+        The checkpoint. Its field `damaged` lists newer checkpoints that could not be read.
 
     Raises:
         UsageError: The folder has no complete checkpoint.

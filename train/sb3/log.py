@@ -1,4 +1,4 @@
-"""Outputs of SB3's logger for the metrics of each rollout: TensorBoard events, and JSON lines."""
+"""Outputs of the Stable-Baselines3 (SB3) logger for the metrics of each rollout: TensorBoard and JSON lines."""
 
 import contextlib
 import itertools
@@ -18,7 +18,10 @@ from train.run_folder import METRICS_FILE, TENSORBOARD
 
 
 class _TensorBoardEvents(TensorBoardOutputFormat):
-    """TensorBoard output; TensorBoard hides events that an earlier session wrote after step `steps`."""
+    """TensorBoard output of a training run that starts or resumes at step `steps`.
+
+    TensorBoard hides events of later steps that the run wrote before it was stopped and resumed.
+    """
 
     def __init__(self, folder: Path, steps: int) -> None:
         self.writer = SummaryWriter(str(folder), purge_step=steps + 1)
@@ -26,9 +29,10 @@ class _TensorBoardEvents(TensorBoardOutputFormat):
 
 
 class _MetricsFile(KVWriter):
-    """Metrics file, with one line of JSON per rollout; lines after step `steps` are removed first.
+    """File output of the training metrics, with one line of JSON per rollout.
 
-    A metric that is NaN, for example a mean of no values, is written as null.
+    The constructor removes lines of later steps than `steps`, at which the run starts or resumes. A metric that is NaN,
+    for example a mean of no values, is written as null.
     """
 
     def __init__(self, folder: Path, steps: int) -> None:
@@ -36,30 +40,30 @@ class _MetricsFile(KVWriter):
         self._file = (folder / METRICS_FILE).open("a", encoding="utf-8")
 
     def write(self, key_values: dict[str, Any], key_excluded: Mapping[str, tuple[str, ...]], step: int = 0) -> None:
-        """Append a line, unless there are no metrics.
+        """Append a line with the metrics of a rollout to the file, if there are metrics.
 
         Args:
-            key_values: Name -> value of the metrics.
-            key_excluded: Not used. SB3 passes the output formats that leave out a metric.
-            step: Number of steps of the run.
+            key_values: Name of the metric -> value.
+            key_excluded: Not used. SB3 passes here the names of the output formats that leave out a metric.
+            step: Number of learner steps of the run at the end of the rollout.
         """
         if values := {name: float(value) for name, value in sorted(key_values.items())}:
             self._file.write(json.dumps(nan_to_null({"steps": step} | values)) + "\n")
             self._file.flush()
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the metrics file."""
         self._file.close()
 
 
 def cut_metrics(folder: Path, steps: int) -> None:
-    """Remove the lines after step `steps` from the metrics file in `folder`.
+    """Remove the lines of later steps than `steps` from the metrics file of a run.
 
-    A resumed run writes these lines again.
+    A run that resumes at this step writes these lines again.
 
     Args:
-        folder: Folder of the metrics file.
-        steps: Last step that is kept.
+        folder: Folder of the run, with the metrics file.
+        steps: Last learner step with a line that is kept.
     """
     path = folder / METRICS_FILE
     lines = read_bytes(path, MAX_DATA_SIZE).splitlines(keepends=True) if path.exists() else ()
@@ -69,14 +73,14 @@ def cut_metrics(folder: Path, steps: int) -> None:
 
 @contextlib.contextmanager
 def run_logger(folder: Path, steps: int) -> Iterator[Logger]:
-    """Open the logger of a run, within a context.
+    """Open the SB3 logger of a training run, and close it at the end of the context.
 
-    TensorBoard writes in a thread. An OSError there, for example on a full disk, is not printed by the thread, because
-    the next write raises it again.
+    TensorBoard writes in a thread. If an OSError occurs in the thread, for example because the disk is full, the thread
+    does not print it, because the next write of the logger raises the same error.
 
     Args:
         folder: Folder of the run.
-        steps: Number of steps at the start of the session.
+        steps: Number of learner steps at which the run starts or resumes.
 
     Yields:
         The logger.

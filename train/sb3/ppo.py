@@ -1,4 +1,4 @@
-"""Learner: PPO of Stable-Baselines3 with an initial correction of zero, and its actor as a `Network`."""
+"""Learner: PPO of Stable-Baselines3 (SB3) that starts with a mean correction of zero; export of its actor."""
 
 import dataclasses
 from functools import partial
@@ -18,30 +18,34 @@ from train.config import PpoConfig, TrainConfig
 from train.sb3.vec_env import TrainingVecEnv
 
 MIN_LEARNING_RATE = 1e-5
-"""Lower bound of the adaptive learning rate."""
+"""Lower bound of the learning rate of the adaptive schedule, `AdaptiveRate`."""
 MAX_LEARNING_RATE = 1e-2
-"""Upper bound of the adaptive learning rate."""
+"""Upper bound of the learning rate of the adaptive schedule, `AdaptiveRate`."""
 REWARD_SCALE = 10.0
-"""Factor on the rewards of the learner. The factor gives the returns a magnitude of about one."""
+"""Factor on the rewards that the learner receives, so that the returns have a magnitude of about one."""
 
 
 @dataclasses.dataclass
 class AdaptiveRate:
-    """SB3 learning-rate schedule that keeps the KL divergence of an update near a target, as in rsl_rl."""
+    """SB3 learning-rate schedule that keeps the KL divergence of an update near a target, as in rsl_rl.
+
+    The KL divergence is between the policies before and after the update.
+    """
 
     rate: float
-    """Current learning rate."""
+    """Current learning rate of the optimiser."""
     target_kl: float
-    """Target of the KL divergence of an update, nat."""
+    """Target of the KL divergence between the policies before and after an update, nat."""
 
     def __call__(self, progress_remaining: float) -> float:
-        """Return the current rate; `progress_remaining`, which SB3 passes, is not used."""
+        """Return the current learning rate. SB3 passes `progress_remaining`, which is not used."""
         return self.rate
 
     def update(self, kl: float) -> None:
-        """Adapt the rate to the KL divergence `kl` of the last update, nat.
+        """Adapt the learning rate to the KL divergence `kl` of the last update, nat.
 
-        The rate is lowered if `kl` is above twice the target, and raised if `kl` is below half the target.
+        The rate is divided by 1.5 if `kl` is above twice the target, and multiplied by 1.5 if `kl` is below half the
+        target.
         """
         if kl > 2.0 * self.target_kl:
             self.rate = max(self.rate / 1.5, MIN_LEARNING_RATE)
@@ -50,9 +54,9 @@ class AdaptiveRate:
 
 
 class AsymmetricPolicy(ActorCriticPolicy):
-    """SB3 policy with an asymmetric actor and critic.
+    """SB3 actor-critic policy in which actor and critic have different observations.
 
-    Only the critic receives the last `privileged` entries of an observation.
+    The last `privileged` entries of an observation, which a real robot cannot measure, go only to the critic.
     """
 
     def __init__(self, *args: Any, privileged: int = 0, **kwargs: Any) -> None:
@@ -68,7 +72,7 @@ class AsymmetricPolicy(ActorCriticPolicy):
 
 
 class TakeFirst(nn.Module):
-    """Network module that returns the first `count` entries of each row."""
+    """PyTorch module that passes on only the first `count` entries of each input vector."""
 
     def __init__(self, count: int) -> None:
         super().__init__()
@@ -80,7 +84,10 @@ class TakeFirst(nn.Module):
 
 
 def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
-    """Return the learning rate for SB3: a schedule object or function, or a constant."""
+    """Return the learning rate in a form that SB3 accepts.
+
+    The result is an `AdaptiveRate`, a function of the remaining fraction of the run, or a constant.
+    """
     rate = config.learning_rate
     if config.learning_rate_schedule == "adaptive":
         return AdaptiveRate(rate, config.target_kl)
@@ -88,28 +95,28 @@ def learning_rate(config: PpoConfig) -> AdaptiveRate | partial[float] | float:
 
 
 def _linear_rate(rate: float, remaining: float) -> float:
-    """Return the learning rate of a linear schedule.
+    """Return the learning rate of a schedule that falls linearly from `rate` to zero.
 
     `remaining` is the remaining fraction of the run, from 1 down to 0.
     """
-    # The fraction is negative at the end of the last rollout, because the rollout may exceed the last step.
+    # The fraction can be negative in the last rollout, because this rollout may go beyond the last step of the run.
     return rate * max(remaining, 0.0)
 
 
 def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
-    """Make a PPO learner with a mean correction of zero, so that its first policy is the base policy.
+    """Make a PPO learner with a mean correction of zero, so that its first policy acts like the base policy.
 
     Args:
-        config: Settings of the run.
-        env: Environment of the learner.
+        config: Settings of the training run.
+        env: Environment in which the learner trains.
 
     Returns:
-        The learner.
+        The SB3 learner.
 
     Raises:
         UsageError: --device is cuda, and no GPU is found.
     """
-    # One thread, because more threads slow down networks of this size while the simulation uses the cores.
+    # PyTorch uses one thread, because more threads slow down small networks while the simulation uses the other cores.
     torch.set_num_threads(1)
     if config.device == "cuda" and not torch.cuda.is_available():
         raise UsageError("--device cuda: PyTorch finds no NVIDIA GPU here")
@@ -128,16 +135,19 @@ def make_ppo(config: TrainConfig, env: TrainingVecEnv) -> PPO:
 
 
 def actor_network(model: PPO) -> Network:
-    """Return the network of the mean correction as a NumPy network, without the privileged inputs."""
+    """Return the actor of the learner, which computes the mean correction, as a NumPy network.
+
+    Its inputs are the features that a real robot can measure. The other inputs go only to the critic.
+    """
     layers = _actor_layers(model)
     return Network(tuple(_array(each.weight.T) for each in layers), tuple(_array(each.bias) for each in layers))
 
 
 def set_actor(model: PPO, network: Network) -> None:
-    """Copy a network into the learner as the network of its mean correction.
+    """Copy the weights of a network into the actor of the learner, which computes the mean correction.
 
     Args:
-        model: Learner, which is changed.
+        model: PPO learner, which is changed.
         network: Network of a policy bundle.
 
     Raises:
@@ -159,5 +169,5 @@ def _actor_layers(model: PPO) -> list[nn.Linear]:
 
 
 def _array(tensor: torch.Tensor) -> NDArray[np.float32]:
-    # A copy, because the learner changes its own array in place.
+    # The array is copied, because the learner changes the memory of its tensor in place.
     return np.ascontiguousarray(tensor.detach().cpu().numpy().astype(np.float32, copy=True))

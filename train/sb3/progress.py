@@ -1,4 +1,4 @@
-"""Progress display of a run: a bar on a terminal, otherwise a line every few seconds."""
+"""Progress display of a training run: a bar on a terminal, otherwise a line every few seconds."""
 
 import contextlib
 import math
@@ -17,16 +17,16 @@ from train.training_robots import robots_per_scenario
 
 
 class ProgressEstimator:
-    """Estimates the speed and the remaining time of a session: the part of a run in one process.
+    """Estimates the speed and the remaining time of a training run in the current process.
 
     Before the first validation, a control step of a validation scenario is assumed to take as long as a control step of
     a training scenario.
 
     Args:
-        config: Settings of the run.
-        done: Number of steps at the start of the session.
-        validated: Number of steps at the last validation.
-        clock: Function that returns the current time, s.
+        config: Settings of the training run.
+        done: Number of learner steps of the run when the process started or resumed it.
+        validated: Number of learner steps at the last validation.
+        clock: Function without arguments that returns the current time, s.
     """
 
     def __init__(
@@ -40,27 +40,33 @@ class ProgressEstimator:
         self._durations: list[float] = []
 
     def restart(self) -> None:
-        """Restart the clock, because the time since the start of the session was not spent on training."""
+        """Measure the speed from now on, because the time before the call was not spent on training.
+
+        A resumed run calls this method after it has repeated earlier actions.
+        """
         self._began = self._clock()
 
     @contextlib.contextmanager
     def validation(self, steps: int) -> Iterator[None]:
-        """Measure the duration of the validation at `steps` steps of the run, which runs within the context."""
+        """Measure the duration of the context, in which the policy at learner step `steps` is validated."""
         began = self._clock()
         yield
         self._durations.append(self._clock() - began)
         self._validated = steps
 
     def rate(self, steps: int) -> float:
-        """Return the mean speed of the session up to `steps` steps of the run, at least 1e-9, steps/s.
+        """Return the mean training speed of this process until learner step `steps`, learner steps/s, at least 1e-9.
 
-        The time of the validations does not count.
+        The time of validations is not included.
         """
         seconds = self._clock() - self._began - sum(self._durations)
         return max((steps - self._done) / max(seconds, 1e-9), 1e-9)
 
     def remaining_time(self, steps: int) -> float:
-        """Return the estimated time from `steps` steps to the end of the run, validations included, s."""
+        """Return the estimated time from learner step `steps` to the end of the run, s.
+
+        The time includes the remaining validations.
+        """
         ppo = self._config.ppo
         rate = self.rate(steps)
         rollout = ppo.envs * ppo.rollout_steps
@@ -70,10 +76,10 @@ class ProgressEstimator:
         return remaining / rate + validations * self._validation_time(rate)
 
     def _validation_time(self, rate: float) -> float:
-        """Return the estimated duration of a validation, s: the mean of the measured ones, if any.
+        """Return the estimated duration of a validation, s: the mean of the measured durations, if there are any.
 
         Args:
-            rate: Speed of the training, steps per second, for the estimate before the first validation.
+            rate: Training speed, learner steps/s, from which the duration is estimated before the first validation.
 
         Returns:
             The duration, s.
@@ -87,31 +93,31 @@ class ProgressEstimator:
 
 
 LINE_PERIOD = 5.0
-"""Time between two lines of progress if the output is not a terminal, s."""
+"""Smallest time between two printed lines of progress if the output is not a terminal, s."""
 
 
 class RecentIntervals:
-    """Fraction of tracked command intervals over the last rollouts.
+    """Fraction of command intervals in which the command was tracked, averaged over the last rollouts.
 
-    In a single rollout there may be no end of a command interval, because robots that start together also end their
-    intervals together.
+    A command interval is the time during which the velocity command of a robot is constant. A single rollout may have
+    no end of an interval, because robots that start together also end their intervals together.
 
     Args:
-        rollouts: Number of rollouts in the average.
+        rollouts: Number of rollouts over which the fraction is averaged.
     """
 
     def __init__(self, rollouts: int) -> None:
         self._counts = deque[tuple[float, float]](maxlen=rollouts)
 
     def update(self, intervals: float, tracked: float) -> float:
-        """Add a rollout, and return the fraction of tracked command intervals over the last rollouts.
+        """Add the counts of a rollout, and return the fraction of tracked command intervals over the last rollouts.
 
         Args:
             intervals: Number of command intervals that ended in the rollout.
-            tracked: Fraction of these intervals that was tracked.
+            tracked: Fraction of these intervals in which the command was tracked, from 0 to 1.
 
         Returns:
-            The fraction, from 0 to 1; NaN if no interval ended.
+            The fraction, from 0 to 1; NaN if no interval ended in the last rollouts.
         """
         self._counts.append((intervals, intervals * tracked if intervals else 0.0))
         ended, tracked_count = map(sum, zip(*self._counts, strict=True))
@@ -119,14 +125,14 @@ class RecentIntervals:
 
 
 def summary(figures: Mapping[str, float]) -> str:
-    """Describe the main metrics of a rollout in one line of text.
+    """Describe the main metrics of a training rollout in one line of text.
 
     Reward and errors are means over the steps of the rollout, so that they do not depend on the number of finished
     episodes.
 
     Args:
-        figures: Name -> value: the metrics of `MultiScenarioVectorEnv.pop_statistics`, `recently_tracked` from
-            `RecentIntervals`, and `success` of the last validation, if there is one.
+        figures: Name of the metric -> value: the metrics of `MultiScenarioVectorEnv.pop_statistics`, `recently_tracked`
+            from `RecentIntervals`, and `success` of the last validation, if there is one.
 
     Returns:
         Text, in one line.
@@ -144,11 +150,11 @@ def summary(figures: Mapping[str, float]) -> str:
 
 
 class ProgressDisplay:
-    """Displays the progress of a run on standard output.
+    """Displays the progress of a training run on standard output.
 
     Args:
-        total: Number of steps of the run.
-        estimator: Estimator of the remaining time.
+        total: Number of learner steps of the complete run.
+        estimator: Estimator of the speed and the remaining time.
     """
 
     def __init__(self, total: int, estimator: ProgressEstimator) -> None:
@@ -162,7 +168,12 @@ class ProgressDisplay:
         self._bar.start()
 
     def update(self, steps: int, figures: Mapping[str, float]) -> None:
-        """Display the current number of `steps` and the metrics `figures` (name -> value), see `summary`."""
+        """Display the current number of learner steps and the metrics of the last rollout.
+
+        Args:
+            steps: Number of learner steps done.
+            figures: Name of the metric -> value, see `summary`.
+        """
         minutes, seconds = divmod(round(self.estimator.remaining_time(steps)), 60)
         pace = f"{self.estimator.rate(steps):6,.0f}/s  {minutes:3}:{seconds:02} left"
         line = f"{steps:>10,}/{self._total:,} steps  {pace}  {summary(figures)}"
@@ -173,7 +184,7 @@ class ProgressDisplay:
             self.note(line)
 
     def note(self, text: str) -> None:
-        """Print `text` as a line, above the bar if there is one."""
+        """Print a message `text` as a line of its own, above the progress bar if there is one."""
         self._console.print(Text(text), soft_wrap=True)
 
     def close(self) -> None:

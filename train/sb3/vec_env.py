@@ -1,4 +1,4 @@
-"""Adapter from a Gymnasium vector environment to the `VecEnv` interface of Stable-Baselines3."""
+"""Adapter from a Gymnasium vector environment to the `VecEnv` interface of Stable-Baselines3 (SB3)."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,18 +18,18 @@ NO_SINGLE_ROBOTS = (
 
 
 class TrainingVecEnv(VecEnv):
-    """Vector environment with same-step autoreset, as SB3 expects it.
+    """Adapter that gives a Gymnasium vector environment with same-step autoreset the interface of SB3.
 
     SB3 logs the return and the length of finished episodes if `env` provides them in `infos["episode"]`, as Gymnasium's
     RecordEpisodeStatistics does.
 
     Args:
-        env: Environment to train in.
+        env: Gymnasium vector environment to train in, with same-step autoreset.
         seeds: Seed of each robot. Every `reset` uses the same seeds, until `reset_to_seeds` sets others.
         reward_scale: Factor on the rewards that the learner receives.
-        privileged: Append `infos["privileged"]`, which only the value network may use, to the observations.
-        keep_actions: Store all actions since the last reset in `action_log`, so that a run can be resumed. The log
-            grows with every step until the next reset.
+        privileged: True: append `infos["privileged"]`, which only the value network may use, to the observations.
+        keep_actions: True: store all actions since the last reset in `action_log`, so that a run can be resumed. The
+            log grows with every step until the next reset.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class TrainingVecEnv(VecEnv):
     ) -> None:
         (seen,) = env.single_observation_space.shape or (0,)
         self.privileged: int = env.unwrapped.privileged_width if privileged else 0  # type: ignore[attr-defined]
-        """Number of entries at the end of an observation that only the value network receives."""
+        """Number of entries at the end of the observation of a robot that only the value network receives."""
         space = Box(-np.inf, np.inf, (seen + self.privileged,), np.float32)
         super().__init__(env.num_envs, space, env.single_action_space)
         self.env = env
@@ -50,7 +50,7 @@ class TrainingVecEnv(VecEnv):
         self._reward_scale = reward_scale
         self._keep_actions = keep_actions
         self.action_log: list[FloatArray] = []
-        """Actions of all robots in each step since the last reset, each (n, k); empty if `keep_actions` is False."""
+        """Actions of all robots since the last reset, one array, (n, k), per step; empty if `keep_actions` is False."""
         self._no_infos: list[dict[str, Any]] = [{}] * env.num_envs
 
     def reset(self) -> FloatArray:
@@ -61,14 +61,14 @@ class TrainingVecEnv(VecEnv):
         """Reset every robot with its entry of `seeds`, clear `action_log`, and return the observation, (n, m)."""
         self._episode_seeds = seeds
         self.action_log = []
-        return self._with_privileged(*self.env.reset(seed=seeds))  # type: ignore[arg-type]  # our batches take one each
+        return self._with_privileged(*self.env.reset(seed=seeds))  # type: ignore[arg-type]  # the environments of this project accept one seed per robot
 
     def replay(self, seeds: Sequence[int], actions: Sequence[FloatArray]) -> tuple[FloatArray, BoolArray]:
-        """Reset the robots with given seeds, and execute given actions.
+        """Reset the robots with given seeds, and execute recorded actions, to restore the states of the robots.
 
         Args:
             seeds: Seed of each robot.
-            actions: Actions of all robots in each step, each (n, k).
+            actions: Recorded actions of all robots, one array, (n, k), per step.
 
         Returns:
             The last observation, (n, m), and a mask that is True for robots at the start of an episode, (n,).
@@ -81,17 +81,17 @@ class TrainingVecEnv(VecEnv):
         return observation, finished
 
     def step_async(self, actions: FloatArray) -> None:
-        """Store the actions, (n, k), for `step_wait`."""
+        """Store the actions of all robots, (n, k), which `step_wait` then executes."""
         self._actions = actions
         if self._keep_actions:
             self.action_log.append(actions)
 
     def step_wait(self) -> tuple[FloatArray, FloatArray, BoolArray, list[dict[str, Any]]]:
-        """Execute one step with the stored actions.
+        """Execute one step of all robots with the actions that `step_async` has stored.
 
         Returns:
-            Observations, (n, m); scaled rewards, (n,); True for robots that finished an episode, (n,); and the infos of
-            each robot, which are empty without a finished episode.
+            Observations, (n, m); scaled rewards, (n,); True for robots that finished an episode, (n,); and a dictionary
+            of infos for each robot, which is empty for robots that did not finish an episode.
         """
         observation, rewards, terminated, truncated, infos = self.env.step(self._actions)
         finished = terminated | truncated
@@ -107,17 +107,20 @@ class TrainingVecEnv(VecEnv):
         return self._with_privileged(observation, infos), scaled_rewards, finished, robot_infos
 
     def _with_privileged(self, observation: FloatArray, infos: dict[str, Any]) -> FloatArray:
-        """Append the observations that only the value network receives, if any, to `observation`."""
+        """Return `observation`, (n, m), followed by `infos["privileged"]` if `privileged` is not 0.
+
+        Only the value network receives the appended columns.
+        """
         return np.concatenate((observation, infos["privileged"]), axis=1) if self.privileged else observation
 
     def close(self) -> None:
-        """Close the environment."""
+        """Close the wrapped vector environment."""
         self.env.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return the value of the attribute `attr_name` once per robot in `indices`.
+        """Return the value of an attribute of this environment, repeated for each robot in `indices`.
 
-        All robots have the same value.
+        SB3 calls the method. All robots have the same value.
 
         Args:
             attr_name: Name of the attribute.

@@ -26,49 +26,58 @@ from quad_env.seeding import episode_seeds
 from train.search.trials import Seeds
 
 Ranges = Mapping[str, tuple[float, float]]
-"""Name of the searched parameter -> lower and upper bound."""
+"""Type of the search ranges: name of a searched parameter -> (lower bound, upper bound), in its unit."""
 MARGIN = 0.02
-"""Smallest distance between the start of the search and the faces of the unit cube."""
+"""Smallest distance between the start point of CMA-ES and the faces of the unit cube, dimensionless.
+
+Each coordinate of the unit cube is a searched parameter, scaled to 0 … 1 over its range."""
 MIN_EPISODE_STEPS = round(SETTLING_TIME / CONTROL_PERIOD) + 1
-"""Shortest episode: one step longer than the settling time, which the measures ignore, control steps."""
+"""Length of the shortest episode of a search, control steps.
+
+The episode is one step longer than the settling time after a new command, because the metrics ignore that time."""
 
 TRIALS_SUFFIX = ".trials.jsonl"
-"""Suffix of the file of trials. Each line has the candidates of a generation, their costs, and the new mean of CMA-ES.
-"""
+"""Suffix of the file in which a search records its generations.
+
+Each line is the JSON of a generation: the candidate parameters, their costs, and the new mean of the CMA-ES
+distribution."""
 
 P = TypeVar("P", bound=Parameters)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SearchOptions:
-    """Options of every search: its budget, its scenarios and its files."""
+    """Command-line options of every parameter search: budget, scenarios and files."""
 
     seed: int = parameter(0, limits=(0, 2**31))
-    """Seed of the search."""
+    """Seed of the search: of CMA-ES and of the episodes."""
     generations: int = parameter(14, limits=(0, 10_000))
-    """Rounds; 0 skips the search and does the rest."""
+    """Number of generations of CMA-ES; with 0 the start parameters are only finished, compared and written."""
     candidates: int = parameter(14, limits=(4, 1000))
-    """Parameter sets tried in a round."""
+    """Number of parameter sets (candidates) per generation."""
     episodes: int = parameter(10, limits=(1, 10_000))
-    """Episodes of a candidate in each scenario and round."""
+    """Number of episodes per candidate, scenario and generation."""
     steps: int = parameter(750, limits=(MIN_EPISODE_STEPS, 100_000))
     """Length of an episode, control steps of 10 ms."""
     check_episodes: int = parameter(108, limits=(1, 10_000))
-    """Fresh episodes on which the outcome is finished and compared with the old parameters."""
+    """Number of new episodes per scenario on which the result is completed and compared with the old parameters."""
     spread: float = parameter(0.15, limits=(1e-6, 0.5))
-    """Initial standard deviation of a parameter, as a share of its range."""
+    """Initial standard deviation of each parameter, as a fraction of its range."""
     threads: int = parameter(2, limits=(1, 256))
-    """Threads of the simulation."""
+    """Number of threads of the simulation."""
     exercises: tuple[str, ...] = ()
-    """Scenarios with equal weights instead of the usual ones, for example flat push=42+hardware."""
+    """Scenarios with equal weights that replace the default ones of the search, for example flat push=42+hardware."""
     start: Path | None = None
-    """Parameters that the search starts from, JSON, instead of the usual ones."""
+    """JSON file with the start parameters of the search; by default the search has its own start parameters."""
     out: Path | None = None
-    """File of the outcome, JSON, by default the one that the policy reads; other files of the search are written next
-    to it."""
+    """JSON file for the resulting parameters; by default the file that the policy reads. The other files of the search
+    are written to the same folder."""
 
     def command(self, program: str) -> str:
-        """Return the command line of `program` that repeats the search."""
+        """Return the command line that repeats the search.
+
+        `program` is the command without options, for example `python -m train search trot`.
+        """
         words = [program]
         for option in fields(self):
             value = getattr(self, option.name)
@@ -83,73 +92,73 @@ E = TypeVar("E", bound=SearchOptions)
 
 @dataclass(frozen=True)
 class SearchProblem(Generic[P]):
-    """Definition of a search: start, ranges of the parameters, cost function and output files.
+    """Definition of a parameter search: start, ranges of the parameters, cost function and output files.
 
-    Each parameter is scaled to 0 … 1 over its range, so that CMA-ES searches the unit cube.
+    Each searched parameter is scaled to 0 … 1 over its range, so that CMA-ES searches the unit cube.
     """
 
     start: P
     """Parameters at the start of the search."""
     ranges: Ranges
-    """Bounds of the searched parameters."""
+    """Name of each searched parameter -> (lower bound, upper bound), in its unit."""
     costs: Callable[[list[P], Seeds], Sequence[float] | Floats]
-    """Function that returns the cost of each candidate on the episodes with the given seeds."""
+    """Cost function: takes k candidates and the seeds of the episodes, and returns k mean costs; smaller is better."""
     finalize: Callable[[P], tuple[str, str]]
-    """Function that converts the mean of the last generation to the text of the parameter file and of the report."""
+    """Function that completes the result: takes the mean of the last generation of CMA-ES, as parameters.
+
+    It returns two texts: the contents of the parameter file (JSON) and of the report (Markdown)."""
     file: Path
-    """Default path of the parameter file that the search writes."""
+    """Path of the parameter file that the search writes if --out is not given."""
     account: str
-    """Name of the report file, which is written next to the parameter file."""
+    """Name of the report file, which the search writes to the folder of the parameter file."""
     digits: int | None = None
-    """Number of decimals to which the parameters of candidates are rounded; None for no rounding."""
+    """Number of decimals to which the searched parameters of candidates are rounded; None for no rounding."""
     diagonal: bool = False
-    """True: CMA-ES uses a diagonal covariance, because the candidates are too few to learn a full one."""
+    """True if CMA-ES has a diagonal covariance matrix, because there are too few candidates to learn a full one."""
 
 
 def decode(point: Floats, start: P, ranges: Ranges, digits: int | None = None) -> P:
-    """Convert a point of the unit cube to parameters.
+    """Convert a point of the unit cube, in which CMA-ES searches, to the parameters of a policy.
 
     Args:
-        point: Point of the unit cube, with one coordinate for each entry of `ranges`.
-        start: Parameters with the values of the fields that are not searched.
-        ranges: Bounds of the searched parameters.
+        point: Point of the unit cube, (k,), with one coordinate for each of the k parameters in `ranges`.
+        start: Parameters from which the fields that are not searched are copied.
+        ranges: Name of each searched parameter -> (lower bound, upper bound).
         digits: Number of decimals to which searched parameters are rounded; None for no rounding.
 
     Returns:
-        The parameters.
+        The parameters of the policy.
     """
     values = {name: low + (high - low) * float(x) for x, (name, (low, high)) in zip(point, ranges.items(), strict=True)}
     return replace(start, **(values if digits is None else {name: round(x, digits) for name, x in values.items()}))
 
 
 def encode(parameters: Parameters, ranges: Ranges) -> Floats:
-    """Convert `parameters` to a point of the unit cube.
-
-    `ranges` has the bounds of the searched parameters.
+    """Convert the parameters of a policy to a point of the unit cube, in which CMA-ES searches.
 
     Args:
         parameters: Parameters of the policy.
-        ranges: Bounds of the searched parameters, by name.
+        ranges: Name of each of the k searched parameters -> (lower bound, upper bound).
 
     Returns:
-        The point.
+        Point of the unit cube, (k,).
     """
     return np.array([(getattr(parameters, name) - low) / (high - low) for name, (low, high) in ranges.items()])
 
 
 def round_parameters(parameters: P) -> P:
-    """Round every parameter to four decimals."""
+    """Return the parameters of a policy, each rounded to four decimals."""
     return replace(parameters, **{name: round(float(value), 4) for name, value in vars(parameters).items()})
 
 
 def generation_seeds(options: SearchOptions) -> list[Seeds]:
-    """Return the seeds of the episodes of each generation. No two generations have a seed in common."""
+    """Return the episode seeds of each generation of a search. Every generation has different seeds."""
     seeds = episode_seeds("search", options.seed, options.generations * options.episodes)
     return [seeds[first : first + options.episodes] for first in range(0, len(seeds), options.episodes)]
 
 
 def search(make_problem: Callable[[E], SearchProblem[Any]], options: E) -> int:
-    """Run a search and write its files.
+    """Run a parameter search, and write the parameter file, the report and the record of the generations.
 
     Args:
         make_problem: Function that makes the search problem from the options.
@@ -160,7 +169,7 @@ def search(make_problem: Callable[[E], SearchProblem[Any]], options: E) -> int:
 
     Raises:
         UsageError: The options are not valid, or a file cannot be read or written.
-        KeyboardInterrupt: After Ctrl-C. The message names the file of trials, if a generation is complete.
+        KeyboardInterrupt: After Ctrl-C. The message names the file with the completed generations, if there are any.
     """
     check_numbers(options, limits_of(options))
     problem = make_problem(options)
@@ -190,14 +199,15 @@ def search(make_problem: Callable[[E], SearchProblem[Any]], options: E) -> int:
 
 
 def evolve(options: SearchOptions, problem: SearchProblem[P]) -> Iterator[tuple[P, list[dict[str, Any]]]]:
-    """Run the generations of CMA-ES.
+    """Run CMA-ES (covariance matrix adaptation evolution strategy), one generation per iteration.
 
     Args:
-        options: Number and size of the generations, initial spread, and seed.
-        problem: Search problem.
+        options: Options of the search: number and size of the generations, initial standard deviation, and seed.
+        problem: Definition of the search.
 
     Yields:
-        After each generation, the mean of the distribution as parameters, and its candidates with their costs.
+        Two items after each generation: the mean of the distribution, as parameters; and a list with a dictionary for
+        each candidate, with the key "cost" and the names of its parameters.
     """
     import cma
 
@@ -217,17 +227,17 @@ def evolve(options: SearchOptions, problem: SearchProblem[P]) -> Iterator[tuple[
 
 
 def parameters_to_json(parameters: Any) -> str:
-    """Return the text of a JSON file with the parameters."""
+    """Return the text of a JSON file with the parameters of a policy, a dataclass."""
     return json.dumps(asdict(parameters), indent=2) + "\n"
 
 
 def save(path: Path, text: str, *, show: bool = False) -> None:
-    """Write a text file.
+    """Write a text file of a search, and print the text if the file cannot be written.
 
     Args:
         path: File to write.
-        text: Contents of the file. They are printed if the file cannot be written.
-        show: True: print the contents in any case.
+        text: Contents of the file.
+        show: True: print the contents also if the file can be written.
 
     Raises:
         UsageError: The file cannot be written.
@@ -244,7 +254,7 @@ def save(path: Path, text: str, *, show: bool = False) -> None:
 
 
 def describe_method(program: str, options: SearchOptions, scenarios: str) -> str:
-    """Describe the method and the budget of a search, for its report.
+    """Describe the method and the budget of a parameter search in a sentence for its report.
 
     Args:
         program: Command of the search, for example `python -m train search trot`.
@@ -252,7 +262,7 @@ def describe_method(program: str, options: SearchOptions, scenarios: str) -> str
         scenarios: Names of the scenarios of the search, separated by commas.
 
     Returns:
-        A sentence.
+        The sentence.
     """
     return (
         f"Written by `{options.command(program)}`: CMA-ES, {options.generations} generations of {options.candidates} "
@@ -262,12 +272,12 @@ def describe_method(program: str, options: SearchOptions, scenarios: str) -> str
 
 
 def parameter_table(before: Parameters, after: Parameters, ranges: Ranges, fitted: Collection[str] = ()) -> list[str]:
-    """Tabulate the parameters before and after a search.
+    """Make a Markdown table of the parameters of a policy before and after a search.
 
     Args:
         before: Parameters before the search.
         after: Parameters after the search.
-        ranges: Bounds of the searched parameters.
+        ranges: Name of each searched parameter -> (lower bound, upper bound).
         fitted: Names of the parameters that were fitted after the search.
 
     Returns:
@@ -290,14 +300,17 @@ COLUMNS = {
     "flight": "flight",
     "trunk_height": "trunk height",
 }
-"""Name of the measure -> heading of its column in a report. The column has the mean over the episodes."""
+"""Metric of an episode -> heading of its column in the report of a search.
+
+The column has the mean of the metric over the episodes."""
 
 
 def results_table(rows: Iterable[tuple[str, str, Measures]]) -> list[str]:
-    """Tabulate the results before and after a search.
+    """Make a Markdown table of the evaluation results of a policy before and after a search.
 
     Args:
-        rows: Rows of the table: the scenario, the word `before` or `after`, and the measures of the episodes.
+        rows: A tuple for each row of the table: the scenario name, the word `before` or `after`, and the metrics of the
+            episodes.
 
     Returns:
         Lines of a Markdown table.

@@ -21,31 +21,42 @@ from quad_env.scenarios.scenario import HARDWARE, Scenario
 from train.curriculum import Purpose, with_terrain_seed
 
 SCENARIOS_PER_BATCH = 7
-"""Number of scenarios that a comparison simulates together. More scenarios are faster and need more memory (RAM)."""
+"""Number of scenarios that are simulated together when old and new parameters are compared.
+
+A larger number is faster and needs more memory (RAM)."""
 Seeds = NDArray[np.int64]
 
 
 class SaturatingCost(NamedTuple):
-    """Cost function of a measure: `maximum` * x / (1 + x) with x = max((measure - threshold) / scale, 0)."""
+    """Saturating cost of a metric of an episode.
+
+    The cost is `maximum` * x / (1 + x) with x = max((metric - `threshold`) / `scale`, 0).
+    """
 
     maximum: float
-    """Upper bound of the cost."""
+    """Upper bound of the cost of the metric, dimensionless."""
     threshold: float
-    """Value of the measure at which the cost begins to rise from zero, in the unit of the measure."""
+    """Value of the metric at which its cost begins to rise from zero, in the unit of the metric."""
     scale: float
-    """Distance from the threshold at which the cost is half of `maximum`, in the unit of the measure.
+    """Distance from `threshold` at which the cost is half of `maximum`, in the unit of the metric.
 
-    The scale is negative if smaller values of the measure cost more."""
+    The scale is negative if smaller values of the metric cost more."""
 
 
 OUTCOME_COSTS = dict(zip(OUTCOMES, (0.0, 1.0, 1.5, 2.0, 2.0, 2.0), strict=True))
-"""Outcome of an episode -> cost. The sum of all graded costs is at most the smallest cost of a failure.
+"""Outcome of an episode, for example success or a fall -> cost in a parameter search.
 
-A graded cost varies continuously with a measure: see `DEVIATION_COST` and `GRADES`."""
+The cost of an episode is this cost plus costs that vary continuously with a metric, see `DEVIATION_COST` and `GRADES`.
+The sum of the continuous costs is at most the smallest cost of a failure."""
 DEVIATION_COST = 0.1
-"""Upper bound of the graded cost of the command interval with the largest deviation from its command."""
+"""Upper bound of the cost of the largest velocity error of an episode in a parameter search.
+
+The cost is proportional to the largest error over the command intervals, see `MAX_DEVIATION`. A command interval is the
+time during which the velocity command is constant."""
 MAX_DEVIATION = 4.0
-"""Deviation at which the graded cost reaches DEVIATION_COST, as a multiple of the deviation that is allowed."""
+"""Velocity error of a command interval at which its cost reaches `DEVIATION_COST`.
+
+The error is a multiple of the tolerance in the success rule of the evaluator."""
 GRADES = {
     "velocity_error": SaturatingCost(0.05, 0.0, 0.3),
     "overspeed": SaturatingCost(0.05, 0.0, 0.05),
@@ -55,9 +66,9 @@ GRADES = {
     "touchdown_impulse": SaturatingCost(0.05, 0.0, 0.03),
     "trunk_height": SaturatingCost(0.15, 0.85, -0.1),
 }
-"""Name of the measure -> its graded cost function, in the unit of the measure.
+"""Metric of an episode -> its cost function in a parameter search, in the unit of the metric.
 
-A measure that is NaN has the maximum cost, because the robot fell immediately."""
+A metric that is NaN has the maximum cost, because the robot fell immediately."""
 COST_DESCRIPTION = (
     "Cost of an episode: "
     + ", ".join(f"{name} {cost:g}" for name, cost in OUTCOME_COSTS.items())
@@ -69,17 +80,18 @@ COST_DESCRIPTION = (
     )
     + ", in the share x / (1 + x) of it."
 )
-"""Description of the cost of an episode, for reports."""
+"""Sentence for reports of a parameter search that explains the cost of an episode."""
 
 
 def episode_costs(measures: Measures) -> Floats:
-    """Compute the cost of each episode, (episodes,).
+    """Compute the cost of each of n episodes in a parameter search, (n,).
 
-    The cost is the sum of the cost of the outcome and the graded costs of tracking error, effort and gait.
+    The cost is the sum of the cost of the outcome, the cost of the largest velocity error, and the costs of the metrics
+    in `GRADES`.
     """
     total = np.array([OUTCOME_COSTS[outcome] for outcome in measures.outcome])
     deviation = RULES[SUCCESS_RULE].deviations(measures.commands, measures.mean_velocities)
-    # A command interval that was not completed has the deviation NaN, and therefore the largest cost.
+    # A command interval that the robot did not complete has the deviation NaN, which gives the largest cost.
     total += DEVIATION_COST * np.clip(np.nan_to_num(deviation, nan=np.inf) / MAX_DEVIATION, 0.0, 1.0).max(axis=1)
     for name, (maximum, threshold, scale) in GRADES.items():
         beyond = np.maximum((getattr(measures, name) - threshold) / scale, 0.0)
@@ -97,20 +109,20 @@ def run_candidates(
     threads: int = 1,
     hardware: HardwareConfig = IDEAL,
 ) -> list[Episodes]:
-    """Simulate a policy with the parameters of each candidate.
+    """Simulate a policy with the parameters of each candidate on several scenarios.
 
     Args:
         name: Name of the policy.
         candidates: Parameters of each candidate.
         scenario_names: Names of the scenarios.
         seeds: Seeds of the episodes, the same for every candidate and scenario.
-        purpose: Purpose of the episodes, "search" or "validation"; selects the random ground.
+        purpose: Purpose of the episodes, "search" or "validation". Each purpose has its own random terrain.
         steps: Length of an episode, control steps.
         threads: Number of simulation threads.
         hardware: Hardware settings of the robots.
 
     Returns:
-        One record per scenario. Its episodes are ordered by candidate, then by seed.
+        Record of the episodes of each scenario, ordered by candidate, then by seed.
     """
     episodes_by_scenario = dict[str, Episodes]()
     for on_hardware_profile in (False, True):
@@ -136,14 +148,14 @@ def run_each(
     steps: int = STEPS,
     hardware: HardwareConfig = IDEAL,
 ) -> list[Episodes]:
-    """Simulate one episode per seed on each scenario, all of them together.
+    """Simulate one episode per seed on each scenario, all episodes together.
 
-    In each control step, one call of the policy gives the actions of all robots, ordered by scenario. This is many
-    times faster than a call per scenario if the time of a call depends little on the number of robots. Internal signals
+    In each control step, one call of the policy gives the actions of all robots, ordered by scenario. A call per
+    scenario would be many times slower if the time of a call depends little on the number of robots. Internal signals
     of the policy, for example its gait phase, are not recorded.
 
     Args:
-        policy: Policy of all robots.
+        policy: Policy that controls the robots of all scenarios.
         scenarios: Scenarios or their names.
         seeds: Seeds of the episodes, the same on every scenario.
         nthread: Number of simulation threads.
@@ -151,7 +163,7 @@ def run_each(
         hardware: Hardware settings of the robots.
 
     Returns:
-        One record per scenario, with the episodes in the order of `seeds`.
+        Record of the episodes of each scenario, in the order of `seeds`.
     """
     recorders = [EpisodeRecorder(None, seeds, steps) for _ in scenarios]
     make_scenario_env = partial(make_env, policy, count=len(seeds), steps=steps, nthread=nthread, hardware=hardware)
@@ -170,7 +182,7 @@ def run_each(
             for index in active.copy():
                 current[index], ended = advance(current[index], actions[index])
                 recorders[index](current[index])
-                if ended:  # all episodes of the scenario are over, so its robots are not simulated any more
+                if ended:  # all episodes of the scenario have ended, so its robots are not simulated any more
                     active.remove(index)
     return [recorder.episodes() for recorder in recorders]
 
@@ -196,8 +208,9 @@ def compare_parameters(
         hardware: Hardware settings of the robots.
 
     Returns:
-        walks: Two entries per scenario: its name, the word `before` or `after`, and the measures of the episodes.
-        differences: Cost after the search minus cost before it, averaged over the scenarios, one per seed, (seeds,).
+        walks: Two tuples per scenario: its name, the word `before` or `after`, and the metrics of the episodes.
+        differences: Cost with the new parameters minus cost with the old ones, for each of s seeds, averaged over the
+            scenarios, (s,).
     """
     walks: list[tuple[str, str, Measures]] = []
     differences = np.zeros(len(seeds))

@@ -36,53 +36,65 @@ from train.search.cmaes import (
 from train.search.trials import COST_DESCRIPTION, Seeds, compare_parameters, episode_costs, run_candidates
 
 EXERCISES = ("flat", "push", "rough")
-"""Default scenarios of the search. The response to commands is measured on the first scenario."""
+"""Names of the default scenarios of the trot search.
+
+The linear response of the gait to velocity commands is measured on the first scenario."""
 COMMAND_MAP = ("forward_gain", "forward_bias", "lateral_gain", "yaw_gain", "yaw_per_lateral")
-"""Names of the parameters of the command map, which are fitted after the search.
+"""Names of the trot parameters that CMA-ES does not search, but that are fitted by least squares afterwards.
 
-The command map converts a velocity command to the input of the gait."""
+They define the command map, which converts a velocity command to the input of the gait."""
 MIN_RESPONSE = 0.7
-"""Smallest ratio of achieved to commanded velocity that has no extra cost.
+"""Ratio of achieved to commanded velocity below which a candidate of the trot search has an extra cost.
 
-Without the extra cost a candidate that stands still would have the lowest cost."""
+Otherwise a candidate that stands still would have the lowest cost."""
 WEAK_RESPONSE_WEIGHT = 2.0
-"""Factor of the extra cost: cost per unit of (`MIN_RESPONSE` - ratio), for each of the three velocities."""
-MIN_INVERTIBLE_RESPONSE = 0.1
-"""Smallest ratio of achieved to commanded velocity for which the command map is fitted.
+"""Weight of the extra cost of a trot that responds too weakly to commands.
 
-For a smaller ratio the map would command very large steps."""
+The cost is this weight times (`MIN_RESPONSE` - ratio), summed over forward velocity, lateral velocity and yaw rate. The
+ratio is the achieved velocity divided by the commanded velocity."""
+MIN_INVERTIBLE_RESPONSE = 0.1
+"""Smallest ratio of achieved to commanded velocity for which the command map of a trot is fitted.
+
+For a smaller ratio, the fitted command map would command very large steps."""
 MIN_INTERVALS = 6
-"""Smallest number of command intervals to which a response is fitted."""
+"""Smallest number of command intervals without a fall to which the linear response of a gait is fitted."""
 MAP_ROUNDS = 3
-"""Number of successive fits of the command map. Each fit measures the response with the map of the previous fit."""
+"""Number of successive fits of the command map of a trot.
+
+Each fit measures the response of the gait with the command map of the previous fit."""
 ACCOUNT = "TROT.md"
-"""File name of the report of the search."""
+"""File name of the Markdown report of the trot search."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrotSearchOptions(SearchOptions):
-    """Options of the search of a robot's trot."""
+    """Command-line options of the parameter search of a robot's open-loop trot."""
 
     subject: Annotated[Literal["trot"], tyro.conf.Positional] = "trot"
-    """trot: the open-loop trot."""
+    """Policy with the searched parameters; trot: the open-loop trot."""
     robot: str | None = None
     """Robot: a name of quad_env.ROBOTS like go1, or the path of its MJCF, URDF or TOML."""
-    # An episode has two command intervals, so that the smallest number of episodes suffices to fit a response.
+    # The lower limits are MIN_INTERVALS // 2, because an episode has two command intervals and the fit of the linear
+    # response needs MIN_INTERVALS of them.
     episodes: int = parameter(6, limits=(MIN_INTERVALS // 2, 10_000))
-    """Episodes of a candidate in each scenario and round."""
+    """Number of episodes per candidate, scenario and generation."""
     check_episodes: int = parameter(48, limits=(MIN_INTERVALS // 2, 10_000))
-    """Fresh episodes on which the command map is fitted and the outcome compared with the old parameters."""
+    """Number of new episodes per scenario for the fit of the command map and the comparison with the old parameters."""
 
 
 def main(options: TrotSearchOptions) -> int:
-    """Run the search, write its files and return the exit code. Raises UsageError."""
+    """Run the trot search, write its files and return the exit code.
+
+    Raises UsageError if the options are not valid or a file cannot be written.
+    """
     return search(make_search_problem, options)
 
 
 def make_search_problem(options: TrotSearchOptions) -> SearchProblem[TrotParameters]:
-    """Return the search problem for the trot of a robot.
+    """Return the definition of the parameter search for the trot of a robot.
 
-    The search starts from the trot of SimpleQuad, scaled by dynamic similarity if the robot is another one.
+    The search starts from the trot of SimpleQuad. For another robot, the parameters are scaled by dynamic similarity to
+    its size.
     """
     threads = options.threads
     hardware = parse_robot_option(options.robot or HardwareConfig.robot)
@@ -95,11 +107,14 @@ def make_search_problem(options: TrotSearchOptions) -> SearchProblem[TrotParamet
     ranges = scaled_ranges(SEARCH_RANGES, TrotParameters, robot)
 
     def costs(candidates: list[TrotParameters], seeds: Seeds) -> Floats:
-        """Return the cost of each of the `candidates` on the episodes with the given `seeds`."""
+        """Return the mean cost of each candidate on the episodes with the given `seeds`, (candidates,)."""
         return candidate_costs(candidates, seeds, options.steps, threads, hardware, scenario_names)
 
     def finalize(parameters: TrotParameters) -> tuple[str, str]:
-        """Fit the command map, compare with the start, and return the texts of parameter file and report."""
+        """Fit the command map of the searched trot, and compare the trot with the start parameters.
+
+        Returns the contents of the parameter file (JSON) and of the report (Markdown).
+        """
         fresh = episode_seeds("search", options.seed + 2_000_000, MAP_ROUNDS * options.check_episodes)
         for seeds in track(np.split(fresh, MAP_ROUNDS), description="command map"):
             parameters = fit_command_map(parameters, seeds, threads, hardware, scenario_names)
@@ -125,9 +140,9 @@ def fit_command_response(walk: Episodes, members: int) -> Floats:
         members: Number of candidates.
 
     Returns:
-        Matrix R of each candidate, (members, 4, 3). The mean velocity in a command interval is modelled as
-        (forward, lateral, yaw-rate command, 1) R. R is fitted to the intervals without a fall, and zero if a candidate
-        has fewer than MIN_INTERVALS of them.
+        Response matrix R of each candidate, (members, 4, 3). The model of the mean velocity (forward, lateral, yaw
+        rate) in a command interval is the row vector (forward command, lateral command, yaw-rate command, 1) times R.
+        R is fitted to the intervals without a fall. R is zero if a candidate has fewer than MIN_INTERVALS of them.
     """
     measures = measure(walk)
     command = measures.commands.reshape(members, -1, 3)
@@ -142,9 +157,9 @@ def fit_command_response(walk: Episodes, members: int) -> Floats:
 
 
 def weak_response_cost(response: Floats) -> float:
-    """Return the extra cost of a `response`, (4, 3), that is too weak for its commands.
+    """Return the extra cost of a trot that responds too weakly to velocity commands.
 
-    See `MIN_RESPONSE` and `WEAK_RESPONSE_WEIGHT`.
+    `response`, (4, 3), is the response matrix of `fit_command_response`. See `MIN_RESPONSE` and `WEAK_RESPONSE_WEIGHT`.
     """
     return WEAK_RESPONSE_WEIGHT * float(np.clip(MIN_RESPONSE - np.diag(response[:3]), 0.0, None).sum())
 
@@ -157,7 +172,7 @@ def candidate_costs(
     hardware: HardwareConfig = IDEAL,
     scenario_names: Sequence[str] = EXERCISES,
 ) -> Floats:
-    """Compute the mean cost of each candidate over all scenarios.
+    """Compute the cost of each candidate of the trot search, averaged over all episodes and scenarios.
 
     The command map of a candidate is fitted after the search. So the tracking error is not measured against the
     command, but against the velocity that the candidate's linear response on the first scenario predicts for the
@@ -172,7 +187,7 @@ def candidate_costs(
         scenario_names: Names of the scenarios.
 
     Returns:
-        Cost of each candidate, (candidates,).
+        Mean cost of each candidate, (candidates,).
     """
     walks = run_candidates("trot", candidates, scenario_names, seeds, "search", steps, threads, hardware)
     responses = fit_command_response(walks[0], len(candidates))
@@ -192,17 +207,19 @@ def fit_command_map(
     hardware: HardwareConfig = IDEAL,
     scenario_names: Sequence[str] = EXERCISES,
 ) -> TrotParameters:
-    """Fit the command map of a gait to its response on the first scenario of the search.
+    """Fit the command map of a trot to its measured response on the first scenario of the search.
+
+    The command map converts a velocity command to the input of the gait.
 
     Args:
-        parameters: Parameters of the gait.
+        parameters: Parameters of the trot.
         seeds: Seeds of the episodes.
         threads: Number of simulation threads.
         hardware: Hardware settings of the robots.
         scenario_names: Names of the scenarios of the search. Only the first one is simulated.
 
     Returns:
-        The parameters with the command map that inverts the response; unchanged if the response is too weak.
+        The parameters with the command map that inverts the response. They are unchanged if the response is too weak.
     """
     (walk,) = run_candidates(
         "trot", [parameters], scenario_names[:1], seeds, "search", threads=threads, hardware=hardware
@@ -211,9 +228,10 @@ def fit_command_map(
 
 
 def invert_command_response(parameters: TrotParameters, response: Floats) -> TrotParameters:
-    """Return the parameters of a gait with the command map that inverts its measured response.
+    """Return the parameters of a trot with the command map that inverts its measured response.
 
-    The model of the gait has an input u and an achieved velocity v in each direction, with constants a, b and c:
+    With the inverted response, the robot moves at the commanded velocity. The model of the gait has an input u and an
+    achieved velocity v (yaw rate: ω) in each direction, with constants a, b and c:
 
         forward: v = a u + b
         lateral: v = a u
@@ -241,16 +259,16 @@ def invert_command_response(parameters: TrotParameters, response: Floats) -> Tro
 
 
 def try_invert_command_response(parameters: TrotParameters, response: Floats) -> TrotParameters:
-    """Return `parameters` with the command map that inverts `response`, (4, 3).
+    """Return the parameters of a trot with the command map that inverts its measured response, if possible.
 
     The parameters are unchanged if the response is too weak.
 
     Args:
         parameters: Parameters of the trot.
-        response: Measured response to the command, (4, 3).
+        response: Linear response of the gait to commands, (4, 3), see `fit_command_response`.
 
     Returns:
-        The parameters.
+        The new parameters.
     """
     if np.diag(response[:3]).min() < MIN_INVERTIBLE_RESPONSE:
         return _keep_map(parameters, "the response is too weak")
@@ -261,9 +279,9 @@ def try_invert_command_response(parameters: TrotParameters, response: Floats) ->
 
 
 def _keep_map(parameters: TrotParameters, reason: str) -> TrotParameters:
-    """Print the reason, and return the parameters unchanged.
+    """Print the `reason` why the command map of a trot is not fitted, and return the parameters unchanged.
 
-    No error is raised, because an error would lose the result of a long search.
+    The function raises no error, because an error would lose the result of a long search.
     """
     print(f"the command map is unchanged: {reason}", file=sys.stderr)
     return parameters
