@@ -1,4 +1,4 @@
-"""Checks of the environments' arguments: each returns a valid value or raises ValueError."""
+"""Checks of the environments' arguments: a check returns the valid value or raises ValueError."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,11 +12,11 @@ from quad_env.config import COMMAND_BOUND
 from quad_env.files.text import brief
 
 MAX_PIXELS = 8192
-"""Maximum width and height of a frame, pixels."""
+"""Maximum width and height of a rendered image, pixels."""
 MAX_THREADS = 1024
-"""Maximum number of threads of a batch."""
+"""Maximum number of simulation threads of a vector environment."""
 RESET_OPTIONS = ("command", "reset_mask")
-"""Valid keys of the reset options."""
+"""Valid keys of the argument `options` of `reset`."""
 
 
 def check_count(name: str, count: Any) -> int:
@@ -27,7 +27,7 @@ def check_count(name: str, count: Any) -> int:
         count: Value of the argument.
 
     Returns:
-        The count.
+        The value as an `int`.
 
     Raises:
         ValueError: The value is not a whole number of at least 1.
@@ -40,11 +40,11 @@ def check_count(name: str, count: Any) -> int:
 
 
 def check_frame(width: int, height: int) -> None:
-    """Check the size of a rendered frame.
+    """Check the size of a rendered image.
 
     Args:
-        width: Width of the frame, pixels.
-        height: Height of the frame, pixels.
+        width: Width of the image, pixels.
+        height: Height of the image, pixels.
 
     Raises:
         ValueError: The width or the height is not a whole number from 1 to `MAX_PIXELS`.
@@ -55,20 +55,24 @@ def check_frame(width: int, height: int) -> None:
 
 
 def warn_no_render_mode(modes: Sequence[str]) -> None:
-    """Warn that `render` returns None, because the environment was made without one of the render `modes`."""
+    """Log a warning that `render` returns None, because the environment was made without a `render_mode`.
+
+    `modes` are the valid render modes, which the warning lists.
+    """
     gym.logger.warn(f"render() without a render_mode gives None; make the environment with one of {', '.join(modes)}")
 
 
 def parse_reset_options(options: Any, num_envs: int) -> tuple[Mask, Array | None]:
-    """Parse the options of a reset.
+    """Check the argument `options` of `reset`, and return the reset mask and the commands.
 
     Args:
-        options: Mapping with some of `RESET_OPTIONS`, or None.
+        options: Mapping with the optional keys "command" and "reset_mask", or None for neither.
         num_envs: Number of robots n.
 
     Returns:
         reset_mask: True for robots to reset, (n,).
-        command: Fixed commands of all robots, (n, 3), see `check_commands`; None if commands are drawn at random.
+        command: Velocity commands of all robots for the whole episode, (n, 3): forward m/s, lateral m/s, yaw rate
+            rad/s. None if commands are drawn at random.
 
     Raises:
         ValueError: The options are not a mapping, or a key or value is invalid.
@@ -84,15 +88,15 @@ def parse_reset_options(options: Any, num_envs: int) -> tuple[Mask, Array | None
 
 
 def check_commands(command: Any, num_envs: int, name: str) -> Array:
-    """Check a velocity command, and return a row for every robot.
+    """Check a velocity command, and return it as an array with one row per robot.
 
     Args:
-        command: Forward velocity, m/s, lateral velocity, m/s, and yaw rate, rad/s; (3,) for all robots, or (n, 3).
+        command: Forward and lateral velocity, heading frame, m/s, and yaw rate, rad/s; (3,) for all robots, or (n, 3).
         num_envs: Number of robots n.
         name: Name of the argument, for the error message.
 
     Returns:
-        Commands, (n, 3).
+        Commands of the n robots in the same order and units, (n, 3).
 
     Raises:
         ValueError: The command has a wrong shape, is not finite, or exceeds ±`COMMAND_BOUND`.
@@ -104,10 +108,10 @@ def check_commands(command: Any, num_envs: int, name: str) -> Array:
 
 
 def check_rows(values: Any, shape: tuple[int, int], name: str) -> Array:
-    """Check that an argument holds finite numbers, and return an array with one row per robot.
+    """Check that an argument holds finite numbers, and return them as an array with one row per robot.
 
     Args:
-        values: One row for all robots, or one row per robot.
+        values: One row of k numbers for all robots, or one row per robot, (k,) or (n, k).
         shape: Shape of the result, (n, k).
         name: Name of the argument, for the error message.
 
@@ -129,7 +133,7 @@ def check_rows(values: Any, shape: tuple[int, int], name: str) -> Array:
 
 
 def _check_reset_mask(mask: Any, num_envs: int) -> Mask:
-    """Check the mask of robots to reset, and return it, (num_envs,); None selects all robots."""
+    """Check the reset mask, (num_envs,) bool, and return it; return True for all robots if it is None."""
     if mask is None:
         return np.ones(num_envs, bool)
     array = np.asarray(mask)
@@ -139,9 +143,9 @@ def _check_reset_mask(mask: Any, num_envs: int) -> Mask:
 
 
 def parse_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
-    """Return the autoreset mode of a name or value; a mode is returned unchanged.
+    """Return the Gymnasium autoreset mode with the name or value `mode`; a mode is returned unchanged.
 
-    ValueError is raised for an unknown mode.
+    The mode defines the step in which a finished env resets itself. ValueError is raised for an unknown mode.
     """
     names = AutoresetMode.__members__
     try:

@@ -1,4 +1,4 @@
-"""Check of assignments to environment attributes: one without effect raises AttributeError."""
+"""Check of assignments to environment attributes: an assignment without effect raises AttributeError."""
 
 from collections.abc import Iterable
 from inspect import signature
@@ -7,21 +7,23 @@ from typing import Any
 from quad_env.config import TaskConfig
 
 GYMNASIUM_ATTRIBUTES = frozenset(("spec", "metadata", "np_random", "closed"))
-"""Attributes that Gymnasium itself sets."""
+"""Attributes that Gymnasium sets on every environment, so that an assignment is valid."""
 SPACE_ATTRIBUTES = frozenset(("observation_space", "action_space", "single_observation_space", "single_action_space"))
-"""Attributes that a subclass may replace."""
+"""Attributes with observation and action spaces; a subclass of an environment may replace them."""
 COMMAND_ATTRIBUTES = frozenset(("command", "commands", "command_ranges"))
-"""Attributes that users may try to set to change the command; the error message shows the correct way."""
+"""Names that users may assign to change the velocity command; the error message shows the correct call."""
 PACKAGE = __name__.rpartition(".")[0]
-"""Package of the environment classes; a class outside of this package is a user's subclass."""
+"""Python package of the environment classes; a class outside of this package is a subclass of a user."""
 
 
 def check_settable(env: Any, name: str, value: Any, parts: Iterable[str]) -> None:
-    """Raise AttributeError for a public attribute that the environment reads only during construction.
+    """Check the assignment of an environment's public attribute; raise AttributeError if it has no effect.
+
+    An assignment has no effect if the environment reads the attribute only during construction.
 
     Args:
-        env: The environment.
-        name: Name of the attribute.
+        env: Single or vector environment.
+        name: Name of the assigned attribute.
         value: New value of the attribute, for the error message.
         parts: Names of the constructor arguments that the single and the vector environment share.
 

@@ -1,4 +1,4 @@
-"""Base class of the single and the vector environment: construction, reset, step phases and copies."""
+"""Base class of the single and the vector environment: construction, episode start, step, copying."""
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -48,7 +48,7 @@ from quad_env.task.terminations import fall_reason_code
 
 
 class EnvKwargs(TypedDict, total=False):
-    """Keyword arguments that the single and the vector environment share; `SimpleQuadEnv` describes them."""
+    """Types of the keyword arguments of both environments; `SimpleQuadEnv` describes the arguments."""
 
     config: TaskConfig | None
     actuator: str | Actuator
@@ -64,7 +64,7 @@ class EnvKwargs(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False)
 class EnvOptions:
-    """Values of the keyword arguments `EnvKwargs`; `SimpleQuadEnv` describes them."""
+    """Values and defaults of the keyword arguments of an environment; `SimpleQuadEnv` describes them."""
 
     config: TaskConfig | None = None
     actuator: str | Actuator = "ideal"
@@ -79,7 +79,7 @@ class EnvOptions:
 
 
 class Equipment(NamedTuple):
-    """Actuator, sensors and estimator of a robot."""
+    """Hardware of the simulated robot: actuator, sensor suite and name of the state estimator."""
 
     actuator: Actuator
     sensors: SensorSuite | None
@@ -87,36 +87,36 @@ class Equipment(NamedTuple):
 
     @property
     def imu(self) -> Mounting | None:
-        """Position and rotation of the IMU on the trunk; None if the robot has no simulated sensors."""
+        """Position, m, and rotation, rad, of the IMU on the trunk; None if there are no simulated sensors."""
         return None if self.sensors is None else (self.sensors.imu.position, self.sensors.imu.rotation)
 
 
 class StepOutcome(NamedTuple, Generic[ScalarOrBatch]):
-    """Results of a control step: floats for one robot, or arrays for k robots."""
+    """Results of a control step: floats for one robot, or arrays, (k,), for k robots."""
 
     state: QuadState[ScalarOrBatch]
-    """State after the step; `state.command` is the command that the robot tracked during the step."""
+    """State after the step; `state.command` is the velocity command that the robot tracked during the step."""
     observation: NDArray[np.float32]
     """Observation after the step, (size,) or (k, size)."""
     terms: dict[str, ScalarOrBatch]
-    """Key in the infos -> value, for mechanical power, overspeed and every reward term."""
+    """Key in the infos -> value, for mechanical power, W, fraction of overspeed joints, and every reward term."""
     fall: Any
-    """Code of the fall, an index into `config.FALL_REASONS`; 0 if the robot has not fallen."""
+    """Reason of the fall as an index into `config.FALL_REASONS`, an int or (k,); 0 if the robot has not fallen."""
     diverged: BoolOrMask
-    """True if the simulation diverged."""
+    """True for robots with a diverged simulation: MuJoCo warned, or the state is not finite."""
     terminated: BoolOrMask
-    """True if the episode ends by a fall or by divergence."""
+    """True for robots with an episode that ends by a fall or by a diverged simulation."""
 
 
 class QuadEnvBase:
-    """Base class of the environments: a simulation, an episode schedule, sensors and a task.
+    """Base class of `SimpleQuadEnv` and `SimpleQuadVectorEnv`: simulation, episodes, sensors and task.
 
     Copying or unpickling makes a new environment with the same arguments, because the state of MuJoCo's simulation
-    cannot be copied or pickled. Reset the copy before its first step. A `reset` without a seed starts the episode in
-    the copy that would have been the next one of the original.
+    cannot be copied or pickled. Reset the copy before its first step. The first episode of the copy, after a `reset`
+    without a seed, is the next episode of the original.
 
-    Setting a public attribute outside of `SETTABLE` after construction raises AttributeError. A subclass may set
-    attributes of its own, and spaces.
+    After construction, an assignment to a public attribute that is not in `SETTABLE` raises AttributeError. A subclass
+    may set new attributes, and replace the observation and action spaces.
     """
 
     SETTABLE: ClassVar[frozenset[str]] = frozenset()
@@ -124,12 +124,12 @@ class QuadEnvBase:
     terminate_on_fall: bool
     """True if a fall ends the episode."""
     _view: Any = None
-    """Window or renderer; None before the first frame.
+    """Window or offscreen renderer of the environment; None before the first frame.
 
-    This is a class attribute because `close_extras` also runs if the constructor failed.
+    This is a class attribute, because `close_extras` reads it even if the constructor failed.
     """
     _made = False
-    """True after the constructor has finished."""
+    """True after the constructor has finished; `__setattr__` checks assignments only from then on."""
     _arguments: tuple[tuple[Any, ...], dict[str, Any]]
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -152,17 +152,17 @@ class QuadEnvBase:
     def _build(
         self, num_envs: int, nthread: int, scenario: str | Scenario, readings: bool, **kwargs: Unpack[EnvKwargs]
     ) -> tuple["Box[np.float32]", "Box[np.float32]"]:
-        """Create simulation, task and episode schedule of n robots.
+        """Create the simulation, the task and the episode schedule of n robots.
 
-        A mapping in place of a settings dataclass is converted, because an `EnvSpec` that was stored as JSON has
-        mappings.
+        An argument may be a mapping in place of a settings dataclass, because a Gymnasium `EnvSpec` that was stored as
+        JSON contains mappings.
 
         Args:
             num_envs: Number of robots.
-            nthread: Threads of the simulation.
+            nthread: Number of simulation threads.
             scenario: Scenario or its name.
-            readings: True to measure contacts and motors.
-            **kwargs: Keyword arguments of the environment.
+            readings: True to measure motors, foot forces, and ground contacts of feet and legs in every step.
+            **kwargs: Keyword arguments `EnvKwargs`; `SimpleQuadEnv` describes them.
 
         Returns:
             observation_space: Observation space of one robot.
@@ -173,9 +173,9 @@ class QuadEnvBase:
         self.dt = 1 / self.config.control_rate
         """Control period, s."""
         self.robot, servo_gains = _make_robot(options.robot, options.servo, num_envs)
-        """The robot; it has the mean servo gains if the gains differ between the robots of a batch."""
+        """Model of the simulated robot; its servo gains are the mean if the gains differ between the n robots."""
         self.scenario = find_scenario(_to_setting(scenario), self.robot)
-        """The simulated scenario."""
+        """Scenario of all episodes: terrain, commands, disturbances and start noise."""
         equipment = self._select_equipment(options)
         self._build_task(options)
         simulation_config = SimulationConfig(
@@ -192,7 +192,7 @@ class QuadEnvBase:
             tracks_footsteps=self._tracks_footsteps,
         )
         self.simulation = Simulation(self.robot, self.scenario, simulation_config)
-        """The simulated robots."""
+        """Simulation of the n robots."""
         self._build_episodes(options, equipment, num_envs)
         self._lower = self.robot.joint_lower
         self._upper = self.robot.joint_upper
@@ -200,21 +200,21 @@ class QuadEnvBase:
         return Box(-bound, bound), Box(self._lower.astype(np.float32), self._upper.astype(np.float32))
 
     def _build_task(self, options: EnvOptions) -> None:
-        """Create the fall rule, reward terms and observation terms."""
+        """Compute the minimum trunk height, reward weights, and reward and observation terms of the user."""
         weights = self.config.reward_weights
         self._min_trunk_height = self.config.fall_rule.min_trunk_height(self.robot.leg_length)
         self._reward_weights = step_weights(weights, self.dt)
         self._user_rewards = user_rewards(options.rewards)
         self._reward_keys = (*self._reward_weights, *self._user_rewards)
-        """Keys in the infos of the terms that add up to the reward."""
+        """Keys in the infos of all reward terms, `reward_<name>`; the reward is the sum of these terms."""
         self._user_terms = user_terms(options.observations)
         has_weighted_feet = weights.foot_air_time != 0.0 or weights.touchdown_speed != 0.0
         self._tracks_footsteps = has_weighted_feet or bool(self._user_rewards or self._user_terms)
 
     def _build_episodes(self, options: EnvOptions, equipment: Equipment, num_envs: int) -> None:
-        """Create the objects that are reset with every episode.
+        """Create the objects that every episode resets.
 
-        These are the episode schedule, action delay, observation model and height scanner.
+        These objects are the episode schedule, action delay, observation model and height scanner.
         """
         rate = self.config.control_rate
         self._schedule = EpisodeSchedule(self.robot, self.scenario, num_envs, self.dt)
@@ -225,16 +225,17 @@ class QuadEnvBase:
         height_scan = _to_setting(options.height_scan)
         self._scanner = make_scanner(height_scan, self.scenario, num_envs, rate)
         self.observation_table = table_with(self.robot, height_scan, self._user_terms)
-        """Terms and slices of the observation."""
+        """Table of the observation: name, slice, bound and scale of each term."""
         self._rows = np.arange(num_envs)
         self._tracked_command = np.zeros((num_envs, 3))
         """Command that each robot tracked in its last step: forward m/s, lateral m/s, yaw rate rad/s; (n, 3)."""
 
     def _select_equipment(self, options: EnvOptions) -> Equipment:
-        """Return the requested actuator, sensors and estimator, or the ones of the hardware profile.
+        """Return the actuator, sensors and estimator from the options or from the robot's hardware profile.
 
-        The hardware profile applies if the scenario includes it. ValueError is raised if equipment is requested for a
-        scenario with a hardware profile.
+        The hardware profile (realistic motors, sensors and estimator) applies if `Scenario.hardware` is True.
+        ValueError is raised if the options of an environment with this profile also name actuator, sensors or
+        estimator.
         """
         equipment = Equipment(
             find_actuator(_to_setting(options.actuator)), sensor_suite(_to_setting(options.sensors)), options.estimator
@@ -252,7 +253,7 @@ class QuadEnvBase:
 
     @property
     def estimator(self) -> Estimator | None:
-        """Estimator of gravity and velocity in the observation; None if the observation has the true values."""
+        """State estimator of the observed gravity and velocity; None if the observation has the true values."""
         return self._observation_model.estimator
 
     @property
@@ -261,7 +262,7 @@ class QuadEnvBase:
         return self._observation_model.is_exact
 
     def _reset_episodes(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Start the episodes of the robots `env_ids`, (k,)."""
+        """Reset simulation, action delay, sensors and height scan of the robots `env_ids` to k new `episodes`."""
         self.simulation.reset(env_ids, *stack_initial_conditions(episodes))
         for part in (self._action_delay, self._observation_model, self._scanner):
             if part is not None:
@@ -269,7 +270,9 @@ class QuadEnvBase:
         self._tracked_command[env_ids] = self._schedule.command[env_ids]
 
     def _advance(self, targets: Array, env_ids: EnvSelection | None) -> StepOutcome[Any]:
-        """Advance robots by one control step, in the order of its phases.
+        """Advance robots by one control step.
+
+        The phases are action delay, physics, reset of diverged robots, termination, reward, command and observation.
 
         Args:
             targets: Joint targets of all robots, clipped, (n, 12), rad.
@@ -277,7 +280,7 @@ class QuadEnvBase:
                 results are then floats.
 
         Returns:
-            Results of the step.
+            State, observation, reward terms and termination flags after the step.
         """
         moving = ALL if env_ids is None else env_ids
         delayed_targets = self._apply_action(targets, moving)
@@ -291,20 +294,31 @@ class QuadEnvBase:
         return StepOutcome(state, observation, terms, fall, diverged, terminated)
 
     def _apply_action(self, targets: Array, env_ids: EnvSelection) -> Array | None:
-        """Return the joint targets that the servos receive, (n, 12), rad; None if there is no delay model."""
+        """Return the joint targets that the servos receive, (n, 12), rad; None if they receive `targets`.
+
+        `targets` are the joint targets of the policies, (n, 12), rad. They differ from the returned targets if the
+        scenario has an action delay or dropouts.
+        """
         if self._action_delay is None:
             return None
         return self._action_delay.update(targets, self._schedule.step_count[env_ids], self._rows[env_ids])
 
     def _simulate(self, targets: Array, delayed_targets: Array | None, env_ids: EnvSelection) -> None:
-        """Advance the simulation and the step counts of the robots `env_ids` by a control period."""
+        """Advance the physics and the step counts of the robots `env_ids` by a control period.
+
+        `targets` are the joint targets of the policies, and `delayed_targets` the targets that the servos receive,
+        each (n, 12), rad. If `delayed_targets` is None, the servos receive `targets`.
+        """
         schedule = self._schedule
         self.simulation.step(targets, schedule.push_force(), env_ids, delayed_targets)
         self._tracked_command[env_ids] = schedule.command[env_ids]
         schedule.step_count[env_ids] += 1
 
     def _reset_diverged(self, env_ids: EnvSelection | None) -> BoolOrMask:
-        """Reset robots with a diverged simulation, so that readings are finite, and return their mask."""
+        """Put robots with a diverged simulation into the home pose, and return True for these robots, (k,).
+
+        The reset makes the state of these robots finite again.
+        """
         diverged: BoolOrMask = self.simulation.diverged(env_ids)
         if any_true(diverged):
             rows = self._rows if env_ids is None else self._rows[env_ids]
@@ -312,20 +326,25 @@ class QuadEnvBase:
         return diverged
 
     def _compute_state(self, env_ids: EnvSelection | None) -> QuadState[Any]:
-        """Return the present state of the robots `env_ids`, with the command of their last step."""
+        """Return the present state of the robots `env_ids`, with the velocity command of their last step."""
         return self.simulation.state(component_reader(env_ids)(self._tracked_command), env_ids)
 
     def _terminate(self, state: QuadState[ScalarOrBatch], diverged: BoolOrMask) -> tuple[Any, BoolOrMask]:
-        """Return the fall codes, see `config.FALL_REASONS`, and the mask of robots with an episode that ends."""
+        """Return the fall reasons, and True for robots with an episode that ends in this step.
+
+        A fall reason is an index into `config.FALL_REASONS`. `diverged` is True for robots with a diverged simulation.
+        """
         fall = where(diverged, 0, fall_reason_code(state, self.config.fall_rule, self._min_trunk_height))
         return fall, diverged | ((fall > 0) & self.terminate_on_fall)
 
     def _step_terms(
         self, state: QuadState[ScalarOrBatch], terminated: BoolOrMask, diverged: BoolOrMask
     ) -> dict[str, ScalarOrBatch]:
-        """Return a dictionary, key in the infos -> value, of the terms of a step.
+        """Compute mechanical power, overspeed and reward terms of a step: key in the infos -> value.
 
-        It has the mechanical power, W, the fraction of joints above their rated speed, and the weighted reward terms.
+        The mechanical power has the unit W. Overspeed is the fraction of joints above their rated speed. The reward
+        terms are weighted. `terminated` and `diverged` are True for robots with an episode that ends, and for robots
+        with a diverged simulation.
         """
         terms = {
             "mechanical_power": state.mechanical_power,
@@ -337,9 +356,9 @@ class QuadEnvBase:
         return terms
 
     def _observe(self, state: QuadState[ScalarOrBatch], env_ids: EnvSelection | None) -> NDArray[np.float32]:
-        """Return the observation of the robots `env_ids`, (k, size), with the command to track next.
+        """Return the observation of the robots `env_ids`, (k, size), with the velocity command to track next.
 
-        The shape is (size,) if `env_ids` is None.
+        If `env_ids` is None, the batch has one robot, and the shape is (size,).
         """
         schedule = self._schedule
         rows = self._rows if env_ids is None else self._rows[env_ids]
@@ -356,28 +375,30 @@ class QuadEnvBase:
         return np.concatenate((observation, *further_terms), axis=-1)
 
     def close_extras(self, **_: Any) -> None:
-        """Close the window or the renderer, if there is one; the simulation needs no closing."""
+        """Close the window or the offscreen renderer, if there is one; a simulation needs no closing."""
         if self._view is not None:
             self._view.close()
             self._view = None
 
 
 def _to_setting(value: Any) -> Any:
-    """Convert a mapping of JSON values to a settings dataclass; return any other value unchanged."""
+    """Convert a mapping of JSON values to its settings dataclass; return any other value unchanged."""
     return from_json_values(value) if isinstance(value, Mapping) else value
 
 
 def _check_task_config(config: Any) -> TaskConfig:
-    """Return the task configuration, or the default one for None; raise ValueError for another type."""
+    """Return `config`, or the default `TaskConfig` if it is None; raise ValueError for another type."""
     if config is not None and not isinstance(config, TaskConfig):
         raise ValueError(f"config is a quad_env.TaskConfig or None, got {config!r}")
     return config or TaskConfig()
 
 
 def _make_robot(robot: str | Robot, servo: Any, num_envs: int) -> tuple[Robot, Array | None]:
-    """Return the robot with its servo gains, and the gains of each of the n robots.
+    """Return the robot model with its servo gains, and the servo gains of each of the `num_envs` robots.
 
-    The gains are stiffness, N·m/rad, and damping, N·m·s/rad, (2, n, 12); None if all robots have the same gains.
+    `servo` is a pair of stiffness and damping, or None for the gains of the robot model. The returned gains are
+    stiffness, N·m/rad, and damping, N·m·s/rad, (2, n, 12); they are None if all robots have the same gains. If the
+    gains differ, the robot model has their mean.
     """
     robot = get_robot(robot)
     requested = (robot.servo_stiffness, robot.servo_damping) if servo is None else servo

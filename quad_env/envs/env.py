@@ -1,4 +1,4 @@
-"""The single environment: one robot, with readings, rewards and falls computed in floats for speed."""
+"""The single environment of one robot; state, rewards and falls are Python floats, which are fast."""
 
 from typing import Any, ClassVar, Unpack
 
@@ -40,32 +40,32 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
     is a number or an array of numbers. `gym.make` adds the time limit (1000 steps, 10 s) as a `TimeLimit` wrapper.
 
     Keyword Args:
-        config: Control rate, fall rule and reward weights.
+        config: A `quad_env.TaskConfig` with control rate, fall rule and reward weights; None for the defaults.
         rewards: Additional reward terms, name -> (function, weight), or name -> weight for a term of an extension; see
             docs/extending.md.
         observations: Additional observation terms, at the end of the observation: `quad_env.ObservationTerm`, or names
             of terms of an extension. They are computed from the true state.
         actuator: A name from `quad_env.ACTUATORS` or a `quad_env.Actuator`.
         sensors: Source of the observation: None or "truth" for the true state, a name from `quad_env.SENSORS`, or a
-            `quad_env.SensorSuite`. Simulated sensors add two entries each to the infos: `sensor_<name>` is the reading,
+            `quad_env.SensorSuite`. Each simulated sensor adds two keys to the infos: `sensor_<name>` is the reading,
             and `sensor_<name>_time` is the time of the measurement since the start of the episode, s.
         robot: The simulated `quad_env.Robot`, or its name in `quad_env.ROBOTS`.
         estimator: Estimator of gravity and velocity from the sensors' readings: a name from `quad_env.ESTIMATORS`.
         height_scan: The `quad_env.HeightScan` to add to the observation as the term `height_scan`; None for no scan.
         servo: Pair of stiffness, N·m/rad, and damping, N·m·s/rad, of the joint servos. Each is a number, or (12,) in
             the order of the joints; a batch also accepts (n, 12). None for the gains of the robot.
-        simulator: "mujoco"; "drake" for ideal motors and level or sloping ground and stairs, see
-            docs/second-simulator.md; "warp", MuJoCo Warp, for training, see docs/training.md.
+        simulator: Name of the physics engine. "mujoco" is the default. "drake" supports ideal motors and level ground,
+            slopes and stairs, see docs/second-simulator.md. "warp" is MuJoCo Warp for training, see docs/training.md.
 
     Args:
-        scenario: A name from `quad_env.SCENARIOS`, a level or severity, for example `push:3`,
-            `push=42` or `payload=15+slope=10`, or a `quad_env.Scenario`.
+        scenario: A `quad_env.Scenario`, a name from `quad_env.SCENARIOS`, or a disturbance with a level or a severity,
+            for example `push:3` (level 3), `push=42` (severity 42) or `payload=15+slope=10` (two severities).
         terminate_on_fall: True if a fall ends the episode.
         render_mode: None, "rgb_array" or "human".
         width: Width of rendered frames, pixels.
         height: Height of rendered frames, pixels.
         camera: Name of a camera of the model.
-        **parts: Keyword arguments of the robot and the task, listed above.
+        **parts: Keyword arguments that configure the robot and the task, listed above.
 
     Raises:
         ValueError: An argument is invalid.
@@ -100,12 +100,12 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The compiled model; writing to it does not change the simulation."""
+        """Compiled MuJoCo model of the robot and the terrain; writing to it does not change the simulation."""
         return self.simulation.model
 
     @property
     def data(self) -> mujoco.MjData:
-        """A new copy of the simulation data with up-to-date derived fields; writing to it has no effect."""
+        """New copy of the MuJoCo data at the present state, with all derived fields; writing has no effect."""
         return self.simulation.snapshot(0)
 
     def reset(
@@ -114,12 +114,14 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         """Start an episode.
 
         Args:
-            seed: Seed of this and the following episodes; None for the next episode of the present seed.
-            options: Dictionary with the key "command": forward m/s, lateral m/s, yaw rate rad/s, (3,), fixed for the
-                whole episode. None to draw commands.
+            seed: Seed that defines this and the following episodes. None keeps the present seed, and starts the next
+                episode that this seed defines.
+            options: Dictionary with the key "command", the velocity command of the whole episode: forward m/s, lateral
+                m/s, yaw rate rad/s, (3,). If it is None, commands are drawn at random.
 
         Returns:
-            First observation, and info as in docs/environment.md.
+            observation: First observation, (size,).
+            info: Dictionary, key -> number or array; docs/environment.md lists the keys.
 
         Raises:
             ValueError: The seed or command has the wrong shape or type, or the options have a `reset_mask`.
@@ -150,8 +152,11 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             action: Joint targets, (12,), rad; targets beyond the joint limits are clipped.
 
         Returns:
-            Observation after the step, sum of the reward terms, True if the robot fell or diverged, False (because the
-            `TimeLimit` wrapper handles the time limit), and info as in docs/environment.md.
+            observation: Observation after the step, (size,).
+            reward: Sum of the reward terms.
+            terminated: True if the robot fell, or if its simulation diverged.
+            truncated: Always False, because the `TimeLimit` wrapper handles the time limit.
+            info: Dictionary, key -> number or array; docs/environment.md lists the keys.
 
         Raises:
             ResetNeeded: The environment was never reset.
@@ -172,18 +177,22 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return result.observation, reward, self._terminated, False, self._info(result.state, result.terms)
 
     def _current_observation(self) -> tuple[Observation, dict[str, Any]]:
-        """Return the present observation and info, with zero reward terms, of a robot that has not moved."""
+        """Return the observation and the info of the present state, with all reward terms 0."""
         state: QuadState[float] = self._compute_state(None)
         terms = dict.fromkeys(("mechanical_power", "overspeed", *self._reward_keys), 0.0)
         return self._observe(state, None), self._info(state, terms)
 
     def _info(self, state: QuadState[float], terms: dict[str, float]) -> dict[str, Any]:
-        """Return the info of a step, with the values `terms`."""
+        """Return the info of a step or reset, key -> number or array.
+
+        `terms` are the infos of mechanical power, overspeed and reward terms, key -> value.
+        """
         info: dict[str, Any] = {
             "command": np.array(state.command),
             "heading_velocity": np.array(state.heading_velocity),
             "fall": np.int8(self._fall),
-            "diverged": np.array(self._diverged),  # Gymnasium's vector envs would make an object array of `np.bool_`
+            # An array, because Gymnasium's vector envs would make an object array of `np.bool_`.
+            "diverged": np.array(self._diverged),
             **{key: np.float64(value) for key, value in terms.items()},
         }
         for key, values in self._observation_model.readings().items():
@@ -191,7 +200,10 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return info
 
     def render(self) -> NDArray[Any] | None:
-        """Return the current frame, (height, width, 3) uint8; None if the mode is "human" or None."""
+        """Return an RGB image, (height, width, 3) uint8; None if `render_mode` is "human" or None.
+
+        The mode "human" shows the image in a window instead.
+        """
         if self.render_mode is None:
             warn_no_render_mode(RENDER_MODES)
             return None
@@ -203,5 +215,5 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
         return self._view.draw(self.data)  # type: ignore[no-any-return]
 
     def close(self) -> None:
-        """Close the window or the renderer."""
+        """Close the window or the offscreen renderer of the environment."""
         self.close_extras()

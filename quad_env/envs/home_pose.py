@@ -1,4 +1,4 @@
-"""Actions in [-1, 1] around the home pose, for learners such as PPO that explore around zero."""
+"""Wrappers with actions in [-1, 1] around the home pose, for learners (PPO) that explore around 0."""
 
 from typing import Any
 
@@ -17,14 +17,14 @@ Observation = NDArray[np.float32]
 Action = NDArray[Any]
 
 AUTHORITY = 0.5
-"""Default of the maximum offset of a joint target from the home pose, rad."""
+"""Default of `authority`, the maximum offset of a joint target from the home pose, rad."""
 
 
 class HomePoseSpace(Box):
-    """Offsets from a robot's home pose as fractions of the maximum offset, [-1, 1], (12,).
+    """Action space [-1, 1], (12,): joint-target offsets from the home pose, divided by the maximum offset.
 
-    The space stores the home pose and the maximum offset. So a model file that includes its action space, as files of
-    Stable-Baselines3 do, defines the conversion of actions to joint targets.
+    The space stores the home pose and the maximum offset. Model files of Stable-Baselines3 include the action space, so
+    these files define the conversion of actions to joint targets.
 
     Args:
         robot: Robot with the home pose, or the name of the robot.
@@ -39,13 +39,13 @@ class HomePoseSpace(Box):
         self.authority = _check_authority(authority, robot.num_joints)
 
     def targets(self, actions: ArrayLike) -> Action:
-        """Return the joint targets of `actions`, (..., 12), rad; actions are clipped to ±1."""
+        """Convert `actions`, (..., 12), clipped to ±1, to joint targets, (..., 12), rad."""
         offsets: Action = self.authority * np.clip(np.asarray(actions, np.float32), -1.0, 1.0)
         return self.home_pose + offsets
 
 
 class HomePoseActions(gym.ActionWrapper[Observation, Action, Action], RecordConstructorArgs):
-    """Wrapper of a single environment with actions in a `HomePoseSpace`; action 0 is the home pose.
+    """Wrapper that gives a single environment the action space `HomePoseSpace`; action 0 is the home pose.
 
     Args:
         env: Environment of one robot; see `VectorHomePoseActions` for a batch.
@@ -58,12 +58,12 @@ class HomePoseActions(gym.ActionWrapper[Observation, Action, Action], RecordCons
         self.action_space = self._space = HomePoseSpace(_find_robot(env), authority)
 
     def action(self, action: Action) -> Action:
-        """Return the joint targets of an `action`, (12,), rad."""
+        """Convert an `action` in [-1, 1], (12,), to joint targets, (12,), rad."""
         return self._space.targets(action)
 
 
 class VectorHomePoseActions(VectorWrapper):  # without type parameters, because Gymnasium 1.2 takes none
-    """Wrapper of a batch of SimpleQuad robots with actions in a `HomePoseSpace`; see `HomePoseActions`.
+    """Wrapper that gives a vector environment the action space `HomePoseSpace`; action 0 is the home pose.
 
     Args:
         env: Vector environment of n robots.
@@ -76,12 +76,15 @@ class VectorHomePoseActions(VectorWrapper):  # without type parameters, because 
         self.action_space = batch_space(self._space, env.num_envs)
 
     def step(self, actions: Action) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Advance all robots by one control period with `actions`, (n, 12); return the results of `env.step`."""
+        """Advance all robots by one control period with `actions` in [-1, 1], (n, 12).
+
+        The result is the tuple that `env.step` returns.
+        """
         return self.env.step(self._space.targets(actions))
 
 
 def _find_robot(env: Any) -> Robot:
-    """Return the robot of an environment; raise ValueError if it is not a SimpleQuad environment."""
+    """Return the robot model of an environment; raise ValueError if `env` is not a SimpleQuad environment."""
     robot = getattr(env.unwrapped, "robot", None)
     if not isinstance(robot, Robot):
         raise ValueError(f"{env} has no home pose: wrap a SimpleQuad environment, or its native batch")
@@ -89,7 +92,7 @@ def _find_robot(env: Any) -> Robot:
 
 
 def _check_authority(authority: ArrayLike, num_joints: int) -> Action:
-    """Return the maximum offset of every joint, (12,), rad.
+    """Check `authority`, the maximum joint-target offset, and return it for every joint, (12,), rad.
 
     ValueError is raised if an offset is not positive and finite.
     """

@@ -29,12 +29,13 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
     """Batch of n SimpleQuad robots that are stepped together; made by `gym.make_vec`.
 
     Env i gives the same numbers, bit for bit, as a single env with the same seed, for any n and `nthread`. Every info
-    is an array of numbers, (n, ...). The info `_<key>`, (n,), is the mask of the robots that have the info `<key>`.
+    is an array of numbers, (n, ...). For each info `<key>`, the info `_<key>`, (n,), is True for the robots that have
+    this info.
 
     Args:
         num_envs: Number of robots.
-        scenario: See `SimpleQuadEnv`.
-        nthread: Threads of the simulation.
+        scenario: Name of a scenario with an optional level or severity, or a `quad_env.Scenario`; see `SimpleQuadEnv`.
+        nthread: Number of simulation threads; the results do not depend on it.
         autoreset_mode: An `AutoresetMode` or its name, `NEXT_STEP`, `SAME_STEP` or `DISABLED`. With `DISABLED` a
             finished robot is not simulated: its last observation is repeated, with zero reward, until
             `reset(options={"reset_mask": mask})`.
@@ -43,7 +44,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         render_mode: None or "rgb_array"; `render` then returns one frame per robot. Only the single environment has a
             window.
         readings: True to add the measurements of `quad_env.task.readings`, which policies do not observe, to the infos.
-        **parts: Keyword arguments of the robot and the task, see `SimpleQuadEnv`.
+        **parts: Keyword arguments that configure the robot and the task; `SimpleQuadEnv` describes them.
 
     Raises:
         ValueError: An argument is invalid.
@@ -89,9 +90,9 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._made = True
 
     def _allocate(self, num_envs: int) -> None:
-        """Allocate the results of the last step.
+        """Allocate the arrays that hold the results of the last step of all `num_envs` robots.
 
-        The rows of robots that are not stepped keep their values. Callers get copies of the arrays.
+        A step of some robots writes only the rows of these robots. `reset` and `step` return copies of the arrays.
         """
         self._started = np.zeros(num_envs, bool)
         self._terminated = np.zeros(num_envs, bool)
@@ -103,7 +104,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._all_true_mask = np.ones(num_envs, bool)
         self._all_true_mask.flags.writeable = False
         self._state: QuadState[Array] | None = None
-        """Present state of all robots; None if the last step or reset computed only some robots."""
+        """State of all n robots after the last step; None if the last step or reset covered only some robots."""
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
@@ -113,13 +114,14 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         ValueError is raised for a seed, command or mask of the wrong shape or type.
 
         Args:
-            seed: Env i gets the seed `seed` + i, or `seed[i]` of a sequence; None for the next episode of the present
-                seed of each env.
-            options: Dictionary with the keys "command", (3,) or (n, 3), fixed for the episode, and "reset_mask", (n,)
-                bool. Both keys are optional.
+            seed: If it is an integer, env i gets the seed `seed` + i; if it is a sequence, env i gets `seed[i]`. None
+                keeps the present seed of each env, and starts the next episode that this seed defines.
+            options: Dictionary with two optional keys. "command", (3,) or (n, 3), is the velocity command of the whole
+                episode: forward m/s, lateral m/s, yaw rate rad/s. "reset_mask", (n,) bool, is True for envs to reset.
 
         Returns:
-            Observations of all robots, (n, size), and infos as in docs/environment.md.
+            observations: Observations of all robots, (n, size).
+            infos: Dictionary, key -> array (n, ...); docs/environment.md lists the keys.
         """
         mask, fixed_command = arguments.parse_reset_options(options, self.num_envs)
         self._schedule.reseed(seed, mask)
@@ -136,8 +138,11 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
             actions: Joint targets, (n, 12), rad; targets beyond the joint limits are clipped.
 
         Returns:
-            Observations after the step, (n, size), sums of the reward terms, (n,), True for robots that fell or
-            diverged, (n,), True for robots at the time limit, (n,), and infos as in docs/environment.md.
+            observations: Observations after the step, (n, size).
+            rewards: Sum of the reward terms of each robot, (n,).
+            terminated: True for robots that fell, or that have a diverged simulation, (n,).
+            truncated: True for robots at the time limit, (n,).
+            infos: Dictionary, key -> array (n, ...); docs/environment.md lists the keys.
 
         Raises:
             ResetNeeded: An env was never reset.
@@ -162,9 +167,10 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         return self._observation.copy(), rewards, terminated, truncated, infos
 
     def steer(self, command: ArrayLike) -> None:
-        """Set the command that robots track until the next reset; the next observation shows the command.
+        """Set the velocity command that robots track until the next reset; the next observation contains it.
 
-        ValueError is raised, and nothing changes, for a wrong shape or a command that is not finite or too large.
+        ValueError is raised, and the commands stay unchanged, if `command` has a wrong shape, is not finite, or is
+        larger than `config.COMMAND_BOUND`.
 
         Args:
             command: Forward and lateral velocity, heading frame, m/s, and yaw rate, rad/s, (3,) or (n, 3).
@@ -172,9 +178,10 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._schedule.fix_commands(arguments.check_commands(command, self.num_envs, "command"))
 
     def push(self, force: ArrayLike, duration: float) -> None:
-        """Push the trunks, in addition to the pushes of the scenario; end any earlier push by this method.
+        """Apply a horizontal force to the trunks, in addition to the pushes of the scenario.
 
-        ValueError is raised for a force that has a wrong shape or is not finite.
+        A second call ends the push of the first call. ValueError is raised for a force that has a wrong shape or is not
+        finite.
 
         Args:
             force: Force on the trunk, world frame, (2,) or (n, 2), N.
@@ -189,7 +196,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._schedule.apply_push(arguments.check_rows(force, (self.num_envs, 2), "force"), steps)
 
     def render(self) -> tuple[NDArray[Any], ...] | None:
-        """Return a frame of each robot, (480, 640, 3) uint8; None if `render_mode` is None."""
+        """Return an RGB image of each robot, n times (480, 640, 3) uint8; None if `render_mode` is None."""
         if self.render_mode is None:
             arguments.warn_no_render_mode(RENDER_MODES)
             return None
@@ -201,13 +208,14 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
 
     @property
     def pushes(self) -> PushPlan:
-        """Pushes in the present episode of every env."""
+        """Planned pushes on the trunk in the present episode of every env: start steps, duration and forces."""
         return self._schedule.pushes
 
     def _start_episodes(self, env_ids: EnvIndices, fixed_commands: Array | None) -> None:
-        """Start the next episode of the robots `env_ids`.
+        """Start the next episode of the robots `env_ids`, (k,), and store their first observations.
 
-        `fixed_commands` are the commands of all robots, (n, 3), or None to draw them.
+        `fixed_commands` are the velocity commands of all robots for the whole episode, (n, 3); forward m/s, lateral
+        m/s, yaw rate rad/s. If it is None, the commands are drawn at random.
         """
         if not len(env_ids):
             return
@@ -221,7 +229,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._store_observation(state, self._observe(state, env_ids), env_ids)
 
     def _store(self, result: StepOutcome[Array], env_ids: EnvSelection) -> None:
-        """Store the result of a step of the robots `env_ids`, and truncate episodes at the time limit."""
+        """Write the `result` of a step to the rows `env_ids` of the stored arrays; set the time-limit flags."""
         self._state = result.state if env_ids is ALL else None
         self._diverged[env_ids] = result.diverged
         self._fall[env_ids] = result.fall
@@ -231,7 +239,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         self._store_observation(result.state, result.observation, env_ids)
 
     def _store_observation(self, state: QuadState[Array], observation: Observation, env_ids: EnvSelection) -> None:
-        """Store the observation and the heading velocity of the robots `env_ids`."""
+        """Write observation and heading velocity of the robots `env_ids` to their rows of the stored arrays."""
         self._heading_velocity[env_ids] = np.transpose(state.heading_velocity)
         self._observation[env_ids] = observation
 
@@ -244,11 +252,14 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         return out
 
     def _zero_terms(self) -> Infos:
-        """Return a dictionary, key -> zeros, (n,), for mechanical power, overspeed and all reward terms."""
+        """Return the infos of a reset, key -> zeros, (n,): mechanical power, overspeed and all reward terms."""
         return {key: np.zeros(self.num_envs) for key in ("mechanical_power", "overspeed", *self._reward_keys)}
 
     def _infos(self, terms: Infos) -> Infos:
-        """Return the infos of a step: `terms`, further infos, and the mask `_<key>` of each."""
+        """Return all infos of a step or reset, key -> array (n, ...), with the mask `_<key>` of each key.
+
+        `terms` are the infos of mechanical power, overspeed and reward terms, key -> (n,).
+        """
         infos: Infos = {
             "command": self._tracked_command.copy(),
             "heading_velocity": self._heading_velocity.copy(),
@@ -258,14 +269,17 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
         }
         if self._has_readings:
             infos |= compute_readings(self.simulation, self._state)
-            infos["joint_torque"][self._schedule.step_count == 0] = 0.0  # MuJoCo's value is from before the reset
+            # Zero at the start of an episode, because MuJoCo's torque is from before the reset.
+            infos["joint_torque"][self._schedule.step_count == 0] = 0.0
         infos |= self._observation_model.readings()
         return infos | {f"_{key}": self._all_true_mask for key in infos}
 
     def _restart(self, finished: Mask, infos: Infos, terms: Infos) -> Infos:
-        """Start new episodes in the finished envs, and return the infos of all envs (same-step autoreset).
+        """Start new episodes in the `finished` envs (same-step autoreset), and return the infos of all envs.
 
-        The keys `final_obs` and `final_info` hold the observation and the infos at the end of the finished episodes.
+        The new keys `final_obs`, (n, size), and `final_info` hold the observations and `infos` at the end of the
+        finished episodes. `terms` are the infos of mechanical power, overspeed and reward terms in the step, key ->
+        (n,); they become 0 in the finished envs.
         """
         final = {
             "final_obs": np.where(finished[:, None], self._observation, np.float32(0)),
@@ -277,7 +291,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
 
 
 def _check_step_limit(max_episode_steps: int | None) -> int | None:
-    """Return the time limit in control steps; None if there is no limit, given as None or -1."""
+    """Check the time limit in control steps, and return it; None if the argument is None or -1 (no limit)."""
     if max_episode_steps is None or max_episode_steps == -1:
         return None
     return arguments.check_count("max_episode_steps, None and -1 for no limit,", max_episode_steps)

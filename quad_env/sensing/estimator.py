@@ -1,22 +1,23 @@
-"""Complementary filter: direction of gravity and velocity of the trunk from the robot's own sensors.
+"""Complementary filter: estimates gravity direction and trunk velocity from the robot's own sensors.
 
-Vectors are in the base frame. g is the unit vector of gravity, ω the angular velocity, and f the specific force. v is
-the velocity of the trunk's centre, and G is 9.81 m/s². Gravity is constant in the world frame, so in the base frame it
-turns by dg/dt = g × ω.
+Vectors are in the base frame. g is the unit vector of gravity, ω the angular velocity, and f the specific force that
+the accelerometer reads. v is the velocity of the trunk's centre, dt the control period, and G is 9.81 m/s². Gravity is
+constant in the world frame, so its vector in the base frame changes by dg/dt = g × ω.
 
 Gravity uses the linear form of the complementary filter of Mahony, Hamel and Pflimlin (Nonlinear complementary filters
-on the special orthogonal group, IEEE TAC 2008). The centripetal part of the force is subtracted as by Euston et al. (A
-complementary filter for attitude estimation of a fixed-wing UAV, IROS 2008):
+on the special orthogonal group, IEEE TAC 2008). The centripetal acceleration ω × v is subtracted from f, as in Euston
+et al. (A complementary filter for attitude estimation of a fixed-wing UAV, IROS 2008):
 
     g ← g + dt g × ω,    g ← g + dt/TILT_TIME ((ω × v - f)/G - g),    g ← g/|g|
 
-The force is not normalised, and large or small forces are not rejected. The mean force over strides gives gravity, and
-either step would bias the mean (0.06 rad in a trot). A steady linear acceleration appears as a tilt.
+The filter neither normalises f nor rejects large or small values of f. Gravity follows from the mean of f over strides,
+and both operations would bias this mean (0.06 rad in a trot). A steady linear acceleration appears as a tilt.
 
-Velocity: dv/dt = f + G g - ω × v. Leg odometry corrects the velocity, because the contact points of stance feet are at
-rest (Bloesch et al., State estimation for legged robots, RSS 2012). Here the correction has a constant gain:
+The velocity follows dv/dt = f + G g - ω × v. Leg odometry corrects the velocity, because the contact points of stance
+feet are at rest (Bloesch et al., State estimation for legged robots, RSS 2012). Here the correction has a constant
+gain. v_legs is the velocity from leg odometry, and t the time to which it belongs:
 
-    v ← v + dt (f + G g - ω × v),    v ← v + dt/VELOCITY_TIME (v_legs - v(at the time of v_legs))
+    v ← v + dt (f + G g - ω × v),    v ← v + dt/VELOCITY_TIME (v_legs - v(t))
 """
 
 from typing import NamedTuple
@@ -29,19 +30,19 @@ from quad_env.robots.kinematics import foot_positions
 from quad_env.robots.robot import Robot
 
 TILT_TIME = 2.0
-"""Time constant with which the accelerometer corrects the gyroscope, s.
+"""Time constant with which the accelerometer corrects the gravity vector that the gyroscope integrates, s.
 
 Of 1, 2 and 4 s, 4 s is best if the sensors have no biases.
 """
 VELOCITY_TIME = 0.1
 """Time constant with which leg odometry corrects the integrated acceleration, s.
 
-The best of 0.02, 0.05, 0.1, 0.2 and 0.4 s in a trot.
+Of 0.02, 0.05, 0.1, 0.2 and 0.4 s, 0.1 s was best in a trot.
 """
 
 
 class AlignedReadings(NamedTuple):
-    """Sensor readings of k robots, all taken at the same time; made by `SensorObservation`."""
+    """Sensor readings of k robots that were all taken at the same time; the input of the estimators."""
 
     gyro: Array
     """Gyroscope reading: angular velocity, base frame, (k, 3), rad/s."""
@@ -52,21 +53,21 @@ class AlignedReadings(NamedTuple):
     previous_joints: Array
     """Joint angles one encoder sample earlier, (k, 12), rad."""
     sustained_contact: Mask
-    """True for feet in contact at both the present and the previous force sample, (k, 4)."""
+    """True for feet that read contact in both this sample and the previous sample of the foot sensors, (k, 4)."""
     contact: Mask
-    """True for feet in contact at the present force sample, (k, 4)."""
+    """True for feet that read contact in this sample of the foot sensors, (k, 4)."""
     has_new_angles: Mask
     """True for robots with an encoder sample that is newer than in the last control step, (k,)."""
 
     def select(self, mask: Mask) -> "AlignedReadings":
-        """Return the readings of the robots where the mask, (k,), is True."""
+        """Return only the readings of the robots where `mask`, (k,), is True."""
         return AlignedReadings._make(readings[mask] for readings in self)
 
 
 class ComplementaryFilter:
     """Complementary filter that estimates gravity and velocity of n robots in the base frame.
 
-    The estimates are for the time of the readings, which are as old as the slowest sensor requires.
+    The estimates refer to the time of the readings, which is earlier than the present time by the longest sensor delay.
 
     Args:
         robot: Geometry of the robots.
@@ -90,7 +91,7 @@ class ComplementaryFilter:
         self._gyro = np.zeros((num_envs, 3))
 
     def reset(self, env_ids: EnvIndices, specific_force: Array, readings: AlignedReadings) -> None:
-        """Reset the filter of robots that stand still.
+        """Reset the estimates of robots that stand still at the start of an episode.
 
         Args:
             env_ids: Indices of the robots, (k,).
@@ -102,7 +103,7 @@ class ComplementaryFilter:
         self._gyro[env_ids] = readings.gyro
 
     def update(self, readings: AlignedReadings, env_ids: EnvIndices) -> None:
-        """Advance the estimates of some robots by one control period.
+        """Advance the estimates of k robots by one control period.
 
         Args:
             readings: Time-aligned readings of k robots at the end of the period.
@@ -125,7 +126,11 @@ class ComplementaryFilter:
     def _correct_velocity(
         self, velocity: Array, acceleration: Array, readings: AlignedReadings, angular_velocity: Array, gravity: Array
     ) -> Array:
-        """Return the velocity corrected by leg odometry, (k, 3), m/s; unchanged if no foot is in contact."""
+        """Correct the velocity by leg odometry, and return it, base frame, (k, 3), m/s.
+
+        The velocity stays unchanged if no foot is in contact. All vectors are in the base frame, (k, 3): `velocity`,
+        m/s, `acceleration`, m/s², `angular_velocity`, rad/s, and the unit vector of gravity.
+        """
         period = self._encoder_period
         leg_velocity, is_known = leg_odometry_velocity(self._robot, readings, angular_velocity, gravity, period)
         error = leg_velocity - (velocity - 0.5 * period * acceleration)
@@ -137,21 +142,21 @@ def leg_odometry_velocity(
 ) -> tuple[Array, Mask]:
     """Compute the velocity of the trunk's centre from the feet in contact (leg odometry).
 
-    A foot is a ball of radius r that rolls on the ground: its centre moves with velocity ω_calf × (-r g). p is the
-    position of the foot's centre relative to the trunk's centre. The velocity of the trunk's centre is
-    v = ω_calf × (-r g) - ω × p - dp/dt. The result is the mean of v over the feet in contact, midway between the two
-    encoder samples.
+    A foot is a ball of radius r that rolls on the ground: its centre moves with velocity ω_calf × (-r g). ω_calf is the
+    angular velocity of the calf, and g the unit vector of gravity. p is the position of the foot's centre relative to
+    the trunk's centre. The velocity of the trunk's centre is v = ω_calf × (-r g) - ω × p - dp/dt. The result is the
+    mean of v over the feet in contact, at the time midway between the last two encoder samples.
 
     Args:
         robot: Geometry of the robots.
         readings: Readings of k robots.
-        angular_velocity: ω, base frame, (k, 3), rad/s.
-        gravity: Unit vector of gravity, base frame, (k, 3).
+        angular_velocity: Angular velocity ω of the trunk, base frame, (k, 3), rad/s.
+        gravity: Unit vector g of gravity, base frame, (k, 3).
         encoder_period: Time between the two encoder samples, s.
 
     Returns:
         velocity: Velocity of the trunk's centre, base frame, (k, 3), m/s.
-        is_known: False for robots with no foot in contact, (k, 1).
+        is_known: True for robots with at least one foot in contact, (k, 1).
     """
     joints = readings.joints.reshape(-1, len(robot.leg_names), 3)
     previous_joints = readings.previous_joints.reshape(joints.shape)
@@ -169,7 +174,11 @@ def leg_odometry_velocity(
 
 
 def _calf_angular_velocity(joints: Array, previous_joints: Array, angular_velocity: Array, period: float) -> Array:
-    """Return the calves' angular velocity midway between two samples, base frame, (k, 4, 3), rad/s."""
+    """Compute the angular velocity of each calf midway between two samples, base frame, (k, 4, 3), rad/s.
+
+    `joints` and `previous_joints` are joint angles, (k, 4, 3), rad, `period` apart, s. `angular_velocity` belongs to
+    the trunk, base frame, (k, 3), rad/s.
+    """
     speed = (joints - previous_joints) / period
     hip = 0.5 * (joints + previous_joints)[..., 0]
     bend = speed[..., 1] + speed[..., 2]
@@ -179,7 +188,7 @@ def _calf_angular_velocity(joints: Array, previous_joints: Array, angular_veloci
 
 
 def unit(vectors: Array) -> Array:
-    """Return the vectors, (…, 3), scaled to length one."""
+    """Scale each of the `vectors`, (…, 3), to length 1, and return them."""
     x = vectors[..., 0]
     y = vectors[..., 1]
     z = vectors[..., 2]

@@ -1,4 +1,4 @@
-"""Names of the state estimators, and creation of an estimator by name."""
+"""Selection of a state estimator (of gravity, velocity and gyroscope bias) by its name."""
 
 from quad_env.robots.robot import Robot
 from quad_env.sensing.estimator import ComplementaryFilter
@@ -9,7 +9,7 @@ from quad_env.sensing.suite import SENSORS, SensorSuite
 COMPLEMENTARY = "complementary"
 KALMAN = "kalman"
 ESTIMATORS = (COMPLEMENTARY, KALMAN)
-"""Valid values of the argument `estimator`; the first is the default."""
+"""Valid values of the argument `estimator` of an environment; the first value is the default."""
 Estimator = ComplementaryFilter | KalmanFilter
 """State estimator of n robots; its `update` advances the estimates by one control period."""
 
@@ -41,7 +41,7 @@ def make_estimator(
         name: One of `ESTIMATORS`.
         robot: Geometry of the robots.
         suite: Sensors of the robots.
-        sensor_models: Sensor models of the suite, for the age of the readings and the encoder period.
+        sensor_models: Sensor models of the suite, which define the age of the readings and the encoder period.
         num_envs: Number of robots.
         dt: Control period, s.
 

@@ -1,4 +1,4 @@
-"""Height scan of the ground around the robot: settings of the scan, and the scanner of n robots."""
+"""Height scan, an observation of the ground heights around the robot: settings and sensor simulation."""
 
 import math
 from collections.abc import Sequence
@@ -22,26 +22,27 @@ from quad_env.sensing.suite import Sampled
 from quad_env.task.observations import ObservationTable, ObservationTerm, observation_table
 
 UNSEEN = -2.0
-"""Value of points at which the ground is 2 m or more below the trunk's centre, or unseen, m."""
+"""Scan value of a point where the ground is 2 m or more below the trunk's centre, or cannot be seen, m."""
 Count = Annotated[int, Bounds("at least 0", 0)]
 MAX_POINTS = 10_000
-"""Maximum number of points of a scan; bounds the size of the observation."""
+"""Maximum number of grid points of a height scan, which limits the size of the observation."""
 _SCALE = 2.5
-"""Factor on the heights for learners, 1/m: a trunk 0.4 m above the ground gives -1."""
+"""Factor that learners multiply the scan values by, 1/m; a trunk 0.4 m above the ground then gives -1."""
 
 
 @dataclass(frozen=True)
 class HeightScan(Sampled):
-    """Ground heights on a level grid around the trunk's centre, heading frame: x forward, y to the left.
+    """Settings of the height scan: ground heights on a grid around the trunk's centre, heading frame.
 
-    Each value is the ground height at a point minus the height of the trunk's centre, m. The values are clipped to
-    ±2 m; under a standing robot they are about −0.36 m. Nothing occludes the ground, and the scan does not see the
-    robot's own legs. The grid of a delayed sample lies where the trunk was when the sample was taken. The scenario's
-    observation latency and noise are added to the delay and noise of the scan.
+    The grid is level, with the axes x forward and y to the left. Each value is the ground height at a point minus the
+    height of the trunk's centre, m. The values are clipped to ±2 m; under a standing robot they are about −0.36 m.
+    Nothing occludes the ground, and the scan does not see the robot's own legs. The grid of a delayed sample lies where
+    the trunk was when the sample was taken. The scenario's observation latency and noise are added to the delay and
+    noise of the scan.
     """
 
     delay: Delay = 0.0
-    """Time after which a sample becomes visible, at the next control step, s"""
+    """Time from a measurement until it can be read, rounded up to whole control steps, s"""
     ahead: Count = 8
     """Number of grid points in front of the trunk's centre"""
     behind: Count = 8
@@ -67,7 +68,7 @@ class HeightScan(Sampled):
     def grid(self) -> Array:
         """Position x, y of every grid point, heading frame, (rows, columns, 2), m.
 
-        Rows run from the rear to the front, columns from right to left.
+        Rows run from the rear to the front, and columns from right to left.
         """
         x = self.spacing * np.arange(-self.behind, self.ahead + 1)
         y = self.spacing * np.arange(-self.aside, self.aside + 1)
@@ -75,7 +76,7 @@ class HeightScan(Sampled):
 
     @property
     def points(self) -> Array:
-        """Position x, y of the points in the order of the observation's entries, heading frame, (p, 2), m."""
+        """Position x, y of the p grid points in the order of the observation, heading frame, (p, 2), m."""
         return self.grid.reshape(-1, 2)
 
     @property
@@ -87,21 +88,21 @@ class HeightScan(Sampled):
 
 @cache
 def table_with(robot: Robot, scan: HeightScan | None, user_terms: tuple[ObservationTerm, ...] = ()) -> ObservationTable:
-    """Return the observation table of a robot.
+    """Return the table of all observation terms of a robot: built-in terms, height scan and user terms.
 
     Args:
-        robot: The robot.
-        scan: Height scan of the robot, added after the robot's own terms; None if there is no height scan.
-        user_terms: Observation terms of a user, added last.
+        robot: The observed robot.
+        scan: Height scan, which follows the built-in terms; None if there is no height scan.
+        user_terms: Observation terms of a user, which come last.
 
     Returns:
-        The table. Equal arguments return the same object.
+        The observation table. Equal arguments return the same object.
     """
     return observation_table(robot, *(() if scan is None else (scan.term,)), *user_terms)
 
 
 class Scanner:
-    """Height scanner of n robots, with noise, rate and delay.
+    """Simulated height scanner of n robots, with noise, sample rate and delay.
 
     Args:
         scan: Grid, rate, delay and noise of the scan.
@@ -132,7 +133,7 @@ class Scanner:
         self._noise = Noise(num_envs, np.full(width, std, np.float32)) if std else None
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Restart the noise of some robots.
+        """Restart the noise of robots that start a new episode.
 
         Args:
             env_ids: Indices of the robots, (k,).
@@ -143,15 +144,15 @@ class Scanner:
                 self._noise.reset(env_index, episode.streams.scan_noise)
 
     def scan(self, state: QuadState[ScalarOrBatch], clock: Clock, env_ids: EnvIndices) -> NDArray[np.float32]:
-        """Take the samples that are due, and return the newest visible sample of each robot.
+        """Measure the ground if a sample is due, and return the newest sample that has passed its delay.
 
         Args:
-            state: States of k robots.
+            state: Present state of k robots.
             clock: Control steps since the start of the episode, (k,).
             env_ids: Indices of the robots, (k,).
 
         Returns:
-            Ground heights relative to the trunk's centre, (k, p), m.
+            Ground heights at the p grid points relative to the trunk's centre, (k, p), m.
         """
         if self._is_lost:
             return np.full((len(env_ids), len(self._points)), UNSEEN, np.float32)
@@ -162,7 +163,11 @@ class Scanner:
         return self._channel.value(clock, env_ids).astype(np.float32)
 
     def _sample(self, state: QuadState[ScalarOrBatch], clock: Clock, env_ids: EnvIndices, rows: EnvIndices) -> Array:
-        """Return new samples of the robots `env_ids`, which are at `rows` of the state, (k, p), m."""
+        """Measure the ground heights of the robots `env_ids` relative to the trunk's centre, (k, p), m.
+
+        `rows` are the positions of these robots in the arrays of `state`. `clock` are the control steps since the start
+        of each episode, (k,).
+        """
         cos, minus_sin = to_heading(state.rotation, cast("Any", (1.0, 0.0)))
         columns = (*state.position, cos, -minus_sin)
         x, y, z, cos, sin = (np.reshape(column, (-1, 1))[rows] for column in columns)
@@ -180,7 +185,7 @@ def make_scanner(scan: HeightScan | None, scenario: Scenario, num_envs: int, con
 
     Args:
         scan: Settings of the scan; None if the robots have no height scan.
-        scenario: Scenario that sets the terrain, the observation latency, the noise and whether the scan is lost.
+        scenario: Scenario that defines terrain, observation latency, noise, and a possible loss of the scan.
         num_envs: Number of robots.
         control_rate: Control rate, Hz.
 

@@ -1,9 +1,10 @@
 """Error-state Kalman filter of attitude, velocity, IMU biases and foot positions of n robots.
 
-The filter assumes that feet in contact do not move. `kalman_models` contains the process model, the derivatives of the
-process model, and the contact model. The encoders measure the positions of the feet. The noise is computed from the
-sensor errors (`SensorSuite`) and from `KalmanParameters`. Several sensor errors are constant during an episode. The
-biases of the IMU are states of the filter; the position and mounting of the IMU and the encoder zeros count as noise.
+The filter assumes that feet in contact do not move. The module `kalman_models` contains the process model, its
+derivatives, and the contact model. The measurement is the position of each foot from the joint encoders. The noise
+covariances follow from the sensor errors (`SensorSuite`) and from `KalmanParameters`. Some sensor errors are constant
+during an episode: the filter estimates the biases of the IMU, but treats the errors of the IMU's position and mounting
+and of the encoder zeros as noise.
 
 The process noise of a foot position depends on the contact:
 
@@ -46,22 +47,22 @@ from quad_env.sensing.suite import SensorSuite
 
 @dataclass(frozen=True)
 class KalmanParameters:
-    """Noise of the process model that does not follow from the data sheets of the sensors.
+    """Tuning parameters of `KalmanFilter`: process noise that the data sheets of the sensors do not give.
 
     All values were tuned on search episodes of the policies `trot` and `trot_feedback`. The scenarios were flat ground,
     rough ground, and walking straight ahead. Std means standard deviation.
     """
 
     gyro_interpolation_noise: float = 0.35
-    """Std of the mean angular velocity over a control period, as a fraction of the change in the period.
+    """Std of the mean angular velocity of a control period, divided by the change of the gyroscope reading in it.
 
     A larger value makes the filter trust the attitude less while the angular velocity of the trunk changes.
     """
     accelerometer_scale_noise: float = 0.01
-    """Std of the specific force, as a fraction of the trunk's acceleration.
+    """Std of the accelerometer reading (specific force), as a fraction of the trunk's acceleration.
 
-    Covers scale errors, misalignment, and the averaging of readings while the trunk turns. A larger value makes the
-    filter trust the accelerometer less during hard impacts.
+    This noise covers scale errors, misalignment, and the averaging of readings while the trunk turns. A larger value
+    makes the filter trust the accelerometer less during hard impacts.
     """
     lever_arm_noise_gain: float = 0.5
     """Fraction of the IMU's distance from the trunk's centre that counts as noise in each sample.
@@ -70,14 +71,14 @@ class KalmanParameters:
     trust the accelerometer less while the trunk turns.
     """
     contact_velocity_std: float = 0.015
-    """Std of the velocity of a foot in contact along each axis, m/s.
+    """Std of the velocity of a stance foot along each axis, m/s.
 
     A larger value makes the velocity estimate follow the legs less.
     """
     encoder_offset_noise_gain: float = 8.0
-    """Factor on the noise due to encoder zero offsets.
+    """Factor on the std of the foot position noise that the zero offsets of the encoders cause.
 
-    The factor is above 1 because the error is nearly constant during a stance.
+    The factor is above 1, because the error is nearly constant during a stance phase and so does not average out.
     """
     touchdown_velocity_std: float = 1.2
     """Std of the vertical velocity of a foot at touchdown, m/s.
@@ -86,12 +87,12 @@ class KalmanParameters:
     contact for longer.
     """
     touchdown_noise_decay: float = 0.013
-    """Time in which the std of the touchdown noise falls to 1/e, s."""
+    """Time constant of the exponential decay of `touchdown_velocity_std` after a touchdown, s."""
     ground_compliance: float = 2e-4
-    """Std of the vertical motion of a stance foot per change of the specific force on the trunk, s².
+    """Std of the vertical motion of a stance foot, m, per change of the accelerometer reading, m/s²; unit s².
 
-    In every stance, a foot under several times its static load sinks and rises again. A larger value makes the filter
-    trust the foot heights less while the load changes.
+    In every stance phase, a foot under several times its static load sinks and rises again. A larger value makes the
+    filter trust the foot heights less while the load changes.
     """
     swing_horizontal_velocity_std: float = 30.0
     """Std of the velocity of a swing foot along the ground, m/s.
@@ -101,33 +102,32 @@ class KalmanParameters:
     comes down again. The smaller value keeps the vertical velocity accurate if the ground lifts the stance feet.
     """
     slip_innovation_gain: float = 4.0
-    """Factor on the position variance of a stance foot farther from its prediction than expected.
+    """Factor on the extra position variance of a stance foot that is farther from its prediction than expected.
 
-    The variance is the squared innovation minus its expected value, divided by 3.
-
-    A larger value makes the filter trust slipping feet less.
+    The innovation is the measured minus the predicted position. The extra variance along each axis is the squared
+    innovation minus its expected value, divided by 3. A larger factor makes the filter trust slipping feet less.
     """
     accelerometer_bias_random_walk: float = 0.014
-    """Random walk of the accelerometer bias, m/s² per √s.
+    """Std of the random walk of the accelerometer bias, m/s² per √s.
 
-    Covers unmodelled errors that look like a changing bias.
+    This noise covers unmodelled errors that look like a changing bias.
     """
     slip_velocity_inflation: float = 0.05
-    """Fraction of a foot's speed that is added to the std of the velocity in each sample.
+    """Std that a moving foot in contact adds to the trunk velocity in each sample, as a fraction of its speed.
 
-    Applies to feet that read contact for longer than `min_contact_duration` but seem to move. The velocity estimate may
-    be wrong in this case, instead of the foot moving.
+    This noise applies to feet that read contact for longer than `min_contact_duration` but seem to move. In this case
+    the estimated velocity of the trunk may be wrong, and the foot may be at rest.
     """
     min_contact_duration: float = 0.025
-    """Duration of an uninterrupted contact reading above which `slip_velocity_inflation` applies, s."""
+    """Duration of an uninterrupted contact reading after which `slip_velocity_inflation` applies to a foot, s."""
     initial_velocity_std: float = 0.2
-    """Std of the velocity along each axis at the start of an episode, m/s."""
+    """Std of the trunk velocity along each axis at the start of an episode, m/s."""
     acceleration_extrapolation_gain: float = 0.8
-    """Fraction of the acceleration's last change that continues over the delay of the readings."""
+    """Fraction of the last change of the acceleration that is added to it over the delay of the readings."""
     missing_sample_std: float = 1e3
-    """Std of joint angles if there is no new encoder sample, rad.
+    """Std of the joint angles in a control step that has no new encoder sample, rad.
 
-    The value is so large that old angles correct nothing.
+    The value is very large, so that old angles do not change the estimate.
     """
 
 
@@ -135,44 +135,44 @@ PARAMETERS = KalmanParameters()
 
 
 class SensorErrors(NamedTuple):
-    """Standard deviations of the sensor errors, computed by `sensor_errors`.
+    """Standard deviations of the sensor errors, computed by `sensor_errors` from a sensor suite.
 
-    The noise and bias entries are above 0, so that the covariances are regular.
+    The noise and bias values are above 0, so that the covariance matrices can be inverted.
     """
 
     gyro: float
-    """White noise of the gyroscope, rad/s."""
+    """Std of the white noise of the gyroscope, rad/s."""
     gyro_bias: float
-    """Bias of the gyroscope, rad/s."""
+    """Std of the bias of the gyroscope over episodes, rad/s."""
     accelerometer: float
-    """White noise of the accelerometer, m/s²."""
+    """Std of the white noise of the accelerometer, m/s²."""
     accelerometer_bias: float
-    """Bias of the accelerometer, m/s²."""
+    """Std of the bias of the accelerometer over episodes, m/s²."""
     angle: float
-    """Noise and rounding of an encoder sample, rad."""
+    """Std of the noise and the rounding error of an encoder sample, rad."""
     zero: float
-    """Zero offset of an encoder, rad."""
+    """Std of the zero offset of an encoder over episodes, rad."""
     lever: float
-    """Position error of the IMU along each axis, m."""
+    """Root mean square of the IMU's position error along each axis, m."""
     mounting: float
-    """Mounting error of the IMU about each axis, rad."""
+    """Root mean square of the IMU's mounting error about each axis, rad."""
 
 
 class FootContactState(NamedTuple):
-    """Contact of each foot at the last sample."""
+    """Estimated contact of each foot of n robots at the last sample."""
 
     probability: Array
     """Contact probability, (n, 4)."""
     stance_time: Array
     """Time since touchdown, weighted by the contact probability, (n, 4), s."""
     reading_time: Array
-    """Time for which the sensor has read contact without interruption, (n, 4), s."""
+    """Time for which the foot's force sensor has read contact without interruption, (n, 4), s."""
     jacobians: Array
-    """Derivative of the foot position by the leg's joint angles, base frame, (n, 4, 3, 3), m/rad."""
+    """Jacobian of the foot position with respect to the leg's joint angles, base frame, (n, 4, 3, 3), m/rad."""
 
 
 class PreviousSample(NamedTuple):
-    """Sensor readings of the last sample, and values that were computed from the readings."""
+    """Sensor readings of n robots at the last sample, and accelerations that follow from the readings."""
 
     gyro: Array
     """Gyroscope reading, base frame, (n, 3), rad/s."""
@@ -185,39 +185,40 @@ class PreviousSample(NamedTuple):
 
 
 Rows = TypeVar("Rows", NominalState, FootContactState, PreviousSample)
-"""Part of the filter state in which every field has one row per robot."""
+"""Named tuple of arrays with one row per robot, which is a part of the filter's state."""
 
 
 class Prediction(NamedTuple):
     """Predicted state of k robots at a new sample, before the measured foot positions correct the state."""
 
     state: NominalState
-    """Predicted motion."""
+    """Predicted gravity, velocity, IMU biases and foot positions, base frame."""
     covariance: Array
-    """Covariance of the predicted error, under the assumption that no foot has moved, (k, 24, 24)."""
+    """Covariance of the predicted state's error, under the assumption that no foot has moved, (k, 24, 24)."""
     acceleration: Array
     """Acceleration of the trunk, base frame, (k, 3), m/s²."""
     previous_acceleration: Array
-    """Acceleration of the trunk at the sample before, in the new base frame, (k, 3), m/s²."""
+    """Acceleration of the trunk at the previous sample, rotated to the new base frame, (k, 3), m/s²."""
     force_change: Array
-    """Magnitude of the change of the specific force since the sample before, (k, 1, 1, 1), m/s²."""
+    """Magnitude of the change of the accelerometer reading since the previous sample, (k, 1, 1, 1), m/s²."""
 
 
 class FootMeasurement(NamedTuple):
-    """Foot positions of k robots, measured by the encoders, relative to the predicted positions."""
+    """Measurement of the Kalman filter: foot positions of k robots from the joint encoders."""
 
     innovation: Array
     """Measured minus predicted foot position, base frame, (k, 4, 3), m."""
     noise: Array
     """Covariance of the measured foot position, base frame, (k, 4, 3, 3), m²."""
     covariance: Array
-    """Covariance of the predicted error, including the possible motion of the feet, (k, 24, 24)."""
+    """Covariance of the predicted state's error, including the possible motion of the feet, (k, 24, 24)."""
 
 
 def sensor_errors(suite: SensorSuite) -> SensorErrors:
-    """Return the sensor errors of a `suite`.
+    """Compute the standard deviations of the sensor errors of a sensor `suite`.
 
-    The filter does not know the direction of the IMU's position and mounting errors, only their root mean square.
+    The filter does not know the directions of the IMU's position and mounting errors. It gets only the root mean square
+    of their components.
     """
     imu = suite.imu
     encoders = suite.encoders
@@ -234,7 +235,7 @@ def sensor_errors(suite: SensorSuite) -> SensorErrors:
 
 
 class KalmanFilter:
-    """Error-state Kalman filter of gravity, velocity and gyroscope bias of n robots, base frame.
+    """Error-state Kalman filter that estimates gravity, velocity and gyro bias of n robots, base frame.
 
     Args:
         robot: Geometry of the robots.
@@ -247,9 +248,9 @@ class KalmanFilter:
         gravity: Unit vector of gravity at the present time, (n, 3).
         velocity: Velocity of the trunk's centre at the present time, (n, 3), m/s.
         gyro_bias: Bias of the gyroscope, (n, 3), rad/s.
-        nominal: Estimated motion at the time of the readings, which are `delay_steps` control steps old.
-        contact: Contact of each foot at the time of the readings.
-        previous: Readings of the last sample.
+        nominal: Estimated state at the time of the readings, which are `delay_steps` control steps old.
+        contact: Estimated contact of each foot at the time of the readings.
+        previous: Sensor readings of the last sample.
     """
 
     def __init__(self, robot: Robot, suite: SensorSuite, num_envs: int, dt: float, delay_steps: int) -> None:
@@ -285,16 +286,16 @@ class KalmanFilter:
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the error of `nominal`, including the mounting error of the IMU, (n, 24, 24).
+        """Covariance of the error of the state `nominal`, including the IMU's mounting error, (n, 24, 24).
 
-        `kalman_models` defines the order of the entries.
+        The module `kalman_models` defines the order of the error's components.
         """
         out = self._covariance.copy()
         out[:, TILT, TILT] += self._errors.mounting**2 * IDENTITY
         return out
 
     def reset(self, env_ids: EnvIndices, specific_force: Array, readings: AlignedReadings) -> None:
-        """Reset the filter of robots that stand still.
+        """Reset the estimates of robots that stand still at the start of an episode.
 
         Args:
             env_ids: Indices of the robots, (k,).
@@ -318,7 +319,7 @@ class KalmanFilter:
         self.gyro_bias[env_ids] = 0.0
 
     def update(self, readings: AlignedReadings, env_ids: EnvIndices) -> None:
-        """Advance the estimates of some robots by one control period.
+        """Advance the estimates of k robots by one control period.
 
         Args:
             readings: Time-aligned readings of k robots at the end of the period.
@@ -330,16 +331,16 @@ class KalmanFilter:
         self.extrapolate(prediction, readings.gyro, env_ids)
 
     def predict(self, readings: AlignedReadings, env_ids: EnvIndices) -> Prediction:
-        """Propagate the motion and the covariance by one control period.
+        """Propagate the state and its covariance by one control period (prediction step of the filter).
 
-        The inputs are the IMU readings and the joint angles.
+        The inputs of the process model are the IMU readings and the joint angles.
 
         Args:
             readings: Readings of k robots at the end of the period.
             env_ids: Indices of the k robots, (k,).
 
         Returns:
-            The prediction, under the assumption that no foot has moved on the ground.
+            Predicted state and covariance, under the assumption that no foot has moved on the ground.
         """
         state = _select(self.nominal, env_ids)
         previous = _select(self.previous, env_ids)
@@ -365,7 +366,7 @@ class KalmanFilter:
             env_ids: Indices of the k robots, (k,).
 
         Returns:
-            Innovation of the foot positions, noise of the measurement, and covariance with the motion of the feet.
+            Innovation of the foot positions, measurement noise, and predicted covariance with the motion of the feet.
         """
         robot = self._robot
         gravity = prediction.state.gravity
@@ -383,10 +384,10 @@ class KalmanFilter:
         return FootMeasurement(innovation, noise, covariance)
 
     def measurement_update(self, predicted: NominalState, measurement: FootMeasurement, env_ids: EnvIndices) -> None:
-        """Correct the motion and its covariance with the measured foot positions.
+        """Correct the state and its covariance with the measured foot positions (Kalman update).
 
         Args:
-            predicted: Predicted motion of k robots.
+            predicted: Predicted state of k robots.
             measurement: Result of `contact_update`.
             env_ids: Indices of the k robots, (k,).
         """
@@ -400,10 +401,10 @@ class KalmanFilter:
         _assign(self.nominal, env_ids, kalman_models.inject_error(predicted, error))
 
     def extrapolate(self, prediction: Prediction, gyro: Array, env_ids: EnvIndices) -> None:
-        """Extrapolate the estimates from the time of the readings to the present time.
+        """Extrapolate gravity and velocity from the time of the readings to the present time.
 
-        The angular velocity is assumed constant. The acceleration continues to change by a fraction of its last change,
-        `acceleration_extrapolation_gain`.
+        The angular velocity is assumed to be constant. The acceleration is assumed to be the last acceleration plus a
+        fraction of its last change, `acceleration_extrapolation_gain`.
 
         Args:
             prediction: Result of `predict`.
@@ -420,18 +421,19 @@ class KalmanFilter:
         self.gyro_bias[env_ids] = state.gyro_bias
 
     def _leg_joints(self, readings: AlignedReadings) -> Array:
-        """Return the joint angles by leg, (k, 4, 3), rad."""
+        """Return the joint angles of the readings, grouped by leg, (k, 4, 3), rad."""
         return readings.joints.reshape(-1, *self.previous.joints.shape[1:])
 
     def _step_measurements(self, previous: PreviousSample, readings: AlignedReadings) -> StepMeasurements:
-        """Return the inputs of the process model for the control period between two samples."""
+        """Return the process model's inputs for the control period from the `previous` sample to `readings`."""
         mean_gyro = 0.5 * (previous.gyro + readings.gyro)
         return StepMeasurements(mean_gyro, readings.accelerometer, previous.joints, self._leg_joints(readings))
 
     def _initial_covariance(self, gravity: Array) -> Array:
-        """Return the covariance of robots that stand still, (k, 24, 24).
+        """Return the covariance of the state's error at the start of an episode, (k, 24, 24).
 
-        Tilt and accelerometer bias are correlated, because the initial gravity contains the bias.
+        `gravity` is the unit vector of gravity, base frame, (k, 3). Tilt and accelerometer bias are correlated, because
+        the initial gravity is the accelerometer reading, which contains the bias.
         """
         errors = self._errors
         bias_to_tilt = skew(gravity) / GRAVITY
@@ -449,7 +451,12 @@ class KalmanFilter:
     def _predict_covariance(
         self, covariance: Array, transition: Array, gyro_change: Array, acceleration: Array
     ) -> Array:
-        """Return the covariance after one control period, with the noise of the IMU, (k, 24, 24)."""
+        """Propagate the covariance by one control period, and add the noise of the IMU.
+
+        `covariance` and the result are covariances of the state's error, (k, 24, 24). `transition` is the derivative of
+        the error with respect to the previous error, (k, 24, 24). `gyro_change` is the change of the gyroscope reading,
+        (k, 3), rad/s, and `acceleration` the acceleration of the trunk, (k, 3), m/s², in the base frame.
+        """
         errors = self._errors
         dt = self._dt
         gyro_gain = transition[:, :, GYRO_BIAS].copy()
@@ -469,7 +476,12 @@ class KalmanFilter:
         return out
 
     def _stance_noise(self, force_change: Array, jacobians: Array, vertical: Array, env_ids: EnvIndices) -> Array:
-        """Return the position covariance that a foot in contact gains in a control period, (k, 4, 3, 3), m²."""
+        """Return the process noise of the position of each stance foot, base frame, (k, 4, 3, 3), m².
+
+        This covariance is added in every control period. `force_change` is the magnitude of the change of the
+        accelerometer reading, (k, 1, 1, 1), m/s². `jacobians` are the foot Jacobians, (k, 4, 3, 3), m/rad. `vertical`
+        is the projection matrix onto the vertical, base frame, (k, 1, 3, 3).
+        """
         dt = self._dt
         jacobian_change = jacobians - self.contact.jacobians[env_ids]
         decay = np.exp(-self.contact.stance_time[env_ids] / PARAMETERS.touchdown_noise_decay)
@@ -482,7 +494,10 @@ class KalmanFilter:
         return out
 
     def _encoder_noise(self, readings: AlignedReadings, jacobians: Array) -> Array:
-        """Return the covariance of the measured foot positions, base frame, (k, 4, 3, 3), m²."""
+        """Return the covariance of the measured foot positions, base frame, (k, 4, 3, 3), m².
+
+        `jacobians` are the foot Jacobians, (k, 4, 3, 3), m/rad, which map encoder errors to position errors.
+        """
         angle_std = np.where(readings.has_new_angles, self._errors.angle, PARAMETERS.missing_sample_std)
         angle_std = angle_std[:, None, None, None]
         return angle_std * angle_std * (jacobians @ jacobians.mT)
@@ -490,9 +505,10 @@ class KalmanFilter:
     def _update_contact(
         self, readings: AlignedReadings, innovation: Array, expected: Array, jacobians: Array, env_ids: EnvIndices
     ) -> FootContactState:
-        """Update, store and return the contact of each foot.
+        """Update and store the estimated contact of each foot of the robots `env_ids`, and return it.
 
-        `expected` is the covariance of the innovation of a foot in contact, (k, 4, 3, 3), m².
+        `innovation` is the measured minus the predicted foot position, base frame, (k, 4, 3), m. `expected` is its
+        covariance for a foot in contact, (k, 4, 3, 3), m². `jacobians` are the foot Jacobians, (k, 4, 3, 3), m/rad.
         """
         previous = _select(self.contact, env_ids)
         probability = contact_probability(previous.probability, readings.contact, innovation, expected, self._dt)
@@ -503,7 +519,11 @@ class KalmanFilter:
         return contact
 
     def _inflate_velocity(self, covariance: Array, contact: FootContactState, innovation: Array) -> Array:
-        """Return the covariance, with an increased velocity part if feet read contact but seem to move."""
+        """Return the state covariance with a larger velocity variance if feet read contact but seem to move.
+
+        `covariance` is the covariance of the state's error, (k, 24, 24). `innovation` is the measured minus the
+        predicted foot position, base frame, (k, 4, 3), m.
+        """
         has_long_reading = contact.reading_time > PARAMETERS.min_contact_duration
         slip_weight = np.where(has_long_reading, 1.0 - contact.probability, 0.0)
         squared_slip = (slip_weight * (innovation * innovation).sum(axis=-1)).sum(axis=-1)
@@ -514,7 +534,12 @@ class KalmanFilter:
 
 
 def _swing_covariance(probability: Array, innovation: Array, expected: Array, vertical: Array, dt: float) -> Array:
-    """Return the extra position covariance of feet that may be in swing, base frame, (k, 4, 3, 3), m²."""
+    """Return the extra position covariance of feet that may be in swing, base frame, (k, 4, 3, 3), m².
+
+    `probability` is the contact probability, (k, 4). `innovation` is the measured minus the predicted foot position,
+    (k, 4, 3), m, and `expected` its covariance for a foot in contact, (k, 4, 3, 3), m². `vertical` is the projection
+    matrix onto the vertical, (k, 1, 3, 3). `dt` is the control period, s.
+    """
     horizontal_variance = _swing_variance(PARAMETERS.swing_horizontal_velocity_std, probability, dt)
     vertical_variance = _swing_variance(CONTACT_PARAMETERS.swing_speed, probability, dt)
     excess = (innovation * innovation).sum(axis=-1) - (expected * IDENTITY).sum(axis=(-2, -1))
@@ -527,7 +552,8 @@ def _swing_covariance(probability: Array, innovation: Array, expected: Array, ve
 def _swing_variance(speed_std: float, probability: Array, dt: float) -> Array:
     """Return the extra position variance of each foot along an axis, (k, 4), m².
 
-    The variance rises from 0 at contact probability 1 to about (speed_std · dt)² at probability 0.
+    The variance rises from 0 at contact probability 1 to about (speed_std · dt)² at probability 0. `speed_std` is the
+    standard deviation of the speed of a swing foot along the axis, m/s. `dt` is the control period, s.
     """
     rest_std = PARAMETERS.contact_velocity_std
     out: Array = (rest_std * dt) ** 2 * ((speed_std / rest_std) ** (2 - 2 * probability) - 1)
@@ -535,29 +561,35 @@ def _swing_variance(speed_std: float, probability: Array, dt: float) -> Array:
 
 
 def _foot_blocks(covariance: Array, legs: int) -> Array:
-    """Return the blocks of the covariance matrix for the position of each foot, (k, 4, 3, 3), m²."""
+    """Return the diagonal blocks of each foot's position in the state covariance, (k, 4, 3, 3), m².
+
+    `covariance` is the covariance of the state's error, (k, 24, 24), and `legs` the number of legs.
+    """
     return np.stack([covariance[:, kalman_models.foot(leg), kalman_models.foot(leg)] for leg in range(legs)], axis=1)
 
 
 def _add_foot_blocks(matrices: Array, blocks: Array, start: int = FEET.start) -> None:
-    """Add `blocks`, (k, 4, 3, 3), to the diagonal of `matrices` in place, from entry `start` on."""
+    """Add the 3x3 `blocks` of the feet, (k, 4, 3, 3), to the diagonal of `matrices`, (k, m, m), in place.
+
+    The first block begins at row and column `start`.
+    """
     for leg in range(blocks.shape[1]):
         entries = slice(start + 3 * leg, start + 3 * leg + 3)
         matrices[:, entries, entries] += blocks[:, leg]
 
 
 def _squared_length(vectors: Array) -> Array:
-    """Return the squared lengths, (k, 1, 1), of the vectors, (k, 3)."""
+    """Return the squared lengths, (k, 1, 1), of `vectors`, (k, 3)."""
     out: Array = (vectors * vectors).sum(axis=-1)[:, None, None]
     return out
 
 
 def _select(state: Rows, env_ids: EnvIndices) -> Rows:
-    """Return the filter state of the robots `env_ids`."""
+    """Return the rows of the robots `env_ids` of every array in `state`."""
     return type(state)(*(values[env_ids] for values in state))
 
 
 def _assign(state: Rows, env_ids: EnvIndices, rows: Rows) -> None:
-    """Write `rows` to the filter state of the robots `env_ids` in place."""
+    """Write the arrays in `rows` to the rows `env_ids` of the arrays in `state`, in place."""
     for target, values in zip(state, rows, strict=True):
         target[env_ids] = values

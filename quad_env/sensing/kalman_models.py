@@ -1,10 +1,11 @@
-"""Models of the Kalman filter: motion of the robot with its error dynamics, and contact of the feet.
+"""Models of the Kalman filter: process model of the robot's motion, and contact model of the feet.
 
-**Motion**, computed from the robot's own sensors.
+**Process model.** It predicts the motion from the robot's own sensors.
 Vectors are in the base frame. g is the unit vector of gravity, and v the velocity of the trunk's centre. p is the
 centre of each foot relative to the trunk's centre. ω is the gyroscope reading minus the gyroscope bias. f is the mean
 accelerometer reading minus the accelerometer bias, and G is 9.81 m/s². The base frame turns by ω dt over a control
-period dt. D = Exp(-ω dt) transforms a vector from the base frame at the start to the base frame at the end:
+period dt. The rotation matrix D = Exp(-ω dt) transforms a vector from the base frame at the start of the period to the
+base frame at its end. v_before is v before the update, and 1 the identity matrix:
 
     g ← D g,    v ← D v + dt (½ (D + 1) f + G g),    p ← D p - ½ dt (D v_before + v) + c × (-r g)
 
@@ -13,14 +14,15 @@ period. Heading and position are not states, because the sensors cannot observe 
 State estimation for legged robots (RSS 2012), and Hartley et al., Contact-aided invariant extended Kalman filtering
 (IJRR 2020). Here the states are in the base frame, and gravity is the only part of the attitude.
 
-An error is a vector of `error_dim` entries: the truth minus the estimate. The parts of the error are `TILT` (a small
+The error of the state, true value minus estimate, is a vector of `error_dim` components. Its slices are `TILT` (a small
 rotation: the true g is Exp(error) g), `VELOCITY`, `GYRO_BIAS`, `ACCELEROMETER_BIAS` and `foot(leg)`.
 
-**Contact** of each foot, computed from the force sensor and from the foot's motion relative to the predicted position.
+**Contact model.** It computes the contact probability of each foot from the force sensor and from the foot's motion.
 A hidden Markov model with two states per foot, in contact or not, is updated once per sample. The evidence is the
 sensor reading and the innovation ν: the measured foot position minus the position predicted for a foot in contact. The
 innovation of a foot in contact has the covariance S. The innovation of a foot without contact has an extra standard
-deviation s along each axis, where s is `swing_speed` times the sample period:
+deviation s along each axis, where s is `swing_speed` times the sample period. N is the normal density, and the odds are
+the probability of contact divided by the probability of no contact:
 
     odds ← prior odds · P(reading | contact)/P(reading | no contact) · N(ν; 0, S)/N(ν; 0, S + s² 1)
 """
@@ -45,7 +47,7 @@ IDENTITY = np.eye(3)
 
 
 class NominalState(NamedTuple):
-    """Estimated motion of k robots, base frame."""
+    """State that the Kalman filter estimates, of k robots, base frame."""
 
     gravity: Array
     """Unit vector of gravity, (k, 3)."""
@@ -60,7 +62,7 @@ class NominalState(NamedTuple):
 
 
 class StepMeasurements(NamedTuple):
-    """Sensor readings of k robots over one control period."""
+    """Sensor readings of k robots over one control period, which are the inputs of the process model."""
 
     angular_velocity: Array
     """Mean of the gyroscope readings at the start and the end of the period, base frame, (k, 3), rad/s."""
@@ -73,15 +75,15 @@ class StepMeasurements(NamedTuple):
 
 
 class RotatedState(NamedTuple):
-    """Motion of k robots at the start of a control period, in the base frame at the end of the period.
+    """State of k robots at the start of a control period, rotated to the base frame at its end.
 
-    The letters in parentheses are the symbols of the module's formulas.
+    The letters in parentheses are the symbols in the formulas of the module docstring.
     """
 
     rotation: Array
     """Rotation from the base frame at the start to the base frame at the end of the period (D), (k, 3, 3)."""
     specific_force: Array
-    """Specific force without the bias (f), base frame at the start of the period, (k, 3), m/s²."""
+    """Accelerometer reading minus its bias (f), base frame at the start of the period, (k, 3), m/s²."""
     gravity: Array
     """Unit vector of gravity (D g), base frame at the end of the period, (k, 3)."""
     velocity: Array
@@ -91,25 +93,25 @@ class RotatedState(NamedTuple):
 
 
 def error_dim(robot: Robot) -> int:
-    """Return the number of entries of the robot's error vector."""
+    """Return the number of components of the state's error vector: 12 plus 3 per leg of the `robot`."""
     return FEET.start + 3 * len(robot.leg_names)
 
 
 def foot(leg: int) -> slice:
-    """Return the slice of the error vector that holds the foot position of leg number `leg`."""
+    """Return the slice of the state's error vector with the foot position of the leg with the index `leg`."""
     return slice(FEET.start + 3 * leg, FEET.start + 3 * leg + 3)
 
 
 def rotate_state(state: NominalState, measurements: StepMeasurements, dt: float) -> RotatedState:
-    """Express the motion at the start of a control period in the base frame at the end of the period.
+    """Rotate the state at the start of a control period to the base frame at the end of the period.
 
     Args:
-        state: Motion of k robots at the start of the period.
+        state: State of k robots at the start of the period.
         measurements: Sensor readings of the period.
         dt: Control period, s.
 
     Returns:
-        The rotated motion, the specific force without bias, and the rotation of the calves.
+        Rotated gravity and velocity, the rotation matrix, the specific force without bias, and the calf rotations.
     """
     angular_velocity = measurements.angular_velocity - state.gyro_bias
     rotation = exp_so3(-dt * angular_velocity)
@@ -127,16 +129,16 @@ def rotate_state(state: NominalState, measurements: StepMeasurements, dt: float)
 
 
 def predict(robot: Robot, state: NominalState, rotated: RotatedState, dt: float) -> NominalState:
-    """Predict the motion one control period later, under the assumption that all feet are in contact.
+    """Predict the state one control period later, under the assumption that all feet are in contact.
 
     Args:
         robot: Geometry of the robots.
-        state: Motion of k robots at the start of the period.
+        state: State of k robots at the start of the period.
         rotated: Result of `rotate_state` for `state`.
         dt: Control period, s.
 
     Returns:
-        The predicted motion; the biases do not change.
+        State of the k robots at the end of the period; the biases do not change.
     """
     gravity = unit(rotated.gravity)
     acceleration = matvec(0.5 * (rotated.rotation + IDENTITY), rotated.specific_force) + GRAVITY * gravity
@@ -150,11 +152,11 @@ def predict(robot: Robot, state: NominalState, rotated: RotatedState, dt: float)
 def error_transition_matrix(
     robot: Robot, state: NominalState, measurements: StepMeasurements, rotated: RotatedState, dt: float
 ) -> Array:
-    """Compute the derivative of the error after `predict` with respect to the error before `predict`.
+    """Compute the Jacobian of the error after `predict` with respect to the error before `predict`.
 
     Args:
         robot: Geometry of the robots.
-        state: Motion of k robots at the start of the period.
+        state: State of k robots at the start of the period.
         measurements: Sensor readings of the period.
         rotated: Result of `rotate_state` for `state`.
         dt: Control period, s.
@@ -184,7 +186,11 @@ def error_transition_matrix(
 def _fill_foot_rows(
     out: Array, robot: Robot, state: NominalState, rotated: RotatedState, bias_to_tilt: Array, dt: float
 ) -> None:
-    """Fill the foot rows of the transition matrices `out`, which must already contain the velocity rows."""
+    """Fill the rows of the foot positions in the transition matrices `out`, (k, error_dim, error_dim).
+
+    The velocity rows of `out` must already be filled. `bias_to_tilt` is the derivative of the tilt error with respect
+    to the error of the gyroscope bias, (k, 3, 3), s.
+    """
     gravity_cross = skew(rotated.gravity)
     calf_cross = skew(rotated.calf_rotation)
     feet = matvec(rotated.rotation[:, None], state.feet)
@@ -200,7 +206,7 @@ def _fill_foot_rows(
 
 
 def inject_error(state: NominalState, error: Array) -> NominalState:
-    """Correct the motion `state` by an estimated `error`, (k, error_dim), and return the result."""
+    """Correct the `state` of k robots by its estimated `error`, (k, error_dim), and return the result."""
     return NominalState(
         unit(matvec(exp_so3(error[:, TILT]), state.gravity)),
         state.velocity + error[:, VELOCITY],
@@ -211,7 +217,7 @@ def inject_error(state: NominalState, error: Array) -> NominalState:
 
 
 def exp_so3(rotation_vectors: Array) -> Array:
-    """Return the rotation matrices Exp(φ), (…, 3, 3), for `rotation_vectors` φ, (…, 3), rad (Rodrigues)."""
+    """Convert `rotation_vectors` φ, (…, 3), rad, to rotation matrices Exp(φ), (…, 3, 3) (Rodrigues)."""
     angle = np.sqrt(np.maximum((rotation_vectors * rotation_vectors).sum(axis=-1), 1e-16))[..., None, None]
     axis = skew(rotation_vectors)
     sine_term = np.sin(angle) / angle
@@ -228,7 +234,7 @@ def matvec(matrices: Array, vectors: Array) -> Array:
 
 @dataclass(frozen=True)
 class ContactParameters:
-    """Parameters of the hidden Markov model of contact.
+    """Parameters of the hidden Markov model that estimates the contact of each foot.
 
     All values were tuned on search episodes of the policies `trot` and `trot_feedback`.
     """
@@ -241,12 +247,12 @@ class ContactParameters:
     touchdown_probability: float = 0.0015
     """Probability that a foot without contact is in contact one sample later.
 
-    The value is small so that the model accepts a contact only if the foot does not move.
+    The value is small, so that the model accepts a contact only if the foot does not move.
     """
     true_positive_rate: float = 0.95
-    """Probability that the force sensor reads contact if the foot is in contact."""
+    """Probability that the force sensor reads contact, if the foot is in contact."""
     false_positive_rate: float = 0.17
-    """Probability that the force sensor reads contact if the model counts the foot as not in contact.
+    """Probability that the force sensor reads contact, if the foot is not in contact in the model's sense.
 
     Feet that touch the ground but still move count as not in contact.
     """
@@ -256,7 +262,7 @@ class ContactParameters:
     A larger value makes the model require more motion to end a contact.
     """
     max_log_odds: float = 12.0
-    """Limit of the magnitude of the log odds, so that the model never becomes certain."""
+    """Largest magnitude of the logarithm of the contact odds, so that the model never becomes certain."""
 
 
 CONTACT_PARAMETERS = ContactParameters()
@@ -268,12 +274,12 @@ def contact_probability(previous: Array, contact: Mask, innovation: Array, covar
     Args:
         previous: Contact probability one sample ago, (k, 4).
         contact: Readings of the force sensors, (k, 4) bool.
-        innovation: ν, measured minus predicted foot position, base frame, (k, 4, 3), m.
-        covariance: S, covariance of the innovation of a foot in contact, base frame, (k, 4, 3, 3), m².
+        innovation: Measured minus predicted foot position (ν), base frame, (k, 4, 3), m.
+        covariance: Covariance of the innovation of a foot in contact (S), base frame, (k, 4, 3, 3), m².
         dt: Sample period, s.
 
     Returns:
-        Contact probability, (k, 4).
+        Contact probability after this sample, (k, 4).
     """
     model = CONTACT_PARAMETERS
     prior = previous * (1.0 - model.liftoff_probability) + (1.0 - previous) * model.touchdown_probability
@@ -290,7 +296,10 @@ def contact_probability(previous: Array, contact: Mask, innovation: Array, covar
 
 
 def _log_density(vectors: Array, covariances: Array) -> Array:
-    """Return the logarithm of the zero-mean normal density at `vectors`, up to a constant, (…)."""
+    """Return the logarithm of the zero-mean normal density at `vectors`, (…, 3), up to a constant, (…).
+
+    `covariances` are the covariance matrices of the density, (…, 3, 3). The constant cancels in a ratio of densities.
+    """
     distance = (vectors[..., None, :] @ np.linalg.solve(covariances, vectors[..., None]))[..., 0, 0]
     out: Array = -0.5 * (distance + np.log(np.linalg.det(covariances)))
     return out

@@ -1,4 +1,4 @@
-"""Observation models: true state with noise and latency, or simulated sensors with an estimator."""
+"""Observation models: the true state with noise and latency, or simulated sensors with an estimator."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -21,16 +21,14 @@ from quad_env.task.observations import ObservationTable, observation_table
 
 
 class ObservationDisturbance:
-    """Disturbances of n robots' observations by a scenario.
-
-    The disturbances are, in this order: joint angle offsets, noise, latency.
+    """Adds the scenario's joint angle offsets, noise and latency, in this order, to observations.
 
     Args:
         robot: Robot that defines the layout of the observation.
-        scenario: Scenario that sets the noise and the observation latency.
+        scenario: Scenario that defines the noise and the observation latency.
         num_envs: Number of robots.
         dt: Control period, s.
-        has_encoder_offset: True to add the joint angle offsets that domain randomisation draws.
+        has_encoder_offset: True to add the joint angle offsets that domain randomisation draws for each episode.
     """
 
     def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float, has_encoder_offset: bool) -> None:
@@ -44,7 +42,7 @@ class ObservationDisturbance:
         self._delayed = Channel(num_envs, len(self._bound), None, delay_steps * dt, 1 / dt) if delay_steps else None
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Restart the disturbances of some robots.
+        """Set the joint angle offsets and restart the noise of robots that start a new episode.
 
         Args:
             env_ids: Indices of the robots, (k,).
@@ -57,10 +55,10 @@ class ObservationDisturbance:
             self._offset[env_ids] = [episode.randomised.encoder_offset for episode in episodes if episode.randomised]
 
     def disturb(self, observation: NDArray[np.float32], clock: Clock, env_ids: EnvIndices) -> None:
-        """Disturb the sensed terms of the observations in place.
+        """Add offsets, noise and latency to the sensor-measured terms of the observations in place.
 
         Args:
-            observation: Undisturbed observations, (k, width).
+            observation: Undisturbed observations, (k, width); previous action and command stay unchanged.
             clock: Control steps since the start of the episode, (k,).
             env_ids: Indices of the robots, (k,).
         """
@@ -76,7 +74,10 @@ class ObservationDisturbance:
 
 
 def _observation_noise(table: ObservationTable, scenario: Scenario, num_envs: int) -> Noise | None:
-    """Return the noise of the sensed terms; None if the scenario has no noise."""
+    """Create the white noise of the sensor-measured observation terms; None if the scenario has no noise.
+
+    `table` is the layout of the observation.
+    """
     if scenario.noise is None:
         return None
     std = np.zeros(table.sensed.stop, np.float32)
@@ -86,14 +87,14 @@ def _observation_noise(table: ObservationTable, scenario: Scenario, num_envs: in
 
 
 class TrueStateObservation:
-    """Builds the observation from the true state, with the disturbances of the scenario.
+    """Observation model that uses the true state, with the scenario's offsets, noise and latency.
 
     Args:
         robot: Robot that defines the layout of the observation.
-        disturbance: Joint angle offsets, noise and latency; None for an undisturbed observation.
+        disturbance: Joint angle offsets, noise and latency to add; None for the exact true state.
 
     Attributes:
-        estimator: Always None, because gravity and velocity come from the true state.
+        estimator: Always None, because the observed gravity and velocity come from the true state.
         is_exact: True if the observation is the undisturbed true state.
     """
 
@@ -105,7 +106,7 @@ class TrueStateObservation:
         self.is_exact = disturbance is None
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Restart the disturbances of some robots.
+        """Restart offsets, noise and latency of robots that start a new episode.
 
         Args:
             env_ids: Indices of the robots, (k,).
@@ -117,16 +118,16 @@ class TrueStateObservation:
     def observe(
         self, state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch], clock: Clock, env_ids: EnvIndices
     ) -> NDArray[np.float32]:
-        """Return the observation of some robots.
+        """Compute the built-in observation terms of k robots.
 
         Args:
             state: Present state of the k robots.
-            command: Components of the command to track next: forward and lateral m/s, yaw rate rad/s, (3).
+            command: Velocity command to track next: forward m/s, lateral m/s, yaw rate rad/s; (3).
             clock: Control steps since the start of the episode, (k,).
             env_ids: Indices of the robots, (k,).
 
         Returns:
-            Observation, (k, width), or (width,) if the state of one robot is given as floats.
+            Observation, (k, width), or (width,) if `state` holds floats of one robot.
         """
         observation = self._table.observe(state, command)
         if self._disturbance is not None:
@@ -134,26 +135,27 @@ class TrueStateObservation:
         return observation
 
     def readings(self) -> dict[str, NDArray[Any]]:
-        """Return an empty dictionary, because there are no sensors."""
+        """Return an empty dictionary of sensor readings, because the true state needs no sensors."""
         return {}
 
 
 class SensorObservation:
-    """Builds the sensed terms of the observation from sensor readings and an estimator.
+    """Observation model that uses readings of simulated sensors, and an estimator of gravity and velocity.
 
     `angular_velocity` is the gyroscope reading minus the estimated bias. `joint_position` is the encoder reading minus
-    the home angles. `joint_velocity` is the difference of the last two encoder samples divided by the sample period.
+    the home pose. `joint_velocity` is the difference of the last two encoder samples divided by the sample period.
     `projected_gravity` and `linear_velocity` are estimated from readings that were all taken at the same time; the
-    slowest sensor determines their age. The noise and latency of the scenario are added afterwards.
+    sensor with the longest delay determines the age of these readings. The scenario's noise and latency are added to
+    the result.
 
     Args:
         robot: Geometry and home pose of the robots.
         suite: Sensors of the robots.
-        ideal_sensors: Noise-free values of the sensors in the simulation.
+        ideal_sensors: Source of the noise-free sensor values in the simulation.
         num_envs: Number of robots.
         control_rate: Control rate, Hz.
         estimator: Name of the estimator, one of `ESTIMATORS`.
-        disturbance: Noise and latency of the scenario; None if the scenario has neither.
+        disturbance: Noise and latency that the scenario adds; None if the scenario has neither.
 
     Attributes:
         estimator: Estimator of gravity, velocity and gyroscope bias.
@@ -180,12 +182,12 @@ class SensorObservation:
         self._sensors = SensorModels(robot, suite, num_envs, control_rate)
         self.estimator = make_estimator(estimator, robot, suite, self._sensors, num_envs, 1 / control_rate)
         self._last_update_step = np.full(num_envs, -1)
-        """Control step of each robot's last update, since the start of the episode; -1 before the first, (n,)."""
+        """Control step in which each robot's sensors were last read, from the episode start, (n,); -1 if never read."""
         self._sensed_terms = np.zeros((num_envs, len(self._bound)), np.float32)
-        """Sensed terms of the observation at the last update, (n, width)."""
+        """Sensor-measured observation terms from the last reading of the sensors, (n, width)."""
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Restart the sensors of some robots.
+        """Restart sensors, noise and latency of robots that start a new episode.
 
         Args:
             env_ids: Indices of the robots, (k,).
@@ -199,16 +201,16 @@ class SensorObservation:
     def observe(
         self, state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch], clock: Clock, env_ids: EnvIndices
     ) -> NDArray[np.float32]:
-        """Return the observation of some robots.
+        """Compute the built-in observation terms of k robots; read the sensors once per control step.
 
         Args:
-            state: Present state of the k robots, from which the previous action is taken.
-            command: Components of the command to track next: forward and lateral m/s, yaw rate rad/s, (3).
-            clock: Control steps since the start of the episode, (k,). The sensors are read once per control step.
+            state: Present state of the k robots; only its previous action is observed.
+            command: Velocity command to track next: forward m/s, lateral m/s, yaw rate rad/s; (3).
+            clock: Control steps since the start of the episode, (k,).
             env_ids: Indices of the robots, (k,).
 
         Returns:
-            Observation, (k, width), or (width,) if the state of one robot is given as floats.
+            Observation, (k, width), or (width,) if `state` holds floats of one robot.
         """
         is_new = self._last_update_step[env_ids] != clock
         if is_new.any():
@@ -219,11 +221,11 @@ class SensorObservation:
         return observation
 
     def readings(self) -> dict[str, NDArray[Any]]:
-        """Return the newest visible sample of each sensor, and the time at which it was taken.
+        """Return the newest sample of each sensor that has passed its delay, and the time of measurement.
 
         Returns:
-            Dictionary with two entries per sensor. `sensor_<name>` -> sample, (n, width), in the unit of the sensor.
-            `sensor_<name>_time` -> time of the sample since the start of the episode, (n,), s.
+            Dictionary with two keys per sensor. `sensor_<name>` -> sample, (n, width), in the unit of the sensor.
+            `sensor_<name>_time` -> time of the measurement since the start of the episode, (n,), s.
         """
         clock = np.maximum(self._last_update_step, 0)
         env_ids = np.arange(len(clock))
@@ -235,7 +237,10 @@ class SensorObservation:
         return out
 
     def _update(self, clock: Clock, env_ids: EnvIndices) -> None:
-        """Read the sensors, update the estimates and compute the sensed terms of some robots."""
+        """Read the sensors of the robots `env_ids`, advance the estimator and store their observation terms.
+
+        `clock` are the control steps since the start of each episode, (k,).
+        """
         accelerometer_period = self._sensors.channels["accelerometer"].period
         true_values = self._ideal_sensors.read(env_ids, clock, accelerometer_period)
         self._sensors.read(true_values, clock, env_ids)
@@ -244,9 +249,11 @@ class SensorObservation:
         self._sensed_terms[env_ids] = self._compute_sensed_terms(clock, env_ids)
 
     def _update_estimates(self, up: Array, clock: Clock, env_ids: EnvIndices) -> None:
-        """Reset the estimates of robots at the start of an episode, and update the estimates of the others.
+        """Reset the estimator for robots at the start of an episode; advance it by a step for other robots.
 
-        Estimates are not updated until the alignment delay after the start has passed.
+        The first advance of an episode waits until readings of IMU, encoders and foot sensors have passed their delay.
+        `up` is the unit vector of the world's vertical in IMU axes, (k, 3). `clock` are the control steps since the
+        start of each episode, (k,).
         """
         readings = self._aligned_readings(clock, env_ids)
         is_first = clock == 0
@@ -258,7 +265,10 @@ class SensorObservation:
             self.estimator.update(readings.select(has_advanced), env_ids[has_advanced])
 
     def _aligned_readings(self, clock: Clock, env_ids: EnvIndices) -> AlignedReadings:
-        """Return readings of the IMU, encoders and foot sensors that were all taken at the same time."""
+        """Return the newest readings of IMU, encoders and foot sensors that were all taken at the same time.
+
+        `clock` are the control steps of the robots `env_ids` since the start of each episode, (k,).
+        """
         delay_steps = self._sensors.alignment_delay
         channels = self._sensors.channels
         encoders = channels["joint_position"]
@@ -275,7 +285,10 @@ class SensorObservation:
         )
 
     def _compute_sensed_terms(self, clock: Clock, env_ids: EnvIndices) -> Array:
-        """Return the sensed terms of the observation, clipped to the observation bounds, (k, width)."""
+        """Compute the sensor-measured observation terms, clipped to the observation bounds, (k, width).
+
+        `clock` are the control steps of the robots `env_ids` since the start of each episode, (k,).
+        """
         encoders = self._sensors.channels["joint_position"]
         joints = encoders.value(clock, env_ids)
         joint_change = joints - encoders.previous(clock, env_ids)
@@ -294,7 +307,7 @@ class SensorObservation:
 
 
 ObservationModel = TrueStateObservation | SensorObservation
-"""Observation model: builds the observation from the true state or from sensor readings."""
+"""Observation model: computes the observation from the true state or from sensor readings."""
 
 
 def make_observation_model(
@@ -309,14 +322,14 @@ def make_observation_model(
 
     Args:
         suite: Sensors of the robots; None to observe the true state.
-        estimator: Name of the estimator, one of `ESTIMATORS`.
+        estimator: Name of the estimator, one of `ESTIMATORS`; not used if `suite` is None.
         simulation: Simulation of the robots.
-        scenario: Scenario that sets noise, observation latency and domain randomisation.
+        scenario: Scenario that defines noise, observation latency and domain randomisation.
         num_envs: Number of robots.
         control_rate: Control rate, Hz.
 
     Returns:
-        The observation model.
+        `TrueStateObservation` if `suite` is None, otherwise `SensorObservation`.
     """
     robot = simulation.robot
     dt = 1 / control_rate

@@ -1,4 +1,4 @@
-"""Sensor models of n robots: convert true values to biased, noisy, sampled and delayed readings."""
+"""Sensor models of n robots, which convert true values to biased, noisy, sampled and delayed readings."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,11 +13,11 @@ from quad_env.scenarios.episode import EpisodeSample
 from quad_env.sensing.suite import SensorSuite
 
 Clock = NDArray[np.int64]
-"""Control steps since the start of the episode of each robot, (k,)."""
+"""Number of control steps since the start of the episode, for each of k robots, (k,)."""
 BLOCK = 50
-"""Number of control steps for which noise is drawn at once.
+"""Number of control steps for which `Noise` draws random numbers at once.
 
-A larger block needs fewer calls of the random generator and more memory.
+A larger number needs fewer calls of the random generator and more memory.
 """
 
 
@@ -29,23 +29,23 @@ class Noise:
 
     Args:
         num_envs: Number of robots.
-        std: Standard deviation of each entry, (width,).
+        std: Standard deviation of each component of a sample, (width,).
     """
 
     def __init__(self, num_envs: int, std: NDArray[np.float32]) -> None:
         self._std = std
         self._noise = np.zeros((num_envs, BLOCK, len(std)), np.float32)
         self._block = np.full(num_envs, -1)
-        """Index of the block that `_noise` holds for each robot, (n,); -1 before the first."""
+        """Index in the episode of the block that `_noise` holds for each robot, (n,); -1 before the first draw."""
         self._streams: list[np.random.Generator | None] = [None] * num_envs
 
     def reset(self, env_index: int, stream: np.random.Generator) -> None:
-        """Start an episode of the robot `env_index`; its noise is drawn from `stream`."""
+        """Start an episode of the robot with index `env_index`, with noise from the random stream `stream`."""
         self._block[env_index] = -1
         self._streams[env_index] = stream
 
     def at(self, clock: Clock, env_ids: EnvIndices) -> NDArray[np.float32]:
-        """Return the noise of some robots at their control steps.
+        """Return the noise of k robots, each at its control step.
 
         Args:
             clock: Control steps since the start of the episode, (k,); must not decrease from call to call.
@@ -70,11 +70,11 @@ class Channel:
 
     Args:
         num_envs: Number of robots.
-        width: Number of entries of a sample.
+        width: Number of components of a sample.
         rate: Sample rate, Hz; None for the control rate.
-        delay: Time after which a sample becomes visible, s.
+        delay: Time from the measurement of a sample until policy and estimator can read it, s.
         control_rate: Control rate, an integer multiple of the sample rate, Hz.
-        max_delay_steps: Largest `delay_steps` that `value` will be called with, control steps. The buffer is always
+        max_delay_steps: Largest argument `delay_steps` of later calls of `value`, control steps. The buffer is always
             long enough for `delay`.
 
     Raises:
@@ -82,7 +82,7 @@ class Channel:
 
     Attributes:
         period: Number of control steps between two samples; sample s is taken at control step s * period.
-        delay_steps: Number of control steps after which a sample becomes visible.
+        delay_steps: Number of control steps from the measurement of a sample until it can be read.
     """
 
     def __init__(
@@ -96,13 +96,15 @@ class Channel:
             )
         self.delay_steps = delay_to_steps(delay, control_rate)
         self._control_rate = control_rate
-        # Sample s is stored at index s modulo the length. The length has room for older samples, because `previous`
-        # reads the sample before the visible one.
+        # Sample number s is stored at index s modulo the length. The buffer also holds older samples, because
+        # `previous` reads the sample before the one that `value` reads.
         length = max(max_delay_steps, self.delay_steps) // self.period + 3
         self._samples = np.zeros((length, num_envs, width))
 
     def record(self, values: Array | NDArray[np.float32], clock: Clock, env_ids: EnvIndices) -> None:
-        """Store the readings of robots with a sample due; the first sample of an episode fills the buffer.
+        """Store the values of robots that take a sample in this control step.
+
+        The first sample of an episode fills the whole buffer of a robot.
 
         Args:
             values: Present readings of k robots, (k, width).
@@ -116,12 +118,14 @@ class Channel:
             self._samples[:, env_ids[is_first]] = values[is_first]
 
     def value(self, clock: Clock, env_ids: EnvIndices, delay_steps: int | None = None) -> Array:
-        """Return the newest visible sample; the first sample of the episode while no sample is visible yet.
+        """Return the newest sample that is at least `delay_steps` control steps old.
+
+        If no sample is that old, the result is the first sample of the episode.
 
         Args:
             clock: Control steps since the start of the episode, (k,).
             env_ids: Indices of the robots, (k,).
-            delay_steps: Age from which a sample is visible, control steps; None for the sensor's delay.
+            delay_steps: Minimum age of the sample, control steps; None for the sensor's delay.
 
         Returns:
             Sample, (k, width).
@@ -129,12 +133,14 @@ class Channel:
         return self._samples[self._sample_index(clock, delay_steps) % len(self._samples), env_ids]
 
     def previous(self, clock: Clock, env_ids: EnvIndices, delay_steps: int | None = None) -> Array:
-        """Return the sample before the result of `value`; the first sample if there is none before.
+        """Return the sample that was taken one sample period before the result of `value`.
+
+        If there is no earlier sample, the result is the first sample of the episode.
 
         Args:
             clock: Control steps since the start of the episode, (k,).
             env_ids: Indices of the robots, (k,).
-            delay_steps: Age from which a sample is visible, control steps; None for the sensor's delay.
+            delay_steps: Minimum age of the sample that `value` returns, control steps; None for the sensor's delay.
 
         Returns:
             Sample, (k, width).
@@ -142,21 +148,30 @@ class Channel:
         return self.value(clock - self.period, env_ids, delay_steps)
 
     def is_new(self, clock: Clock, delay_steps: int) -> Mask:
-        """Return a mask of the robots with a sample that reaches the age `delay_steps` in step `clock`, (k,)."""
+        """Return True for robots with a sample that reaches the age `delay_steps` in this control step, (k,).
+
+        `clock` are the control steps since the start of each episode, (k,).
+        """
         is_new: Mask = np.logical_and(clock >= delay_steps, (clock - delay_steps) % self.period == 0)
         return is_new
 
     def time(self, clock: Clock) -> Array:
-        """Return the time since the start of the episode at which the visible sample was taken, (k,), s."""
+        """Return the measurement time of the sample that `value` returns with the sensor's delay, (k,), s.
+
+        Times and `clock`, (k,), in control steps, count from the start of each episode.
+        """
         return self._sample_index(clock, None) * self.period / self._control_rate
 
     @property
     def sample_period(self) -> float:
-        """Time between two samples, s."""
+        """Time between two samples of the sensor, s."""
         return self.period / self._control_rate
 
     def _sample_index(self, clock: Clock, delay_steps: int | None) -> NDArray[np.int64]:
-        """Return the number of the newest visible sample, counted from 0 at the start of the episode, (k,)."""
+        """Return the number of the newest sample that is at least `delay_steps` control steps old, (k,).
+
+        Samples are counted from 0 at the start of the episode. None means the sensor's delay.
+        """
         age = self.delay_steps if delay_steps is None else delay_steps
         return np.maximum((clock - age) // self.period, 0)
 
@@ -167,22 +182,22 @@ def delay_to_steps(delay: float, control_rate: float) -> int:
 
 
 class SensorModels:
-    """Sensor models of n robots: bias, noise, range, resolution, rate and delay.
+    """Simulated sensors of n robots, with bias, noise, range, resolution, rate and delay.
 
-    A reading is the true value + bias + noise. Readings are clipped to the range, and joint angles are rounded to a
-    step of the encoder. A foot sensor reads contact if its force is at least the threshold.
+    A reading is the true value + bias + noise. Readings are clipped to the range, and joint angles are rounded to
+    encoder steps. A foot sensor reads contact if its force is at least the threshold.
 
     Args:
-        robot: Robot with its joints, legs and rated torque.
+        robot: Robot, which defines the number of joints and legs and the rated torque.
         suite: Sensors of the robots.
         num_envs: Number of robots.
         control_rate: Control rate, Hz.
 
     Attributes:
-        bias: Bias of every sensor entry in the present episode of each robot, in the order of `channels`, (n, 34).
+        bias: Bias of every sensor component in the present episode of each robot, in the order of `channels`, (n, 34).
         channels: Sensor name -> buffer of the sensor's samples.
-        alignment_delay: Age from which samples of the IMU, the encoders and the foot sensors are all visible, control
-            steps.
+        alignment_delay: Longest delay of IMU, encoders and foot sensors, control steps. Samples of this age are
+            available from all of these sensors.
     """
 
     def __init__(self, robot: Robot, suite: SensorSuite, num_envs: int, control_rate: float) -> None:
@@ -215,7 +230,7 @@ class SensorModels:
         }
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Draw the biases of some robots and restart their noise.
+        """Draw the sensor biases, and restart the noise, of robots that start a new episode.
 
         Args:
             env_ids: Indices of the robots, (k,).
@@ -231,10 +246,10 @@ class SensorModels:
             self._noise.reset(env_index, stream)
 
     def read(self, true_values: Mapping[str, Array], clock: Clock, env_ids: EnvIndices) -> None:
-        """Record a reading of each sensor that has a sample due in this control step.
+        """Record a sample of each sensor that takes one in this control step.
 
         Args:
-            true_values: Sensor name -> noise-free value, (k, width).
+            true_values: Sensor name -> noise-free values, (k, width), in the unit of the sensor.
             clock: Control steps since the start of the episode, (k,).
             env_ids: Indices of the robots, (k,).
         """
@@ -248,20 +263,23 @@ class SensorModels:
             start += width
 
     def specific_force_at_rest(self, up: Array, env_ids: EnvIndices) -> Array:
-        """Return the mean accelerometer readings of robots that stand still.
+        """Compute the mean accelerometer reading of robots that stand still.
 
         Args:
-            up: World vertical, IMU axes, (k, 3).
+            up: Unit vector of the world's vertical, IMU axes, (k, 3).
             env_ids: Indices of the robots, (k,).
 
         Returns:
-            Specific force with bias and without noise, IMU axes, (k, 3), m/s².
+            Specific force plus bias, IMU axes, (k, 3), m/s²; the noise is not included.
         """
         start = self._widths["gyro"]
         return GRAVITY * up + self.bias[env_ids, start : start + self._widths["accelerometer"]]
 
     def _quantize(self, name: str, readings: Array) -> Array:
-        """Convert foot forces to contact, 0 or 1, and joint angles to encoder steps; keep other readings."""
+        """Convert foot forces, N, to contact (0 or 1), and round joint angles, rad, to encoder steps.
+
+        `name` is the name of the sensor. `readings`, (k, width), of other sensors are returned unchanged.
+        """
         if name == "foot_contact":
             return (readings >= self._contact_threshold).astype(np.float64)
         if name == "joint_position" and self._encoder_step:
@@ -269,5 +287,5 @@ class SensorModels:
         return readings
 
     def _repeat(self, *value_by_sensor: float) -> Array:
-        """Return an array with the value of each sensor repeated for all entries of that sensor, (34,)."""
+        """Return an array that repeats the value of each sensor for all components of its reading, (34,)."""
         return np.repeat(np.array(value_by_sensor), list(self._widths.values()))

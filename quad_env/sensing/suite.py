@@ -1,8 +1,8 @@
-"""Sensors of a robot and the errors of the sensors, as values in physical units.
+"""Settings of a robot's sensors and of their errors, in physical units.
 
-A sensor is sampled at control steps, `rate` times a second from the start of the episode. It holds each sample until
-the next one. A sample becomes visible at the first control step that is at least `delay` after the sample was taken.
-Biases and offsets are errors: the estimator and the policy do not know them.
+A sensor takes samples at control steps, `rate` times a second from the start of the episode. It holds each sample until
+the next one. Policy and estimator can read a sample from the first control step that is at least `delay` after the
+measurement. Biases and offsets are errors: the estimator and the policy do not know them.
 """
 
 import math
@@ -15,17 +15,17 @@ from quad_env.scenarios.disturbances import Delay
 
 @dataclass(frozen=True)
 class Sampled(Settings):
-    """Sample rate and delay; base class of every sensor."""
+    """Base class of the settings of a sensor: sample rate and delay."""
 
     rate: Positive | None = None
     """Sample rate, Hz; the control rate must be an integer multiple of it. None for the control rate"""
     delay: Delay = 0.01
-    """Time after which a sample becomes visible, s; by default one control step"""
+    """Time from a measurement until it can be read, s; by default one control step"""
 
 
 @dataclass(frozen=True)
 class Imu(Sampled):
-    """Gyroscope and accelerometer on the trunk, with a common sample clock and a common mounting.
+    """Settings of the IMU: gyroscope and accelerometer on the trunk, with one clock and one mounting.
 
     The ranges are from a MEMS device for robots (Bosch BMI088: ±2000 °/s, ±24 g). The noise follows from densities
     of 0.014 °/s/√Hz and 175 µg/√Hz in a band of 50 Hz, half of a rate of 100 Hz. The gyroscope bias is typical of a
@@ -49,19 +49,19 @@ class Imu(Sampled):
     """Position error r of the IMU: true position relative to the trunk's centre, base frame, m.
 
     The estimator assumes that the IMU is at the trunk's centre. The accelerometer reads α × r + ω × (ω × r) more than
-    at the centre.
+    at the centre. α is the angular acceleration, and ω the angular velocity of the trunk.
     """
     rotation: tuple[Finite, Finite, Finite] = (0.005, 0.005, 0.005)
     """Mounting error of the IMU: roll, pitch and yaw from the base frame to the true IMU axes, rad.
 
-    The rotations are in the order yaw, pitch, roll. The estimator assumes the axes of the base frame. 0.3° is a careful
-    assembly.
+    The rotations are in the order yaw, pitch, roll. The estimator assumes that the IMU axes are the axes of the base
+    frame. An error of 0.3° corresponds to a careful assembly.
     """
 
 
 @dataclass(frozen=True)
 class Encoders(Sampled):
-    """Absolute angle encoders on the joints.
+    """Settings of the absolute angle encoders on the joints.
 
     Joint velocity is the difference of two samples divided by the sample period.
 
@@ -75,18 +75,18 @@ class Encoders(Sampled):
     zero_offset: NonNegative = 0.005
     """Standard deviation of the zero offset over episodes and joints, rad; constant during an episode.
 
-    0.3° is typical of a robot with joints that were zeroed in a jig.
+    An offset of 0.3° is typical of a robot with joints that were zeroed in a jig.
     """
 
     @property
     def step(self) -> float:
-        """Encoder step, rad; 0 if `bits` is None."""
+        """Smallest difference of two encoder readings, 2π/2^bits rad; 0 if `bits` is None."""
         return 0.0 if self.bits is None else 2 * math.pi / 2**self.bits
 
 
 @dataclass(frozen=True)
 class FootContact(Sampled):
-    """Force sensors in the feet that read contact or no contact.
+    """Settings of the force sensors in the feet, which read contact or no contact.
 
     Each foot carries 35 N if the robot stands on four feet.
     """
@@ -99,7 +99,7 @@ class FootContact(Sampled):
 
 @dataclass(frozen=True)
 class JointTorque(Sampled):
-    """Torque sensors of the joint drives; default bias and noise are one per cent of SimpleQuad's range."""
+    """Settings of the joint torque sensors; default bias and noise are one per cent of SimpleQuad's range."""
 
     bias: NonNegative = 1.0
     """Standard deviation of the bias over episodes and joints, N·m; constant during an episode"""
@@ -111,7 +111,7 @@ class JointTorque(Sampled):
 
 @dataclass(frozen=True)
 class SensorSuite(Settings):
-    """All sensors of a robot."""
+    """Settings of all sensors of a robot: IMU, joint encoders, foot contact and joint torque."""
 
     imu: Imu = field(default_factory=Imu)
     encoders: Encoders = field(default_factory=Encoders)
@@ -136,7 +136,7 @@ IDEAL = SensorSuite(
     FootContact(rate=None, delay=0.0, noise=0.0),
     JointTorque(rate=None, delay=0.0, bias=0.0, noise=0.0, range=1e4),
 )
-"""Sensors that have no noise, bias, offset or delay, so that the estimator causes all errors."""
+"""Sensors without noise, bias, offset and delay, so that all errors of the observation come from the estimator."""
 TRUTH = "truth"
 SENSORS = {"ideal": IDEAL, "typical": SensorSuite()}
 
@@ -145,10 +145,11 @@ def sensor_suite(name: str | SensorSuite | None) -> SensorSuite | None:
     """Return the sensor suite named `name`.
 
     Args:
-        name: A key of `SENSORS`, or a suite, which is returned unchanged. `TRUTH` or None for the true state.
+        name: A key of `SENSORS`, or a sensor suite, which is returned unchanged. "truth" or None to observe the true
+            state.
 
     Returns:
-        The suite; None if the observation is the true state.
+        The sensor suite; None if the observation is the true state.
 
     Raises:
         ValueError: The name is unknown; the message lists the valid names.

@@ -1,4 +1,4 @@
-"""Table of the observation terms in order, with the name, width, unit, bound and scale of each."""
+"""Observation of the robots as a table of terms, each with a name, width, unit, bound and scale."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -18,19 +18,22 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class ObservationTerm:
-    """One term of the observation: a term of the environment, or a term of the user with a `function`."""
+    """One vector quantity of the observation: built-in, or a user's `function` of the state."""
 
     name: str
     width: int
-    """Number of entries."""
+    """Number of components of the term."""
     unit: str
     bound: float
     """Values are clipped to [-bound, bound], so that the observation space is finite."""
     scale: float
-    """Factor for learners that scales the values to a magnitude of about 1."""
+    """Factor that scales the values to a magnitude of about 1; learners multiply the observation by it."""
     function: Callable[[Any], Any] | None = None
-    """Function of the true state, a `QuadState`, that returns the values: a scalar, or a sequence of `width` scalars.
-    A scalar is a float for one robot, or an array (n,) for n robots. None for terms of the environment."""
+    """Function of the true state, a `QuadState`, that returns the values of the term.
+
+    It returns a scalar, or a sequence of `width` scalars; a scalar is a float for one robot, or an array (n,) for n
+    robots. None for the terms that are built into the environment.
+    """
 
     def __post_init__(self) -> None:
         if not (isinstance(self.width, int) and self.width > 0):
@@ -47,7 +50,7 @@ class ObservationTerm:
             state: Present state of one robot or of n robots.
 
         Returns:
-            Values, (n, width), or (1, width) for a state of floats.
+            Values, (n, width), or (1, width) if `state` holds floats of one robot.
 
         Raises:
             ValueError: `function` returned a wrong shape, or a value that is not finite.
@@ -64,11 +67,14 @@ class ObservationTerm:
 
 
 class ObservationTable:
-    """Observation terms of a robot, with their slices, bounds and scales; see `observation_table`.
+    """Layout of a robot's observation vector: the terms with their slices, bounds and scales.
+
+    The function `observation_table` returns a cached table of a robot.
 
     Args:
         robot: The observed robot.
-        *further_terms: Terms after the seven standard terms. `observe` and `assemble` return only the standard terms.
+        *further_terms: Terms that follow the seven built-in terms. `observe` and `assemble` return only the built-in
+            terms.
     """
 
     def __init__(self, robot: Robot, *further_terms: ObservationTerm) -> None:
@@ -86,34 +92,34 @@ class ObservationTable:
         widths = [term.width for term in self.terms]
         ends = np.cumsum(widths).tolist()
         self.size = sum(widths)
-        """Number of entries of the observation."""
+        """Number of components of the observation vector."""
         self.slices = {t.name: slice(end - t.width, end) for t, end in zip(self.terms, ends, strict=True)}
         """Name of each term -> its slice of the observation."""
         self.sensed = slice(0, self.slices["previous_action"].start)
-        """Slice of the terms that sensors measure: all standard terms except previous action and command."""
+        """Slice of the terms that sensors measure: all built-in terms except previous action and command."""
         self.bound = np.repeat([term.bound for term in self.terms], widths).astype(np.float32)
-        """Bound of every entry of the observation, (size,); the observation space is [-bound, bound]."""
+        """Bound of every component of the observation, (size,); the observation space is [-bound, bound]."""
         self.scale = np.repeat([term.scale for term in self.terms], widths).astype(np.float32)
-        """Factor for learners on every entry of the observation, (size,); see `ObservationTerm.scale`."""
+        """Factor on every component of the observation that scales it to about 1, for learners, (size,)."""
         bound = self.bound[: self.slices["command"].stop]
         self._limits = (-bound, bound)
-        """Lower and upper bounds of the standard terms."""
+        """Lower and upper bounds of the components of the built-in terms."""
         known_bound = bound[self.sensed.stop :]
         self._known_limits = (-known_bound, known_bound)
-        """Lower and upper bounds of the terms previous action and command."""
+        """Lower and upper bounds of the components of the terms `previous_action` and `command`."""
         self._home: list[float] = robot.home_pose.tolist()
         self.bound.flags.writeable = False
         self.scale.flags.writeable = False
 
     def observe(self, state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch]) -> NDArray[np.float32]:
-        """Return the standard terms of the observation, computed from the true state.
+        """Compute the built-in terms of the observation from the true state.
 
         Args:
             state: Present state of one robot or of n robots.
-            command: Command to track next: forward m/s, lateral m/s, yaw rate rad/s; (3).
+            command: Velocity command to track next: forward m/s, lateral m/s, yaw rate rad/s; (3).
 
         Returns:
-            Clipped standard terms, (size,) or (n, size).
+            Built-in terms, clipped to their bounds, (width,) for one robot or (n, width).
         """
         terms = (
             state.projected_gravity,
@@ -129,15 +135,15 @@ class ObservationTable:
     def assemble(
         self, sensed: NDArray[np.float32], state: QuadState[ScalarOrBatch], command: Components[ScalarOrBatch]
     ) -> NDArray[np.float32]:
-        """Return the standard terms of the observation, with given values of the terms that sensors measure.
+        """Assemble the built-in observation terms from sensor measurements, previous action and command.
 
         Args:
-            sensed: Clipped values of the terms in the slice `sensed`, (k, width).
-            state: Present state of the k robots; it gives the previous action.
-            command: Command to track next: forward m/s, lateral m/s, yaw rate rad/s; (3).
+            sensed: Clipped values of the terms that sensors measure, the slice `ObservationTable.sensed`, (k, width).
+            state: Present state of the k robots, which contains the previous action.
+            command: Velocity command to track next: forward m/s, lateral m/s, yaw rate rad/s; (3).
 
         Returns:
-            Clipped standard terms, (k, size), or (size,) for a state of floats.
+            Built-in terms, clipped to their bounds, (k, width), or (width,) if `state` holds floats of one robot.
         """
         known = _clipped_rows((differences(state.action, self._home), command), self._known_limits)
         return np.concatenate((sensed if known.ndim == 2 else sensed[0], known), axis=-1)
@@ -146,7 +152,10 @@ class ObservationTable:
 def _clipped_rows(
     terms: Sequence[Components[ScalarOrBatch]], limits: tuple[NDArray[np.float32], NDArray[np.float32]]
 ) -> NDArray[np.float32]:
-    """Return the terms as one array in single precision, (width,) or (n, width), clipped to the `limits`."""
+    """Concatenate the components of all `terms` to a float32 array, (width,) or (n, width), and clip them.
+
+    `limits` are the lower and the upper bounds of the components, (width,) each.
+    """
     lower, upper = limits
     rows = in_single_precision(terms).T
     np.minimum(rows, upper, out=rows)
@@ -156,24 +165,24 @@ def _clipped_rows(
 observation_table = cache(ObservationTable)
 """Return the `ObservationTable` of a robot and further terms; the same arguments give the same object."""
 OBSERVATION = observation_table(SIMPLE_QUAD).slices
-"""Name of each term of SimpleQuad's observation -> its slice."""
+"""Name of each observation term of the robot SimpleQuad -> slice of the observation vector."""
 OBSERVATION_SIZE = observation_table(SIMPLE_QUAD).size
-"""Number of entries of SimpleQuad's observation."""
+"""Number of components of the observation vector of the robot SimpleQuad."""
 
 
 def user_terms(observations: Iterable[str | ObservationTerm]) -> tuple[ObservationTerm, ...]:
-    """Return the observation terms of the argument `observations` of an environment, in order.
+    """Check the argument `observations` of an environment, and return the user's terms in order.
 
     Args:
-        observations: Observation terms, or names of observation terms of extensions.
+        observations: Observation terms, or names of observation terms that were registered by `add_extension`.
 
     Returns:
-        The terms.
+        The observation terms; each has a function of the true state.
 
     Raises:
         ValueError: A name is unknown, repeated or built in, or a term has no function.
     """
-    if observations == ():  # the usual case; policies ask at every step
+    if observations == ():  # the usual case, which must be fast because policies call this function at every step
         return ()
     if isinstance(observations, str | ObservationTerm):
         observations = (observations,)
@@ -190,7 +199,10 @@ def user_terms(observations: Iterable[str | ObservationTerm]) -> tuple[Observati
 
 
 def _extension_term(name: str, builtin: dict[str, Any]) -> Any:
-    """Return an extension's observation term; raise ValueError for an unknown or built-in name."""
+    """Return the registered observation term `name` of an extension; raise ValueError for an unknown name.
+
+    `builtin` has the names of the built-in terms as keys; an extension must not use these names.
+    """
     known = check_new("observations", builtin)
     if name not in known:
         valid = ", ".join(known) or "none is installed"

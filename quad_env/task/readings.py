@@ -1,4 +1,4 @@
-"""Readings for evaluation: motion, contacts and motors of every robot in the last control step."""
+"""Measurements for the evaluator, not for policies: motion, contacts and motors in a control step."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,17 +10,17 @@ from quad_env.robots.kinematics import feet_in_world, foot_depths
 
 Readings = dict[str, NDArray[np.generic]]
 _NO_COMMAND = (np.zeros(1), np.zeros(1), np.zeros(1))
-"""Placeholder for the command in a state that `compute_readings` computes; no reading depends on the command."""
+"""Zero command for the state that `compute_readings` computes; no measurement depends on the command."""
 _VECTORS = ("position", "angular_velocity", "joint_position", "joint_velocity", "joint_torque", "action")
-"""Readings that are fields of the state."""
+"""Names of the measurements that are vector fields of `QuadState`."""
 
 
 def compute_readings(simulation: Simulation, state: QuadState[Array] | None = None) -> Readings:
-    """Return the readings of all n robots in the last control step.
+    """Return the measurements of all n robots in the last control step, for the evaluator.
 
-    Contacts and `joint_torque` are values of the last physics step. `joint_torque` lacks the damping torque that
-    MuJoCo integrates implicitly. Readings over the control step include all physics steps of the control step, with
-    the torques that the joints received, see `quad_env.physics.energy`.
+    Contacts and `joint_torque` are values of the last physics step. `joint_torque` does not include the damping torque
+    that MuJoCo integrates implicitly. Measurements "over the control step" include all its physics steps, with the
+    torques that the joints received, see `quad_env.physics.energy`.
 
     =================  ==========  =====================================================================
     position           (n, 3)      trunk centre, world frame, m
@@ -52,11 +52,11 @@ def compute_readings(simulation: Simulation, state: QuadState[Array] | None = No
     Motors with a thermal model add `winding_temperature`, (n, 12), °C.
 
     Args:
-        simulation: Simulation with a motor meter.
+        simulation: Simulation of the robots; without a motor meter the measurements over the control step are absent.
         state: Present state of all robots; None to compute the state from the simulation.
 
     Returns:
-        Name of each reading -> values.
+        Name of each measurement -> values, (n, ...), as in the table.
     """
     state = simulation.state(_NO_COMMAND) if state is None else state
     readings: Readings = {name: np.transpose(getattr(state, name)).copy() for name in _VECTORS}
@@ -77,7 +77,7 @@ def compute_readings(simulation: Simulation, state: QuadState[Array] | None = No
 
 
 def _foot_readings(simulation: Simulation, state: QuadState[Array]) -> Readings:
-    """Return readings, name -> values, of foot positions, foot heights, and foot and leg contacts."""
+    """Measure foot positions, foot heights, and foot and leg contacts: name -> values, (n, ...)."""
     robot = simulation.robot
     position = np.transpose(state.position)
     joints = np.transpose(state.joint_position)

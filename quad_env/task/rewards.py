@@ -1,7 +1,8 @@
 """Reward terms: pure functions of the state; the weights are in `config.RewardWeights`.
 
-Every term works for one robot and for n robots, see `columns`. The tracking terms have the usual exponential form, but
-the exponent has the error instead of the squared error, so that small errors still give a gradient.
+Every term accepts a state of one robot (floats) or of n robots (arrays), see `columns`. The tracking terms have the
+usual exponential form. Their exponent contains the error e instead of e², because then small errors still give a
+gradient.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,31 +27,40 @@ from quad_env.extensions import check_new
 from quad_env.physics.state import QuadState
 
 LINEAR_ERROR_SCALE = 0.25
-"""Velocity error at which the linear tracking reward is 1/e, m/s."""
+"""Error of the planar velocity at which the reward `linear_velocity_tracking` is exp(-1), m/s."""
 YAW_ERROR_SCALE = 0.25
-"""Yaw-rate error at which the yaw tracking reward is 1/e, rad/s."""
+"""Error of the yaw rate at which the reward `yaw_rate_tracking` is exp(-1), rad/s."""
 NEUTRAL_SWING_TIME = 0.15
-"""Swing time with zero reward, about a trot's, s. Longer swings are rewarded, shorter ones penalised."""
+"""Swing duration at which the reward `foot_air_time` is 0, about the swing duration of a trot, s.
+
+Longer swings increase the reward, and shorter swings decrease it.
+"""
 MIN_HEIGHT_FRACTION = 0.85
-"""Trunk height below which the robot crouches, as a fraction of the trunk height in the home pose."""
+"""Trunk height below which the term `crouch` is above 0, as a fraction of the trunk height in the home pose."""
 MAX_STAND_COMMAND = 0.1
-"""Largest norm of a command, (m/s, m/s, rad/s), that counts as a command to stand."""
+"""Largest norm of a velocity command (forward m/s, lateral m/s, yaw rate rad/s) that means "stand still"."""
 
 
 def linear_velocity_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return exp(-‖e‖ / LINEAR_ERROR_SCALE) of the planar velocity error e in the heading frame."""
+    """Return exp(-‖e‖ / LINEAR_ERROR_SCALE) with the planar velocity error e, heading frame, m/s.
+
+    The error is the command minus the velocity of the trunk.
+    """
     return exp(-linear_velocity_error(state) / LINEAR_ERROR_SCALE)
 
 
 def yaw_rate_tracking(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return exp(-‖e‖ / YAW_ERROR_SCALE) of the yaw-rate error e about the world's vertical."""
+    """Return exp(-‖e‖ / YAW_ERROR_SCALE) with the yaw-rate error e about the world's vertical, rad/s.
+
+    The error is the commanded yaw rate minus the yaw rate of the trunk.
+    """
     return exp(-yaw_rate_error(state) / YAW_ERROR_SCALE)
 
 
 def linear_velocity_error(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the magnitude of the planar velocity error in the heading frame, m/s.
+    """Return the magnitude of the planar velocity error (command minus velocity), heading frame, m/s.
 
-    Unlike the tracking reward, this term has a gradient at large errors too.
+    This term has a gradient at large errors too, but the exponential term `linear_velocity_tracking` hardly has one.
     """
     forward = state.command[0] - state.heading_velocity[0]
     lateral = state.command[1] - state.heading_velocity[1]
@@ -58,7 +68,7 @@ def linear_velocity_error(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def yaw_rate_error(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the magnitude of the yaw-rate error about the world's vertical, rad/s."""
+    """Return the magnitude of the yaw-rate error (command minus yaw rate about the vertical), rad/s."""
     return abs(state.command[2] - state.heading_velocity[2])
 
 
@@ -74,15 +84,15 @@ def roll_pitch_rate(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def tilt(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the squared sine of the tilt."""
+    """Return the squared sine of the angle between the trunk's z axis and the vertical."""
     x, y, _ = state.projected_gravity
     return x * x + y * y
 
 
 def crouch(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the depth of the trunk below MIN_HEIGHT_FRACTION of the home height; 0 if it is higher.
+    """Return how far the trunk is below MIN_HEIGHT_FRACTION of the home height; 0 if it is higher.
 
-    The depth is a fraction of the home height, which is the trunk height in the home pose.
+    The home height is the height of the trunk in the home pose. The distance is a fraction of the home height.
     """
     shortfall = MIN_HEIGHT_FRACTION - state.height / state.standing_height
     return cast("ScalarOrBatch", where(shortfall > 0.0, shortfall, 0.0))
@@ -104,11 +114,12 @@ def mechanical_power(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def foot_air_time(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return Σ (swing time - NEUTRAL_SWING_TIME) over the feet that touch down in this step, s.
+    """Return Σ (swing duration - NEUTRAL_SWING_TIME) over the feet that touch down in this step, s.
 
-    The term is 0 for a command to stand. It is also 0 if the simulation does not track swings, because no weighted term
-    needs them. See legged_gym (Rudin et al. 2022, `_reward_feet_air_time`) and Isaac Lab (`feet_air_time`); in both, a
-    command to turn on the spot is also a command to stand.
+    The term is 0 if the command means "stand still", see `MAX_STAND_COMMAND`. It is also 0 if the simulation does not
+    measure swings, which it does only if a reward or observation term needs them. The term follows legged_gym (Rudin et
+    al. 2022, `_reward_feet_air_time`) and Isaac Lab (`feet_air_time`). In both, the term is also 0 for a command to
+    turn on the spot.
     """
     if state.swing_time is None:
         return 0.0 * abs(state.height)
@@ -121,9 +132,10 @@ def foot_air_time(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
 
 
 def touchdown_speed(state: QuadState[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return Σ (touchdown speed)² over the feet that touch down in this step, (m/s)².
+    """Return Σ (downward speed)² over the feet that touch down in this step, (m/s)².
 
-    The term is 0 if the simulation does not track touchdowns, because no weighted term needs them.
+    The term is 0 if the simulation does not measure touchdowns, which it does only if a reward or observation term
+    needs them.
     """
     return 0.0 * abs(state.height) if state.touchdown_speed is None else sum_of_squares(state.touchdown_speed)
 
@@ -147,28 +159,28 @@ FUNCTIONS: tuple[RewardFunction, ...] = (
     foot_air_time,
     touchdown_speed,
 )
-"""Functions of the built-in reward terms; each has the name of a field of `RewardWeights`."""
+"""Functions of the built-in reward terms; a function and its weight in `RewardWeights` have the same name."""
 _FUNCTION_OF: dict[str, RewardFunction] = {function.__name__: function for function in FUNCTIONS}
 TERMS: dict[str, RewardFunction] = {
     f"{REWARD}{term.name}": _FUNCTION_OF[term.name] for term in fields(RewardWeights) if term.name != "fall"
 }
-"""Key of each term in the infos -> function of the state; the term `fall` is not a function of the state."""
+"""Key of each built-in reward term in the infos -> function; the term `fall`, which has no function, is absent."""
 FALL = f"{REWARD}fall"
-"""Key of the term `fall` in the infos."""
+"""Key of the reward term `fall` in the infos, which penalises a fall or diverged simulation that ends an episode."""
 
 
 def step_weights(weights: RewardWeights, dt: float) -> dict[str, float]:
-    """Return the factor on each reward term in one control step.
+    """Compute the factor on each built-in reward term in one control step.
 
-    All weights but the weight of `fall` are rewards per second, so they are multiplied by the control period. The
-    weight of `fall` counts once.
+    The weights are rewards per second, so they are multiplied by the control period. The weight of `fall` is not
+    multiplied, because a fall counts once.
 
     Args:
-        weights: Weights of the terms.
+        weights: Weights of the reward terms.
         dt: Control period, s.
 
     Returns:
-        Key of each term in the infos -> factor, in the order of `reward_terms`.
+        Key of each reward term in the infos -> factor, in the order of `reward_terms`.
     """
     rates = {f"{REWARD}{name}": weight for name, weight in asdict(weights).items()}
     fall = rates.pop(FALL)
@@ -182,12 +194,12 @@ def reward_terms(
 
     Args:
         state: State after the step.
-        terminated: True for robots with an episode that ends in this step.
-        diverged: True for robots with a diverged simulation; all their terms but `fall` are 0.
-        weights: Factors from `step_weights`.
+        terminated: True for robots with an episode that ends in this step by a fall or a diverged simulation.
+        diverged: True for robots with a diverged simulation; all their terms except `fall` are 0.
+        weights: Key of each term in the infos -> factor, from `step_weights`.
 
     Returns:
-        Key of each term in the infos -> weighted value.
+        Key of each term in the infos -> weighted value, a float for one robot or an array (n,).
     """
     terms = {key: weights[key] * term(state) for key, term in TERMS.items()}
     if any_true(diverged):
@@ -198,12 +210,12 @@ def reward_terms(
 
 @dataclass(frozen=True)
 class UserReward:
-    """Reward term of a user, from the argument `rewards` of an environment."""
+    """Reward term that a user defined by the argument `rewards` of an environment."""
 
     name: str
     function: RewardFunction
     weight: float
-    """Reward per second and per unit of the value of `function`."""
+    """Factor on the value of `function`, as reward per second."""
 
     def weighted(self, state: QuadState[ScalarOrBatch], diverged: BoolOrMask, dt: float) -> ScalarOrBatch:
         """Compute the weighted term of a control step; it is 0 for robots with a diverged simulation.
@@ -229,13 +241,14 @@ class UserReward:
 
 
 def user_rewards(rewards: Mapping[str, Any] | None) -> dict[str, UserReward]:
-    """Return the user's reward terms from the argument `rewards` of an environment.
+    """Check the argument `rewards` of an environment, and return the user's reward terms.
 
     Args:
-        rewards: Name -> (function, weight), or name -> weight for a reward term of an extension.
+        rewards: Name -> (function, weight), or name -> weight for a reward term that was registered by
+            `add_extension`. None for no terms.
 
     Returns:
-        Key of each term in the infos -> term.
+        Key of each term in the infos, `reward_<name>` -> term.
 
     Raises:
         ValueError: A name is unknown or built in, or a function or weight has a wrong type.
@@ -257,7 +270,10 @@ def user_rewards(rewards: Mapping[str, Any] | None) -> dict[str, UserReward]:
 
 
 def _extension_reward(name: str, builtin: dict[str, Any]) -> RewardFunction:
-    """Return an extension's reward function; raise ValueError for an unknown or built-in name."""
+    """Return the registered reward function `name` of an extension; raise ValueError for an unknown name.
+
+    `builtin` has the names of the built-in terms as keys; an extension must not use these names.
+    """
     known = check_new("rewards", builtin)
     if name not in known:
         valid = ", ".join(known) or "none is installed"

@@ -1,4 +1,4 @@
-"""Fall detection by the rule in `config.FallRule`."""
+"""Fall detection: ground contact of the trunk, and the limits of tilt and height in `config.FallRule`."""
 
 import math
 from typing import Any
@@ -11,9 +11,11 @@ from quad_env.physics.state import QuadState
 def fall_reason_code(state: QuadState[ScalarOrBatch], rule: FallRule, min_height: float) -> Any:
     """Return the reason of the fall as an index into `config.FALL_REASONS`; 0 if the robot has not fallen.
 
+    If several reasons apply, trunk contact precedes tilt, and tilt precedes height.
+
     Args:
         state: Present state of one robot or of n robots.
-        rule: Fall rule; it gives the maximum tilt.
+        rule: Fall rule, which defines the maximum tilt.
         min_height: Minimum height of the trunk above the terrain, from `FallRule.min_trunk_height`, m.
 
     Returns:
