@@ -1,1 +1,1 @@
-"""Subcommands of `python -m evaluate`, one module each."""
+"""Subcommands of `python -m evaluate`, with one module for each subcommand."""

@@ -32,17 +32,17 @@ class CompareOptions:
     """Two results folders, and the policies to compare."""
 
     a: Annotated[Path, tyro.conf.Positional]
-    """Folder of an evaluation, finished or not."""
+    """Results folder A of an evaluation, finished or not."""
     b: Annotated[Path, tyro.conf.Positional]
-    """Another; differences are B minus A."""
+    """Results folder B of another evaluation; differences are B minus A."""
     policies: tuple[str, str] | None = None
-    """A policy of A and the policy of B to compare it with; by default every policy that both have."""
+    """A policy of A and the policy of B to compare it with; by default every policy that both runs have."""
     json: Path | None = None
-    """File for the figures."""
+    """JSON file to write, with the differences and the combined ranking."""
 
 
 def main(options: CompareOptions) -> int:
-    """Run the command and return the exit code; raise UsageError if the runs have nothing in common."""
+    """Run the command and return its exit code; raise UsageError if the `options` name no comparable runs."""
     if options.json is not None:
         make_folder_of(options.json, "--json")
     a = _read(options.a)
@@ -71,7 +71,7 @@ def main(options: CompareOptions) -> int:
 
 
 def _print_tables(options: CompareOptions, both: CombinedRuns, console: Console) -> None:
-    """Print the combined ranking and the tables of differences."""
+    """Print the combined ranking of both runs, and the tables of differences between the runs."""
     print_ranking(both.ranking, console)
     metrics = {contrast.metric for match in both.matches for contrast in match.contrasts}
     for titles in (TERMINAL_DIFFERENCE_TITLES, MAIN_EFFORT_TITLES):
@@ -80,7 +80,17 @@ def _print_tables(options: CompareOptions, both: CombinedRuns, console: Console)
 
 
 def _read(path: Path) -> StoredRun:
-    """Read manifest and episode rows of a run; raise UsageError if the run has no finished cells."""
+    """Read the manifest and the episode table of the run at `path`.
+
+    Args:
+        path: Results folder, or a file in it.
+
+    Returns:
+        Manifest, and table with one row for each episode.
+
+    Raises:
+        UsageError: The run has no policy with all of its episodes on a scenario yet.
+    """
     manifest, rows = read_rows(_folder(path))
     if not rows.num_rows:
         raise UsageError(f"{_folder(path)} holds no finished part of a comparison yet")
@@ -88,20 +98,21 @@ def _read(path: Path) -> StoredRun:
 
 
 def _folder(path: Path) -> Path:
-    """Return the results folder of a path, which is the folder or one of the folder's files."""
+    """Return the results folder for a `path` that names the folder or one of its files."""
     return path.parent if path.name in ("results.json", "episodes.parquet", "manifest.json") else path
 
 
 def _pairs(options: CompareOptions, a: Manifest, b: Manifest) -> list[tuple[str, str]]:
-    """Return the pairs of policies to compare: a policy of A and a policy of B.
+    """Return the pairs of policies to compare: a policy of run A and a policy of run B.
 
     Args:
         options: Options of the command line.
-        a: Manifest of A.
-        b: Manifest of B.
+        a: Manifest of run A.
+        b: Manifest of run B.
 
     Returns:
-        The pair that the options name; else the only policy of each run; else each policy that both runs have.
+        The pair that the options name. Otherwise the only policies of the two runs if each run has just one, or a pair
+        for each policy that both runs have.
 
     Raises:
         UsageError: A run does not have the named policy.
@@ -119,18 +130,19 @@ def _pairs(options: CompareOptions, a: Manifest, b: Manifest) -> list[tuple[str,
 def _labels(
     options: CompareOptions, matches: Sequence[Match], a: Manifest, b: Manifest
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the display names of the policies of A and of B.
+    """Return the display names of the policies of run A and of run B.
 
-    The folder is added to a name that both runs have, unless all episodes of the two policies are identical.
+    The name of the results folder is added to a policy name that both runs have. It is not added if all episodes of the
+    two policies are identical.
 
     Args:
         options: Options of the command line.
-        matches: Cells (one policy on one scenario) that both runs have.
-        a: Manifest of A.
-        b: Manifest of B.
+        matches: Comparisons of the policies of the two runs on each common scenario.
+        a: Manifest of run A.
+        b: Manifest of run B.
 
     Returns:
-        Policy -> display name, for A and for B.
+        Name of a policy -> display name: a dictionary for run A, and one for run B.
     """
     names_a, names_b = ((name,) for name in options.policies) if options.policies else (a.policies, b.policies)
     changed = {match.a for match in matches if not match.identical}
@@ -142,12 +154,23 @@ def _labels(
 
 
 def _display_names(names: Iterable[str], ambiguous: Set[str], folder: str) -> dict[str, str]:
-    """Return policy name -> display name, with the `folder` added to ambiguous names."""
+    """Return policy name -> display name; the results `folder` is added to ambiguous names."""
     return {name: f"{name} ({folder})" if name in ambiguous else name for name in names}
 
 
 def _ranking_agreement(correlation: RankCorrelation | None, matches: Sequence[Match]) -> Iterator[str]:
-    """Yield lines on the agreement of the two rankings and on cells with different success rates."""
+    """Yield printed lines on the agreement of the two runs.
+
+    The first lines show if both runs rank the policies in the same order. The others name the policies and scenarios
+    with a significant difference in success rate.
+
+    Args:
+        correlation: Rank correlation of the runs; None if too few policies are ranked.
+        matches: Comparisons of the policies of the two runs on each common scenario.
+
+    Yields:
+        Lines of text.
+    """
     if correlation:
         yield from correlation.lines()
     else:
@@ -164,20 +187,20 @@ def _ranking_agreement(correlation: RankCorrelation | None, matches: Sequence[Ma
 
 
 def _success(match: Match) -> MetricDifference:
-    """Return the difference between the success rates of a match."""
+    """Return the difference in success rate, run B minus run A, of a matched pair of policies."""
     return next(contrast for contrast in match.contrasts if contrast.metric == SUCCESS_RATE)
 
 
 def _table(options: CompareOptions, matches: Sequence[Match], titles: Mapping[str, str]) -> FittedTable:
-    """Return a terminal table of differences.
+    """Make the terminal table of the differences between the two runs.
 
     Args:
         options: Options of the command line.
-        matches: Cells that both runs have.
-        titles: Metric name -> column title.
+        matches: Comparisons of the policies of the two runs on each common scenario.
+        titles: Name of a metric -> title of its column.
 
     Returns:
-        A table with a group for each scenario.
+        A table with a group of rows for each scenario, and a row for each pair of policies.
     """
     title = f"B minus A, 95 % interval, p of success corrected with all claims\nA: {options.a}\nB: {options.b}"
     groups: dict[str, list[dict[str, str]]] = {match.scenario: [] for match in matches}
@@ -193,7 +216,16 @@ def _table(options: CompareOptions, matches: Sequence[Match], titles: Mapping[st
 
 
 def _entry(contrast: MetricDifference, corrected_p_value: float, identical: bool) -> str:
-    """Format a difference: value, interval, and the corrected p-value if the metric is the success rate."""
+    """Format a difference for a table: its value, its interval and, for the success rate, the p-value.
+
+    Args:
+        contrast: Difference of one metric.
+        corrected_p_value: p-value of the difference in success rate, corrected for the number of tests.
+        identical: True if all episodes are bit-identical.
+
+    Returns:
+        Text with line breaks; `0` for identical episodes.
+    """
     if identical:
         return "0"
     if contrast.metric in MAIN_EFFORT_TITLES:
@@ -208,7 +240,7 @@ def _entry(contrast: MetricDifference, corrected_p_value: float, identical: bool
 
 
 def _notes(a: StoredRun, b: StoredRun, matches: Sequence[Match]) -> Iterator[str]:
-    """Yield lines on the episodes that the two runs share and on identical cells."""
+    """Yield printed lines on the episodes with equal seeds in both runs, and on bit-identical results."""
     seeds_a, seeds_b = ({*rows.column("seed").to_pylist()} for _, rows in (a, b))
     count = with_count(len(seeds_a & seeds_b), "episode")
     yield f"paired by episode: {count} of the same seeds, of A's {len(seeds_a)} and B's {len(seeds_b)}"
@@ -218,7 +250,7 @@ def _notes(a: StoredRun, b: StoredRun, matches: Sequence[Match]) -> Iterator[str
 
 
 def _unfinished(a: StoredRun, b: StoredRun) -> Iterator[str]:
-    """Yield a line for each run that is not finished, with the missing cells."""
+    """Yield a line for each run that is not finished, with the number of its missing results."""
     for name, (manifest, rows) in (("A", a), ("B", b)):
         stored = set(zip(rows.column("scenario").to_pylist(), rows.column("policy").to_pylist(), strict=True))
         cells = [(scenario.name, policy) for scenario, policy in manifest.cells]
@@ -227,7 +259,17 @@ def _unfinished(a: StoredRun, b: StoredRun) -> Iterator[str]:
 
 
 def _write(options: CompareOptions, both: CombinedRuns, changes: list[str], path: Path) -> None:
-    """Write the comparison as a JSON file; raise UsageError if the file cannot be written."""
+    """Write the comparison of two runs as a JSON file.
+
+    Args:
+        options: Options of the command line.
+        both: Results of both runs together.
+        changes: Descriptions of the inputs that differ between the runs.
+        path: File to write.
+
+    Raises:
+        UsageError: The file cannot be written.
+    """
     contents = {
         "schema": 1,
         "a": str(options.a),

@@ -1,6 +1,6 @@
-"""Execution of a plan: simulate and store every cell, then print and write the results.
+"""Execution of an evaluation plan: simulation and storage of all episodes, and output of the results.
 
-A cell is one policy on one scenario. After Ctrl-C the finished cells are printed and written as well.
+After Ctrl-C, the results of the finished pairs of policy and scenario are printed and written as well.
 """
 
 import shlex
@@ -34,22 +34,28 @@ from quad_env.physics.simulators import MUJOCO, RELATIVE_STEP_TIME
 
 
 def execute(plan: Plan, show: Show = print_results) -> int:
-    """Run every cell, then print and write the results.
+    """Simulate all episodes of a plan, then print and write the results.
+
+    UsageError can be raised, FolderInUseError if another run uses the results folder, and KeyboardInterrupt after
+    Ctrl-C. The message of KeyboardInterrupt names the part of the run that is saved.
 
     Args:
-        plan: Checked options.
+        plan: Checked options, policies and scenarios of the run.
         show: Function that prints the results.
 
     Returns:
-        The exit code. UsageError and FolderInUseError can be raised, and KeyboardInterrupt after Ctrl-C; its message
-        names the saved part.
+        The exit code.
     """
     with exclusive_lock(plan.options.out):
         return _execute(plan, show)
 
 
 def _execute(plan: Plan, show: Show) -> int:
-    """Run the plan and return the exit code; the caller has locked the results folder."""
+    """Execute a plan and return the exit code; the caller has locked the results folder.
+
+    `show` prints the results. After Ctrl-C, KeyboardInterrupt is raised; its message names the part of the run that is
+    saved. UsageError is raised if the memory is not sufficient for the results.
+    """
     out = plan.options.out
     if plan.options.resume and (run := read_run(out)).complete:
         print(f"{out} holds the whole run: nothing is left to simulate", file=sys.stderr)
@@ -77,7 +83,10 @@ def _execute(plan: Plan, show: Show) -> int:
 
 
 def _print_warnings(plan: Plan) -> None:
-    """Print warnings about an unfinished run in the folder, and about policies that do not stand or walk."""
+    """Print warnings about an unfinished run in the results folder and about policies that do not walk.
+
+    Each external policy is tested on a short walk before the run starts.
+    """
     out = plan.options.out
     if is_unfinished(out):
         print(f"{out} holds an unfinished run, which is replaced now; --resume would carry it on", file=sys.stderr)
@@ -92,7 +101,7 @@ def _print_warnings(plan: Plan) -> None:
 
 
 def _interrupt_message(plan: Plan, run: Run) -> str:
-    """Return a text with the saved part of an interrupted run and the command that continues the run."""
+    """Return the message after Ctrl-C: the saved part of the run, and the command that continues the run."""
     saved = "kept what was done"
     if run.cells:
         saved = f"wrote the {len(run.cells)} finished parts of {len(plan.manifest.cells)}"
@@ -102,14 +111,14 @@ def _interrupt_message(plan: Plan, run: Run) -> str:
 
 
 def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
-    """Simulate every cell.
+    """Simulate every pair of policy and scenario, and store the results as they are finished.
 
     Args:
-        plan: Checked options.
-        store: Store of the run's chunks, which are parts of cells.
+        plan: Checked options, policies and scenarios of the run.
+        store: Store of finished chunks (subsets of episodes that are simulated together).
 
     Returns:
-        run: Run with the finished cells, in the order of the manifest.
+        run: Run with the finished results, in the order of the manifest.
         interrupted: True if the user pressed Ctrl-C.
 
     Raises:
@@ -139,7 +148,11 @@ def _simulate(plan: Plan, store: ChunkStore) -> tuple[Run, bool]:
 
 @contextmanager
 def _explained_errors(store: ChunkStore) -> Iterator[None]:
-    """In the context, turn failures of memory, disk or a worker into a UsageError with a remedy."""
+    """Turn failures of memory, disk or a worker process in the context into a UsageError.
+
+    The message of the error has the reason and the command that continues the run in `store`. Other errors are not
+    changed.
+    """
     try:
         yield
     except Exception as error:
@@ -150,7 +163,16 @@ def _explained_errors(store: ChunkStore) -> Iterator[None]:
 
 
 def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[PolicyScenarioResult]:
-    """Simulate the cells of the store's manifest, show the progress, and yield each finished cell."""
+    """Simulate all pairs of policy and scenario of the store's manifest, and show the progress.
+
+    Args:
+        plan: Checked options, policies and scenarios of the run.
+        store: Store of finished chunks (subsets of episodes that are simulated together).
+        interrupt: Ctrl-C handler, checked during the simulation.
+
+    Yields:
+        The result of each pair as soon as all of its episodes are finished.
+    """
     manifest = store.manifest
     with show_progress(len(manifest.cells)) as progress:
 
@@ -159,7 +181,7 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Poli
             progress(policy, scenario, fraction)
 
         threads = plan.options.threads
-        # Chunks are as large as allowed, but small enough that every worker gets at least one.
+        # The chunks are as large as allowed, but small enough that every worker process gets at least one.
         episodes_per_worker = -(-plan.manifest.episodes * len(plan.manifest.cells) // threads)
         settings = RunSettings(
             nthread=threads,
@@ -175,12 +197,22 @@ def _cells(plan: Plan, store: ChunkStore, interrupt: Interrupt) -> Iterator[Poli
 
 
 def _run(manifest: Manifest, cells: Sequence[PolicyScenarioResult]) -> Run:
-    """Return a run with the finished cells, sorted in the order of the manifest."""
+    """Return a run with the finished results `cells`, sorted in the order of the manifest."""
     return Run(manifest, tuple(sorted(cells, key=lambda cell: manifest.cells.index((cell.scenario, cell.policy)))))
 
 
 def _after_interim_analysis(run: Run, folder: Path) -> Run:
-    """Analyse the ranking of a run --until settled, print it, and store if the run has ended."""
+    """Return the run after the interim analysis of a run --until settled; other runs are not changed.
+
+    The function prints the test of the adjacent policies, and stores in the manifest if the run has ended.
+
+    Args:
+        run: Run in which every pair of policy and scenario has all episodes so far.
+        folder: Results folder.
+
+    Returns:
+        The run, with the reason for its end if it has ended.
+    """
     if not run.manifest.is_unsettled:
         return run
     line, ended = interim_analysis(run.cells, run.manifest.limit)
@@ -191,7 +223,15 @@ def _after_interim_analysis(run: Run, folder: Path) -> Run:
 
 
 def _error_message(error: Exception, store: ChunkStore) -> str | None:
-    """Return a line with the reason and the remedy of an error; None if the error is a bug."""
+    """Return the message for the user about an error that ended a run.
+
+    Args:
+        error: Error that ended the run.
+        store: Store of the run's finished episodes.
+
+    Returns:
+        Reason and remedy in one line; None if the error is a programming error.
+    """
     if launcher.is_out_of_memory(error):
         return f"{launcher.OUT_OF_MEMORY}; {_resume_hint(store)}"
     if isinstance(error, StoreError):
@@ -202,10 +242,10 @@ def _error_message(error: Exception, store: ChunkStore) -> str | None:
 
 
 def _resume_hint(store: ChunkStore) -> str:
-    """Return a text with the remedy after a failure."""
+    """Return the remedy after a failed run: the command that continues it, or a new start if it is empty."""
     return f"go on: {_resume_command(store.folder)}" if store.begun else "begin again, for nothing was done yet"
 
 
 def _resume_command(out: Path) -> str:
-    """Return the command that continues the run in the folder `out`."""
+    """Return the shell command that continues the run in the results folder `out`."""
     return f"{PROGRAM} --resume --out {shlex.quote(str(out))}"

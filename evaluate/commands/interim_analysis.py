@@ -1,4 +1,4 @@
-"""Interim analysis of a run --until settled: compares neighbours in the ranking and can end the run."""
+"""Interim analysis of a run --until settled: tests adjacent policies, and can end the run early."""
 
 from collections.abc import Sequence
 
@@ -12,11 +12,11 @@ from quad_env.scenarios.scenario import Scenario
 
 
 def interim_analysis(cells: Sequence[PolicyScenarioResult], limit: int) -> tuple[str, str]:
-    """Compare adjacent policies of the ranking, and decide if the run ends.
+    """Test the adjacent policies of the ranking so far, and decide if the run ends.
 
     Args:
-        cells: Finished cells of the run, each with the episodes of one policy on one scenario.
-        limit: Maximum number of episodes of a cell.
+        cells: Results of the run so far, one for each pair of policy and scenario, each with the same episodes.
+        limit: Maximum number of episodes of each policy on each scenario.
 
     Returns:
         line: Text such as `24 of at most 96 episodes, 1 of 2 neighbours distinguished: a > b, b ~ c (p = 0.2)`.
@@ -44,7 +44,15 @@ def interim_analysis(cells: Sequence[PolicyScenarioResult], limit: int) -> tuple
 
 
 def _pair_text(pair: AdjacentTest, *, identical: bool) -> str:
-    """Return a text on the order of two adjacent policies, for example `a > b`."""
+    """Return the order of two adjacent policies as text: `a > b` if it is significant, otherwise `a ~ b`.
+
+    Args:
+        pair: Test of the two policies.
+        identical: True if all episodes of the two policies are bit-identical.
+
+    Returns:
+        The text, with the p-value if the difference is not significant.
+    """
     if identical:
         return f"{pair.ahead} = {pair.behind} ({IDENTICAL_WORDS})"
     if pair.distinguished:
@@ -53,7 +61,7 @@ def _pair_text(pair: AdjacentTest, *, identical: bool) -> str:
 
 
 def check_ranked(policies: Sequence[LabelledPolicy], scenarios: Sequence[Scenario]) -> None:
-    """Check that at least two policies would be ranked.
+    """Check that a run --until settled has at least two policies that can be ranked.
 
     Args:
         policies: Policies of the run.

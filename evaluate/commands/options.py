@@ -17,9 +17,12 @@ WALKING_POLICIES = ("trot", "trot_feedback", "trot_integral", "residual", "robus
 DEFAULT_POLICIES = ("document@flat", "document_repaired@flat", *WALKING_POLICIES)
 DEFAULT_BATTERY = ("default",)
 EPISODES = {None: 20, "settled": 96}
-"""Value of `until` -> default number of episodes, which is the maximum in a run until settled."""
+"""Value of the option `until` -> default number of episodes of each policy on each scenario.
+
+In a run --until settled, it is the maximum number of episodes.
+"""
 RESULT_NEUTRAL_OPTIONS = ("out", "threads", "at_once", "resume", "baseline", "trust")
-"""Options that may differ when a run is resumed, because no result depends on them."""
+"""Names of the options that may change when an interrupted run is resumed; no result depends on them."""
 
 
 @dataclass(frozen=True)
@@ -76,12 +79,12 @@ class EvaluateOptions:
 
     @property
     def hardware_config(self) -> HardwareConfig:
-        """Hardware of the robots in scenarios that do not use the hardware profile."""
+        """Hardware of the robots in scenarios without the hardware profile (models of the real robot's parts)."""
         return HardwareConfig(self.actuator, self.sensors, self.estimator, self.robot, self.servo, self.simulator)
 
     @property
     def battery(self) -> tuple[str, ...]:
-        """Names of the scenarios and batteries to run."""
+        """Names of the scenarios and batteries (named lists of scenarios) to run."""
         return ("quick",) if self.quick else self.scenarios
 
     @property
@@ -90,20 +93,20 @@ class EvaluateOptions:
         return EPISODES[self.until] if self.episodes is None else self.episodes
 
     def run_options(self) -> dict[str, Any]:
-        """Return option name -> JSON value, for the options that must not differ when a run is resumed."""
+        """Return the options that must not change when an interrupted run is resumed: name -> JSON value."""
         values = asdict(self) | {"episodes": self.max_episodes}
         run_values = {name: value for name, value in values.items() if name not in RESULT_NEUTRAL_OPTIONS}
         return {name: list(value) if isinstance(value, tuple) else value for name, value in run_values.items()}
 
 
 def options_from_json(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert the `values` of `run_options` back to field name -> value of EvaluateOptions.
+    """Convert option values that `run_options` has stored back to field values of EvaluateOptions.
 
     Args:
-        values: Option name -> JSON value.
+        values: Name of an option -> JSON value.
 
     Returns:
-        Field name -> value.
+        Name of a field of EvaluateOptions -> value.
 
     Raises:
         ValueError: Another version of the program wrote the values.
@@ -115,7 +118,15 @@ def options_from_json(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def describe_changes(then: EvaluateOptions, now: EvaluateOptions) -> list[str]:
-    """Describe each option that differs between `then` and `now`, for example `--seed was 0, not 1`."""
+    """Describe each option that differs between two runs, for example `--seed was 0, not 1`.
+
+    Args:
+        then: Options of the earlier run.
+        now: Options of the present run.
+
+    Returns:
+        A text for each different option.
+    """
     before = then.run_options()
     after = now.run_options()
     return [
@@ -126,7 +137,7 @@ def describe_changes(then: EvaluateOptions, now: EvaluateOptions) -> list[str]:
 
 
 def command(values: Mapping[str, Any]) -> str:
-    """Return the command line of a run, given the `values` of `run_options`; default values are left out."""
+    """Return the command line of a run from its stored option `values`; default values are left out."""
     defaults = EvaluateOptions().run_options()
     words = PROGRAM.split()
     for name, value in values.items():
@@ -140,5 +151,5 @@ def command(values: Mapping[str, Any]) -> str:
 
 
 def _words(value: Any) -> str:
-    """Format the value of an option as on the command line."""
+    """Format the value of an option as on the command line; a list becomes words with spaces between them."""
     return " ".join(map(str, value)) if isinstance(value, list) else str(value)

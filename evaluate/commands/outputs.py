@@ -1,4 +1,4 @@
-"""Outputs of a comparison: the table on the terminal, then the files."""
+"""Outputs of an evaluation: the table on the terminal, then the files in the results folder."""
 
 import shlex
 from collections.abc import Callable
@@ -24,27 +24,27 @@ from quad_env.cli.launcher import silence_stdout
 from quad_env.cli.progress import show_waiting
 
 Show = Callable[[Results, Console], None]
-"""Function that prints results on a console."""
+"""Function that receives the results and a console, and prints the results."""
 
 
 class Terminal(Console):
-    """Console that stops printing if the reader of its output has closed the pipe; the program continues."""
+    """Console that ends its output, but not the program, if the reader of the output closes the pipe."""
 
     def on_broken_pipe(self) -> None:
-        """Stop all printing; the program continues because the files still have to be written."""
+        """Stop all printing, but continue the program, because the files still have to be written."""
         self.quiet = True
         silence_stdout()
 
 
 def analyse_run(run: Run, baseline: str | None = None) -> Results:
-    """Analyse the finished cells of a run; a cell is one policy on one scenario.
+    """Analyse the finished episodes of a run.
 
     Args:
         run: Finished or unfinished run.
-        baseline: Policy to compare the others with; None for the default baseline.
+        baseline: Name of the policy to compare the others with; None for the default baseline.
 
     Returns:
-        Results, the contents of tables and files.
+        Results, the content of tables and files.
     """
     return analyse(
         run.cells,
@@ -57,14 +57,14 @@ def analyse_run(run: Run, baseline: str | None = None) -> Results:
 
 
 def write_results(run: Run, folder: Path, baseline: str | None = None, show: Show = print_results) -> None:
-    """Print the table and write the files; the slowest file comes last.
+    """Print the table and write all files of a run; the file that takes longest is written last.
 
     Each output is attempted even if an earlier one fails, because the simulation took long.
 
     Args:
         run: Finished or unfinished run.
         folder: Results folder.
-        baseline: Policy to compare the others with; None for the default baseline.
+        baseline: Name of the policy to compare the others with; None for the default baseline.
         show: Function that prints the table.
 
     Raises:
@@ -87,7 +87,14 @@ def write_results(run: Run, folder: Path, baseline: str | None = None, show: Sho
 
 
 def _print_table(results: Results, folder: Path, console: Console, show: Show) -> None:
-    """Print the table, the warnings, and a command that replays a failure."""
+    """Print the table of results, the warnings, and a command that replays a failed episode.
+
+    Args:
+        results: Results of a run.
+        folder: Results folder, named in the command.
+        console: Terminal.
+        show: Function that prints the table.
+    """
     say = partial(console.print, highlight=False, markup=False, soft_wrap=True)
     show(results, console)
     for line in list_warnings(results):
@@ -97,7 +104,17 @@ def _print_table(results: Results, folder: Path, console: Console, show: Show) -
 
 
 def _file_writers(run: Run, results: Results) -> list[tuple[str, Callable[[Path], object]]]:
-    """Return name and write function of each file; no episodes.parquet if the run was read from it."""
+    """Return the name of each file of a run, and the function that writes it to a given path.
+
+    The file episodes.parquet is left out if the run was read from it.
+
+    Args:
+        run: Finished or unfinished run.
+        results: Results of the run.
+
+    Returns:
+        Pairs of file name and write function.
+    """
     writers: list[tuple[str, Callable[[Path], object]]] = [("results.json", partial(write_json, results))]
     if not run.stored:
         writers.append(("episodes.parquet", partial(write_parquet, run.cells, run=run.manifest.fingerprint)))
@@ -107,14 +124,30 @@ def _file_writers(run: Run, results: Results) -> list[tuple[str, Callable[[Path]
 
 
 def _to_replay(failure: FailedEpisode, folder: Path) -> str:
-    """Return a text with the commands that replay a failure and list all failures."""
+    """Return a text with the commands that replay a failed episode and that list all failed episodes.
+
+    Args:
+        failure: Failed episode.
+        folder: Results folder.
+
+    Returns:
+        The text, in one line.
+    """
     replay = f"{PROGRAM} replay {shlex.quote(str(folder))}"
     shown = f"{failure.policy} fails in row {failure.row}: {replay} {failure.row} --page {failure.row}.html"
     return f"{shown}; all failures: {replay} --failed"
 
 
 def _run_writer(name: str, write: Callable[[], object]) -> list[str]:
-    """Call a write function; return a list with the error text, or an empty list if the call succeeds."""
+    """Call the write function of an output, and collect its error.
+
+    Args:
+        name: Name of the output, for the error text.
+        write: Function that writes the output.
+
+    Returns:
+        A list with the text of the error if the operating system reports one, otherwise an empty list.
+    """
     try:
         write()
     except OSError as error:

@@ -1,4 +1,4 @@
-"""HTML pages of the failures that a report links, written atomically into the results folder."""
+"""HTML pages with films of failed episodes, to which a report links; made by `report --pages`."""
 
 from collections.abc import Sized
 from pathlib import Path
@@ -13,7 +13,7 @@ from quad_env.cli.progress import show_bar
 
 
 def make_pages(run: Run, folder: Path, trust: bool) -> None:
-    """Simulate and film the failures that have no page yet.
+    """Simulate and film the failed episodes that the report lists, if they have no page yet.
 
     Args:
         run: Finished run.
@@ -52,5 +52,5 @@ def make_pages(run: Run, folder: Path, trust: bool) -> None:
 
 
 def _kept(done: int, targets: Sized) -> str:
-    """Return a text with the number of written pages."""
+    """Return a text with the number of finished pages `done` and the number of all pages in `targets`."""
     return f"{done} of {len(targets)} pages are there, and the same command goes on"

@@ -1,4 +1,4 @@
-"""Plan of an evaluation: the options, checked completely before the simulation starts."""
+"""Plan of an evaluation: options, policies and scenarios, all checked before the simulation starts."""
 
 import shlex
 import sys
@@ -29,12 +29,15 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
 LIMITS = {"episodes": (1, 1_000_000), "seed": (0, 2**63 - 1), "threads": (1, 256), "at_once": (1, 65_536)}
-"""Option name -> smallest and largest valid value."""
+"""Name of an option -> smallest and largest valid value."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Checked options: every policy and scenario exists, and the folder can be written."""
+    """Checked options of a run, with the loaded policies and scenarios and the manifest.
+
+    Every policy and scenario exists, and the results folder can be written.
+    """
 
     policies: tuple[LabelledPolicy, ...]
     scenarios: tuple[Scenario, ...]
@@ -43,7 +46,17 @@ class Plan:
 
 
 def load_run_options(folder: Path) -> EvaluateOptions:
-    """Load the options of the run in a folder; raise UsageError if there is none or it is still running."""
+    """Load the options of an interrupted run, in order to resume it.
+
+    Args:
+        folder: Results folder of the run.
+
+    Returns:
+        Options with which the run was started.
+
+    Raises:
+        UsageError: The folder contains no run, or a run that cannot be read.
+    """
     if folder.is_dir():
         _check_unused(folder)
     if not (folder / manifests.NAME).is_file():
@@ -53,7 +66,17 @@ def load_run_options(folder: Path) -> EvaluateOptions:
 
 
 def check(options: EvaluateOptions) -> Plan:
-    """Check the `options` and return the plan; raise UsageError if an option is not valid."""
+    """Load all policies and scenarios that the `options` name, and check all options.
+
+    Args:
+        options: Options of the command line.
+
+    Returns:
+        The plan of the run.
+
+    Raises:
+        UsageError: An option is not valid, or the folder cannot be written.
+    """
     options = replace(options, episodes=options.max_episodes)
     check_numbers(options, LIMITS)
     if options.quick and options.scenarios != DEFAULT_BATTERY:
@@ -92,7 +115,8 @@ def check(options: EvaluateOptions) -> Plan:
 def select_scenarios(options: EvaluateOptions) -> tuple[Scenario, ...]:
     """Return the scenarios that the options select.
 
-    Scenarios of a battery are left out if the chosen hardware or simulator does not support them.
+    Scenarios of a battery (named list of scenarios) are left out if the chosen hardware or simulator does not support
+    them.
 
     Args:
         options: Options of the command line.
@@ -122,17 +146,18 @@ def select_scenarios(options: EvaluateOptions) -> tuple[Scenario, ...]:
 
 
 def _supported(options: EvaluateOptions, scenarios: Sequence[Scenario]) -> tuple[Scenario, ...]:
-    """Return the scenarios that the simulator supports, and print the names of the others on stderr.
+    """Return the scenarios that the physics simulator supports; print the names of the others on stderr.
 
     Args:
-        options: Options of the command line.
-        scenarios: Scenarios of the options.
+        options: Options of the command line, with the name of the simulator.
+        scenarios: Scenarios that the options name.
 
     Returns:
-        Supported scenarios.
+        Supported scenarios, in the same order.
 
     Raises:
-        UsageError: No scenario is supported; or one is not supported and the options name single scenarios.
+        UsageError: The simulator supports none of the scenarios, or it does not support a scenario that the options
+            name individually.
     """
     errors = {}
     for scenario in scenarios:
@@ -152,10 +177,10 @@ def _supported(options: EvaluateOptions, scenarios: Sequence[Scenario]) -> tuple
 def select_policies(
     names: tuple[str, ...], scenarios: Sequence[Scenario], hardware: HardwareConfig, trust: bool = False
 ) -> tuple[LabelledPolicy, ...]:
-    """Load the named policies, each with the scenarios that it is limited to.
+    """Load the named policies, each with the scenarios that it is restricted to.
 
     Args:
-        names: Names, paths or `NAME@SCENARIO`.
+        names: Names or paths of policies; `NAME@SCENARIO` restricts a policy to a scenario.
         scenarios: Scenarios of the run.
         hardware: Hardware of the robots.
         trust: True to load files that can contain hidden code.
@@ -186,7 +211,15 @@ def select_policies(
 
 
 def _without_untrained(selected: list[tuple[str, tuple[str, ...]]], robot: Robot) -> list[tuple[str, tuple[str, ...]]]:
-    """Leave out policies that are not trained for the robot, and print their names on stderr."""
+    """Leave out learned policies that are not trained for the `robot`, and print their names on stderr.
+
+    Args:
+        selected: Label of each policy, and the scenarios that it is restricted to.
+        robot: Robot of the run.
+
+    Returns:
+        The other policies, in the same form.
+    """
     untrained = [label for label, _ in selected if policies.is_missing(label, robot)]
     if untrained:
         names = ", ".join(untrained)
@@ -195,7 +228,10 @@ def _without_untrained(selected: list[tuple[str, tuple[str, ...]]], robot: Robot
 
 
 def _split_name(name: str) -> tuple[str, tuple[str, ...]]:
-    """Split a name at the `@` into label and scenarios; the name of a folder is not split."""
+    """Split a policy name at the `@` into its label and the scenarios that the policy is restricted to.
+
+    The name of an existing folder is not split.
+    """
     label, scenarios = name, ""
     if not Path(name).is_dir() and not policies.is_reference(name):
         label, _, scenarios = name.partition("@")
@@ -206,14 +242,22 @@ def _split_name(name: str) -> tuple[str, tuple[str, ...]]:
 
 
 def _check_distinct(labels: list[str]) -> None:
-    """Raise UsageError if two labels refer to the same policy."""
+    """Raise UsageError if two of the `labels` refer to the same policy."""
     sources = [label if label in policies.names() else str(Path(label).resolve()) for label in labels]
     if repeated := sorted({label for label, source in zip(labels, sources, strict=True) if sources.count(source) > 1}):
         raise UsageError(f"--policies: {', '.join(repeated)} given more than once; name each policy once")
 
 
 def _check_scenarios(selected: list[tuple[str, tuple[str, ...]]], scenarios: list[str]) -> None:
-    """Raise UsageError if a policy is limited to a scenario that the run does not have."""
+    """Check that policies are restricted only to scenarios that the run has.
+
+    Args:
+        selected: Label of each policy, and the scenarios that it is restricted to.
+        scenarios: Names of the scenarios of the run.
+
+    Raises:
+        UsageError: A policy names a scenario that is not in `scenarios`.
+    """
     for label, only_on in selected:
         if unknown := [name for name in only_on if name not in scenarios]:
             valid = ", ".join(scenarios)
@@ -221,13 +265,13 @@ def _check_scenarios(selected: list[tuple[str, tuple[str, ...]]], scenarios: lis
 
 
 def check_baseline(baseline: str | None, labels: Sequence[str]) -> None:
-    """Raise UsageError if a `baseline` is given and is not among the `labels` of the policies."""
+    """Raise UsageError if the name `baseline` is neither None nor among the `labels` of the policies."""
     if baseline is not None and baseline not in labels:
         raise UsageError(f"--baseline: {baseline} is not among the policies {', '.join(labels)}")
 
 
 def _check_folder(out: Path) -> None:
-    """Make the results folder; raise UsageError if the folder or a file in it cannot be written."""
+    """Make the results folder `out`; raise UsageError if the folder or a file in it cannot be written."""
     try:
         make_writable_folder(out)
     except OSError as error:
@@ -240,20 +284,20 @@ def _check_folder(out: Path) -> None:
 
 
 def _check_unused(out: Path) -> None:
-    """Raise FolderInUseError if another run is writing to the folder."""
+    """Raise FolderInUseError if another run is writing to the results folder `out`."""
     with exclusive_lock(out):
         pass
 
 
 def _resume_manifest(now: Manifest, options: EvaluateOptions) -> Manifest:
-    """Return the manifest of the run to resume.
+    """Return the stored manifest of the run to resume, after a check that no input has changed.
 
     Args:
         now: Manifest of a run that starts now with the same options.
         options: Options of the command line.
 
     Returns:
-        The manifest that is stored in the folder.
+        The manifest in the results folder.
 
     Raises:
         UsageError: An input has changed, so the results would differ from the results of an uninterrupted run.
@@ -270,7 +314,15 @@ def _resume_manifest(now: Manifest, options: EvaluateOptions) -> Manifest:
 
 
 def _resume_remedy(then: EvaluateOptions, now: EvaluateOptions) -> str:
-    """Return a remedy if the options `now` add policies, episodes or scenarios; else an empty text."""
+    """Return advice for the user if the new options add policies, episodes or scenarios to a run.
+
+    Args:
+        then: Options of the run to resume.
+        now: Options of the command line.
+
+    Returns:
+        Advice to append to the error message; empty in other cases.
+    """
     folder = shlex.quote(str(now.out))
     if added := [name for name in now.policies if name not in then.policies]:
         run = f"--policies {shlex.join(added)} --episodes {then.max_episodes} --seed {then.seed} --out ANOTHER"
@@ -283,7 +335,7 @@ def _resume_remedy(then: EvaluateOptions, now: EvaluateOptions) -> str:
 
 
 def _read_run_options(folder: Path) -> tuple[Manifest, EvaluateOptions]:
-    """Read the manifest and the options of the run in a folder; raise UsageError if that fails."""
+    """Read the manifest and the options of the run in a results folder; raise UsageError if that fails."""
     try:
         manifest = manifests.read(folder)
         return manifest, replace(EvaluateOptions(out=folder), **options_from_json(manifest.options))

@@ -37,16 +37,16 @@ from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField
 
 DIFFERS = 1
-"""Exit code if the simulated episode differs from the stored episode."""
+"""Exit code of the command if the episode that is simulated again differs from the stored episode."""
 
 
 Output = tuple[str, Path, Callable[[FilmSpec, Path, Progress], None]]
-"""Command-line option, file to write, and function that writes it, for a film or a page."""
+"""An output of the command, a film or a page: command-line option, file path, and write function."""
 
 
 @dataclass(frozen=True)
 class ReplayOptions:
-    """Episode to simulate again, and its film."""
+    """Options of the command: the episode to simulate again, and the films or pages to write."""
 
     results: Annotated[Path, tyro.conf.Positional]
     """Folder of an evaluation, finished or not."""
@@ -70,11 +70,11 @@ class ReplayOptions:
 
 @dataclass(frozen=True)
 class ReplayTarget:
-    """A stored episode, selected for a replay."""
+    """A stored episode to simulate again: its policy-scenario result and its index in this result."""
 
     cell: PolicyScenarioResult
     number: int
-    """Index of the episode in the cell."""
+    """Index of the episode among the episodes of the policy on the scenario."""
 
     @property
     def seed(self) -> int:
@@ -83,16 +83,27 @@ class ReplayTarget:
 
     @property
     def title(self) -> str:
-        """Title of the episode in tables and films."""
+        """Title of the episode in tables and films: index, policy, scenario and seed."""
         return f"episode {self.number} of {self.cell.policy} on {self.cell.scenario.name}, seed {self.seed}"
 
     def film_spec(self, manifest: Manifest, *policies: LabelledPolicy) -> FilmSpec:
-        """Return the film specification of the episode with some `policies`, by the run's `manifest`."""
+        """Return the specification of a film of this episode.
+
+        Args:
+            manifest: Manifest of the episode's run.
+            *policies: Policies to show next to each other, each in the same episode.
+
+        Returns:
+            The specification.
+        """
         return FilmSpec(policies, self.cell.scenario, self.seed, manifest.steps, self.title, manifest.hardware)
 
 
 def main(options: ReplayOptions) -> int:
-    """Run the command and return 0, or DIFFERS if the simulated episode differs from the stored one."""
+    """Run the command with the `options`, and return its exit code.
+
+    It is 0, or DIFFERS if the episode that is simulated again differs from the stored episode.
+    """
     run = read_run(options.results)
     if options.failed:
         return _list_failed(run, options)
@@ -118,7 +129,15 @@ def main(options: ReplayOptions) -> int:
 
 
 def _write_outputs(outputs: list[Output], spec: FilmSpec) -> None:
-    """Film the episode into each file and print the path; raise UsageError if a file cannot be written."""
+    """Film the episode into each file, and print the path of the file.
+
+    Args:
+        outputs: Films and pages to write.
+        spec: Episode to film.
+
+    Raises:
+        UsageError: A file cannot be written.
+    """
     for option, path, write in outputs:
         with show_bar("filming") as progress:
             try:
@@ -129,7 +148,7 @@ def _write_outputs(outputs: list[Output], spec: FilmSpec) -> None:
 
 
 def _outputs(options: ReplayOptions) -> list[Output]:
-    """Return the films and pages that the options request; raise UsageError if a path is not valid."""
+    """Return the films and pages that the `options` request; raise UsageError if a file path is not valid."""
     if options.video is not None:
         files.check_film_path(options.video)
     if options.page is not None:
@@ -143,7 +162,18 @@ def _outputs(options: ReplayOptions) -> list[Output]:
 
 
 def _list_failed(run: Run, options: ReplayOptions) -> int:
-    """Print a line for each failed episode of the selected policies and scenarios; return the exit code."""
+    """Print a line for each failed episode of the selected policies and scenarios; return the exit code.
+
+    Args:
+        run: Run of the results folder.
+        options: Options with the policy and the scenario; None selects all.
+
+    Returns:
+        The exit code, 0.
+
+    Raises:
+        UsageError: The options also select an episode, a film or a page.
+    """
     if options.episode is not None or any((options.video, options.page, options.against)):
         raise UsageError("--failed lists episodes: leave out EPISODE, --video, --page and --against")
     _check_names(run, options)
@@ -168,15 +198,15 @@ def _list_failed(run: Run, options: ReplayOptions) -> int:
 
 
 def _failed_row(cell: PolicyScenarioResult, number: int, row: int) -> tuple[str, ...]:
-    """Return the table row of a failed episode.
+    """Return the line of a failed episode in the printed table, as a text for each column.
 
     Args:
-        cell: Cell of the episode.
-        number: Index of the episode in the cell.
-        row: Row of episodes.parquet.
+        cell: Result of the policy on the scenario.
+        number: Index of the episode in this result.
+        row: Row index of the episode in episodes.parquet.
 
     Returns:
-        A text for each column. The time is the time of the fall, or of the cause if the robot stayed upright.
+        Texts. The time is the time of the fall. If the robot did not fall, it is the time at which the cause began.
     """
     measures = cell.measures
     time = float(measures.fall_time[number] if measures.fell[number] else measures.cause_time[number])
@@ -187,7 +217,7 @@ def _failed_row(cell: PolicyScenarioResult, number: int, row: int) -> tuple[str,
 
 
 def _check_names(run: Run, options: ReplayOptions) -> None:
-    """Raise UsageError if the policy or the scenario of the options has no finished episode."""
+    """Raise UsageError if the policy or the scenario in the `options` has no finished episode in the run."""
     if not run.cells:
         raise UsageError(f"{options.results} holds no finished part of a comparison yet")
     for option, name, valid in (
@@ -199,18 +229,20 @@ def _check_names(run: Run, options: ReplayOptions) -> None:
 
 
 def find(run: Run, options: ReplayOptions, episode: int) -> ReplayTarget:
-    """Return the episode that the options select.
+    """Return the stored episode that the options select.
 
     Args:
         run: Run of the results folder.
         options: Options with the policy and the scenario; None selects any.
-        episode: Index among the selected episodes.
+        episode: Index among the episodes of the selected policy and scenario, or among all episodes if none is
+            selected.
 
     Returns:
         The selected episode.
 
     Raises:
-        UsageError: The index is out of range, or the options select several cells.
+        UsageError: The index is out of range, or the options select only a policy or only a scenario and this is
+            ambiguous.
     """
     _check_names(run, options)
     policy = options.policy
@@ -238,11 +270,11 @@ def resimulate(
         policy: Policy of the episode.
 
     Returns:
-        result: Measures of the simulated episode.
-        episodes: Recorded signals of the simulated episode.
+        result: Measures of the episode that is simulated now.
+        episodes: Recorded signals of the same episode.
     """
     scenario = target.cell.scenario
-    with show_bar("simulating", in_lines=False) as progress:  # no lines, because it takes only 1 to 2 s
+    with show_bar("simulating", in_lines=False) as progress:  # no progress lines, because it takes only 1 to 2 s
         episodes = rollout.run(
             policy.policy_for(scenario),
             scenario,
@@ -255,7 +287,7 @@ def resimulate(
 
 
 def differences(run: Run, target: ReplayTarget, result: PolicyScenarioResult) -> list[str]:
-    """Return a line for each measure that differs, for example `velocity_error: 0.31 then, 0.32 now`.
+    """Compare the measures of a stored episode with the measures of its repetition.
 
     Args:
         run: Run of the results folder. Measures that its file lacks, and measures of extensions that are not installed,
@@ -264,17 +296,26 @@ def differences(run: Run, target: ReplayTarget, result: PolicyScenarioResult) ->
         result: Measures of the episode that was simulated again.
 
     Returns:
-        Lines in the order of the columns.
+        A line for each measure that differs, for example `velocity_error: 0.31 then, 0.32 now`.
     """
     then = table(target.cell).slice(target.number, 1).to_pylist()[0]
     now = table(result, np.array([target.number])).to_pylist()[0]
     names = [name for name in then if name in now and name not in run.missing_measures]
-    # Compare by repr, because 0.0 == -0.0.
+    # Texts are compared, because 0.0 == -0.0 would hide a difference in the sign bit.
     return [f"{name}: {then[name]} then, {now[name]} now" for name in names if repr(then[name]) != repr(now[name])]
 
 
 def _causes(then: Manifest, target: ReplayTarget, trust: bool) -> list[str]:
-    """Load the policy again, and describe the inputs of the episode that have changed since the run."""
+    """Describe the inputs of a stored episode that have changed since its run, for example the code.
+
+    Args:
+        then: Manifest of the run.
+        target: Stored episode.
+        trust: True to load policies from files that can contain hidden code.
+
+    Returns:
+        A text for each changed input.
+    """
     now = manifests.manifest(
         [load_policy(target.cell.policy, then, trust)],
         [target.cell.scenario],
@@ -291,11 +332,11 @@ def _causes(then: Manifest, target: ReplayTarget, trust: bool) -> list[str]:
 def load_policy(
     label: str, manifest: Manifest, trust: bool, complaint: str = "the policy of that episode is not here"
 ) -> LabelledPolicy:
-    """Load a policy for the scenarios of a run.
+    """Load a policy for the scenarios of a stored run.
 
     Args:
         label: Name or path of the policy.
-        manifest: Manifest of the run.
+        manifest: Manifest of the run, with hardware and scenarios.
         trust: True to load files that can contain hidden code.
         complaint: Start of the error message.
 
@@ -314,7 +355,15 @@ def load_policy(
 
 
 def check_available(manifest: Manifest, scenario: Scenario) -> None:
-    """Raise UsageError if the hardware of the `manifest` or the terrain of the `scenario` is missing."""
+    """Check that a stored episode can be simulated on this machine.
+
+    Args:
+        manifest: Manifest of the episode's run, with the hardware of the robots.
+        scenario: Scenario of the episode.
+
+    Raises:
+        UsageError: The hardware or the terrain file of the scenario is missing or has changed.
+    """
     try:
         check_hardware(manifest.hardware, scenario)
         if isinstance(scenario.terrain, HeightField):

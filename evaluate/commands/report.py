@@ -13,7 +13,7 @@ from quad_env.cli.command_line import UsageError
 
 @dataclass(frozen=True)
 class ReportOptions:
-    """Results folder, and the rule and the extent of its report."""
+    """Options of the command: results folder, success rule of the table, and pages to add."""
 
     folder: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation")
     """Folder of an evaluation, finished or not."""
@@ -29,7 +29,10 @@ class ReportOptions:
 
 
 def main(options: ReportOptions) -> int:
-    """Run the command and return the exit code; raise UsageError if the folder has no finished cells."""
+    """Run the command with the `options` and return its exit code.
+
+    UsageError is raised if the results folder has no finished results.
+    """
     from evaluate.cells import apply_success_rule
     from evaluate.commands.outputs import Terminal, analyse_run, write_results
     from evaluate.commands.plan import check_baseline

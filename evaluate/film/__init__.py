@@ -1,1 +1,1 @@
-"""Films of episodes, and HTML pages that show a film with curves."""
+"""Films of simulated episodes, and HTML pages that show a film together with curves of the signals."""

@@ -1,4 +1,7 @@
-"""Captions of frames. A text that is too wide gets a smaller font, and is then cut, until it fits."""
+"""Captions in the frames of a film.
+
+A text that is too wide gets a smaller font. If it is still too wide at MIN_FONT_SIZE, its end is cut off.
+"""
 
 from dataclasses import dataclass
 
@@ -8,45 +11,47 @@ from quad_env.columns import Array
 from quad_env.physics.arrows import Colour
 
 Ink = tuple[int, int, int]
-"""Colour as red, green and blue, each 0 … 255."""
+"""Colour of a text or a bar as red, green and blue, each 0 … 255."""
 DARK: Ink = (30, 34, 38)
-"""Background colour of captions."""
+"""Background colour of the bars behind captions."""
 WHITE: Ink = (255, 255, 255)
-"""Default text colour."""
+"""Default colour of captions."""
 MIN_FONT_SIZE = 10
 """Smallest readable font size, pixels."""
 _MARGIN = 8
-"""Margin around a text, pixels."""
+"""Distance of a caption from the edges of its image or bar, pixels."""
 
 
 @dataclass(frozen=True)
 class Text:
-    """Text style, with methods that write text on images in this style."""
+    """Style of captions, with methods that write captions in this style on images."""
 
     size: int
-    """Font size, pixels."""
+    """Font size of the captions, pixels."""
     edge: int = 0
-    """Width of the dark edge around the letters, pixels."""
+    """Width of the black outline around the letters, pixels."""
 
     def height(self, lines: int) -> int:
-        """Return the height of a bar that holds the given number of `lines`, pixels."""
+        """Return the height of a bar with space for the given number of `lines` of text, pixels."""
         return lines * round(1.35 * self.size) + _MARGIN
 
     def write(
         self, image: Image.Image, text: str, line: int, ink: Ink = WHITE, *, right: bool = False, taken: int = 0
     ) -> int:
-        """Write one line on an image. A text that does not fit gets a smaller font, and is then cut.
+        """Write one line of text on an image.
+
+        A text that does not fit gets a smaller font. If it does not fit at the smallest font size, its end is cut off.
 
         Args:
             image: Image to write on.
             text: Text of the line.
             line: Index of the line: 0 is the first from the top, −1 the first from the bottom.
-            ink: Text colour.
+            ink: Colour of the text.
             right: True to align the text with the right margin, False to align it with the left margin.
-            taken: Width that other text on the line occupies, pixels.
+            taken: Width of the line that other text occupies, pixels.
 
         Returns:
-            Width that the text occupies with its margins, pixels.
+            Width that the text occupies including its margins, pixels.
         """
         draw = ImageDraw.Draw(image)
         size = self.size
@@ -75,11 +80,14 @@ class Text:
 
 
 def format_velocity(velocity: Array) -> str:
-    """Format a planar velocity: forward, m/s, left, m/s, and yaw rate, rad/s, (3,)."""
-    forward, left, turning = velocity.round(2) + 0.0  # adds 0 because −0 would be printed with its sign
+    """Format a velocity as text, for example `+0.50 m/s forward, +0.00 m/s left, +0.80 rad/s`.
+
+    `velocity` is forward velocity, m/s, leftward velocity, m/s, and yaw rate, rad/s, (3,).
+    """
+    forward, left, turning = velocity.round(2) + 0.0  # 0 is added, because −0.00 would be printed with its sign
     return f"{forward:+.2f} m/s forward, {left:+.2f} m/s left, {turning:+.2f} rad/s"
 
 
 def text_colour(colour: Colour) -> Ink:
-    """Convert the colour of an arrow or ball, components 0 … 1, to a text colour, 0 … 255."""
+    """Convert the `colour` of an arrow, components 0 … 1, to the colour of a text, components 0 … 255."""
     return round(255 * colour[0]), round(255 * colour[1]), round(255 * colour[2])

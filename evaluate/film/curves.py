@@ -1,4 +1,4 @@
-"""Curves and events of an episode, as JSON types, for the HTML page of the episode."""
+"""Curves and events of an episode as JSON types, for the HTML page that shows them next to the film."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -11,20 +11,20 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.metrics import Measures
 
 SIGNALS = "foot_contact", "tilt", "height", "heading_velocity", "command", "foot_height"
-"""Fields of `Episodes` that the page draws as curves."""
+"""Names of the signals in `Episodes` that the page draws as curves."""
 
 
 def curves(episodes: Episodes, end: int) -> dict[str, Any]:
-    """Return the curves of the first episode.
+    """Return the signals of the first recorded episode as curves for the page.
 
     Args:
         episodes: Recorded episodes.
         end: Number of control steps to return.
 
     Returns:
-        Signal -> columns; a column is a list with one value for the end of each control step. `torque_share` is the
-        largest torque over torque limit among the joints of each leg. `given` is the motion of the robot in the
-        observation of the policy, from `estimated_state`; it is missing if no observation is recorded.
+        Name of a signal -> its columns. A column is a list with one value for the end of each control step.
+        `torque_share` is the largest ratio of torque to torque limit among the joints of each leg. `given` is tilt and
+        velocity as the policy observes them, from `estimated_state`. It is missing if the observation was not recorded.
     """
     signals = {name: np.asarray(getattr(episodes, name)[:end, 0], np.float64) for name in SIGNALS}
     torque_share = episodes.peak_torque[:end, 0].astype(np.float64) / np.asarray(episodes.torque_limit)
@@ -36,16 +36,16 @@ def curves(episodes: Episodes, end: int) -> dict[str, Any]:
 
 
 def estimated_state(observed: Floats) -> Floats:
-    """Compute tilt and velocity from the observation of a policy, which may be noisy or biased.
+    """Compute tilt and velocity of the trunk from the observation of a policy, which may be noisy.
 
-    The heading frame follows from the observed gravity.
+    The observed direction of gravity determines the heading frame, which is horizontal.
 
     Args:
         observed: Observed gravity direction, angular velocity, rad/s, and linear velocity, m/s, each in the base frame,
             (steps, 9).
 
     Returns:
-        Tilt, rad, forward and left velocity, heading frame, m/s, and yaw rate, rad/s, (steps, 4).
+        Tilt, rad, forward and leftward velocity, heading frame, m/s, and yaw rate, rad/s, (steps, 4).
     """
     gravity, angular_velocity, velocity = np.split(observed, 3, axis=1)
     up = -gravity / np.maximum(np.linalg.norm(gravity, axis=1), 1e-9)[:, None]
@@ -65,15 +65,16 @@ def estimated_state(observed: Floats) -> Floats:
 
 
 def events(episodes: Episodes, measures: Measures, end: int) -> Iterator[dict[str, Any]]:
-    """Yield the events of the first episode: pushes, new commands, cause of failure, and fall.
+    """Yield the events of the first recorded episode: pushes, new commands, cause of failure, and fall.
 
     Args:
         episodes: Recorded episodes.
-        measures: Measures of the episodes.
-        end: Number of control steps; later pushes and commands are left out.
+        measures: Measures of these episodes.
+        end: Number of control steps on the page; later pushes and commands are left out.
 
     Yields:
-        An event as JSON types: `kind`, `time` (s) and `words`; a push also has the time `until` it ends, s.
+        An event as a dictionary: `kind`, `time` (s) and the description `words`. A push also has `until`, the time at
+        which it ends, s.
     """
     dt = episodes.dt
     for step, impulse in zip(episodes.push_step[0].tolist(), episodes.push_impulse[0], strict=True):

@@ -1,4 +1,4 @@
-"""Film files: MP4, WebP, GIF, or a strip (some frames side by side in a PNG).
+"""Film files: MP4, WebP, GIF, or PNG with a strip (several frames of the film in one image).
 
 A film file is written completely or not at all.
 """
@@ -17,18 +17,18 @@ from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.files.writing import write_atomically
 
 STRIP_SUFFIX = ".png"
-"""File suffix of a strip."""
+"""Suffix of a film file that is a strip: a PNG image with several frames of the film."""
 FILM_SUFFIXES = (".mp4", ".webp", ".gif", STRIP_SUFFIX)
-"""File suffixes of all film formats."""
+"""Suffixes of all formats of film files."""
 STRIP_FRAMES = 12
-"""Number of frames in a strip."""
+"""Number of frames that a strip (PNG image of a film) shows."""
 STRIP_WIDTH = 2560
-"""Largest width of a row of frames in a strip, pixels."""
+"""Largest width of a strip (PNG image with rows of frames), pixels."""
 LAST_FRAME_TIME = 1.5
-"""Additional display time of the last frame, s."""
+"""Time for which the last frame of a film is displayed in addition to the frame period, s."""
 
 MAX_PIXELS = 500_000_000
-"""Largest number of pixels in all frames of a WebP, GIF or strip together.
+"""Largest number of pixels in all frames together of a WebP, GIF or PNG film.
 
 These formats are encoded in memory, with 4 bytes per pixel. MP4 has no limit, because its frames are encoded one by
 one.
@@ -36,7 +36,7 @@ one.
 
 
 def check_film_path(path: Path, option: str = "--video") -> None:
-    """Check that a film can be written to `path`, and make the folder of the file.
+    """Check that a film can be written to a path, and make the folder of the file.
 
     Args:
         path: File of the film; its suffix selects the format.
@@ -61,14 +61,14 @@ def check_film_path(path: Path, option: str = "--video") -> None:
 
 
 def check_pixels(path: Path, pixels: int) -> None:
-    """Check that a film is not too long for its format.
+    """Check that a film is not too long for its file format.
 
     Args:
         path: File of the film.
         pixels: Number of pixels in all frames.
 
     Raises:
-        UsageError: The format is encoded in memory, and the film has more than MAX_PIXELS pixels.
+        UsageError: The format is not MP4 and therefore encoded in memory, and the film has more than MAX_PIXELS pixels.
     """
     if path.suffix.lower() != ".mp4" and pixels > MAX_PIXELS:
         raise UsageError(
@@ -78,7 +78,7 @@ def check_pixels(path: Path, pixels: int) -> None:
 
 
 def write_film(images: Iterable[Image.Image], path: Path, period: float) -> None:
-    """Write a film; the last frame is shown longer, by LAST_FRAME_TIME.
+    """Write a film to a file; its last frame is displayed LAST_FRAME_TIME longer than the others.
 
     Args:
         images: Frames of equal size.
@@ -100,17 +100,17 @@ def write_film(images: Iterable[Image.Image], path: Path, period: float) -> None
 def encode_animation(
     images: Sequence[Image.Image], kind: str, period: float, end: float = 0.0, quality: int = 80
 ) -> bytes:
-    """Encode a WebP or GIF animation that repeats forever.
+    """Encode frames as a WebP or GIF animation that repeats forever.
 
     Args:
         images: Frames of equal size.
-        kind: `webp` or `gif`.
+        kind: File format, `webp` or `gif`.
         period: Display time of a frame, s.
         end: Additional display time of the last frame, s.
         quality: Quality of WebP, 0 … 100.
 
     Returns:
-        Contents of the file.
+        Contents of the animation file.
     """
     buffer = io.BytesIO()
     durations = [round(1000 * period)] * len(images)
@@ -119,14 +119,14 @@ def encode_animation(
         "duration": durations,
         "loop": 0,
         "quality": quality,
-        "method": 4,  # because files are a third smaller than with method 0
+        "method": 4,  # because the files are a third smaller than with method 0
     }
     images[0].save(buffer, kind, save_all=True, append_images=images[1:], **settings)
     return buffer.getvalue()
 
 
 def _strip(images: list[Image.Image]) -> bytes:
-    """Encode STRIP_FRAMES images, evenly spaced over the film, as a PNG with rows of frames."""
+    """Return a PNG image with STRIP_FRAMES of the `images`, evenly spaced in time and arranged in rows."""
     indices = np.linspace(0, len(images) - 1, min(STRIP_FRAMES, len(images))).round().astype(int)
     rows = -(-len(indices) // max(1, STRIP_WIDTH // images[0].width))
     columns = -(-len(indices) // rows)
@@ -147,7 +147,7 @@ def tile_images(images: Sequence[Image.Image], columns: int) -> Image.Image:
 
 
 def _encode(images: Iterable[Image.Image], path: Path, period: float) -> None:
-    """Encode an MP4 in a temporary folder, and move it to `path` if it is complete.
+    """Encode a film as MP4 in a temporary folder, and move the file to `path` if it is complete.
 
     Odd frame sizes are padded by one pixel, because the colour format of MP4 needs even width and height.
 

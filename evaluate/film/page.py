@@ -1,6 +1,6 @@
-"""HTML page of an episode: film and curves with a common cursor, for one or more policies.
+"""HTML page of an episode: film and curves of one or more policies, with a common time cursor.
 
-The page is one file that works offline.
+The page is a single file that works offline.
 """
 
 import io
@@ -22,19 +22,19 @@ from quad_env.config import FallRule
 from quad_env.files.writing import write_atomically
 
 PAGE_RENDER_OPTIONS = RenderOptions((480, 300), camera=None, rate=20.0)
-"""Image size and frame rate of the film on a page."""
+"""Image size, camera and frame rate of the film on an episode's HTML page."""
 QUALITY = 70
-"""Quality of the WebP images, 0 … 100."""
+"""Quality of the WebP images on an episode's HTML page, 0 … 100."""
 LEAD = 1.0
-"""Time between the start of playback and the first cause of failure or fall, s."""
+"""Time between the start of playback of the page and the first fall or cause of failure, s."""
 
 
 def write_page(spec: FilmSpec, path: Path, progress: Progress) -> None:
-    """Simulate, film and write the page of an episode.
+    """Simulate and film an episode, and write its HTML page.
 
     Args:
-        spec: Episode to film. The film ends shortly after the fall, or after `spec.steps` control steps.
-        path: File to write.
+        spec: Episode and policies to film. The film ends shortly after the fall, or after `spec.steps` control steps.
+        path: HTML file to write.
         progress: Function that receives the completed fraction of the work, 0 … 1.
     """
     count = len(spec.policies)
@@ -47,7 +47,7 @@ def write_page(spec: FilmSpec, path: Path, progress: Progress) -> None:
 
 
 def partial_progress(progress: Progress, done: int, count: int) -> Progress:
-    """Return a function that reports the progress of one of several equal parts.
+    """Return a progress function for one of several equal parts of a job.
 
     Args:
         progress: Function that receives the completed fraction of all parts together, 0 … 1.
@@ -61,14 +61,14 @@ def partial_progress(progress: Progress, done: int, count: int) -> Progress:
 
 
 def render_page(title: str, episodes: list[dict[str, Any]]) -> str:
-    """Render the page of one episode, with the film and the curves of each policy.
+    """Render the HTML page of one episode, with the film and the curves of each policy.
 
     Args:
         title: Title of the page.
-        episodes: Content for each policy, from `_episode_json`.
+        episodes: For each policy, film, curves and events of the episode, from `_episode_json`.
 
     Returns:
-        HTML.
+        HTML text.
     """
     failure_times = [
         event["time"] for episode in episodes for event in episode["events"] if event["kind"] in ("cause", "fall")
@@ -82,7 +82,16 @@ def render_page(title: str, episodes: list[dict[str, Any]]) -> str:
 
 
 def _episode_json(policy: LabelledPolicy, spec: FilmSpec, progress: Progress) -> dict[str, Any]:
-    """Simulate and film the episode of one policy; return the content of the page as JSON types."""
+    """Simulate and film the episode for one policy, and return film, curves and events as JSON types.
+
+    Args:
+        policy: Policy that controls the robot.
+        spec: Episode to film.
+        progress: Function that receives the completed fraction of the work, 0 … 1.
+
+    Returns:
+        Key -> JSON value, as the script of the page reads it.
+    """
     frames = []
     with closing(EpisodeView(policy, spec, PAGE_RENDER_OPTIONS)) as view:
         for step in view:

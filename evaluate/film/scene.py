@@ -1,4 +1,4 @@
-"""Marks in the frames of a film: arrows above the trunk, and balls at the feet that show contact."""
+"""Marks drawn into the frames of a film: arrows of velocity, command and push, and balls at the feet."""
 
 import math
 from collections import deque
@@ -13,29 +13,38 @@ from quad_env.physics.state import rotation_matrix
 from quad_env.robots.similarity import scale_to_robot
 
 COMMAND: Colour = (0.25, 0.95, 0.35, 1.0)
-"""Colour of the arrow that shows the commanded velocity."""
+"""Colour of the arrow that shows the commanded velocity: red, green, blue, opacity, 0 … 1."""
 VELOCITY: Colour = (1.0, 0.8, 0.1, 1.0)
-"""Colour of the arrow that shows the velocity of the robot."""
+"""Colour of the arrow that shows the robot's velocity: red, green, blue, opacity, 0 … 1."""
 PUSH: Colour = (0.9, 0.15, 0.15, 1.0)
-"""Colour of the arrow that shows a push."""
+"""Colour of the arrow that shows a push: red, green, blue, opacity, 0 … 1."""
 CONTACT: Colour = (0.1, 0.6, 1.0, 1.0)
-"""Colour of the ball at a foot in contact."""
+"""Colour of the ball at a foot in contact with the ground: red, green, blue, opacity, 0 … 1."""
 SWING: Colour = (1.0, 1.0, 1.0, 1.0)
-"""Colour of the ball at a foot in the air."""
+"""Colour of the ball at a swing foot: red, green, blue, opacity, 0 … 1."""
 VELOCITY_WINDOW = 0.5
-"""Averaging time of the displayed velocity, s. The mean removes the sway of the trot within a stride."""
+"""Time over which the displayed velocity is averaged, s.
+
+The mean removes the oscillation of the trunk within a stride of a trot.
+"""
 PUSH_DISPLAY_TIME = 0.2
-"""Time for which the arrow of a push stays after the push, s. The push alone is too short to see."""
+"""Time for which the arrow of a push stays in the film after the push, s.
+
+The duration of the push alone would be too short for a viewer to notice.
+"""
 AHEAD = 0.5
-"""Length of a velocity arrow per velocity, for SimpleQuad (scaled to other robots), m per m/s."""
+"""Length of a velocity arrow per unit of velocity, m per m/s.
+
+The value is for the robot SimpleQuad and is scaled to the size of other robots.
+"""
 _FORCE = 0.2
-"""Length of a push arrow for a force of one body weight, for SimpleQuad, m."""
+"""Length of the arrow of a push with a force of one body weight, for the robot SimpleQuad, m."""
 _RADIUS = 0.018
-"""Radius of the arrows, for SimpleQuad, m."""
+"""Radius of the shaft of an arrow, for the robot SimpleQuad, m."""
 _ABOVE = 0.22
-"""Height of the arrows above the trunk, for SimpleQuad, m."""
+"""Height of the command arrow above the top of the trunk or payload, for the robot SimpleQuad, m."""
 _FOOT = 0.03
-"""Radius of the balls at the feet, for SimpleQuad, m."""
+"""Minimum radius of the balls at the feet, for the robot SimpleQuad, m."""
 
 
 def heading_angles(step: Step) -> Array:
@@ -50,14 +59,14 @@ def heading_angle(step: Step) -> float:
 
 
 class Scene:
-    """Arrows and balls that mark the first robot in a frame, updated at every control step."""
+    """Arrows and balls that mark the first simulated robot in a film, updated at every control step."""
 
     def __init__(self, start: Step) -> None:
         self._velocities: deque[Array] = deque(maxlen=max(1, round(VELOCITY_WINDOW / start.env.dt)))
-        self._push = np.zeros(2)  # force of the latest push, world frame, horizontal, N
-        self._push_until = 0  # number of the control step at which the display of the push ends
+        self._push = np.zeros(2)  # force of the latest push, world frame, x and y, N
+        self._push_until = 0  # number of the control step at which the arrow of the push disappears
         self.step = start
-        """Latest control step."""
+        """Latest control step that the marks show."""
 
     def advance(self, step: Step) -> None:
         """Update the marks to the state after a control step."""
@@ -70,7 +79,10 @@ class Scene:
 
     @property
     def velocity(self) -> Array:
-        """Mean over VELOCITY_WINDOW of forward and left velocity, m/s, and yaw rate, rad/s, (3,)."""
+        """Displayed velocity: forward and leftward velocity, m/s, and yaw rate, rad/s, heading frame, (3,).
+
+        It is the mean over the last VELOCITY_WINDOW.
+        """
         return np.mean(self._velocities, axis=0) if self._velocities else np.zeros(3)
 
     @property
@@ -79,9 +91,11 @@ class Scene:
         return self.step.number < self._push_until
 
     def marks(self) -> list[Arrow | Ball]:
-        """Return the arrows, and a ball at each foot: blue in contact, white in the air.
+        """Return all marks of a frame: the arrows, and a ball at each foot.
 
-        Each ball has the name of its leg as label.
+        The ball is blue for a foot in contact and white for a swing foot.
+
+        The label of each ball is the name of its leg.
         """
         infos = self.step.infos
         robot = self.step.env.robot
@@ -94,7 +108,7 @@ class Scene:
         return [*self.arrows(), *balls]
 
     def arrows(self) -> list[Arrow]:
-        """Return the arrows of command and velocity, and of the push if a push is displayed."""
+        """Return the arrows of the commanded velocity, of the robot's velocity, and of a recent push."""
         robot = self.step.env.robot
         trunk = self.step.infos["position"][0]
         payload = self.step.env.scenario.payload
@@ -112,13 +126,13 @@ class Scene:
         return arrows
 
     def _velocity_arrow(self, trunk: Array, velocity: Array, colour: Colour, height: float) -> Arrow:
-        """Return the arrow of a velocity.
+        """Return the arrow that shows a velocity above the trunk.
 
         Args:
             trunk: Trunk position, world frame, (3,), m.
-            velocity: Forward and left velocity, heading frame, m/s, and yaw rate (not drawn), rad/s, (3,).
+            velocity: Forward and leftward velocity, heading frame, m/s, and yaw rate (not drawn), rad/s, (3,).
             colour: Colour of the arrow.
-            height: Height of the arrow above the trunk, m.
+            height: Height of the arrow above the trunk position, m.
 
         Returns:
             The arrow.
@@ -132,6 +146,16 @@ class Scene:
         return self._arrow(trunk + np.array([0.0, 0.0, height]), displacement, colour)
 
     def _arrow(self, start: Array, displacement: Array, colour: Colour, thickness: float = 1.0) -> Arrow:
-        """Return an arrow from the point `start` to `start + displacement`, world frame, (3,), m."""
+        """Return an arrow between two points of the world frame.
+
+        Args:
+            start: Start point, world frame, (3,), m.
+            displacement: Vector from the start point to the tip, world frame, (3,), m.
+            colour: Colour of the arrow.
+            thickness: Factor on the default radius of the shaft.
+
+        Returns:
+            The arrow.
+        """
         radius = thickness * scale_to_robot(self.step.env.robot, _RADIUS, "m")
         return Arrow(tuple(start.tolist()), tuple((start + displacement).tolist()), radius, colour)

@@ -1,4 +1,4 @@
-"""Rendering of films: one episode of one or more policies side by side, with captions and marks."""
+"""Rendering of films: one or more policies in the same episode, with captions, arrows and balls."""
 
 import math
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -27,69 +27,76 @@ from quad_env.robots.similarity import scale_to_robot
 from quad_env.scenarios.scenario import Scenario
 
 POST_FALL_TIME = 1.0
-"""Time that a film shows after a fall, s."""
+"""Time for which a film continues after the robot has fallen, s."""
 FREE_CAMERA_DISTANCE = 1.8
-"""Distance of the free camera from the trunk, for SimpleQuad (scaled to other robots), m."""
+"""Distance between the free camera and the trunk, m.
+
+The value is for the robot SimpleQuad and is scaled to the size of other robots.
+"""
 RENDERING_SHARE = 0.8
-"""Fraction of the progress bar for simulation and rendering; the rest is for writing the file."""
+"""Fraction of the progress bar for simulation and rendering; the rest is for writing the film file."""
 STRIP_RATE = 5.0
-"""Frame rate at which the film of a strip is rendered before its frames are chosen, 1/s."""
+"""Frame rate of the film from which the frames of a strip (PNG image of a film) are chosen, 1/s."""
 ALARM = (200, 30, 30)
-"""Caption and border colour of a fall, and caption colour of a push."""
+"""Colour of the border and the caption after a fall, and of the caption during a push."""
 GOOD = (0, 130, 90)
-"""Caption colour of a success."""
+"""Colour of the caption of a successful episode."""
 BAD = (190, 110, 0)
-"""Caption colour of a failure in which the robot stays upright."""
+"""Colour of the caption of a failed episode in which the robot stays upright."""
 Progress = Callable[[float], None]
-"""Function that receives the completed fraction of the work, 0 … 1."""
+"""Function that receives the completed fraction of the work, 0 … 1, and shows it."""
 
 
 @dataclass(frozen=True)
 class FilmSpec:
-    """Content of a film: policies side by side in the same episode of a scenario."""
+    """Content of a film: one or more policies, each in the same episode of a scenario."""
 
     policies: tuple[LabelledPolicy, ...]
-    """Policies; each has its own part of the frame."""
+    """Policies to film; the robot of each policy has its own part of the frame."""
     scenario: Scenario
-    """Scenario of the episode."""
+    """Scenario of the filmed episode."""
     seed: int
-    """Seed of the episode."""
+    """Seed of the filmed episode."""
     steps: int
-    """Number of control steps."""
+    """Maximum number of control steps of the filmed episode."""
     title: str
-    """Title above the frames."""
+    """Title that is written above the images of the robots."""
     hardware: HardwareConfig = IDEAL
-    """Hardware of the robot."""
+    """Names of robot, motors, sensors, estimator and simulator."""
     command: tuple[float, float, float] | None = None
-    """Constant command: forward, m/s, left, m/s, yaw rate, rad/s; None for the commands of the scenario."""
+    """Constant command: forward and leftward velocity, m/s, and yaw rate, rad/s.
+
+    None selects the commands of the scenario.
+    """
 
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """Appearance of a film."""
+    """Appearance of a film: image size, camera, speed, frame rate and marks."""
 
     size: tuple[int, int] = (640, 480)
-    """Width and height of the frame of each robot, pixels."""
+    """Width and height of the image of each robot, pixels."""
     camera: str | None = "track"
-    """Name of a camera in the model.
+    """Name of a camera in the MuJoCo model of the robot.
 
-    None selects a free camera near the left side of the robot. The free camera renders faster, without shadows.
+    None selects a free camera near the left side of the robot. The free camera renders faster, because it draws no
+    shadows.
     """
     speed: float = 1.0
     """Playback speed: 1 is real time, less than 1 is slow motion."""
     rate: float = 25.0
-    """Approximate frame rate, 1/s; it is rounded so that a frame takes a whole number of control steps."""
+    """Requested frame rate, 1/s; the actual rate has a whole number of control steps per frame."""
     arrows: bool = True
-    """True to draw the arrows, and the balls at the feet."""
+    """True to draw the arrows of velocity, command and push, and the balls at the feet."""
 
     @property
     def steps_per_frame(self) -> int:
-        """Number of control steps between two frames."""
+        """Number of control steps between two frames, from speed, frame rate and control period."""
         return max(1, round(self.speed / (self.rate * CONTROL_PERIOD)))
 
     @property
     def period(self) -> float:
-        """Display time of a frame, s."""
+        """Time for which a frame is displayed, s."""
         return self.steps_per_frame * CONTROL_PERIOD / self.speed
 
     @property
@@ -99,14 +106,14 @@ class RenderOptions:
 
 
 def film(spec: FilmSpec, path: Path, progress: Progress, options: RenderOptions = RenderOptions()) -> None:
-    """Film an episode, and write the film to a file in one of the formats of `files`.
+    """Film an episode, and write the film to a file (MP4, WebP, GIF or PNG).
 
     Called functions raise a ValueError if the camera does not exist or if a policy is for another robot. They raise a
     UsageError if this machine cannot render or if the film is too long for its format. They raise an OSError if the
     file cannot be written.
 
     Args:
-        spec: Episode to film.
+        spec: Episode and policies to film.
         path: File to write; its suffix selects the format.
         progress: Function that receives the completed fraction of the work, 0 … 1.
         options: Appearance of the film.
@@ -123,11 +130,11 @@ def film(spec: FilmSpec, path: Path, progress: Progress, options: RenderOptions 
 def render_frames(spec: FilmSpec, options: RenderOptions, progress: Progress) -> Generator[Image.Image]:
     """Render the frames of a film until all robots have fallen, or until the end of the episode.
 
-    The film goes on for POST_FALL_TIME after the last fall. The last frame shows the outcome of each policy. Called
+    The film continues for POST_FALL_TIME after the last fall. The last frame shows the outcome of each policy. Called
     functions raise the same errors as for `film`.
 
     Args:
-        spec: Episode to film.
+        spec: Episode and policies to film.
         options: Appearance of the film.
         progress: Function that receives the completed fraction of the work, 0 … 1.
 
@@ -152,7 +159,18 @@ def render_frames(spec: FilmSpec, options: RenderOptions, progress: Progress) ->
 
 
 def _add_header(tiles: Image.Image, spec: FilmSpec, options: RenderOptions, step: Step, number: int) -> Image.Image:
-    """Return the tiles with a header: title, time and command, which are the same for all policies."""
+    """Return the images of all robots with a header above them: title, time and commanded velocity.
+
+    Args:
+        tiles: Images of all robots, arranged in one image.
+        spec: Episode and policies of the film.
+        options: Appearance of the film.
+        step: Control step that the frame shows.
+        number: Number of the control step.
+
+    Returns:
+        Image with the header.
+    """
     text = captions.Text(options.font_size)
     frame = Image.new("RGB", (tiles.width, text.height(2) + tiles.height), captions.DARK)
     frame.paste(tiles, (0, text.height(2)))
@@ -165,9 +183,9 @@ def _add_header(tiles: Image.Image, spec: FilmSpec, options: RenderOptions, step
 
 
 class EpisodeView:
-    """One policy in a film: its simulation step by step, with marks and captions.
+    """Simulation and images of one policy in a film, control step by control step.
 
-    Call `close` after use.
+    The caller must call `close` after use.
     """
 
     def __init__(self, policy: LabelledPolicy, spec: FilmSpec, options: RenderOptions) -> None:
@@ -181,20 +199,20 @@ class EpisodeView:
             controller, spec.scenario, spec.seed, steps=spec.steps, command=spec.command, hardware=spec.hardware
         )
         self.step = next(self._steps)
-        """Current control step."""
+        """Control step that has been simulated last."""
         self.recorder(self.step)
         self._scene = Scene(self.step)
         self._has_outcome = spec.steps > round(SETTLING_TIME / self.step.env.dt)
 
     def __iter__(self) -> Iterator[Step]:
-        """Iterate over the start and all control steps of the film; the film ends shortly after a fall."""
+        """Iterate over the control steps of the film, from the start of the episode to shortly after a fall."""
         yield self.step
         while not self.is_over and self.step.number < self._num_steps:
             self.advance()
             yield self.step
 
     def advance(self) -> None:
-        """Simulate one control step; the state stays as it is if the simulation has diverged."""
+        """Simulate one more control step; the state does not change if the simulation has diverged."""
         step = next(self._steps, None)
         if step is not None:
             self.step = step
@@ -203,7 +221,10 @@ class EpisodeView:
 
     @property
     def is_over(self) -> bool:
-        """True if the simulation has diverged, or if POST_FALL_TIME has passed since the fall."""
+        """True if this robot's film has ended, after a divergence or some time after a fall.
+
+        The film continues for POST_FALL_TIME after a fall.
+        """
         falls = self.recorder.falls
         if not falls.fell[0]:
             return False
@@ -212,9 +233,9 @@ class EpisodeView:
         return bool(self.step.infos["diverged"][0] or is_past_fall)
 
     def picture(self) -> Image.Image:
-        """Render the current state of the robot, with marks if `options.arrows` is set.
+        """Render the current state of the robot, with arrows and balls if `options.arrows` is set.
 
-        An image with marks has a red border after a fall.
+        An image with arrows and balls has a red border after a fall.
         """
         marks = self._scene.marks() if self._options.arrows else ()
         image = Image.fromarray(self._frame(marks))
@@ -230,11 +251,11 @@ class EpisodeView:
             marks: Arrows and balls to draw.
 
         Returns:
-            Image, (height, width, 3).
+            Image, (height, width, 3), red, green and blue, 0 … 255.
 
         Raises:
             ValueError: The camera does not exist.
-            UsageError: This machine cannot render.
+            UsageError: This machine has no working renderer.
         """
         from quad_env.physics.rendering import Camera, Viewpoint
 
@@ -248,12 +269,19 @@ class EpisodeView:
             frame: NDArray[np.uint8] = self._camera.draw(data, arrows=marks, viewpoint=viewpoint)
         except ValueError:
             raise
-        except Exception as error:  # because a graphics driver may raise any type of error
+        except Exception as error:  # all types, because a graphics driver may raise any type of error
             raise UsageError(f"nothing can be drawn here ({type(error).__name__}: {error})") from error
         return frame
 
     def draw(self, last: bool) -> Image.Image:
-        """Render the current state of the robot with captions; if `last`, with the outcome of the episode."""
+        """Render the current state of the robot with captions.
+
+        Args:
+            last: True for the last frame of the film, which shows the outcome of the episode.
+
+        Returns:
+            The image.
+        """
         image = self.picture()
         text = captions.Text(self._options.font_size, edge=1)
         text.write(image, self._label, 0)
@@ -266,9 +294,16 @@ class EpisodeView:
         return image
 
     def _status_caption(self, last: bool) -> tuple[str, captions.Ink]:
-        """Return the caption for the state of the episode, and its colour.
+        """Return the text and the colour of the caption for the state of the episode.
 
-        The caption of the last frame is the outcome. An episode shorter than SETTLING_TIME has no outcome.
+        The text is empty in normal walking. The last frame has the outcome of the episode as caption. An episode
+        shorter than SETTLING_TIME has no outcome.
+
+        Args:
+            last: True for the last frame of the film.
+
+        Returns:
+            Text and colour.
         """
         falls = self.recorder.falls
         outcome = str(metrics.outcome(self.recorder.episodes())[0]) if last and self._has_outcome else None
@@ -280,7 +315,7 @@ class EpisodeView:
         return ("pushed" if self._scene.is_push_shown else ""), ALARM
 
     def close(self) -> None:
-        """End the simulation and free the renderer."""
+        """End the simulation, and free the memory of the renderer."""
         self._steps.close()
         if self._camera is not None:
             self._camera.close()
