@@ -1,4 +1,5 @@
-"""Benchmarks of speed and cost.
+"""Benchmarks: programs that measure the speed of environment, policies, training and commands.
 
-Functions that are compared take turns in one run. Every result is a ratio of their durations, or a median over rounds.
+The functions that a benchmark compares take turns in the same process. Every printed result is a ratio of durations, or
+a median over the rounds in which each function is called once.
 """

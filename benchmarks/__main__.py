@@ -14,11 +14,21 @@ from quad_env.cli.launcher import launch
 
 @dataclass(frozen=True)
 class AllBenchmarksOptions(OutputOptions):
-    """Single and vector environment, physics, policies, start-up."""
+    """Options of the benchmark of single environment, vector environment, physics, policies and start-up."""
 
 
 def measure(options: AllBenchmarksOptions) -> BenchmarkResult:
-    """Run five benchmarks one after the other, with the options for which the requirements are defined."""
+    """Run five benchmarks one after the other, with the options for which the requirements are defined.
+
+    The five are `single_env`, `vector_env`, `physics`, `policies` and `startup`.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        The measured values of all five benchmarks, their requirement checks, and the names of the requirements that
+        only other commands check.
+    """
     quick = options.quick
     scenario, envs = vector_env.REFERENCE
     results = {

@@ -32,20 +32,30 @@ from quad_env.cli.launcher import launch
 
 @dataclass(frozen=True)
 class PhysicsBenchmarkOptions(MeasurementOptions):
-    """Solver, iterations, cone, contacts and timestep."""
+    """Options of the comparison of physics settings, for example solvers, contacts and time steps."""
 
     rounds: int = 9
-    """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
+    """Measurement rounds (count); results are medians over the rounds, with quartiles in brackets."""
     settings: tuple[str, ...] = tuple(SETTINGS)
-    """Names of settings. The shipped and the first ones are always among them."""
+    """Names of the physics settings; `shipped` and `first settings` are always measured too."""
     envs: int = 64
-    """Robots (count)."""
+    """Number of robots that are simulated together."""
     threads: int = cores()
-    """Threads of the simulation (count; default: this machine's cores)."""
+    """Number of threads of the simulation; default: number of cores of this machine."""
 
 
 def measure(options: PhysicsBenchmarkOptions) -> BenchmarkResult:
-    """Measure speed and accuracy of each physics setting, and find the fastest accurate one."""
+    """Measure speed and accuracy of each physics setting, and find the fastest accurate setting.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Durations, speed ratios and accuracies of the settings, with the check of the requirement `physics`.
+
+    Raises:
+        UsageError: A setting is unknown.
+    """
     if options.quick:
         options = replace(options, rounds=1, envs=2, settings=("PGS, 5",))
     if unknown := set(options.settings) - set(SETTINGS):
@@ -72,7 +82,7 @@ def measure(options: PhysicsBenchmarkOptions) -> BenchmarkResult:
 
 
 def _measure_accuracies(names: Sequence[str], strides: tuple[Stride, ...]) -> dict[str, Accuracy]:
-    """Return a dictionary: name of a setting -> its accuracy over the given strides."""
+    """Return a dictionary: name of a physics setting -> accuracy of the setting over the given strides."""
     accuracies: dict[str, Accuracy] = {}
     with progress_bar("physics, accuracy", len(names)) as advance:
         for name in names:
@@ -82,17 +92,18 @@ def _measure_accuracies(names: Sequence[str], strides: tuple[Stride, ...]) -> di
 
 
 def _walking(name: str, strides: tuple[Stride, ...], options: PhysicsBenchmarkOptions) -> TimedFunction:
-    """Return a function that simulates one stride of all robots with a setting and returns the duration.
+    """Return a function that simulates one stride of all robots and returns its duration.
 
-    The duration is in s per robot and simulated second. The robots are distributed evenly over the strides.
+    The duration is in s of wall time per robot and simulated second. All robots have the same physics setting; they are
+    distributed evenly over the recorded strides.
 
     Args:
         name: Name of the physics setting.
-        strides: Strides with initial states and joint targets.
+        strides: Recorded strides of the trot, each with an initial state and joint targets.
         options: Options of the command.
 
     Returns:
-        The function.
+        Function that simulates the stride at every call and returns the duration.
     """
     model = SETTINGS[name].model()
     batch = Batch(model, options.envs, options.threads)
@@ -119,7 +130,16 @@ def _walking(name: str, strides: tuple[Stride, ...], options: PhysicsBenchmarkOp
 
 
 def _speeds(seconds: dict[str, Floats], accuracies: dict[str, Accuracy], options: PhysicsBenchmarkOptions) -> Table:
-    """Create the table of speeds: a row for each setting."""
+    """Create the table of speeds, with one row per physics setting.
+
+    Args:
+        seconds: Name of a setting -> wall time per robot and simulated second in each round, (rounds,), s.
+        accuracies: Name of a setting -> accuracy of the setting.
+        options: Options of the command.
+
+    Returns:
+        The table: duration of a physics step, µs, speed relative to ORIGINAL_SETTINGS, and `yes` if accurate.
+    """
     rows = make_table(
         f"Speed, {options.envs} robots under the trot, {options.threads} threads",
         "setting",
@@ -135,7 +155,7 @@ def _speeds(seconds: dict[str, Floats], accuracies: dict[str, Accuracy], options
 
 
 def _accuracies(accuracies: dict[str, Accuracy]) -> Table:
-    """Create the table of accuracies: a row for each setting, and a last row with the limits."""
+    """Create the table of accuracies, with one row per physics setting and a last row with the limits."""
     rows = make_table("Accuracy", "setting", "trunk\nmm", "tilt\nrad", "joints\nrad", "sinks\nmm", "slip\nmm/s", "")
     for name, accuracy in accuracies.items():
         rows.add_row(name, *(f"{getattr(accuracy, figure):.3g}" for figure in ACCURACY_BARS), _mark(accuracy))
@@ -144,7 +164,7 @@ def _accuracies(accuracies: dict[str, Accuracy]) -> Table:
 
 
 def _mark(accuracy: Accuracy) -> str:
-    """Return `yes` if the accuracy of a setting is within all limits, otherwise `no`."""
+    """Return `yes` if an accuracy is within all limits of ACCURACY_BARS, otherwise `no`."""
     return "yes" if accuracy.is_within_bars else "no"
 
 

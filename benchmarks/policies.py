@@ -23,29 +23,39 @@ from quad_env.cli.command_line import check_numbers
 from quad_env.cli.launcher import launch
 
 PERCENTILE = 99.9
-"""Percentile of the duration of single calls for which a requirement is defined, %."""
+"""Percentile of the durations of single calls to which a time limit applies, %."""
 JOINT_LOOP = "one mj_step of 2 ms"
-"""Name in tables of a physics step, which takes the place of a step of the joint loop."""
+"""Name of a physics step in the tables.
+
+The duration of a physics step is compared with the period of a robot's joint control loop, 2 ms.
+"""
 Clock = Callable[[], float]
 """Function that returns the current time, s."""
 
 
 @dataclass(frozen=True)
 class PoliciesBenchmarkOptions(MeasurementOptions):
-    """Every policy at several numbers of robots, and one robot's worst calls."""
+    """Options of the timing of policies, for several numbers of robots and for single calls of one robot."""
 
     policies: tuple[str, ...] = policies.names()
     """Names of policies, or folders of trained ones."""
     envs: tuple[int, ...] = (1, 64, 1024)
-    """Numbers of robots (count)."""
+    """Numbers of robots; the mean duration of an action is measured for each number."""
     steps: int = 20
-    """Actions of each robot in a round (count)."""
+    """Number of actions that each robot takes in a measurement round."""
     calls: int = 5000
-    """Calls that the percentiles are over (count); a thousand or more, for one to be beyond them."""
+    """Number of single calls for the percentiles; at least 1000, so that one call exceeds the 99.9th percentile."""
 
 
 def measure(options: PoliciesBenchmarkOptions) -> BenchmarkResult:
-    """Measure the mean duration of an action for each number of robots, then percentiles of single calls."""
+    """Measure the mean duration of an action for each number of robots, then percentiles of single calls.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Durations and percentiles of all policies, with the checks of the requirements `control step` and `joint step`.
+    """
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 2), steps=2, calls=10)
     check_numbers(options, {"steps": (1, 10**6)})
@@ -69,7 +79,15 @@ def measure(options: PoliciesBenchmarkOptions) -> BenchmarkResult:
 
 
 def _means_table(costs: Mapping[int, Mapping[str, Floats]], options: PoliciesBenchmarkOptions) -> Table:
-    """Create the table of the mean duration of an action: a row per policy, a column per number of robots."""
+    """Create the table of the mean duration of an action, with one row per policy.
+
+    Args:
+        costs: Number of robots -> policy -> mean duration of an action in each round, (rounds,), s per robot.
+        options: Options of the command.
+
+    Returns:
+        The table: a column for each number of robots, in µs per robot.
+    """
     rows = make_table("µs a robot and control step", "policy", *(f"n = {num_envs}" for num_envs in options.envs))
     for name in options.policies:
         quartiles = (compute_quartiles(costs[num_envs][name]).scaled(1e6) for num_envs in options.envs)
@@ -81,11 +99,11 @@ def _percentiles_table(wall_times: Mapping[str, Floats], processor_times: Mappin
     """Create the table of percentiles of single calls, in wall time and in processor time.
 
     Args:
-        wall_times: Name of a call -> wall time of each call, (calls,), s.
-        processor_times: Name of a call -> processor time of each call, (calls,), s.
+        wall_times: Name of the called function -> wall time of each call, (calls,), s.
+        processor_times: Name of the called function -> processor time of each call, (calls,), s.
 
     Returns:
-        The table: a row for each name, in ms.
+        The table: a row for each called function, in ms.
     """
     shares = (50.0, 99.0, PERCENTILE)
     heads = [f"{share:g} %{clock}" for clock in ("", ", processor time") for share in shares]
@@ -97,12 +115,20 @@ def _percentiles_table(wall_times: Mapping[str, Floats], processor_times: Mappin
 
 
 def _percentile(values: Floats) -> float:
-    """Return the 99.9th percentile (PERCENTILE) of an array of durations."""
+    """Return the 99.9th percentile (PERCENTILE) of an array of durations, s."""
     return float(np.percentile(values, PERCENTILE))
 
 
 def _time_actions(num_envs: int, options: PoliciesBenchmarkOptions) -> dict[str, Floats]:
-    """Return a dictionary: policy -> mean duration of an action in each round, (rounds,), s per robot."""
+    """Measure the mean duration of an action of each policy.
+
+    Args:
+        num_envs: Number of robots that a policy controls together.
+        options: Options of the command.
+
+    Returns:
+        Name of a policy -> mean duration of an action in each round, (rounds,), s per robot.
+    """
     steps = options.steps
 
     def timed_function(name: str) -> TimedFunction:
@@ -127,10 +153,10 @@ def _time_single_calls(options: PoliciesBenchmarkOptions, clock: Clock) -> dict[
 
     Args:
         options: Options of the command.
-        clock: Clock with which the calls are timed.
+        clock: Function that returns the wall time or the processor time, s.
 
     Returns:
-        Name of a call -> duration of each call, (calls,), s.
+        Name of the called function -> duration of each call, (calls,), s.
     """
     start = bare.make_initial_states("flat", 1)
     data = bare.BareLoop(start).data
@@ -149,7 +175,10 @@ def _time_single_calls(options: PoliciesBenchmarkOptions, clock: Clock) -> dict[
 
 
 def _control_step() -> Callable[[], object]:
-    """Return a function that runs one control step of one robot, with a reset at the end of each episode."""
+    """Return a function that runs one control step: an action of the trot and a step of the environment.
+
+    The environment has one robot. The function resets the environment at the end of an episode.
+    """
     env = gym.make(ENV_ID)
     policy = policies.make("trot")
     observation, _ = env.reset(seed=0)
@@ -166,7 +195,7 @@ def _control_step() -> Callable[[], object]:
 
 
 def _timed(call: Callable[[], object], clock: Clock) -> TimedFunction:
-    """Return a function that runs `call` once and returns the duration on `clock`, s."""
+    """Return a function that runs the function `call` once and returns the duration on `clock`, s."""
 
     def timed_call() -> float:
         begin = clock()

@@ -29,25 +29,32 @@ FILES = {"MCAP": "walk.mcap"}
 CLOCKS = ("wall", "processor", "until closed")
 """Names of the three durations of an episode.
 
-`wall` and `processor`: wall time and processor time of the simulation. `until closed`: wall time until the file is
-closed.
+`wall` is the wall time of the simulation. `processor` is the processor time of the process that simulates. `until
+closed` is the wall time until the recording is complete and its file is closed.
 """
 
 
 @dataclass(frozen=True)
 class RecordingBenchmarkOptions(MeasurementOptions):
-    """One robot that walks, with and without a recording."""
+    """Options of the timing of an episode with and without a recording."""
 
     policies: tuple[str, ...] = ("trot", "residual")
     """Names of policies, or folders of trained ones."""
     seconds: float = 60.0
-    """Length of the episode, simulated s."""
+    """Duration of the episode in simulated time, s."""
     rounds: int = 7
-    """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
+    """Measurement rounds (count); results are medians over the rounds, with quartiles in brackets."""
 
 
 def measure(options: RecordingBenchmarkOptions) -> BenchmarkResult:
-    """Compare the duration of an episode with a recording and without one, for each policy and format."""
+    """Compare the duration of an episode with and without a recording, for each policy and file format.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Durations of all episodes, with the check of the requirement `recording`.
+    """
     if options.quick:
         options = replace(options, rounds=1, seconds=0.2)
     check_numbers(options, {"seconds": (0.1, 3600.0)})
@@ -68,14 +75,14 @@ def measure(options: RecordingBenchmarkOptions) -> BenchmarkResult:
 
 
 def _seconds(name: str, options: RecordingBenchmarkOptions) -> dict[str, dict[str, Floats]]:
-    """Time one episode of the policy `name` with each format of recording and without a recording.
+    """Time one episode of a policy, without a recording and with a recording of each file format.
 
     Args:
         name: Name of the policy.
         options: Options of the command.
 
     Returns:
-        Format, or `none` without a recording -> name in CLOCKS -> duration in each round, (rounds,), s.
+        File format, or `none` for no recording -> name of a duration in CLOCKS -> durations, (rounds,), s.
     """
     steps = round(options.seconds / CONTROL_PERIOD)
     policy = policies.resolve(name)
@@ -105,11 +112,11 @@ def _recording(file: str | None, policy: Policy) -> Iterator[tuple[Observer, ...
     """Provide the observers that record an episode in a temporary file; no observer if `file` is None.
 
     Args:
-        file: Name of the recording, or None.
-        policy: Policy that is recorded.
+        file: File name of the recording; None for no recording.
+        policy: Policy that controls the recorded robot.
 
     Yields:
-        Observers for `roll_out`.
+        Observers, which `roll_out` calls after each control step.
     """
     if file is None:
         yield ()

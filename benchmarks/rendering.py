@@ -16,21 +16,28 @@ from quad_env import ENV_ID
 from quad_env.cli.launcher import launch
 
 REFERENCE = "flat"
-"""Scenario for which the requirement is defined."""
+"""Scenario for which the required frame rate is defined."""
 SCENARIOS = (REFERENCE, "stairs", "rough")
-"""Scenarios that are rendered; they differ in the ground."""
+"""Names of the rendered scenarios, which differ in the shape of the ground."""
 
 
 @dataclass(frozen=True)
 class RenderingBenchmarkOptions(MeasurementOptions):
-    """One robot, seen by the camera that follows it, on several grounds."""
+    """Options of the measurement of the frame rate, with a camera that follows one robot."""
 
     frames: int = 5
-    """Frames of each ground in a round (count)."""
+    """Number of frames of each scenario that are rendered in a measurement round."""
 
 
 def measure(options: RenderingBenchmarkOptions) -> BenchmarkResult:
-    """Measure the frame rate of each scenario; the scenarios take turns in every round."""
+    """Measure the frame rate of each scenario; the scenarios take turns in every round.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Frame rates, 1/s of processor time, with the check of the requirement `rendering`.
+    """
     if options.quick:
         options = replace(options, rounds=1, frames=1)
     envs = {name: gym.make(ENV_ID, scenario=name, render_mode="rgb_array") for name in SCENARIOS}
@@ -49,7 +56,7 @@ def measure(options: RenderingBenchmarkOptions) -> BenchmarkResult:
 
 
 def _timed_frames(env: gym.Env, frames: int) -> TimedFunction:
-    """Return a function that renders a number of `frames` and returns the processor time per frame, s."""
+    """Return a function that renders `frames` frames and returns the processor time per frame, s."""
 
     def draw() -> float:
         begin = time.process_time()

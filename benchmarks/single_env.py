@@ -18,16 +18,25 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class SingleEnvBenchmarkOptions(MeasurementOptions):
-    """One robot: wrappers, checks, commands, observation, reward and infos against the physics alone."""
+    """Options of the comparison of the single environment with a loop that only steps the physics."""
 
     robot: str = SIMPLE_QUAD.name
     """Name of the robot, or path of its MJCF, URDF or TOML."""
     steps: int = 500
-    """Control steps of 10 ms in a round (count), at most an episode."""
+    """Number of control steps of 10 ms in a measurement round; at most one episode."""
 
 
 def measure(options: SingleEnvBenchmarkOptions) -> BenchmarkResult:
-    """Compare the environment with a bare loop of `mj_step`, over the same actions from the same state."""
+    """Compare the speed of the single environment with the speed of a loop that only calls `mj_step`.
+
+    Both start from the same state and apply the same actions.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Durations, speed ratio and overhead, with the check of the requirement `single_env`.
+    """
     if options.quick:
         options = replace(options, rounds=1, steps=20)
     check_numbers(options, {"steps": (1, MAX_EPISODE_STEPS)})
@@ -47,9 +56,13 @@ def measure(options: SingleEnvBenchmarkOptions) -> BenchmarkResult:
 
 
 def _time_both(options: SingleEnvBenchmarkOptions) -> dict[str, Floats]:
-    """Return a dictionary: name in the table -> duration of a control step in each round, (rounds,), s.
+    """Time a control step of the environment and of the loop of `mj_step`; both take turns in every round.
 
-    The names are `gym.make` for the environment, and `bare mj_step loop`. Both take turns in every round.
+    Args:
+        options: Options of the command.
+
+    Returns:
+        `gym.make` for the environment, or `bare mj_step loop` -> duration of a control step, (rounds,), s.
     """
     actions = bare.record_actions(options.steps, robot=options.robot)
     loop = bare.BareLoop(bare.make_initial_states("flat", 1, options.robot))
@@ -70,7 +83,7 @@ def _time_both(options: SingleEnvBenchmarkOptions) -> dict[str, Floats]:
 
 
 def _run(step: Callable[[bare.Actions], object], actions: bare.Actions) -> float:
-    """Call `step` with each of the `actions` and return the mean duration of a call, s."""
+    """Call the function `step` with each action in `actions`, and return the mean duration of a call, s."""
     begin = time.perf_counter()
     for action in actions:
         step(action)

@@ -16,42 +16,50 @@ from evaluate.records.provenance import REPOSITORY
 from quad_env.cli.launcher import launch
 
 FORBIDDEN_MODULES = ("gymnasium", "mujoco", "torch")
-"""Modules that `import quad_env` must not load."""
+"""Names of modules that `import quad_env` must not load, so that the import is fast."""
 IMPORT_QUAD_ENV = "import quad_env, gymnasium"
-"""Program: the import of this package that is timed."""
+"""Python statement that imports this package and Gymnasium; its duration is measured."""
 IMPORT_GYMNASIUM = "import gymnasium"
-"""Program: the import with which the import of this package is compared."""
+"""Python statement that imports Gymnasium; the duration of IMPORT_QUAD_ENV is compared with its duration."""
 MAKE = "gym.make after it"
-"""Name in tables of the duration of `gym.make` for the first environment, after the imports."""
+"""Table name for the duration of the first call of `gym.make`, which follows the imports."""
 HELP_COMMANDS = ("python -m evaluate --help", "python -m train --help")
-"""Commands that are timed from start to exit."""
+"""Shell commands that print a help text; each is timed from its start to its exit."""
 _TIMED = "import time; begin = time.perf_counter(); {code}; print(time.perf_counter() - begin)"
-"""Template of a program that runs `code` and prints the duration of `code`, s."""
+"""Template of a Python program that runs the statement `code` and prints the duration of the statement, s."""
 _CODE = {
     IMPORT_QUAD_ENV: _TIMED.format(code=IMPORT_QUAD_ENV),
     IMPORT_GYMNASIUM: _TIMED.format(code=IMPORT_GYMNASIUM),
     MAKE: f"{IMPORT_QUAD_ENV}; " + _TIMED.format(code="gymnasium.make(quad_env.ENV_ID)"),
 }
-"""Name of a duration in tables -> program that prints this duration."""
+"""Name of a duration in the tables -> Python program that measures and prints this duration, s."""
 _LOADED = f"import sys, quad_env; print(*(name for name in {FORBIDDEN_MODULES} if name in sys.modules))"
-"""Program that prints the names of the FORBIDDEN_MODULES that `import quad_env` loads."""
+"""Python program that prints the names of the FORBIDDEN_MODULES that `import quad_env` loads."""
 
 
 @dataclass(frozen=True)
 class StartupBenchmarkOptions(MeasurementOptions):
-    """Durations of imports, first environment and help."""
+    """Options of the timing of imports, of the first environment and of the help texts."""
 
     rounds: int = 7
-    """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
+    """Measurement rounds (count); results are medians over the rounds, with quartiles in brackets."""
 
 
 def measure(options: StartupBenchmarkOptions) -> BenchmarkResult:
-    """Time imports, first environment and help, and compute the ratio of the two imports."""
+    """Time the imports, the first environment and the help texts in fresh interpreters.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Durations, and the ratio of IMPORT_QUAD_ENV to IMPORT_GYMNASIUM, with the checks of the requirements `import`,
+        `loaded` and `help`.
+    """
     if options.quick:
         options = replace(options, rounds=1)
     timed_functions: dict[str, TimedFunction] = {name: _time_inside(code) for name, code in _CODE.items()}
     timed_functions |= {name: _time_outside(name) for name in HELP_COMMANDS}
-    warm_up = 0 if options.quick else 1  # because the first round reads files from the disk
+    warm_up = 0 if options.quick else 1  # A warm-up round is not timed, because it reads the files from the disk.
     seconds = interleave(timed_functions, options.rounds, "start-up", warm_up)
     loaded = _python("-c", _LOADED).split()
     rows = make_table("Start-up, fresh interpreters", "", "s")
@@ -88,12 +96,12 @@ def _python(*arguments: str) -> str:
 
 
 def _time_inside(code: str) -> TimedFunction:
-    """Return a function that runs a program (`code`) and returns the duration that the program prints, s."""
+    """Return a function that runs the Python program `code` and returns the duration that it prints, s."""
     return lambda: float(_python("-c", code))
 
 
 def _time_outside(command: str) -> TimedFunction:
-    """Return a function that runs a command and returns its duration from start to exit, s."""
+    """Return a function that runs a `python` command and returns the wall time from start to exit, s."""
 
     def wait() -> float:
         begin = time.perf_counter()

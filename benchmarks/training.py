@@ -24,25 +24,33 @@ from train.run import make_env
 from train.sb3.ppo import make_ppo
 
 REFERENCE = DEFAULTS["residual"]
-"""Training configuration for which the requirement is defined."""
+"""Training configuration for which the required speed is defined: the default of the residual policy."""
 
 
 @dataclass(frozen=True)
 class TrainingBenchmarkOptions(MeasurementOptions):
-    """One round is a rollout and its update; robots, scenarios and network are the defaults of `python -m train`."""
+    """Options of the timing of PPO; a round is one rollout with the update of the network that follows it."""
 
     robot: str = REFERENCE.robot
     """Name of the robot, or path of its MJCF, URDF or TOML."""
     base: BaseName = REFERENCE.base
-    """Base policy that the correction is added to."""
+    """Base policy; the trained network adds a correction to its joint targets."""
     envs: int = REFERENCE.ppo.envs
-    """Robots simulated together (count)."""
+    """Number of robots that are simulated together."""
     rounds: int = 6
-    """Rollouts (count). Figures are medians and quartiles over them."""
+    """Number of timed rollouts; results are medians over the rollouts, with quartiles in brackets."""
 
 
 def measure(options: TrainingBenchmarkOptions) -> BenchmarkResult:
-    """Measure the speed of training, the speed of the physics alone, and the fraction of each part."""
+    """Measure the speed of training and of the physics alone, and the fraction of time of each part.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Speeds in control steps per second, with the check of the requirement `training` if it is defined for the
+        options.
+    """
     defaults = replace(DEFAULTS["residual"], base=options.base)
     ppo = replace(defaults.ppo, envs=options.envs)
     if options.quick:
@@ -63,21 +71,21 @@ def measure(options: TrainingBenchmarkOptions) -> BenchmarkResult:
 
 
 def _is_reference(options: TrainingBenchmarkOptions) -> bool:
-    """Return True if the requirement is defined for the given options."""
+    """Return True if the required training speed is defined for these options."""
     measured = (options.robot, options.base, options.envs)
     return measured == (REFERENCE.robot, REFERENCE.base, REFERENCE.ppo.envs)
 
 
 def _parts_table(seconds: Mapping[str, Floats], total: Floats, steps: int) -> Table:
-    """Create the table of durations: a row for each part of a rollout and its update.
+    """Create the table of durations, with a row for each part of a rollout and its update.
 
     Args:
-        seconds: Part -> duration in each rollout, (rounds,), s.
+        seconds: Name of a part, from `time_rollouts` -> duration in each rollout, (rounds,), s.
         total: Duration of each rollout with its update, (rounds,), s.
-        steps: Number of control steps in a rollout, all robots together.
+        steps: Number of control steps in a rollout, summed over all robots.
 
     Returns:
-        The table, with the fraction of the total and the duration per step.
+        The table, with the fraction of the total duration and the duration per control step, µs.
     """
     rows = make_table("Training on one thread, one rollout and its update", "part", "share of the time", "µs a step")
     for part, values in seconds.items():
@@ -87,14 +95,15 @@ def _parts_table(seconds: Mapping[str, Floats], total: Floats, steps: int) -> Ta
 
 
 def time_rollouts(config: TrainConfig, rounds: int) -> dict[str, Floats]:
-    """Time the parts of each rollout and its update, after a first rollout that is not timed.
+    """Time the parts of each rollout and of its network update, after a first rollout that is not timed.
 
     Args:
         config: Training configuration.
         rounds: Number of timed rollouts.
 
     Returns:
-        Part -> duration in each rollout, (rounds,), s. The parts add up to the whole duration.
+        Name of a part -> duration in each rollout, (rounds,), s. The parts add up to the whole duration: `physics`,
+        MuJoCo; `robots without it`, environment except MuJoCo; `network in the rollout`; `update` of the network.
     """
     durations = _time_learning(config, rounds)
     robots_without_physics = durations["robots"] - durations["physics"]
@@ -108,9 +117,15 @@ def time_rollouts(config: TrainConfig, rounds: int) -> dict[str, Floats]:
 
 
 def _time_learning(config: TrainConfig, rounds: int) -> dict[str, Floats]:
-    """Return durations in each rollout, (rounds,), s: `physics`, `robots`, `update` and `whole`.
+    """Train for several rollouts and time the functions that the training calls.
 
-    `robots` is the step of the vector environment, which includes `physics`. `whole` includes all others.
+    Args:
+        config: Training configuration.
+        rounds: Number of timed rollouts.
+
+    Returns:
+        Name -> total duration in each rollout, (rounds,), s. `physics` is MuJoCo. `robots` is the step of the vector
+        environment, which includes `physics`. `update` is the update of the network. `whole` includes all of these.
     """
     env = make_env(config)
     true_step = Simulation._step_physics
@@ -136,14 +151,14 @@ def _time_learning(config: TrainConfig, rounds: int) -> dict[str, Floats]:
 
 
 class Stopwatch:
-    """Total duration of the calls of wrapped functions, by name."""
+    """Measures the total duration of all calls of functions that `timed` has wrapped."""
 
     def __init__(self) -> None:
         self.seconds = defaultdict[str, float](float)
-        """Name -> total duration of all calls under this name, s."""
+        """Name given to `timed` -> total duration of all calls of the wrapped function, s."""
 
     def timed(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a function that calls `function` and adds the duration to the total of `name`."""
+        """Return a function that calls `function` and adds the duration of the call to `seconds[name]`."""
 
         def call(*args: Any, **kwargs: Any) -> Any:
             begin = time.perf_counter()

@@ -37,53 +37,65 @@ from quad_env.cli.launcher import launch
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 REFERENCE = ("flat", 1024)
-"""Scenario and number of robots for which the requirement is defined."""
+"""Scenario and number of robots for which the required speed is defined."""
 TIMED_RESETS = 5
-"""Number of resets of all robots over which the duration of a reset is the median."""
+"""Number of timed resets of all robots; the median of their durations is used."""
 
 
 @dataclass(frozen=True)
 class VectorEnvBenchmarkOptions(MeasurementOptions):
-    """n robots: commands, observations, rewards, ends, resets, pushes and terrain against the physics alone."""
+    """Options of the comparison of the vector environment with MuJoCo alone, on the same robots."""
 
     robot: str = SIMPLE_QUAD.name
     """Name of the robot, or path of its MJCF, URDF or TOML."""
     envs: tuple[int, ...] = (1, 64, 256, 1024, 4096)
-    """Numbers of robots (count)."""
+    """Numbers of robots; the speed is measured for each number."""
     scenarios: tuple[str, ...] = tuple(SCENARIOS)
-    """Scenarios."""
+    """Names of the scenarios; the speed is measured on each scenario."""
     threads: int = cores()
-    """Threads of both (count; default: this machine's cores)."""
+    """Number of threads of the environment and of MuJoCo alone; default: number of cores of this machine."""
     rounds: int = 30
-    """Rounds, of one control step of both (count), at most an episode. Figures are medians and quartiles over them."""
+    """Measurement rounds of one control step each (count), at most one episode; results are medians over the rounds."""
     robot_steps: int = 60_000
-    """Control steps, all robots together (count); the number of rounds grows until they are reached."""
+    """Smallest number of timed control steps, summed over all robots; rounds are added until it is reached."""
     warm_up: int = 40
-    """Control steps before the first round (count): the robots walk then."""
+    """Control steps before the first round (count), so that the robots walk during the measurement."""
 
 
 @dataclass(frozen=True)
 class VectorEnvTiming:
-    """Durations for one number of robots on one scenario, made by `time_vector_env`.
+    """Durations of control steps for one number of robots on one scenario, made by `time_vector_env`.
 
-    The fields are keys of the JSON file.
+    The names of the fields are keys of the benchmark's JSON file.
     """
 
     seconds: dict[str, Floats]
-    """Duration of a control step in each round, (rounds,), s per robot.
+    """Name -> duration of a control step in each round, (rounds,), s per robot.
 
-    `environment` is the vector environment; the cost of resets is distributed over all steps. `bare` is the bare batch.
+    `environment` is the vector environment, with the cost of resets distributed over all steps. `bare` is MuJoCo's
+    `Batch.step` alone.
     """
     reset_us: Quartiles
-    """Duration of a reset, µs per robot."""
+    """Duration of a reset of the vector environment, µs per robot."""
     ratio: Quartiles
-    """Speed of the environment divided by the speed of the bare batch."""
+    """Speed of the vector environment divided by the speed of MuJoCo's `Batch.step` alone."""
     overhead_us: Quartiles
-    """Duration of an environment step minus duration of a step of the bare batch, µs per robot."""
+    """Duration of a control step of the environment minus the duration of `Batch.step` alone, µs per robot."""
 
 
 def measure(options: VectorEnvBenchmarkOptions) -> BenchmarkResult:
-    """Time environment and bare batch on each scenario, for each number of robots."""
+    """Time the vector environment and MuJoCo's `Batch.step` on each scenario, for each number of robots.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Durations for all scenarios and numbers of robots, with the check of the requirement `vector_env` if REFERENCE
+        is among them.
+
+    Raises:
+        UsageError: A scenario is unknown.
+    """
     if options.quick:
         options = replace(options, rounds=1, envs=(1, 3), scenarios=("flat", "rough"), robot_steps=1, warm_up=1)
     if unknown := set(options.scenarios) - set(SCENARIOS):
@@ -102,7 +114,15 @@ def measure(options: VectorEnvBenchmarkOptions) -> BenchmarkResult:
 
 
 def _timings_table(timings: Mapping[tuple[str, int], VectorEnvTiming], options: VectorEnvBenchmarkOptions) -> Table:
-    """Create the table of results: a row for each scenario and number of robots."""
+    """Create the table of speeds, with a row for each scenario and number of robots.
+
+    Args:
+        timings: Scenario and number of robots -> durations.
+        options: Options of the command.
+
+    Returns:
+        The table: speed ratio, overhead per control step, µs, and control steps per second.
+    """
     rows = make_table(
         f"Vector env, {with_count(options.threads, 'thread')}, control steps of 10 ms of all robots together",
         *("scenario, robots", "ratio", "overhead, µs", "steps/s", "bare steps/s"),
@@ -115,7 +135,7 @@ def _timings_table(timings: Mapping[tuple[str, int], VectorEnvTiming], options: 
 
 
 def time_vector_env(name: str, num_envs: int, options: VectorEnvBenchmarkOptions, advance: Advance) -> VectorEnvTiming:
-    """Time environment and bare batch; they take turns after every control step.
+    """Time the vector environment and MuJoCo's `Batch.step`, which take turns after every control step.
 
     Args:
         name: Name of the scenario.
@@ -124,7 +144,7 @@ def time_vector_env(name: str, num_envs: int, options: VectorEnvBenchmarkOptions
         advance: Function that is called after the measurement, for the progress bar.
 
     Returns:
-        Durations of both, and their ratio and difference.
+        Durations of environment and `Batch.step`, with the ratio of the speeds and the difference of the durations.
     """
     start = bare.make_initial_states(name, num_envs, options.robot)
     batch = bare.BareBatch(start, options.threads)
@@ -150,7 +170,14 @@ def time_vector_env(name: str, num_envs: int, options: VectorEnvBenchmarkOptions
 
 
 class TrotEnv:
-    """Vector environment with robots controlled by the trot, from given initial states."""
+    """Vector environment with n robots that the trot controls.
+
+    Args:
+        name: Name of the scenario.
+        start: Initial states of the robots; the environment is reset with their seeds.
+        threads: Number of threads of the simulation.
+        robot: Name of the robot, or path of its model file.
+    """
 
     def __init__(self, name: str, start: bare.InitialStates, threads: int, robot: str = SIMPLE_QUAD.name) -> None:
         count = len(start.seeds)
@@ -160,12 +187,12 @@ class TrotEnv:
         )
         self._policy.reset(count)
         self.observation, _ = self.env.reset(seed=list(start.seeds))  # type: ignore[arg-type]
-        """Latest observations of n robots, (n, k)."""
+        """Observations of the n robots after the latest control step, (n, k), with k numbers per robot."""
         self.action: bare.Actions = np.zeros((count, SIMPLE_QUAD.num_joints), np.float32)
-        """Joint targets of the latest step, (n, 12), rad."""
+        """Joint targets of the latest control step, (n, 12), rad."""
 
     def step(self) -> float:
-        """Run one control step; return the duration of `env.step` without the policy, s per robot."""
+        """Run one control step, and return the duration of `env.step` alone, s per robot."""
         self.action = self._policy.act(self.observation)
         begin = time.perf_counter()
         self.observation, _, terminated, truncated, _ = self.env.step(self.action)
@@ -175,7 +202,7 @@ class TrotEnv:
         return seconds / len(self.action)
 
     def reset(self) -> float:
-        """Reset all robots and return the duration, s per robot."""
+        """Reset all robots, and return the duration of the reset, s per robot."""
         begin = time.perf_counter()
         self.env.reset()
         return (time.perf_counter() - begin) / len(self.action)

@@ -25,40 +25,47 @@ from quad_env.cli.launcher import launch
 from quad_env.cli.progress import show_bar
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
-"""Names of browser programs, in the order in which they are tried."""
+"""Names of browser executables, in the order in which the benchmark searches for them."""
 FLAGS = ("--no-sandbox", "--no-first-run", "--disable-background-networking", "--disable-sync")
-"""Command-line arguments of the browser."""
+"""Command-line arguments with which the browser starts."""
 SOFTWARE = ("--enable-unsafe-swiftshader",)
-"""Command-line argument of the browser for rendering without graphics hardware."""
+"""Command-line argument with which the browser renders on the processor, without graphics hardware."""
 WARM_UP = 5.0
-"""Time between the first frame and a measurement shorter than LONG_RUN, s."""
+"""Waiting time between the first frame and the start of a measurement that is shorter than LONG_RUN, s."""
 LONG_WARM_UP = 60.0
-"""Time between the first frame and a measurement of at least LONG_RUN, s.
+"""Waiting time between the first frame and the start of a measurement that lasts at least LONG_RUN, s.
 
-A long measurement is about the growth of memory.
+It is longer than WARM_UP because a long measurement examines the growth of memory.
 """
 LONG_RUN = 600.0
-"""Shortest duration of a measurement that counts as long, s."""
+"""Duration from which on a measurement waits LONG_WARM_UP instead of WARM_UP, s."""
 SAMPLE_PERIOD = 1.0
-"""Time between two readings of the displayed speed, s."""
+"""Time between two readings of the simulation speed that the page displays, s."""
 SIZE = {"width": 1280, "height": 900}
-"""Size of the browser window, pixels."""
+"""Width and height of the browser window, pixels."""
 
 
 @dataclass(frozen=True)
 class ViewBenchmarkOptions(OutputOptions):
-    """The live view in real time, watched by a headless browser."""
+    """Options of the measurement of the live view in a headless browser."""
 
     seconds: float = 60.0
-    """Duration of the measurement, s."""
+    """Duration of the measurement in wall time, s."""
     scenario: str = "flat"
-    """Scenario."""
+    """Name of the scenario on which the robots walk."""
     policy: tuple[str, ...] = ("residual",)
-    """Policies, a robot each."""
+    """Names of policies; each policy controls one robot."""
 
 
 def measure(options: ViewBenchmarkOptions) -> BenchmarkResult:
-    """Measure speed, frame rate, first frame and memory of the live view over `options.seconds`."""
+    """Measure speed, frame rate, time to the first frame and memory of the live view.
+
+    Args:
+        options: Options of the command; `seconds` is the duration of the measurement.
+
+    Returns:
+        Measured values, with the checks of the requirements `view real time`, `view frames` and `view first frame`.
+    """
     if options.quick:
         options = ViewBenchmarkOptions(quick=True, seconds=4.0, scenario=options.scenario, policy=options.policy)
     with _browser() as browser:
@@ -80,9 +87,16 @@ def measure(options: ViewBenchmarkOptions) -> BenchmarkResult:
 
 
 def _watch(browser: Any, options: ViewBenchmarkOptions) -> dict[str, Any]:
-    """Start the live view, open it in the browser, and return the measured values by name.
+    """Start the live view, open it in the browser, and measure it.
 
-    A memory value is a list: memory at the start and at the end of the measurement, MiB.
+    Args:
+        browser: Browser of Playwright.
+        options: Options of the command.
+
+    Returns:
+        Dictionary: `real_time`, simulated time per wall time; `frames`, frame rate, 1/s; `first_frame`, time from the
+        start of the command to the first frame, s; `simulation, MiB` and `page, MiB`, memory at the start and at the
+        end of the measurement.
     """
     arguments = ["--policy", *options.policy, "--scenario", options.scenario, "--command", "0.5", "0", "0"]
     begin = time.perf_counter()
@@ -104,17 +118,17 @@ def _watch(browser: Any, options: ViewBenchmarkOptions) -> dict[str, Any]:
 
 
 def _open_page(browser: Any, view: subprocess.Popen[str]) -> Any:
-    """Open the address that the live view prints, wait for the first frame, and return the page.
+    """Open the page of the live view in the browser, and wait for the first frame.
 
     Args:
         browser: Browser of Playwright.
         view: Process of the live view.
 
     Returns:
-        Page of Playwright.
+        Page of Playwright that shows the live view.
 
     Raises:
-        UsageError: The live view prints no address.
+        UsageError: The live view has not printed the address of the page.
     """
     assert view.stdout is not None
     line = view.stdout.readline()
@@ -128,7 +142,16 @@ def _open_page(browser: Any, view: subprocess.Popen[str]) -> Any:
 
 
 def _sample(page: Any, seconds: float) -> tuple[float, float]:
-    """Read the page for a time of `seconds`; return mean speed over real time, and frame rate, 1/s."""
+    """Read the displayed speed and the number of frames for some time.
+
+    Args:
+        page: Page of Playwright that shows the live view.
+        seconds: Duration, s.
+
+    Returns:
+        speed: Mean displayed speed, simulated time per wall time.
+        frame_rate: Frames that the page has drawn per second of wall time, 1/s.
+    """
     speeds = []
     start = time.perf_counter()
     first_frames = _frames(page)
@@ -147,9 +170,15 @@ def _frames(page: Any) -> int:
 
 
 def _memory(process: int, page: Any) -> tuple[float, float]:
-    """Return the resident memory of a process, and the memory of the JavaScript objects of a page, MiB.
+    """Measure the memory of the live view and of its page in the browser.
 
-    The objects are counted after a garbage collection. The memory of the process is NaN if the system has no /proc.
+    Args:
+        process: Identifier of the process of the live view.
+        page: Page of Playwright that shows the live view.
+
+    Returns:
+        resident: Resident memory of the process, MiB; NaN if the system has no /proc.
+        heap: Memory of the JavaScript objects of the page after a garbage collection, MiB.
     """
     session = page.context.new_cdp_session(page)
     session.send("HeapProfiler.collectGarbage")
@@ -162,7 +191,7 @@ def _memory(process: int, page: Any) -> tuple[float, float]:
 
 @contextmanager
 def _browser() -> Iterator[Any]:
-    """Start a headless browser, and close it at the end.
+    """Start a headless browser as a context manager, and close the browser at the end.
 
     Yields:
         Browser of Playwright.
@@ -183,7 +212,7 @@ def _browser() -> Iterator[Any]:
 
 @contextmanager
 def _process(*words: str) -> Iterator[subprocess.Popen[str]]:
-    """Start Python with the arguments `words` in a process, and kill the process at the end."""
+    """Start Python with the arguments `words`, as a context manager that kills the process at the end."""
     process = subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:
         yield process

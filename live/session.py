@@ -1,4 +1,4 @@
-"""Session: one robot that a user can steer and push during an episode."""
+"""Interactive session: one simulated robot that a user can steer and push during an episode."""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -14,34 +14,34 @@ from policies.gait_cycle import smoothstep
 from quad_env.scenarios.scenario import Scenario
 
 POLICY_BLEND_TIME = 0.4
-"""Time in which the joint targets blend from the last targets to the targets of a new policy, s."""
+"""Duration of the transition of the joint targets from the previous policy to a new policy, s."""
 
 
 class Session:
-    """One robot in an episode that has no time limit.
+    """One simulated robot that a user can steer and push, in an episode without a time limit.
 
     The episode continues after a fall. Commands and pushes come from the scenario until a user calls `steer` or `push`.
-    Two sessions with the same scenario and seed have the same initial state, ground, pushes and commands for any
-    policy. A policy that was made for another robot or another control period raises ValueError.
+    Two sessions with the same scenario and seed have the same initial state, ground, pushes and commands, also if
+    their policies differ. A policy that was made for another robot or another control period raises ValueError.
 
     Args:
-        policy: Policy of the robot.
+        policy: Policy that controls the robot.
         scenario: Scenario of the episodes, or name of a scenario.
         seed: Seed of the first episode.
-        command: Fixed command, in the units of `steer`; None for the scenario's commands.
+        command: Fixed velocity command, as in `steer`; None for the commands that the scenario draws.
         hardware: Robot, motors, sensors and simulator.
-        observers: Functions that are called with the start of every episode, as step 0, and with every control step.
+        observers: Functions that receive the start of every episode, as step 0, and every control step.
 
     Attributes:
         env: Environment with one robot.
-        policy: Present policy.
-        observers: Functions that are called with every step.
-        listeners: Functions that are called with a short text about every intervention, for example `trot chosen`.
-        command: Fixed command: forward and left velocity, m/s, and yaw rate, rad/s, (3,); None for the scenario's
-            commands.
+        policy: Policy that controls the robot at present.
+        observers: Functions that receive the start of every episode, as step 0, and every control step.
+        listeners: Functions that receive a short text about every intervention, for example `trot chosen`.
+        command: Fixed velocity command: forward and left velocity, heading frame, m/s, and yaw rate, rad/s, (3,); None
+            for the commands that the scenario draws.
         seed: Seed of the present episode.
-        latest: Last control step, or the start of the episode before the first control step.
-        user_intervened: True if a user steered, pushed or changed the policy in the present episode.
+        latest: Last control step; before the first control step, the start of the episode.
+        user_intervened: True if a user steered or pushed the robot or changed the policy in the present episode.
     """
 
     def __init__(
@@ -69,24 +69,30 @@ class Session:
             close_on_error.pop_all()
 
     def reset(self, seed: int | None = None) -> Step:
-        """Start the episode of a `seed`, by default the present seed plus 1, and return the first step.
+        """Start a new episode, and return its start as step 0.
 
-        A fixed command stays fixed.
+        A fixed velocity command stays fixed in the new episode.
+
+        Args:
+            seed: Seed of the new episode; None for the present seed plus 1.
+
+        Returns:
+            Start of the episode.
         """
         self.seed = self.seed + 1 if seed is None else seed
         self.notify(f"reset, seed {self.seed}")
         return self._begin()
 
     def step(self) -> Step:
-        """Advance the robot by one control step and return the step."""
+        """Simulate one control step of the robot, and return the step with its observation and infos."""
         return self._notify_observers(advance(self.latest, self._action())[0])
 
     def steer(self, command: ArrayLike | None) -> None:
-        """Fix the command of the robot.
+        """Fix the velocity command of the robot.
 
         Args:
-            command: Forward and left velocity, heading frame, m/s, and yaw rate, rad/s, (3,). None for the scenario's
-                commands, from the next episode on. The environment raises ValueError for an invalid command.
+            command: Forward and left velocity, heading frame, m/s, and yaw rate, rad/s, (3,). With None, the scenario
+                draws the commands from the next episode on. The environment raises ValueError for an invalid command.
         """
         if command is not None:
             self.env.steer(command)
@@ -94,7 +100,7 @@ class Session:
         self.command = None if command is None else np.asarray(command, np.float64)
 
     def push(self, force: ArrayLike, duration: float) -> None:
-        """Push the trunk.
+        """Push the trunk of the robot with a constant force.
 
         Args:
             force: Horizontal force, world frame, (2,), N. The environment raises ValueError for an invalid force.
@@ -106,10 +112,10 @@ class Session:
         self.notify(f"pushed by hand, {np.hypot(forward, left) * duration:.3g} N·s")
 
     def set_policy(self, policy: Policy) -> None:
-        """Replace the policy; joint targets blend within `POLICY_BLEND_TIME`.
+        """Replace the policy; the joint targets change smoothly to the new targets in POLICY_BLEND_TIME.
 
-        A `policy` for another robot or control period raises ValueError. A `policy` that needs another height scan than
-        the present policy raises PolicyError. On an error the present policy stays.
+        The method raises ValueError if `policy` was made for another robot or control period. It raises PolicyError if
+        `policy` needs another height scan than the present policy. After an error the present policy stays in use.
         """
         self._check(policy)
         policy.reset(num_envs=1, seed=0)
@@ -120,7 +126,7 @@ class Session:
         self.notify(f"{policy.name} chosen")
 
     def notify(self, event: str) -> None:
-        """Call the listeners with the text of an `event`."""
+        """Call all listeners with the text `event`, which describes an intervention of the user."""
         for listener in self.listeners:
             listener(event)
 
@@ -129,27 +135,31 @@ class Session:
         self.env.close()
 
     def _check(self, policy: Policy) -> None:
-        """Raise ValueError or PolicyError if the policy does not fit the environment."""
+        """Raise ValueError or PolicyError if robot, control period or height scan of the policy do not fit."""
         policy.check_compatible(self.env.robot, self.env.dt)
         if policy.height_scan != self.policy.height_scan:
             raise PolicyError(f"{policy.name} needs other ground heights than {self.policy.name}")
 
     def _begin(self) -> Step:
-        """Start the episode of the present seed and return the first step."""
+        """Start the episode of the present seed, and return its start as step 0."""
         self._policy_changed_at = self._offset = None
         self.user_intervened = False
         self.policy.reset(num_envs=1, seed=0)
         return self._notify_observers(reset_episodes(self.env, np.array([self.seed]), self.command))
 
     def _notify_observers(self, step: Step) -> Step:
-        """Store the step, call the observers with the step, and return the step."""
+        """Store a control step as `latest`, call all observers with it, and return it."""
         self.latest = step
         for observer in self.observers:
             observer(step)
         return step
 
     def _action(self) -> Actions:
-        """Return the joint targets of the next step; after a change of the policy the targets are blended."""
+        """Compute the joint targets of the next control step, (1, 12), rad.
+
+        For POLICY_BLEND_TIME after a change of the policy, the targets change smoothly from the last targets of the
+        previous policy to the targets of the new policy.
+        """
         action = self.policy.act(self.latest.observation)
         if self._policy_changed_at is None:
             return action

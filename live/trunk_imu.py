@@ -1,4 +1,7 @@
-"""Ideal accelerometer at the trunk's centre; the `infos` of a step do not contain the specific force."""
+"""Ideal accelerometer at the centre of the trunk.
+
+The specific force (acceleration minus gravity) is computed here, because the environment's infos do not contain it.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,7 +18,8 @@ WORLD_UP = np.array([0.0, 0.0, 1.0])
 class TrunkImu:
     """Ideal accelerometer of one robot.
 
-    It differentiates the velocity, so it must be called with every control step in order.
+    The accelerometer differentiates the velocity. Therefore `specific_force` must be called once after each control
+    step, in the order of the steps.
 
     Args:
         dt: Control period, s.
@@ -26,14 +30,14 @@ class TrunkImu:
         self._velocity = np.zeros(3)
 
     def specific_force(self, infos: Mapping[str, Any], *, is_first: bool) -> NDArray[np.float64]:
-        """Compute the mean specific force of the trunk's centre over the last control step.
+        """Compute the mean specific force at the trunk centre over the last control step.
 
         Args:
-            infos: Infos of the robot after the step.
-            is_first: True at the start of an episode, when the acceleration is assumed to be zero.
+            infos: Infos of the environment for this robot after the control step.
+            is_first: True at the start of an episode, where the acceleration is assumed to be zero.
 
         Returns:
-            Specific force, base frame, (3,), m/s².
+            Specific force (acceleration minus gravity), base frame, (3,), m/s².
         """
         rotation = np.array(rotation_matrix(tuple(infos["quaternion"])))  # from base to world
         cos, sin = rotation[:2, 0] / np.hypot(*rotation[:2, 0])

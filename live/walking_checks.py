@@ -1,7 +1,8 @@
-"""Checks of `python -m quad_env doctor` that need policies.
+"""Checks of `python -m quad_env doctor` in which a policy controls the robot.
 
-The checks test three things: the robot follows commands with a reference policy; a given policy works; a policy with a
-description loads, stands and walks.
+They check that the robot follows velocity commands with a reference policy, and that the user's policy loads and
+walks. For a policy from another project, they also check its description: the file that defines the observations and
+actions of the policy.
 """
 
 from collections.abc import Iterable, Iterator
@@ -25,20 +26,30 @@ from quad_env.robots.plausibility import find_warnings
 from quad_env.robots.robot import Robot
 
 REFERENCE_POLICY = "trot_feedback"
-"""Policy that tests a robot; walks on all robots of `quad_env.ROBOTS` without parameters tuned for each."""
-COMMANDS = {"forward": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "turning left": (0.0, 0.0, 0.8)}
-"""Name -> command: forward and left velocity, m/s, and yaw rate, rad/s.
+"""Name of the policy with which the walking of a robot is checked.
 
-The commands are for SimpleQuad and are scaled to other robots.
+It walks on all robots of `quad_env.ROBOTS` without parameters that were tuned for each robot.
+"""
+COMMANDS = {"forward": (0.5, 0.0, 0.0), "to the left": (0.0, 0.4, 0.0), "turning left": (0.0, 0.0, 0.8)}
+"""Velocity commands of the checks: name -> forward and left velocity, m/s, and yaw rate, rad/s.
+
+The commands are for the robot SimpleQuad; they are scaled to the size of other robots.
 """
 MIN_REPORTED_DAMPING_RATIO = 0.05
-"""Ratio of passive joint damping to servo damping above which the joint damping is reported."""
+"""Ratio of passive joint damping to servo damping, above which `describe_spec` reports the joint damping."""
 NAME_REMEDY = "name an existing policy: python -m quad_env policies"
 INTERFACE = "one observation (48,) in, twelve targets (12,) out, rad: docs/your-policy.md"
 
 
 def check_reference_policy(subject: DoctorSubject) -> Finding:
-    """Check that the robot of `subject` walks with the reference policy, which works on other robots."""
+    """Check that the robot follows velocity commands with the policy REFERENCE_POLICY.
+
+    Args:
+        subject: Robot that is checked.
+
+    Returns:
+        Finding: ok, or a problem of the robot's model with likely cause and remedy.
+    """
     robot = subject.robot
     tracked, not_tracked = walk(policies.make(REFERENCE_POLICY, robot=robot), subject)
     if not not_tracked:
@@ -55,7 +66,14 @@ def check_reference_policy(subject: DoctorSubject) -> Finding:
 
 
 def check_policy(subject: DoctorSubject) -> Finding:
-    """Check that the policy of `subject` loads, fits robot and control period, and follows commands."""
+    """Check that the user's policy loads, fits robot and control period, and follows velocity commands.
+
+    Args:
+        subject: Robot and policy that are checked.
+
+    Returns:
+        Finding: ok, or a problem of the policy with likely cause and remedy.
+    """
     assert subject.policy is not None
     try:
         policy = policies.resolve(
@@ -75,7 +93,15 @@ def check_policy(subject: DoctorSubject) -> Finding:
 
 
 def _load_problem(reference: str, error: PolicyError) -> Finding:
-    """Return the finding for a policy that does not load, with cause and remedy."""
+    """Return the finding about a policy that cannot be loaded, with likely cause and remedy.
+
+    Args:
+        reference: Name or path of the policy.
+        error: Error that loading the policy has raised.
+
+    Returns:
+        Finding of the kind `problem`.
+    """
     if policies.is_reference(reference):
         return _policy_code_problem(str(error))
     remedy = error.remedy or NAME_REMEDY
@@ -86,15 +112,15 @@ def _load_problem(reference: str, error: PolicyError) -> Finding:
 
 
 def walk(policy: Policy, subject: DoctorSubject) -> tuple[list[str], list[str]]:
-    """Let a policy walk at each command of `COMMANDS`.
+    """Simulate the robot with a policy at each velocity command of `COMMANDS`.
 
     Args:
         policy: Policy to test.
         subject: Subject of the checks, with the robot.
 
     Returns:
-        tracked: Text about each command that the policy follows, for example `forward 0.49 of 0.50 m/s`.
-        not_tracked: Text about each command that the policy does not follow.
+        tracked: Text about the walk at each command that the policy follows, for example `forward 0.49 of 0.50 m/s`.
+        not_tracked: Text about the walk at each command that the policy does not follow.
     """
     results = run_walks(policy, HardwareConfig(robot=subject.name), COMMANDS, np.arange(1))
     tracked = [result.description for result in results if result.deviation <= 1.0]
@@ -103,7 +129,7 @@ def walk(policy: Policy, subject: DoctorSubject) -> tuple[list[str], list[str]]:
 
 
 def _policy_code_problem(observed: str) -> Finding:
-    """Return the finding for a policy with an error in the policy's own code."""
+    """Return a finding of the kind `problem` for a policy that fails because of an error in its own code."""
     return problem(observed, "the policy's own code, or its input and output", f"correct it there: {INTERFACE}")
 
 
@@ -112,9 +138,15 @@ DESCRIPTION_REMEDY = "in the description: --write mine.toml writes it, to correc
 
 
 def check_description(subject: DoctorSubject) -> Finding:
-    """Check that the policy of `subject` has a complete description that fits the robot.
+    """Check that the user's policy has a complete description that fits the robot.
 
-    The description defines the observations and actions of a policy from another project.
+    The description is a file that defines the observations and actions of a policy from another project.
+
+    Args:
+        subject: Robot and policy that are checked.
+
+    Returns:
+        Finding: ok, a warning or a problem.
     """
     try:
         policy = _load_policy(subject)
@@ -129,7 +161,7 @@ def check_description(subject: DoctorSubject) -> Finding:
 
 
 def _check_without_description(subject: DoctorSubject) -> Finding:
-    """Check that a policy that has no description walks with the observation of this environment."""
+    """Check that a policy without a description walks with the observation of this environment."""
     walks = _run_walks(subject)
     failures = diagnosis.failure_messages(walks)
     if not failures:
@@ -142,24 +174,38 @@ def _check_without_description(subject: DoctorSubject) -> Finding:
 
 
 def check_standing(subject: DoctorSubject) -> Finding:
-    """Check that the policy of `subject` stands at zero command; diagnose the description otherwise."""
+    """Check that the user's policy stands if the commanded velocity is zero.
+
+    Args:
+        subject: Robot and policy that are checked.
+
+    Returns:
+        Finding: ok, or a problem with the likely error in the policy's description.
+    """
     return _check_walks(subject, (diagnosis.STAND,))
 
 
 def check_walking(subject: DoctorSubject) -> Finding:
-    """Check that the policy of `subject` follows moderate commands; diagnose the description otherwise."""
+    """Check that the user's policy follows moderate velocity commands.
+
+    Args:
+        subject: Robot and policy that are checked.
+
+    Returns:
+        Finding: ok, or a problem with the likely error in the policy's description.
+    """
     return _check_walks(subject, tuple(name for name in diagnosis.COMMANDS if name != diagnosis.STAND))
 
 
 def describe_spec(spec: PolicySpec, robot: Robot) -> Iterator[str]:
-    """Describe a policy specification in text.
+    """Describe the specification of a policy from another project in lines of text.
 
     Args:
-        spec: Specification of the policy.
+        spec: Specification of the policy: its observations, actions, servo gains and control rate.
         robot: Robot that the policy controls.
 
     Yields:
-        Lines about control rate, joints, servos, observation and open questions.
+        Lines about control rate, joint order, servo gains, observation terms and open questions.
     """
     yield f"rate    {spec.control_rate:g} Hz"
     yield f"joints  {joint_order_in_words(spec.joints, robot)}: {' '.join(spec.joints)}"
@@ -173,19 +219,27 @@ def describe_spec(spec: PolicySpec, robot: Robot) -> Iterator[str]:
 
 
 def _format_term(term: SpecTerm) -> str:
-    """Format an observation term: name, width, scale and history, as in `joint_velocity 12 × 0.05`."""
+    """Format name, width, scale and history of an observation term, as in `joint_velocity 12 × 0.05`."""
     scale = "" if set(term.scale) == {1.0} else f" × {_format_numbers(term.scale)}"
     history = f" of {term.history} steps" if term.history > 1 else ""
     return f"{term.name} {term.width}{scale}{history}"
 
 
 def _format_numbers(values: Iterable[float]) -> str:
-    """Format numbers as text, separated by spaces."""
+    """Format numbers as one text, in which spaces separate the numbers."""
     return " ".join(f"{value:g}" for value in values)
 
 
 def _check_walks(subject: DoctorSubject, command_names: tuple[str, ...]) -> Finding:
-    """Check that the policy passes the walking test at each command in `command_names`."""
+    """Check that the user's policy passes the walking test at the given velocity commands.
+
+    Args:
+        subject: Robot and policy that are checked.
+        command_names: Names of commands in `diagnosis.COMMANDS`.
+
+    Returns:
+        Finding: ok, or a problem with the likely error in the policy's description.
+    """
     policy = _load_policy(subject)
     if policy.spec is None:
         return NO_DESCRIPTION
@@ -201,7 +255,7 @@ def _check_walks(subject: DoctorSubject, command_names: tuple[str, ...]) -> Find
 
 @lru_cache(maxsize=1)
 def _load_policy(subject: DoctorSubject) -> ExternalPolicy:
-    """Load the policy of `subject`; raise PolicyError if it cannot be loaded."""
+    """Load the user's policy; raise PolicyError if it cannot be loaded."""
     assert subject.policy is not None
     reference = subject.policy.removeprefix(policies.SAFE)
     return ExternalPolicy(reference, robot=subject.robot, control_period=CONTROL_PERIOD, trust=subject.trust)
@@ -209,5 +263,5 @@ def _load_policy(subject: DoctorSubject) -> ExternalPolicy:
 
 @lru_cache(maxsize=1)
 def _run_walks(subject: DoctorSubject) -> list[Walk]:
-    """Run the walking test at each command of `diagnosis.COMMANDS` with the policy of `subject`."""
+    """Run the walking test with the user's policy at each velocity command of `diagnosis.COMMANDS`."""
     return diagnosis.run_walk_tests(_load_policy(subject), subject.name)

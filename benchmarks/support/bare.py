@@ -1,4 +1,4 @@
-"""MuJoCo without the environment, for comparison: the same model, initial states and actions."""
+"""Simulation by MuJoCo without the environment, with the same model, initial states and actions."""
 
 import time
 from dataclasses import dataclass
@@ -17,23 +17,23 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 Floats = NDArray[np.float64]
 Actions = NDArray[np.float32]
 COMMAND = (0.5, 0.0, 0.3)
-"""Velocity command of all benchmarks: forward, m/s, left, m/s, and yaw rate, rad/s."""
+"""Velocity command of the compared robots: forward, m/s, left, m/s, and yaw rate, rad/s."""
 MAX_STARTS = 256
-"""Largest number of different initial states in a batch; a larger batch repeats the same states."""
+"""Largest number of different initial states in a batch of robots; a larger batch repeats these states."""
 
 
 @dataclass(frozen=True)
 class InitialStates:
-    """Model and n states after resets of the environment, made by `make_initial_states`."""
+    """MuJoCo model and n states after resets of the environment, made by `make_initial_states`."""
 
     model: mujoco.MjModel
-    """Model that the environment simulates."""
+    """MuJoCo model that the environment simulates."""
     seeds: tuple[int, ...]
-    """Seed of the reset for each state."""
+    """Seed of the reset that gave each state, n items."""
     qpos: Floats
-    """MuJoCo positions `qpos`, (n, nq)."""
+    """Generalized positions of each state, MuJoCo `qpos`, (n, nq)."""
     qvel: Floats
-    """MuJoCo velocities `qvel`, (n, nv)."""
+    """Generalized velocities of each state, MuJoCo `qvel`, (n, nv)."""
     dt: float
     """Control period, s."""
 
@@ -44,15 +44,15 @@ class InitialStates:
 
 
 def make_initial_states(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.name) -> InitialStates:
-    """Record the states after resets of the environment with seeds 0, 1, ….
+    """Record the states of the robot after resets of the environment with the seeds 0, 1, ….
 
     Args:
         scenario: Name of the scenario.
-        num_envs: Number of states. More than MAX_STARTS states repeat the first ones.
-        robot: Name of the robot.
+        num_envs: Number of states. From MAX_STARTS on, the first states are repeated.
+        robot: Name of the robot, or path of its model file.
 
     Returns:
-        Model and states.
+        MuJoCo model and initial states.
     """
     env = gym.make(ENV_ID, scenario=scenario, robot=policies.make("trot", robot=robot).robot)
     distinct = min(num_envs, MAX_STARTS)
@@ -76,16 +76,16 @@ def make_initial_states(scenario: str, num_envs: int, robot: str = SIMPLE_QUAD.n
 def record_actions(
     steps: int, seed: int = 0, command: tuple[float, float, float] = COMMAND, robot: str = SIMPLE_QUAD.name
 ) -> Actions:
-    """Record the actions of the trot in one episode on flat ground.
+    """Record the actions of the trot controller in one episode on flat ground.
 
     Args:
         steps: Number of control steps.
         seed: Seed of the episode.
-        command: Constant command: forward, m/s, left, m/s, and yaw rate, rad/s.
-        robot: Name of the robot.
+        command: Constant velocity command: forward, m/s, left, m/s, and yaw rate, rad/s.
+        robot: Name of the robot, or path of its model file.
 
     Returns:
-        Joint targets, (steps, 12), rad.
+        Joint targets of each control step, (steps, 12), rad.
     """
     policy = policies.make("trot", robot=robot)
     env = gym.make(ENV_ID, robot=policy.robot)
@@ -100,7 +100,14 @@ def record_actions(
 
 
 class BareLoop:
-    """One robot, simulated by a loop of `mj_step` without the environment."""
+    """Simulation of one robot by a loop of `mj_step`, without the environment.
+
+    Args:
+        start: MuJoCo model and initial states; the robot starts from the first state.
+
+    Attributes:
+        data: MuJoCo state of the robot.
+    """
 
     def __init__(self, start: InitialStates) -> None:
         self._start = start
@@ -113,7 +120,14 @@ class BareLoop:
         self.data.qpos, self.data.qvel = self._start.qpos[0], self._start.qvel[0]
 
     def run(self, actions: Actions) -> float:
-        """Run the control steps of `actions`, (steps, 12), rad, and return the mean duration of a step, s."""
+        """Simulate one control step for each action, and return the mean duration of a control step.
+
+        Args:
+            actions: Joint targets of each control step, (steps, 12), rad.
+
+        Returns:
+            Mean wall time of a control step, s.
+        """
         model = self._start.model
         data = self.data
         substeps = self._start.substeps
@@ -126,7 +140,12 @@ class BareLoop:
 
 
 class BareBatch:
-    """n robots, simulated by `mujoco.batch.Batch` without the environment."""
+    """Simulation of n robots by `mujoco.batch.Batch`, without the environment.
+
+    Args:
+        start: MuJoCo model and initial states of the n robots.
+        threads: Number of threads of the simulation.
+    """
 
     def __init__(self, start: InitialStates, threads: int) -> None:
         self._substeps = start.substeps
@@ -137,11 +156,18 @@ class BareBatch:
 
     @property
     def qpos(self) -> Floats:
-        """Current MuJoCo positions `qpos`, (n, nq)."""
+        """Current generalized positions of the robots, MuJoCo `qpos`, (n, nq)."""
         return np.array(self._batch.bind("qpos"))
 
     def run(self, actions: Actions) -> float:
-        """Run the control steps of `actions`, (steps, n, 12), rad; return the duration of a step, s per robot."""
+        """Simulate one control step for each action, and return the mean duration of a control step.
+
+        Args:
+            actions: Joint targets of each control step and robot, (steps, n, 12), rad.
+
+        Returns:
+            Mean wall time of a control step, s per robot.
+        """
         begin = time.perf_counter()
         for action in actions:
             self._controls[:] = action

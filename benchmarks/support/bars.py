@@ -1,18 +1,21 @@
-"""Requirements on measured values, each with the benchmark command that measures the value."""
+"""Requirements on the speed and accuracy of the project, with limits of the measured values.
+
+Each requirement names the benchmark command that measures its values.
+"""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Threshold:
-    """Lower or upper limit of a measured value."""
+    """Lower or upper limit of one measured value."""
 
     sign: str
     """`≥` for a lower limit, `≤` for an upper limit."""
     bound: float
     """Limit, in `unit`."""
     unit: str = ""
-    """Unit, printed directly after a number; ` µs` starts with a space, `/s` does not."""
+    """Unit that is printed directly after a number, with a leading space if needed, for example ` µs` or `/s`."""
 
     def is_met(self, value: float) -> bool:
         """Return True if the value is within the limit, False if it is not or is NaN."""
@@ -24,10 +27,10 @@ class Threshold:
 
 @dataclass(frozen=True)
 class Requirement:
-    """Requirement on one or more measured values; it is met if at least one value is within its limit."""
+    """Requirement on measured values; it is met if at least one of the values is within its limit."""
 
     name: str
-    """Description of the measured values."""
+    """Description of the measured values, shown in the table of requirements."""
     command: str
     """Benchmark command that measures the values: NAME in `python -m benchmarks.NAME`."""
     limits: tuple[Threshold, ...]
@@ -72,7 +75,7 @@ BARS = {
         "60 s recorded / not recorded, time of the simulation", "recording", (Threshold("≤", 1.15),)
     ),
 }
-"""Name of a requirement -> requirement."""
+"""All requirements of the benchmarks: name -> requirement."""
 
 ACCURACY_BARS = {
     "trunk_mm": Threshold("≤", 2.0),
@@ -81,15 +84,18 @@ ACCURACY_BARS = {
     "penetration_mm": Threshold("≤", 2.0),
     "slip_mm_s": Threshold("≤", 1.0),
 }
-"""Field of `physics_accuracy.Accuracy` -> limit of its value."""
+"""Accuracy limits of a physics setting: field of `physics_accuracy.Accuracy` -> limit of the field's value."""
 
 
 @dataclass(frozen=True)
 class RequirementCheck:
-    """Measured values of a requirement, made by `check_requirement`. The fields are keys of the JSON file."""
+    """Measured values of a requirement, made by `check_requirement`.
+
+    The names of the fields are keys of the benchmark's JSON file.
+    """
 
     bar: str
-    """Name of the requirement in BARS."""
+    """Name of the requirement, a key of BARS."""
     values: tuple[float, ...]
     """Measured values, one for each limit of the requirement."""
 
@@ -103,11 +109,11 @@ def check_requirement(bar: str, *values: float) -> RequirementCheck:
     """Return the check of a requirement for measured values.
 
     Args:
-        bar: Name of the requirement in BARS.
+        bar: Name of the requirement, a key of BARS.
         *values: Measured values, one for each limit of the requirement.
 
     Returns:
-        The requirement with its values.
+        The check, with the name of the requirement and the measured values.
 
     Raises:
         ValueError: The number of values is different from the number of limits.

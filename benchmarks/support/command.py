@@ -1,4 +1,4 @@
-"""Common parts of all benchmark commands: options with their limits, tables, JSON file, exit code."""
+"""Common code of the benchmark commands: options, their limits, tables, JSON file and exit code."""
 
 import dataclasses
 import json
@@ -20,7 +20,7 @@ from quad_env.cli.program import exit_code
 from quad_env.files.writing import write_atomically
 
 WIDTH = 100
-"""Width of the console to which tables are printed, characters."""
+"""Width of the printed tables, characters."""
 OPTION_LIMITS = {
     "rounds": (1, 10_000),
     "envs": (1, 65_536),
@@ -31,25 +31,28 @@ OPTION_LIMITS = {
     "frames": (1, 10**6),
     "seconds": (1.0, 1e6),
 }
-"""Name of an option -> its smallest and largest valid value, in all commands that have the option."""
+"""Name of an option -> smallest and largest valid value.
+
+The limits hold for every benchmark command that has an option of this name.
+"""
 
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """Options of every command."""
+    """Options that every benchmark command has."""
 
     quick: bool = False
-    """Sizes so small that the figures mean nothing: whether the command works."""
+    """Test the command with a tiny workload; the measured values are meaningless."""
     json: Path | None = None
-    """File for the figures (JSON); replaced if there."""
+    """JSON file for the measured values; an existing file is replaced."""
 
 
 @dataclass(frozen=True)
 class MeasurementOptions(OutputOptions):
-    """Options of every measurement."""
+    """Options of every benchmark command that measures in rounds."""
 
     rounds: int = 15
-    """Interleaved rounds (count). Figures are medians over them, in brackets the quartiles."""
+    """Measurement rounds (count); results are medians over the rounds, with quartiles in brackets."""
 
 
 OptionsT = TypeVar("OptionsT", bound=OutputOptions)
@@ -57,34 +60,37 @@ OptionsT = TypeVar("OptionsT", bound=OutputOptions)
 
 @dataclass(frozen=True)
 class BenchmarkResult:
-    """Result of a command: values for the JSON file, tables to print, and checked requirements."""
+    """Result of a benchmark command: values for the JSON file, tables to print, and checked requirements."""
 
     figures: dict[str, Any]
-    """Name -> measured values, for the entry `figures` of the JSON file."""
+    """Name of a measurement -> measured values; written to the JSON file under the key `figures`."""
     tables: tuple[Table, ...]
-    """Tables to print."""
+    """Tables that the command prints."""
     checks: tuple[RequirementCheck, ...] = ()
     """Requirements that the command checked, with their measured values."""
     notes: tuple[str, ...] = ()
-    """Lines to print below the tables."""
+    """Lines that the command prints below the tables."""
     unmeasured: tuple[str, ...] = ()
-    """Names of requirements that another command measures."""
+    """Names of requirements in BARS that only other benchmark commands measure."""
 
 
 def make_command(
     kind: type[OptionsT], measure: Callable[[OptionsT], BenchmarkResult], program: str, description: str | None
 ) -> Callable[..., int]:
-    """Create the main function of a command: parse the options, measure, print, write the JSON file.
+    """Create the main function of a benchmark command.
+
+    The main function parses the options, runs the benchmark, prints the result and writes the JSON file.
+
 
     Args:
         kind: Dataclass of the options.
-        measure: Function that runs the benchmark with the parsed options.
+        measure: Function that runs the benchmark with the parsed options and returns the result.
         program: Name of the command: NAME in `python -m NAME`.
-        description: Text for --help.
+        description: Description of the command in the output of --help.
 
     Returns:
-        Function of a list of command-line arguments; None takes the arguments of the process. It returns the exit code:
-        0 after success, 2 after a user error with a one-line message, 130 after Ctrl-C.
+        Function that takes a list of command-line arguments, or None for the arguments of the process. It returns the
+        exit code: 0 after success, 2 after a user error with a one-line message, 130 after Ctrl-C.
     """
 
     def run(arguments: Sequence[str]) -> int:
@@ -98,13 +104,14 @@ def make_command(
 
 
 def _check(options: OutputOptions) -> None:
-    """Check the options of a command, and make the folder of the JSON file.
+    """Check the options of a benchmark command, and create the folder of the JSON file.
 
     Args:
         options: Parsed options.
 
     Raises:
-        UsageError: A number is outside its limits, a list is empty or has a value twice, or the folder cannot be made.
+        UsageError: A number is outside its limits, a list is empty or contains a value twice, or the folder cannot be
+            created.
     """
     check_numbers(options, {name: limits for name, limits in OPTION_LIMITS.items() if hasattr(options, name)})
     for name, value in vars(options).items():
@@ -116,7 +123,7 @@ def _check(options: OutputOptions) -> None:
 
 
 def write_results(result: BenchmarkResult, facts: dict[str, Any], options: OutputOptions, program: str) -> None:
-    """Print the result of a command, and write the JSON file if the option `json` is set.
+    """Print the result of a benchmark command, and write the JSON file if the option `json` is set.
 
     Args:
         result: Result of the command.
@@ -144,14 +151,14 @@ def write_results(result: BenchmarkResult, facts: dict[str, Any], options: Outpu
 
 
 def checks_table(checks: Sequence[RequirementCheck], unmeasured: Sequence[str]) -> Table:
-    """Create the table of requirements.
+    """Create the table that shows each requirement with its limits and measured values.
 
     Args:
-        checks: Requirements with measured values.
-        unmeasured: Names of other requirements. The table shows the commands that measure them.
+        checks: Checked requirements with their measured values.
+        unmeasured: Names of requirements without measured values. The table shows the command that measures each.
 
     Returns:
-        The table.
+        The table, with one row per requirement.
     """
     rows = make_table("Limits", "figure", "bar", "measured", "")
     for check in checks:
@@ -167,12 +174,20 @@ def checks_table(checks: Sequence[RequirementCheck], unmeasured: Sequence[str]) 
 
 
 def _limits(bar: str) -> str:
-    """Format the limits of the requirement `bar`, for example `≥ 0.9 or ≤ 6 µs`."""
+    """Return the limits of the requirement with the name `bar` as text, for example `≥ 0.9 or ≤ 6 µs`."""
     return " or ".join(map(str, BARS[bar].limits))
 
 
 def make_table(title: str, *heads: str) -> Table:
-    """Create a table without rows, with a `title` and column `heads`; the first column is left-aligned."""
+    """Create an empty table; the first column is left-aligned, all other columns are right-aligned.
+
+    Args:
+        title: Title above the table.
+        *heads: Headings of the columns.
+
+    Returns:
+        The table, to which the caller adds rows.
+    """
     table = Table(title=title, title_justify="left", title_style="bold")
     for index, head in enumerate(heads):
         table.add_column(head, justify="right" if index else "left")
@@ -183,11 +198,11 @@ def format_quartiles(value: Quartiles, digits: int = 2) -> str:
     """Format median and quartiles as rich markup with `digits` decimals: `0.91 [0.90 … 0.92]`.
 
     Args:
-        value: Quartiles.
+        value: Median and quartiles of a measured value.
         digits: Number of decimals.
 
     Returns:
-        The text.
+        The text, in which a backslash escapes the bracket for rich.
     """
     return f"{value.median:,.{digits}f} \\[{value.low:,.{digits}f} … {value.high:,.{digits}f}]"
 
@@ -195,7 +210,7 @@ def format_quartiles(value: Quartiles, digits: int = 2) -> str:
 def to_json_types(value: Any) -> Any:
     """Convert dataclasses, arrays and paths to JSON types, in dictionaries and lists of any depth.
 
-    Numbers that are not finite become None.
+    NaN and infinite numbers become None, because JSON cannot represent them.
     """
     return nan_to_null(json.loads(json.dumps(value, default=_plain)))
 

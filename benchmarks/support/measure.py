@@ -1,7 +1,7 @@
-"""Interleaved timing of functions.
+"""Timing of functions that take turns, and statistics of the measured durations.
 
-The timed functions take turns (A B A B …), so that other work on the machine slows all of them equally. A round is one
-call of each function.
+The functions are called in turns (A B A B …), so that other work on the machine slows all functions equally. In a
+round, each function is called once.
 """
 
 import os
@@ -25,18 +25,18 @@ Floats = NDArray[np.float64]
 TimedFunction = Callable[[], float]
 """Function that does the same work at every call, and returns the duration of one unit of the work, s."""
 Advance = Callable[[], None]
-"""Function that moves a progress bar forward by one part of the work."""
+"""Function that moves a progress bar forward; it is called when one part of the work is done."""
 
 
 @contextmanager
 def progress_bar(description: str, total: int) -> Iterator[Advance]:
-    """Show the progress of `total` parts of work under a `description` on stderr.
+    """Show the progress of some work on stderr, as a context manager.
 
-    The progress is a bar if stderr is a terminal. Otherwise it is one line after the work, with the duration.
+    A progress bar is shown if stderr is a terminal. Otherwise one line with the duration is printed after the work.
 
     Args:
-        description: Name of the work.
-        total: Number of parts.
+        description: Name of the work, shown in front of the bar.
+        total: Number of parts of the work.
 
     Yields:
         Function that moves the progress bar forward by one part.
@@ -59,13 +59,13 @@ def interleave(
     """Time functions that take turns.
 
     Args:
-        timed_functions: Name -> function.
+        timed_functions: Name -> function that does the same work at every call and returns the duration, s.
         rounds: Number of rounds; every function is called once in each round.
         title: Description of the progress bar; empty to show no bar.
-        warm_up: Number of additional rounds before the timed ones.
+        warm_up: Number of rounds before the first timed round, in which the durations are ignored.
 
     Returns:
-        Name -> duration of one unit of work in each round, (rounds,), s.
+        Name -> duration that the function returned in each timed round, (rounds,), s.
     """
     seconds: dict[str, list[float]] = {name: [] for name in timed_functions}
     with progress_bar(title, warm_up + rounds) if title else nullcontext(lambda: None) as advance:
@@ -80,43 +80,64 @@ def interleave(
 
 @dataclass(frozen=True)
 class Quartiles:
-    """Median and quartiles of a measured value over the rounds."""
+    """Median and quartiles of a measured value over the measurement rounds."""
 
     median: float
-    """Median."""
+    """Median over the rounds, in the unit of the measured value."""
     low: float
-    """First quartile."""
+    """First quartile over the rounds, in the unit of the measured value."""
     high: float
-    """Third quartile."""
+    """Third quartile over the rounds, in the unit of the measured value."""
 
     def scaled(self, factor: float) -> "Quartiles":
-        """Return median and quartiles multiplied by a positive `factor`, for a change of unit."""
+        """Return median and quartiles multiplied by a positive `factor`, for example to convert s to µs."""
         return Quartiles(self.median * factor, self.low * factor, self.high * factor)
 
 
 def compute_quartiles(values: Floats) -> Quartiles:
-    """Compute the median and the quartiles of the `values` in all rounds, (rounds,)."""
+    """Compute the median and the quartiles of the values that were measured in all rounds, (rounds,)."""
     low, median, high = np.quantile(values, (0.25, 0.5, 0.75))
     return Quartiles(float(median), float(low), float(high))
 
 
 def speed_ratio(subject: Floats, other: Floats) -> Quartiles:
-    """Return the speed of `subject` over the speed of `other`, from durations in each round, (rounds,)."""
+    """Compute the ratio of the speeds of two functions over the measurement rounds.
+
+    Args:
+        subject: Duration of the first function in each round, (rounds,), s.
+        other: Duration of the second function in each round, (rounds,), s.
+
+    Returns:
+        Median and quartiles of the ratio; it is larger than 1 if the first function is faster.
+    """
     return compute_quartiles(other / subject)
 
 
 def difference(subject: Floats, other: Floats) -> Quartiles:
-    """Return the duration of `subject` minus `other`, from durations in each round, (rounds,), s."""
+    """Compute the difference of the durations of two functions over the measurement rounds.
+
+    Args:
+        subject: Duration of the first function in each round, (rounds,), s.
+        other: Duration of the second function in each round, (rounds,), s.
+
+    Returns:
+        Median and quartiles of `subject` minus `other`, s.
+    """
     return compute_quartiles(subject - other)
 
 
 def cores() -> int:
-    """Return the number of cores that this process may use."""
+    """Return the number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def machine_facts() -> dict[str, Any]:
-    """Return facts about the machine by name: processor, cores, current load, software versions."""
+    """Return facts about this machine for the benchmark report.
+
+    Returns:
+        Dictionary: `cpu`, name of the processor; `cores`, number of cores; `load`, mean load of the last minute, None
+        if the system does not report it; `python`, `mujoco`, `numpy` and `gymnasium`, versions.
+    """
     return {
         "cpu": cpu_model(),
         "cores": cores(),
@@ -127,7 +148,7 @@ def machine_facts() -> dict[str, Any]:
 
 
 def machine_line(facts: Mapping[str, Any]) -> str:
-    """Format the facts of `machine_facts` as one line of text."""
+    """Format facts about the machine, from `machine_facts`, as one line of text."""
     return (
         f"{facts['cpu']}, {facts['cores']} cores, load {facts['load']} at the start; Python {facts['python']}, "
         f"MuJoCo {facts['mujoco']}, NumPy {facts['numpy']}, Gymnasium {facts['gymnasium']}"

@@ -1,6 +1,6 @@
 """Accuracy of a physics setting: deviation of strides from a reference, and slip of standing feet.
 
-The reference is the same stride with a finer time step and a fully converged solver.
+The reference simulation repeats the same stride with a finer time step and a fully converged solver.
 """
 
 from dataclasses import dataclass
@@ -21,58 +21,66 @@ Floats = NDArray[np.float64]
 CONTROL_PERIOD = 1 / TaskConfig().control_rate
 """Control period, s."""
 COMMANDS = ((0.5, 0.0, 0.0), (1.2, 0.0, 0.0), (0.0, 0.5, 0.0), (-0.4, 0.0, 0.8))
-"""Commands of the recorded strides: forward, m/s, left, m/s, and yaw rate, rad/s."""
+"""Velocity command of each recorded stride: forward, m/s, left, m/s, and yaw rate, rad/s."""
 SETTLING_STEPS = 100
 """Number of control steps between the start of an episode and the recorded stride."""
 SIDE_LOAD = 20.0
-"""Lateral force on the trunk of a standing robot, under which the slip of the feet is measured, N."""
+"""Lateral force on the trunk of a standing robot, N, during which the slip of the feet is measured."""
 
 
 @dataclass(frozen=True)
 class Stride:
-    """One stride of the trot, made by `record_strides`: initial state and joint targets."""
+    """Recorded stride of the trot, made by `record_strides`: initial state and joint targets."""
 
     qpos: Floats
-    """Initial MuJoCo positions `qpos`, (nq,)."""
+    """Generalized positions at the start of the stride, MuJoCo `qpos`, (nq,)."""
     qvel: Floats
-    """Initial MuJoCo velocities `qvel`, (nv,)."""
+    """Generalized velocities at the start of the stride, MuJoCo `qvel`, (nv,)."""
     warmstart: Floats
-    """Accelerations with which the solver starts, `qacc_warmstart`, (nv,)."""
+    """Generalized accelerations with which MuJoCo's solver starts, `qacc_warmstart`, (nv,)."""
     targets: Floats
-    """Joint targets at each control step, (steps, 12), rad."""
+    """Joint targets at each control step of the stride, (steps, 12), rad."""
 
 
 @dataclass(frozen=True)
 class Accuracy:
     """Accuracy of one physics setting, made by `measure_accuracy`.
 
-    `bars.ACCURACY_BARS` has the limit of each field. A deviation is the largest one over all strides.
+    The first three fields compare strides with the same strides in the reference simulation, over all recorded strides.
+    `bars.ACCURACY_BARS` has the limit of each field.
     """
 
     trunk_mm: float
-    """Largest distance between the trunk positions of stride and reference, mm."""
+    """Largest distance between the trunk positions of a stride and of its reference simulation, mm."""
     tilt_rad: float
-    """Largest angle between the trunk orientations of stride and reference, rad."""
+    """Largest angle between the trunk orientations of a stride and of its reference simulation, rad."""
     joints_rad: float
-    """Largest difference between the joint angles of stride and reference, rad."""
+    """Largest difference between the joint angles of a stride and of its reference simulation, rad."""
     penetration_mm: float
-    """Penetration depth of a standing foot into the ground, mm."""
+    """Largest penetration depth of a standing foot in the ground, mm."""
     slip_mm_s: float
-    """Speed of a standing foot while SIDE_LOAD acts on the trunk, mm/s."""
+    """Largest slip speed of a standing foot while the lateral force SIDE_LOAD acts on the trunk, mm/s."""
 
     @property
     def is_within_bars(self) -> bool:
-        """True if every value is within its limit."""
+        """True if every field is within its limit in `bars.ACCURACY_BARS`."""
         return all(limit.is_met(getattr(self, name)) for name, limit in ACCURACY_BARS.items())
 
 
 def record_strides(commands: tuple[tuple[float, float, float], ...] = COMMANDS) -> tuple[Stride, ...]:
-    """Record one stride of the trot for each command, after SETTLING_STEPS in the shipped environment."""
+    """Record one stride of the trot for each velocity command, after SETTLING_STEPS control steps.
+
+    Args:
+        commands: Velocity commands: forward, m/s, left, m/s, and yaw rate, rad/s.
+
+    Returns:
+        One stride for each command, simulated in the shipped environment on flat ground.
+    """
     return tuple(_stride(command) for command in commands)
 
 
 def _stride(command: tuple[float, float, float]) -> Stride:
-    """Record one stride of the trot at the given command."""
+    """Record one stride of the trot at a velocity command: forward, m/s, left, m/s, and yaw rate, rad/s."""
     policy = policies.Trot()
     start: list[mujoco.MjData] = []
     targets: list[Floats] = []
@@ -92,12 +100,12 @@ def _stride(command: tuple[float, float, float]) -> Stride:
 def measure_accuracy(
     setting: PhysicsSetting, recorded_strides: tuple[Stride, ...], reference: SpecEdit = FINE
 ) -> Accuracy:
-    """Measure the accuracy of a setting.
+    """Measure the accuracy of a physics setting.
 
     Args:
         setting: Physics setting.
-        recorded_strides: Strides to replay with the setting and with the reference.
-        reference: Change of the shipped model for the reference.
+        recorded_strides: Strides to simulate with the setting and with the reference model.
+        reference: Function that changes the specification of the shipped model to the reference model.
 
     Returns:
         The accuracy, with the largest deviations over all strides.
@@ -111,7 +119,18 @@ def measure_accuracy(
 
 
 def _deviation(model: mujoco.MjModel, reference: mujoco.MjModel, stride: Stride) -> tuple[float, float, float]:
-    """Return the largest deviations of a stride from the reference: trunk, mm, tilt, rad, joints, rad."""
+    """Compute the largest deviations between simulations of the same stride with two models.
+
+    Args:
+        model: Model of the examined physics setting.
+        reference: Reference model.
+        stride: Stride to simulate.
+
+    Returns:
+        trunk: Distance between the trunk positions, mm.
+        tilt: Angle between the trunk orientations, rad.
+        joints: Difference between the joint angles, rad.
+    """
     positions = replay_stride(model, stride)
     true_positions = replay_stride(reference, stride)
     trunk = np.linalg.norm(positions[:, :3] - true_positions[:, :3], axis=1).max()
@@ -121,7 +140,7 @@ def _deviation(model: mujoco.MjModel, reference: mujoco.MjModel, stride: Stride)
 
 
 def replay_stride(model: mujoco.MjModel, stride: Stride) -> Floats:
-    """Simulate a `stride` with a `model`; return `qpos` after each control step, (steps, nq)."""
+    """Simulate a stride with a model, and return MuJoCo's `qpos` after each control step, (steps, nq)."""
     data = mujoco.MjData(model)
     data.qpos = stride.qpos
     data.qvel = stride.qvel
@@ -135,7 +154,15 @@ def replay_stride(model: mujoco.MjModel, stride: Stride) -> Floats:
 
 
 def _standing(model: mujoco.MjModel) -> tuple[float, float]:
-    """Return the largest penetration of standing feet, mm, and their largest speed under SIDE_LOAD, mm/s."""
+    """Simulate a robot that stands still, and measure penetration and slip of the feet.
+
+    Args:
+        model: Model of the examined physics setting.
+
+    Returns:
+        penetration: Largest penetration depth of a foot in the ground, mm.
+        slip: Largest horizontal speed of a foot while SIDE_LOAD acts on the trunk, mm/s.
+    """
     data = mujoco.MjData(model)
     feet = [model.site(f"{leg}_foot").id for leg in SIMPLE_QUAD.leg_names]
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -150,6 +177,6 @@ def _standing(model: mujoco.MjModel) -> tuple[float, float]:
 
 
 def _advance(model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:
-    """Step the simulation for a time of `seconds`, with constant control inputs and external forces."""
+    """Simulate a time of `seconds` with constant control inputs and external forces."""
     for _ in range(round(seconds / model.opt.timestep)):
         mujoco.mj_step(model, data)

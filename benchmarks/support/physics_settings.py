@@ -1,4 +1,7 @@
-"""Physics settings that are compared, by name; a setting is a change of the shipped MuJoCo model."""
+"""Physics settings that the benchmark compares, by name.
+
+A physics setting is a change of solver, friction cone, collisions or time step in the shipped MuJoCo model.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +13,7 @@ from quad_env.physics.model import make_stepping_model
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 SpecEdit = Callable[[mujoco.MjSpec], None]
-"""Function that changes the specification of a model in place."""
+"""Function that changes the specification of a MuJoCo model in place."""
 
 NEWTON = int(mujoco.mjtSolver.mjSOL_NEWTON)
 CG = int(mujoco.mjtSolver.mjSOL_CG)
@@ -20,7 +23,14 @@ ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 
 
 def edit_options(**values: Any) -> SpecEdit:
-    """Return a function that sets MuJoCo simulation options of a model to the given values."""
+    """Return a function that sets simulation options of a MuJoCo model.
+
+    Args:
+        **values: Name of a field of MuJoCo's `option` -> new value of the field.
+
+    Returns:
+        Function that changes the specification of a model in place.
+    """
 
     def change(spec: mujoco.MjSpec) -> None:
         for name, value in values.items():
@@ -37,7 +47,7 @@ def collide_with_ground_only(*suffixes: str) -> SpecEdit:
             Without suffixes, all geoms collide with the ground.
 
     Returns:
-        Function that changes the specification of a model.
+        Function that changes the specification of a model in place.
     """
 
     def change(spec: mujoco.MjSpec) -> None:
@@ -51,7 +61,7 @@ def collide_with_ground_only(*suffixes: str) -> SpecEdit:
 
 
 def combine(*changes: SpecEdit) -> SpecEdit:
-    """Return a function that applies all `changes` to a model, one after the other."""
+    """Return a function that applies all `changes` to the specification of a model, one after the other."""
 
     def change(spec: mujoco.MjSpec) -> None:
         for apply in changes:
@@ -61,31 +71,34 @@ def combine(*changes: SpecEdit) -> SpecEdit:
 
 
 FINE = edit_options(timestep=0.0005, solver=NEWTON, iterations=100, tolerance=1e-10)
-"""Reference for the accuracy of a setting: a four times finer time step and a fully converged solver."""
+"""Change of the shipped model for the reference simulation, from which the deviation of a setting is measured.
+
+The time step is four times finer, and the solver converges fully.
+"""
 
 
 @dataclass(frozen=True)
 class PhysicsSetting:
-    """Physics setting: a change of the shipped model."""
+    """Physics setting: a change of the shipped MuJoCo model, for the comparison of speed and accuracy."""
 
     change: SpecEdit
     """Function that changes the specification of the model."""
     use_stepping_model: bool = True
-    """True to simulate the model as the environment does.
+    """True to simulate with `make_stepping_model`, as the environment does.
 
-    False to evaluate every sensor, and to search for constraint islands, in each step.
+    If False, MuJoCo evaluates every sensor and searches for constraint islands in each physics step.
     """
 
     def model(self) -> mujoco.MjModel:
-        """Compile the model with this setting."""
+        """Compile the MuJoCo model of SimpleQuad with this physics setting."""
         model = compile_model(self.change)
         return make_stepping_model(model) if self.use_stepping_model else model
 
 
 SHIPPED = "shipped"
-"""Name of the shipped setting, which the environment uses."""
+"""Name of the physics setting that the environment uses."""
 ORIGINAL_SETTINGS = "first settings"
-"""Name of the first setting of the project; the speed of every setting is compared with its speed."""
+"""Name of the first physics setting of the project, with which the speed of every setting is compared."""
 
 SETTINGS: dict[str, PhysicsSetting] = {
     SHIPPED: PhysicsSetting(edit_options()),
@@ -114,11 +127,11 @@ SETTINGS: dict[str, PhysicsSetting] = {
         combine(collide_with_ground_only("foot", "trunk"), edit_options(solver=PGS, iterations=5))
     ),
 }
-"""Name -> setting; a number after the name of a solver is its number of iterations."""
+"""Name -> physics setting; a number after the name of a solver is the largest number of solver iterations."""
 
 
 def compile_model(change: SpecEdit) -> mujoco.MjModel:
-    """Compile the model of SimpleQuad after a `change` of the specification."""
+    """Compile the MuJoCo model of SimpleQuad after the function `change` has changed its specification."""
     spec = mujoco.MjSpec.from_file(str(SIMPLE_QUAD.mjcf))
     change(spec)
     return spec.compile()

@@ -13,20 +13,23 @@ CHECKS = (
     DoctorCheck("walks", "live.walking_checks:check_reference_policy", ("stands",)),
     DoctorCheck("policy", "live.walking_checks:check_policy", ("walks", "walking")),
 )
-"""Checks that follow the checks of `quad_env.doctor`; the second check runs only if a policy is given."""
+"""Checks that run after the checks of `quad_env.doctor`.
+
+The first check is about walking with a reference policy. The second check runs only if the user names a policy.
+"""
 DESCRIPTION_CHECKS = (
     DoctorCheck("description", "live.walking_checks:check_description", ("stands",)),
     DoctorCheck("standing", "live.walking_checks:check_standing", ("description",)),
     DoctorCheck("walking", "live.walking_checks:check_walking", ("standing",)),
 )
-"""Checks between the two `CHECKS`, for a policy from another project."""
+"""Checks of a policy from another project; they run between the two checks of `CHECKS`."""
 
 
 def main(options: DoctorOptions) -> int:
-    """Run all checks, including the checks of walking and of the policy.
+    """Run the command `doctor`: check the installation, the robot, and the policy if one is given.
 
     Args:
-        options: Robot, policy and file to write.
+        options: Options of the command.
 
     Returns:
         The exit code.
@@ -47,7 +50,18 @@ def main(options: DoctorOptions) -> int:
 
 
 def _write(policy: Path, trust: bool, file: Path) -> None:
-    """Write the description of the policy to a TOML `file`; missing fields are written as comments."""
+    """Write the description of a policy from another project to a TOML file.
+
+    Fields that the policy's own files do not define are written as comments, for the user to complete.
+
+    Args:
+        policy: File of the policy.
+        trust: True if the policy may be loaded from a file that can contain hidden code.
+        file: TOML file to write.
+
+    Raises:
+        UsageError: The policy has no description.
+    """
     from policies.external.readers import IncompleteSpecError, write_draft, write_toml
     from policies.external.reference import draft_without_spec, resolve_reference
 
@@ -74,11 +88,11 @@ def check_exists(name_or_path: str) -> None:
         name_or_path: Name, file or folder of the policy.
 
     Raises:
-        UsageError: There is no policy, file or folder of this name, or the kind of file is not supported.
+        UsageError: No policy, file or folder has this name, or this kind of file is not supported.
     """
     try:
         import policies
-    except ImportError:  # because the checks report a missing package in more detail
+    except ImportError:  # returns silently, because a later check reports the missing package in more detail
         return
     name = name_or_path.removeprefix(policies.SAFE)
     file = Path(name.partition(".py:")[0] + ".py") if ".py:" in name else Path(name)

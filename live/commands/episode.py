@@ -10,27 +10,27 @@ from quad_env.config import COMMAND_BOUND
 from quad_env.scenarios.scenario import Scenario
 
 Command = tuple[float, float, float]
-"""Command of a robot: forward and left velocity, m/s, and yaw rate, rad/s."""
+"""Velocity command of a robot: forward and left velocity, m/s, and yaw rate, rad/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeOptions:
-    """Scenario, robot and seed of an episode."""
+    """Options of an episode: scenario, robot and seed."""
 
     scenario: str = "flat"
     """Scenario, also with a level or severity: push:3, push=42; or a terrain of yours: hill.toml."""
     robot: str = "simple_quad"
     """Robot: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
     seed: int = 0
-    """Seed of the first episode (whole number from 0)."""
+    """Seed of the first episode, a whole number >= 0; it determines initial state, ground, pushes and commands."""
     trust: Flag = False
     """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
 
     def resolve(self) -> tuple[HardwareConfig, Scenario]:
-        """Resolve the names of the robot and the scenario.
+        """Load the robot and the scenario that the options name.
 
         Returns:
-            hardware: Robot, motors, sensors and simulator.
+            hardware: Settings of robot, motors, sensors and simulator.
             scenario: Scenario of the episode.
 
         Raises:
@@ -43,9 +43,12 @@ class EpisodeOptions:
             raise UsageError(f"--scenario: {error}") from error
 
     def check(self, **limits: tuple[float, float]) -> None:
-        """Raise UsageError if a number is outside its `limits`: option -> smallest and largest value.
+        """Raise UsageError if a number in the options is outside its limits.
 
-        Seed and command are always checked.
+        Seed and velocity command are always checked.
+
+        Args:
+            **limits: Name of an option -> smallest and largest valid value.
         """
         if getattr(self, "command", None) is not None:
             limits["command"] = (-COMMAND_BOUND, COMMAND_BOUND)

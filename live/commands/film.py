@@ -20,9 +20,9 @@ from quad_env.cli.launcher import raise_on_interrupt
 from quad_env.cli.progress import show_bar
 
 MAX_POLICIES = 9
-"""Maximum number of policies side by side."""
+"""Maximum number of policies that a film shows side by side."""
 LIMITS = {"seconds": (CONTROL_PERIOD, 86_400.0), "speed": (0.01, 100.0), "fps": (1.0, 100.0), "size": (64, 4096)}
-"""Option -> smallest and largest value."""
+"""Name of an option -> smallest and largest valid value."""
 
 
 @dataclass(frozen=True)
@@ -32,25 +32,25 @@ class FilmOptions(EpisodeOptions):
     out: Annotated[Path, tyro.conf.Positional]
     """File to write: .mp4 (extra `video`), .webp, .gif, or .png for a strip of frames; one that exists is replaced."""
     policies: tuple[str, ...] = ("residual",)
-    """Policies, by name, or folders of trained ones, or files; several go side by side."""
+    """Names, folders or files of policies; several are shown side by side."""
     seconds: float = 10.0
-    """How long, simulated s."""
+    """Duration of the episode, simulated s."""
     command: Command | None = None
-    """Command to hold: forward m/s, left m/s, yaw rate rad/s; without it the scenario draws commands."""
+    """Constant command: forward m/s, left m/s, yaw rate rad/s; by default the scenario draws commands."""
     speed: float = 1.0
-    """Of the film: 1 is real time, 0.25 slow motion."""
+    """Playback speed of the film: 1 is real time, 0.25 is slow motion."""
     fps: float = 25.0
-    """Frames a second, about: a whole number of control steps lies between two."""
+    """Approximate frame rate, 1/s; the time between two frames is a whole number of control steps."""
     size: tuple[int, int] = (640, 480)
     """Width and height of each robot's frames, pixels."""
     camera: Literal["track", "side"] = "track"
-    """Camera, which goes along with the robot."""
+    """View of the camera, which follows the robot."""
     arrows: bool = True
-    """Whether arrows are drawn."""
+    """Draw arrows for command, velocity and pushes."""
 
 
 def main(options: FilmOptions) -> int:
-    """Run the command with `options` and return the exit code."""
+    """Run the command `film` with the given options, and return the exit code of the process."""
     options.check(**LIMITS)
     if not 1 <= len(options.policies) <= MAX_POLICIES:
         raise UsageError(f"--policies must name 1 to {MAX_POLICIES}, not {len(options.policies)}")

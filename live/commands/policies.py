@@ -26,13 +26,13 @@ class PoliciesOptions:
 
 
 def main(options: PoliciesOptions) -> int:
-    """Run the command with `options` and return the exit code."""
+    """Run the command `policies` with the given options, and return the exit code of the process."""
     print("\n".join(_lines(parse_robot_option(options.robot).robot_model)))
     return 0
 
 
 def _lines(robot: Robot) -> Iterator[str]:
-    """Yield the lines of the list of policies for a robot."""
+    """Yield the lines of the printed list: controllers, then trained policies for the robot."""
     width = 2 + max(map(len, policies.names()))
     yield "controllers, for any robot"
     of_extensions = [name for name in policies.names() if name not in MAKERS]
@@ -52,7 +52,7 @@ def _lines(robot: Robot) -> Iterator[str]:
 
 
 def _training_lines(folder: Path) -> Iterator[str]:
-    """Yield a line about base policy and training of the policy in `folder`, or about an error there."""
+    """Yield a line about the training of the policy in `folder`, or about an error in its files."""
     try:
         description = parse_description(folder, read_bytes(folder / bundle.DESCRIPTION))
         base = description.base["name"]
@@ -65,5 +65,5 @@ def _training_lines(folder: Path) -> Iterator[str]:
         )
     except (policies.PolicyError, OSError) as error:
         yield str(error)
-    except (KeyError, TypeError, ValueError):  # because other trainers may write other fields
+    except (KeyError, TypeError, ValueError):  # because programs of other users may write other fields
         yield f"of unknown training: {bundle.DESCRIPTION} has none"

@@ -21,17 +21,17 @@ class RecordOptions(EpisodeOptions):
     """Record an episode; a robot that falls is recorded where it lies."""
 
     out: Annotated[Path, tyro.conf.Positional]
-    """File to write, .mcap, which may not exist."""
+    """MCAP file to write, for example walk.mcap; it must not exist."""
     policy: str = "residual"
-    """Policy, by name, or folder of a trained one."""
+    """Name of the policy, or folder of a trained policy."""
     seconds: float = 10.0
-    """How long, simulated s."""
+    """Duration of the episode, simulated s."""
     command: Command | None = None
-    """Command to hold: forward m/s, left m/s, yaw rate rad/s; without it the scenario draws commands."""
+    """Constant command: forward m/s, left m/s, yaw rate rad/s; by default the scenario draws commands."""
 
 
 def main(options: RecordOptions) -> int:
-    """Run the command with `options` and return the exit code."""
+    """Run the command `record` with the given options, and return the exit code of the process."""
     options.check(seconds=(CONTROL_PERIOD, 86_400.0))
     check_recordable(options.out)
     hardware, scenario = options.resolve()

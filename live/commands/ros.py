@@ -24,21 +24,21 @@ class RosOptions(EpisodeOptions):
     """Be a robot behind ROS topics until Ctrl-C."""
 
     policy: str | None = None
-    """Policy, by name, or folder of a trained one, which /cmd_vel steers; without one the joints follow
-    /position_controller/command."""
+    """Name or folder of the policy, which follows velocities on /cmd_vel; by default the joints follow
+    joint targets on /position_controller/command."""
     real_time_factor: float = 1.0
-    """Simulated s a second, as far as this machine can."""
+    """Simulated time per wall time; the simulation is slower if this machine is too slow."""
     record: Path | None = None
-    """File to record into, .mcap, which may not exist."""
+    """MCAP file for a recording; it must not exist."""
     version: Literal["1", "2"] | None = None
-    """Version of ROS; by default the one that is sourced, else the first that is found."""
+    """Version of ROS; by default the sourced version, otherwise the first version that is found."""
     network: Flag = False
-    """Let other machines in, as ROS_IP, ROS_MASTER_URI and ROS_DOMAIN_ID say: anyone who reaches the ports drives the
-    robot, for ROS has no passwords. Without it the node listens on this machine alone."""
+    """Accept connections from other machines, as ROS_IP, ROS_MASTER_URI and ROS_DOMAIN_ID say. ROS has no passwords:
+    everyone with access to the ports controls the robot. By default only this machine can connect."""
 
 
 def main(options: RosOptions) -> int:
-    """Run the command with `options` and return the exit code."""
+    """Run the command `ros` with the given options, and return the exit code of the process."""
     options.check(real_time_factor=(0.01, 100.0))
     if options.record is not None:
         check_recordable(options.record)
@@ -65,7 +65,17 @@ def main(options: RosOptions) -> int:
 
 
 def _run(session: Session, ros_process: RosProcess, speed: float, record: Path | None) -> None:
-    """Simulate in real time until Ctrl-C or until the ROS process ends."""
+    """Simulate the robot in real time and exchange messages with the ROS process, until Ctrl-C.
+
+    Args:
+        session: Session with the simulated robot.
+        ros_process: Process that publishes and receives ROS messages.
+        speed: Simulated time per wall time.
+        record: File of the recording, for the message at the end; None if there is no recording.
+
+    Raises:
+        KeyboardInterrupt: The user pressed Ctrl-C; the message has the simulated time.
+    """
 
     def log(text: str) -> None:
         print(f"{bridge.time:8.2f} s  {text}", flush=True)

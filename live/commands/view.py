@@ -19,17 +19,17 @@ class ViewOptions(EpisodeOptions):
     """Watch and steer robots in the browser. Ctrl-C ends it."""
 
     policy: tuple[str, ...] = ("residual",)
-    """Policy, by name, or folder of a trained one, or a file; several are shown side by side on the same episode."""
+    """Name, folder or file of a policy; several policies are shown side by side in the same episode."""
     command: Command | None = (0.0, 0.0, 0.0)
-    """Command at first: forward m/s, left m/s, yaw rate rad/s; None leaves commands to the scenario."""
+    """Initial command: forward m/s, left m/s, yaw rate rad/s; with None the scenario draws commands."""
     port: int | None = None
-    """Port to listen on, 0 for any that is free; by default 8080, or another where that is taken."""
+    """Port of the server, 0 for any free port; by default 8080, or any free port if 8080 is in use."""
     browser: bool = True
-    """Open the page in a browser, where there is a display."""
+    """Open the page in a browser if this machine has a display."""
 
 
 def main(options: ViewOptions) -> int:
-    """Run the command with `options` and return the exit code."""
+    """Run the command `view` with the given options, and return the exit code of the process."""
     options.check(seed=(0, MAX_SEED))
     if not 1 <= len(options.policy) <= MAX_ROBOTS:
         raise UsageError(f"--policy takes 1 to {MAX_ROBOTS} policies, not {len(options.policy)}")

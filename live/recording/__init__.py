@@ -1,1 +1,1 @@
-"""Recordings of a robot as MCAP files, which a separate process writes."""
+"""Recordings of episodes as MCAP files of ROS 2 messages; a separate process writes the files."""

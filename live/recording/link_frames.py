@@ -1,6 +1,7 @@
-"""Frames of the robot's links, and schema of the rows of a recording.
+"""Coordinate frames of the robot's links, and the schema of a recording's rows.
 
-As in a URDF, the origin of a link's frame is at the joint that moves the link.
+As in a URDF, the origin of a link's frame is at the joint that moves the link. A row has the numbers of one control
+step.
 """
 
 from collections.abc import Sequence
@@ -20,25 +21,25 @@ IMU_LINK = "imu_link"
 
 @dataclass(frozen=True)
 class LinkFrame:
-    """Frame of a link relative to the frame of the parent link."""
+    """Coordinate frame of a link, relative to the frame of its parent link."""
 
     name: str
     parent: str
     """Name of the parent link."""
     translation: Floats
-    """Origin of the link, parent frame, (3,), m."""
+    """Origin of the link's frame, in the frame of the parent link, (3,), m."""
     rotation: Floats
-    """Orientation of the link at the joint angle `reference`, parent frame, quaternion w x y z, (4,)."""
+    """Orientation of the link at the joint angle `reference`, in the parent's frame, quaternion w x y z, (4,)."""
     joint: int | None = None
-    """Index of the joint that moves the link; None for a fixed link."""
+    """Index, 0 to 11, of the joint that moves the link; None for a link that is fixed to its parent."""
     axis: Floats | None = None
-    """Unit vector of the joint axis, link frame, (3,); None for a fixed link."""
+    """Unit vector of the joint axis, link frame, (3,); None for a link that is fixed to its parent."""
     reference: float = 0.0
-    """Joint angle in the initial pose of the model, rad."""
+    """Joint angle in the initial pose of the MuJoCo model (`qpos0`), at which `rotation` holds, rad."""
 
 
 def link_frames(model: Any, data: Any, robot: Robot) -> tuple[LinkFrame, ...]:
-    """Return the frames of all links that a joint moves, of the feet, and of the IMU.
+    """Compute the frames of all links that joints move, and of the feet and the IMU.
 
     Args:
         model: Compiled `mujoco.MjModel` of the robot.
@@ -46,13 +47,13 @@ def link_frames(model: Any, data: Any, robot: Robot) -> tuple[LinkFrame, ...]:
         robot: Robot that the model describes.
 
     Returns:
-        Frames of the moving links, then of the feet and the IMU.
+        Frames of the moving links, followed by the frames of the feet and of the IMU.
     """
     return (*_moving_frames(model, data), *_fixed_frames(model, data, robot))
 
 
 def _moving_frames(model: Any, data: Any) -> list[LinkFrame]:
-    """Return the frames of the links that hinge joints move."""
+    """Return the frames of the links that hinge joints move, in the joint order of the MuJoCo model."""
     frames = []
     for hinge in range(1, model.njnt):  # from 1, because joint 0 is the free joint of the trunk
         body = model.jnt_bodyid[hinge]
@@ -71,7 +72,7 @@ def _moving_frames(model: Any, data: Any) -> list[LinkFrame]:
 
 
 def _fixed_frames(model: Any, data: Any, robot: Robot) -> list[LinkFrame]:
-    """Return the frames of the feet and of the IMU."""
+    """Return the frames of the feet and of the IMU, which do not move relative to their parent links."""
     link_names = {f"{leg}_foot": f"{leg}_foot_link" for leg in robot.leg_names} | {"imu": IMU_LINK}
     frames = []
     for site, name in link_names.items():
@@ -85,21 +86,31 @@ def _fixed_frames(model: Any, data: Any, robot: Robot) -> list[LinkFrame]:
 
 
 def _body_frame(model: Any, data: Any, body: int) -> tuple[Floats, Rotation]:
-    """Return origin, m, and orientation of a body's frame, world frame; the origin is at the body's joint."""
+    """Return the frame of a body, with the origin at the body's joint.
+
+    Args:
+        model: Compiled `mujoco.MjModel` of the robot.
+        data: `mujoco.MjData` of the model.
+        body: Index of the body.
+
+    Returns:
+        origin: Position of the joint, world frame, (3,), m.
+        orientation: Rotation from the body frame to the world frame.
+    """
     return data.xanchor[model.body_jntadr[body]], Rotation.from_matrix(data.xmat[body].reshape(3, 3))
 
 
 def _relative_frame(
     model: Any, data: Any, body: int, origin: Floats, orientation: Rotation
 ) -> tuple[Floats, Floats, str]:
-    """Express a frame that is attached to a body in the frame of the body's link.
+    """Express a frame that is attached to a body relative to the frame of the body's link.
 
     Args:
         model: Compiled `mujoco.MjModel` of the robot.
         data: `mujoco.MjData` of the model.
         body: Index of the body to which the frame is attached.
         origin: Origin of the frame, world frame, (3,), m.
-        orientation: Orientation of the frame, world frame.
+        orientation: Rotation from the frame to the world frame.
 
     Returns:
         translation: Origin of the frame, link frame, (3,), m.
@@ -114,14 +125,14 @@ def _relative_frame(
 
 
 def rotations(links: Sequence[LinkFrame], angles: Floats) -> Floats:
-    """Compute the orientations of moving links relative to the parent links.
+    """Compute the orientations of moving links relative to their parent links, at given joint angles.
 
     Args:
         links: Frames of links that joints move.
-        angles: Joint angles, (12,), rad.
+        angles: Angles of all joints, (12,), rad.
 
     Returns:
-        Orientations, parent frames, quaternions w x y z, (links, 4).
+        Orientation of each link in the frame of its parent link, quaternions w x y z, (links, 4).
     """
     joint_rotations = [(angles[link.joint] - link.reference) * np.array(link.axis) for link in links]
     fixed = Rotation.from_quat([link.rotation for link in links], scalar_first=True)
@@ -130,27 +141,30 @@ def rotations(links: Sequence[LinkFrame], angles: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class RecordingSchema:
-    """Contents of the rows of a recording; there is one row per control step and per start of an episode."""
+    """Schema of the rows of a recording, which the simulation sends to the writer process.
+
+    A row is an array of numbers about one control step, or about the start of an episode.
+    """
 
     widths: dict[str, int]
-    """Name of each reading -> number of columns, in the order of a row.
+    """Name of a reading -> number of columns of the reading in a row, in the order of the columns.
 
-    The readings include `reward`, `correction` and `start`. `correction` is NaN if the policy has no residual
-    correction. `start` is 1 in the first row of an episode or of the recording.
+    Besides readings of the environment there are `reward`, `correction` and `start`. `correction` is the correction of
+    a residual policy, and NaN for other policies. `start` is 1 in the first row of an episode or of the recording.
     """
     joints: tuple[str, ...]
-    """Names of the joints."""
+    """Names of the joints, in the order of the joint readings."""
     legs: tuple[str, ...]
-    """Names of the legs."""
+    """Names of the legs, in the order of the foot readings."""
     links: tuple[LinkFrame, ...]
-    """Frames of the robot's links."""
+    """Coordinate frames of the robot's links, from `link_frames`."""
     description: str
-    """URDF of the robot as text; empty if the robot has no URDF."""
+    """Text of the robot's URDF file; empty if the robot has no URDF file."""
     dt: float
     """Control period, s."""
 
     @property
     def slices(self) -> dict[str, slice]:
-        """Columns of each reading in a row: name -> slice."""
+        """Name of a reading -> slice of its columns in a row."""
         ends = np.cumsum(list(self.widths.values())).tolist()
         return {name: slice(end - width, end) for end, (name, width) in zip(ends, self.widths.items(), strict=True)}

@@ -1,6 +1,6 @@
-"""Conversion of control steps to standard ROS 2 messages, and MCAP files of messages.
+"""Conversion of recorded control steps to standard ROS 2 messages, and MCAP files with these messages.
 
-Foxglove opens the files, and `ros2 bag` plays them.
+The viewer Foxglove opens the files, and `ros2 bag` plays them.
 """
 
 import re
@@ -30,41 +30,41 @@ STANDARD_TOPICS = {
     "/reward": "std_msgs/msg/Float64",
     "/events": "rcl_interfaces/msg/Log",
 }
-"""Topic -> message type, for topics that every robot has.
+"""Topic -> ROS 2 message type, for the topics in the recording of every robot.
 
-`Messages.topics` adds the contact topics of a robot.
+`Messages.topics` adds the contact topics, which depend on the names of the robot's legs.
 """
 LATCHED_TOPICS = ("/robot_description", "/tf_static")
-"""Topics with a single message at the start, which ROS stores for later subscribers."""
+"""Topics with a single message at the start of a recording; ROS keeps it for subscribers that connect later."""
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 _T: Any = TYPES.types
 _EPISODE_END = "over"
-"""Text of the event at the end of a push or a fall."""
+"""Text of the event that is recorded when a push or a fall ends."""
 _NO_COMMAND = np.full(3, np.nan)
 _UNKNOWN_COVARIANCE = np.zeros(9)
-"""Value of the covariance field for unknown covariances, by the convention of `sensor_msgs/msg/Imu`."""
+"""Covariance of nine zeros, with which `sensor_msgs/msg/Imu` marks an unknown covariance."""
 
 
 class Message(NamedTuple):
-    """One ROS 2 message with topic and time."""
+    """One ROS 2 message, with its topic and its time."""
 
     topic: str
     time: int
     """Simulated time since the start of the recording, ns."""
     content: Any
-    """Message object of a type in `TYPES`."""
+    """ROS 2 message, an object of a message class in `TYPES`."""
 
     @property
     def data(self) -> bytes:
-        """Content as bytes in CDR, the encoding of ROS 2."""
+        """Serialized message in CDR (common data representation), the binary encoding of ROS 2."""
         return bytes(TYPES.serialize_cdr(self.content, self.content.__msgtype__))
 
 
 class Messages:
-    """Converts consecutive rows of a recording to ROS 2 messages.
+    """Converts the rows of a recording, in the order of time, to ROS 2 messages.
 
     Args:
-        schema: Contents of the rows.
+        schema: Schema of the rows.
     """
 
     def __init__(self, schema: RecordingSchema) -> None:
@@ -80,20 +80,26 @@ class Messages:
 
     @property
     def topics(self) -> dict[str, str]:
-        """Topics of the recording: topic -> message type."""
+        """Topic -> ROS 2 message type, for all topics of the recording."""
         return STANDARD_TOPICS | dict.fromkeys(self._contact_topics, "std_msgs/msg/Bool")
 
     def initial_messages(self) -> Iterator[Message]:
-        """Yield the messages of the latched topics."""
+        """Yield the messages of the latched topics, which are written once at the start of the recording."""
         fixed = [_link_transform(_stamp(0), link, link.rotation) for link in self._schema.links if link.joint is None]
         yield Message("/tf_static", 0, _T["tf2_msgs/msg/TFMessage"](transforms=fixed))
         if self._schema.description:
             yield Message("/robot_description", 0, _T["std_msgs/msg/String"](data=self._schema.description))
 
     def row_messages(self, row: Floats) -> Iterator[Message]:
-        """Yield the messages of a `row`.
+        """Yield the messages about one control step or one start of an episode.
 
-        A row contains the command and joint targets at the start of a step, events, and the state at the end.
+        Command and joint targets have the time at the start of the control step; the state has the time at the end.
+
+        Args:
+            row: Row of the recording, as the schema defines it, (columns,).
+
+        Yields:
+            Messages in the order of time.
         """
         readings = {name: row[columns] for name, columns in self._slices.items()}
         if readings["start"][0] > 0.0:
@@ -103,7 +109,7 @@ class Messages:
         yield from (Message(topic, self._time, content) for topic, content in self._state(readings))
 
     def _start_messages(self) -> Iterator[Message]:
-        """Advance the time and yield the event `reset`; at the start of the recording there is no event."""
+        """Advance the time by a control step, and yield the event `reset` unless the recording starts here."""
         self._time += self._period
         if self._time > 0:
             yield self._event_message("reset")
@@ -111,7 +117,7 @@ class Messages:
         self._last_event = _EPISODE_END
 
     def _step_messages(self, readings: dict[str, Floats]) -> Iterator[Message]:
-        """Yield command, joint targets and new events of a control step, and advance the time."""
+        """Yield command, joint targets and new events of a control step, and advance the time by this step."""
         command = readings["command"]
         event = _event_text(readings)
         if not np.array_equal(command, self._last_command):
@@ -127,9 +133,9 @@ class Messages:
         self._last_event = event
 
     def _event_message(self, text: str) -> Message:
-        """Return a log message at the present time.
+        """Return a message of the topic `/events` with the text of an event, at the present time.
 
-        Falls and divergence have the level ERROR, other events the level INFO.
+        Falls and divergence have the log level ERROR, other events have the level INFO.
         """
         log = _T["rcl_interfaces/msg/Log"]
         level = log.ERROR if text.startswith(("fell", "diverged")) else log.INFO
@@ -138,7 +144,7 @@ class Messages:
         return Message("/events", self._time, line)
 
     def _state(self, readings: dict[str, Floats]) -> Iterator[tuple[str, Any]]:
-        """Yield topic and content of each message about the state at the end of a step."""
+        """Yield topic and content of each message about the state of the robot at the end of a control step."""
         stamp = _stamp(self._time)
         yield "/clock", _T["rosgraph_msgs/msg/Clock"](clock=stamp)
         transforms = [_transform(stamp, "world", TRUNK, readings["position"], readings["quaternion"])]
@@ -165,9 +171,9 @@ class Messages:
 
 
 def _event_text(readings: dict[str, Floats]) -> str:
-    """Return the text of the event in a control step.
+    """Return a text about the event in a control step: a divergence, a fall or a push.
 
-    The event is a divergence, a fall or a push. The text is `_EPISODE_END` if there is no event in the step.
+    The text is `_EPISODE_END` if there is no event in the control step.
     """
     if readings["diverged"][0]:
         return "diverged"
@@ -177,55 +183,65 @@ def _event_text(readings: dict[str, Floats]) -> str:
 
 
 def topic_name(family: str, name: str) -> str:
-    """Return the topic `/family/name`, with characters replaced that ROS does not allow.
+    """Return the topic `/family/name`; underscores replace the characters that ROS does not allow.
 
     Args:
-        family: First part of the topic.
+        family: First part of the topic, for example `contacts`.
         name: Name of a part of the robot. Underscores replace all characters except letters, digits and underscores.
 
     Returns:
-        The topic. If the name starts with a digit, an underscore precedes the name.
+        The topic. An underscore precedes the name if the name starts with a digit.
     """
     part = re.sub(r"\W", "_", name, flags=re.ASCII)
     return f"/{family}/{'_' * part[:1].isdigit()}{part}"
 
 
 def _stamp(time: int) -> Any:
-    """Convert a time, ns, to a message."""
+    """Convert a time in ns to a ROS 2 message `Time`."""
     return _T["builtin_interfaces/msg/Time"](sec=time // 10**9, nanosec=time % 10**9)
 
 
 def _header(stamp: Any, frame: str) -> Any:
-    """Return the header message with a time stamp and the name of a frame."""
+    """Return a ROS 2 message `Header` with a time stamp and the name of a coordinate frame."""
     return _T["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
 
 
 def _numbers(values: Floats) -> Any:
-    """Convert an array to a message."""
+    """Convert an array of numbers to a ROS 2 message `Float64MultiArray`."""
     layout = _T["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
     return _T["std_msgs/msg/Float64MultiArray"](layout=layout, data=values)
 
 
 def _vector(values: Iterable[float]) -> Any:
-    """Convert three numbers to a vector message."""
+    """Convert three numbers to a ROS 2 message `Vector3`."""
     x, y, z = map(float, values)
     return _T["geometry_msgs/msg/Vector3"](x=x, y=y, z=z)
 
 
 def _quaternion(values: Floats) -> Any:
-    """Convert a quaternion w x y z to a message; ROS has the order x y z w."""
+    """Convert a quaternion w x y z to a ROS 2 message `Quaternion`, which has the order x y z w."""
     w, x, y, z = map(float, values)
     return _T["geometry_msgs/msg/Quaternion"](x=x, y=y, z=z, w=w)
 
 
 def _twist(command: Floats) -> Any:
-    """Convert a command, forward and left m/s and yaw rate rad/s, to a message."""
+    """Convert a command, (3,), forward and left m/s and yaw rate rad/s, to a ROS 2 message `Twist`."""
     forward, left, yaw_rate = command
     return _T["geometry_msgs/msg/Twist"](linear=_vector((forward, left, 0.0)), angular=_vector((0.0, 0.0, yaw_rate)))
 
 
 def _imu(stamp: Any, quaternion: Floats, angular_velocity: Floats, specific_force: Floats) -> Any:
-    """Convert orientation, angular velocity and specific force to an IMU message with unknown covariances."""
+    """Build a ROS 2 message `Imu` with unknown covariances.
+
+    Args:
+        stamp: Time as a ROS 2 message.
+        quaternion: Orientation of the trunk, rotation from base to world, w x y z, (4,).
+        angular_velocity: Angular velocity of the trunk, base frame, (3,), rad/s.
+        specific_force: Acceleration minus gravity at the trunk centre, base frame, (3,), m/s².
+
+    Returns:
+        The message.
+    """
     return _T["sensor_msgs/msg/Imu"](
         header=_header(stamp, IMU_LINK),
         orientation=_quaternion(quaternion),
@@ -238,12 +254,32 @@ def _imu(stamp: Any, quaternion: Floats, angular_velocity: Floats, specific_forc
 
 
 def _link_transform(stamp: Any, link: LinkFrame, rotation: Floats) -> Any:
-    """Return the transform message of a link with the orientation `rotation` in the parent frame."""
+    """Build the ROS 2 message with the transform from a link's frame to the frame of its parent link.
+
+    Args:
+        stamp: Time as a ROS 2 message.
+        link: Frame of the link.
+        rotation: Orientation of the link in the frame of the parent link, quaternion w x y z, (4,).
+
+    Returns:
+        The message `TransformStamped`.
+    """
     return _transform(stamp, link.parent, link.name, link.translation, rotation)
 
 
 def _transform(stamp: Any, parent: str, name: str, translation: Floats, rotation: Floats) -> Any:
-    """Return the message with translation and rotation of the frame `name` relative to the frame `parent`."""
+    """Build the ROS 2 message with position and orientation of one frame relative to another frame.
+
+    Args:
+        stamp: Time as a ROS 2 message.
+        parent: Name of the reference frame.
+        name: Name of the frame that is described.
+        translation: Origin of the described frame, reference frame, (3,), m.
+        rotation: Orientation of the described frame in the reference frame, quaternion w x y z, (4,).
+
+    Returns:
+        The message `TransformStamped`.
+    """
     return _T["geometry_msgs/msg/TransformStamped"](
         header=_header(stamp, parent),
         child_frame_id=name,
@@ -252,23 +288,26 @@ def _transform(stamp: Any, parent: str, name: str, translation: Floats, rotation
 
 
 _INFINITE = "{sec: 9223372036, nsec: 854775807}"
-"""Infinite duration in ROS 2, which turns deadline, lifespan and lease off."""
+"""Infinite duration in ROS 2, with which deadline, lifespan and liveliness lease have no effect."""
 _LATCHED_QOS = (
     "- {history: keep_last, depth: 1, reliability: reliable, durability: transient_local, "
     f"deadline: {_INFINITE}, lifespan: {_INFINITE}, liveliness: automatic, liveliness_lease_duration: {_INFINITE}, "
     "avoid_ros_namespace_conventions: false}"
 )
-"""Quality of service of latched topics: `ros2 bag play` stores the message for later subscribers."""
+"""Quality-of-service settings of latched topics, as YAML.
+
+With these settings `ros2 bag play` keeps the message for subscribers that connect later.
+"""
 
 
 class McapFile:
-    """MCAP file of ROS 2 messages.
+    """Writer of an MCAP file with ROS 2 messages.
 
-    The file consists of blocks (MCAP chunks). Complete blocks stay readable even if the writing process is killed.
+    The file consists of chunks of messages. Complete chunks stay readable even if the writing process is killed.
 
     Args:
         path: File to write; the file must not exist.
-        topics: Topic -> message type.
+        topics: Topic -> ROS 2 message type.
     """
 
     def __init__(self, path: Path, topics: Mapping[str, str]) -> None:
@@ -289,7 +328,7 @@ class McapFile:
         self._writer.add_message(self._channels[message.topic], message.time, message.data, message.time)
 
     def close(self) -> None:
-        """Write the index and close the file."""
+        """Write the index of the MCAP file, and close the file."""
         try:
             self._writer.finish()  # type: ignore[no-untyped-call]
         finally:

@@ -1,4 +1,4 @@
-"""MCAP recorder: observes control steps and sends each step to a writer process."""
+"""Recorder of episodes as MCAP files: observes control steps and sends each step to a writer process."""
 
 import contextlib
 import multiprocessing
@@ -21,34 +21,34 @@ from quad_env.cli.command_line import UsageError, make_folder_of
 from quad_env.task.rewards import REWARD
 
 PACKAGES = ("mcap", "rosbags")
-"""Required packages, which the extra `recording` installs."""
+"""Python packages that a recording requires; `pip install -e ".[recording]"` installs them."""
 PIPE_SIZE = 1 << 20
-"""Size of the pipe to the writer process if the operating system allows it, bytes.
+"""Size of the pipe to the writer process, bytes; only Linux allows this size.
 
-The pipe stores about ten seconds of control steps while the writer process starts or waits for a free core.
+The pipe holds about ten seconds of control steps while the writer process starts or waits for a free processor core.
 """
 SIGNALS = (
     *("position", "quaternion", "angular_velocity", "heading_velocity", "vertical_velocity"),
     *("joint_position", "joint_velocity", "joint_torque", "action", "command", "push"),
     *("foot_contact", "leg_contact", "trunk_contact", "fall", "diverged"),
 )
-"""Keys of a step's `infos` that are recorded."""
+"""Names of the readings in the environment's infos that are recorded at each control step."""
 
 
 @contextmanager
 def recorder_for(path: Path, policy: Policy) -> Iterator["McapRecorder"]:
-    """Open a recorder of the first robot as a context manager.
+    """Open a recorder of the first robot of a rollout, as a context manager.
 
-    The file is kept even if the block ends with an exception. If there are several episodes, the time of the recording
-    continues from one episode to the next. A missing package or an invalid path raises UsageError. A full disk raises
-    OSError; the part that was already written remains.
+    The file is kept even if the `with` block ends with an exception. If the recorder observes several episodes, the
+    time of the recording continues from one episode to the next. A missing package or an invalid path raises
+    UsageError. A full disk raises OSError, and the file keeps the messages that were written before.
 
     Args:
         path: MCAP file to write; the file must not exist.
         policy: Policy of the robot; its residual correction is recorded if it has one.
 
     Yields:
-        The recorder, an observer of control steps.
+        The recorder, a function that is called with each control step.
     """
     check_recordable(path)
     recorder = McapRecorder(path, policy)
@@ -59,7 +59,7 @@ def recorder_for(path: Path, policy: Policy) -> Iterator["McapRecorder"]:
 
 
 def check_recordable(path: Path) -> None:
-    """Check that a recording can be written.
+    """Check that a recording can be written to a file.
 
     Args:
         path: MCAP file to write.
@@ -78,7 +78,7 @@ def check_recordable(path: Path) -> None:
 
 
 class McapRecorder:
-    """Observer of control steps that records the first robot; `recorder_for` creates and closes it.
+    """Observer that records the control steps of the first robot; `recorder_for` creates and closes it.
 
     Args:
         path: MCAP file to write.
@@ -92,7 +92,7 @@ class McapRecorder:
         self._rows: Connection | None = None
 
     def __call__(self, step: Step) -> None:
-        """Record a control `step` or the start of an episode; raise OSError if the step cannot be written."""
+        """Record a control step or the start of an episode; raise OSError if the recording cannot be written."""
         is_first = self._rows is None
         if is_first:
             self._start_writer(step)
@@ -104,7 +104,7 @@ class McapRecorder:
         self._send(np.concatenate([np.ravel(reading) for reading in readings.values()], dtype=np.float64))
 
     def _start_writer(self, step: Step) -> None:
-        """Start the writer process with the recording schema of the robot in `step`."""
+        """Start the writer process with the recording schema of the robot that `step` contains."""
         env = step.env
         robot = env.robot
         widths = {name: step.infos[name][0].size for name in SIGNALS}
@@ -119,25 +119,25 @@ class McapRecorder:
         context = multiprocessing.get_context("spawn")
         writer_end, self._rows = context.Pipe(duplex=False)
         self._answer, answer = context.Pipe(duplex=False)
-        with contextlib.suppress(ImportError, AttributeError, OSError):  # because only Linux can set the size of a pipe
+        with contextlib.suppress(ImportError, AttributeError, OSError):  # because only Linux can set the size
             import fcntl
 
             fcntl.fcntl(self._rows.fileno(), fcntl.F_SETPIPE_SZ, PIPE_SIZE)
         self._process = context.Process(target=write, args=(writer_end, answer, self._path, schema))
-        with closing(writer_end), closing(answer), without_ctrl_c():  # else `close` waits forever after Ctrl-C
+        with closing(writer_end), closing(answer), without_ctrl_c():  # because `close` needs its answer
             self._process.start()
 
     def _send(self, row: NDArray[np.float64]) -> None:
-        """Send a row to the writer process; the call blocks while the pipe is full."""
+        """Send a row, (columns,), to the writer process; the call waits while the pipe is full."""
         assert self._rows is not None
         try:
             if not self._rows.closed:
                 self._rows.send(row)
-        except OSError:  # because the writer has ended; `close` raises the reason
+        except OSError:  # because the writer process has ended; `close` raises the error of that process
             self.close()
 
     def close(self) -> None:
-        """Wait until the recording is written; raise OSError if the recording could not be written."""
+        """Wait until the writer process has written the recording; raise OSError if it could not be written."""
         if self._process is None or self._rows is None or self._rows.closed:
             return
         self._rows.close()

@@ -1,4 +1,4 @@
-"""Writer process of a recording: receives rows of control steps and writes ROS 2 messages to a file."""
+"""Writer process of a recording: receives control steps and writes ROS 2 messages to an MCAP file."""
 
 import contextlib
 import os
@@ -9,20 +9,20 @@ from pathlib import Path
 from live.recording.link_frames import RecordingSchema
 
 NICENESS = 5
-"""Niceness of the writer process, so that the simulation has priority if there are few cores."""
+"""Niceness of the writer process (Unix scheduling priority), so that the simulation has priority."""
 
 
 def write(rows: Connection, answer: Connection, path: Path, schema: RecordingSchema) -> None:
-    """Write the rows to a file until the other end of `rows` is closed, then send the result to `answer`.
+    """Write received rows to an MCAP file until the simulation closes its end of `rows`.
 
-    If the simulation is interrupted or killed, the rows that were already sent are still written. The process starts
-    with SIGINT blocked.
+    This is the main function of the writer process. If the simulation is interrupted or killed, the rows that were
+    already sent are still written. Ctrl-C does not reach the process, because it starts with the signal SIGINT blocked.
 
     Args:
-        rows: Connection from which the rows of control steps are received.
-        answer: Connection to which None is sent at the end, or the OSError if the file could not be written.
+        rows: Connection from which the process receives the rows, each about one control step.
+        answer: Connection to which the process sends None at the end, or an OSError if the file could not be written.
         path: MCAP file to write.
-        schema: Contents of the rows.
+        schema: Schema of the rows.
     """
     if hasattr(os, "nice"):
         os.nice(NICENESS)
@@ -31,12 +31,12 @@ def write(rows: Connection, answer: Connection, path: Path, schema: RecordingSch
         _write(rows, path, schema)
     except OSError as error:
         failure = OSError(error.errno, error.strerror or str(error), str(path))
-    with contextlib.suppress(OSError):  # because the simulation may have ended
+    with contextlib.suppress(OSError):  # because the simulation process may have ended
         answer.send(failure)
 
 
 def _write(rows: Connection, path: Path, schema: RecordingSchema) -> None:
-    """Convert the rows to messages and write the messages to the file `path`."""
+    """Convert received rows to ROS 2 messages, and write the messages to the MCAP file `path`."""
     # Imported here because the simulation process imports this module and does not need the message classes.
     from live.recording.messages import McapFile, Messages
 

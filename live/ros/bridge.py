@@ -1,6 +1,7 @@
-"""Robot side of the ROS interface, which does not import ROS.
+"""Simulation side of the ROS interface, which does not import ROS.
 
-It controls the robot by numbers from ROS messages, and returns readings at every control step.
+It controls the simulated robot with the numbers of received ROS messages, and returns sensor readings for ROS at every
+control step.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,19 +20,20 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 JOIN_TIME = 0.2
-"""Time in which the joint targets blend from the present targets to the first external targets, s."""
+"""Duration of the transition from the present joint targets to the first joint targets from ROS, s."""
 HOME_TIME = 0.4
-"""Time in which the joint targets return to the home pose after external joint targets end, s."""
+"""Duration of the transition of the joint targets to the home pose after joint targets from ROS have stopped, s."""
 VELOCITY_TIMEOUT = 0.5
-"""Time since the last valid velocity message after which the command becomes zero, s."""
+"""Time after the last valid velocity message at which the velocity command becomes zero, s."""
 TARGET_TIMEOUT = 0.2
-"""Time since the last valid joint targets after which the robot returns to the home pose, s."""
+"""Time after the last valid joint targets at which the robot starts to return to the home pose, s."""
 
 
 class JointTargetPolicy(Policy):
-    """Policy that follows external joint targets.
+    """Policy that follows joint targets from outside, here from ROS messages.
 
-    The robot stands in the home pose until `follow` is called. If there are several robots, all get the same targets.
+    The robot stands in the home pose until `follow` is called. If there are several robots, all follow the same joint
+    targets.
 
     Args:
         robot: Robot that the policy controls.
@@ -46,20 +48,24 @@ class JointTargetPolicy(Policy):
         self._allocate(1)
 
     def follow(self, targets: Floats) -> None:
-        """Follow the joint `targets`, clipped to the joint limits, until the next call, (12,), rad."""
+        """Set the joint targets that the robot follows until the next call of `follow` or `release`.
+
+        Args:
+            targets: Joint targets, (12,), rad; they are clipped to the joint limits.
+        """
         if not self._following:
             self._following = True
             self._steps_left = self._steps(JOIN_TIME)
         self._goal = np.clip(targets, self.robot.joint_lower, self.robot.joint_upper)
 
     def release(self) -> None:
-        """Stop following external targets, return to the home pose and stay there."""
+        """Stop following joint targets: move the robot to the home pose within HOME_TIME and hold this pose."""
         self._following = False
         self._goal = self.robot.home_pose
         self._steps_left = self._steps(HOME_TIME)
 
     def _steps(self, duration: float) -> int:
-        """Return the number of control steps of a blend that takes `duration`, s."""
+        """Return the number of control steps of a transition of the joint targets that takes `duration`, s."""
         return 1 + round(duration / self.control_period)
 
     def _allocate(self, num_envs: int) -> None:
@@ -76,14 +82,14 @@ class JointTargetPolicy(Policy):
 
 
 class Bridge:
-    """Controls the robot of a session by messages from ROS.
+    """Controls the robot of a session with messages from ROS, and returns sensor readings for ROS.
 
-    The messages are joint targets if the policy of the session is a `JointTargetPolicy`, otherwise velocities. Invalid
-    messages are refused. The robot stands if no valid messages arrive; the simulation never stops.
+    The messages are joint targets if the policy of the session is a `JointTargetPolicy`, otherwise velocity commands.
+    Invalid messages are refused. If valid messages stop arriving, the robot stands, and the simulation continues.
 
     Args:
-        session: Session of the robot; the bridge sets the commands of the session.
-        log: Function that is called with each line for the terminal.
+        session: Session with the simulated robot; the bridge sets its velocity command.
+        log: Function that prints a line of text in the terminal.
     """
 
     def __init__(self, session: Session, log: Callable[[str], None]) -> None:
@@ -93,9 +99,12 @@ class Bridge:
         self._topic = VELOCITY if self._target_policy is None else JOINT_TARGETS
         self._timeout = VELOCITY_TIMEOUT if self._target_policy is None else TARGET_TIMEOUT
         self._last_message_step: int | None = None
-        """Number of control steps before the last valid message; None before the first and after a timeout."""
+        """Value of `_steps` when the last valid message arrived.
+
+        None before the first valid message and after a timeout.
+        """
         self._refused: set[tuple[str, str]] = set()
-        """Pairs of topic and reason of refused messages; each pair is logged only once."""
+        """Topics and reasons of refused messages so far; each pair of topic and reason is logged only once."""
         self._imu = TrunkImu(session.env.dt)
         self._has_fallen = False
         self._steps = 0
@@ -105,16 +114,17 @@ class Bridge:
 
     @property
     def time(self) -> float:
-        """Simulated time since the start of the bridge, s; a reset of the robot does not change it."""
+        """Simulated time since the start of the bridge, s; it continues if the robot is reset."""
         return self._steps * self._period * 1e-9
 
     def handle_message(self, topic: str, values: Sequence[float], size: int) -> None:
-        """Handle a message from ROS.
+        """Handle a message from ROS: reset the robot, set its velocity command or set its joint targets.
 
         Args:
             topic: Topic of the message.
-            values: Numbers of the message; may be empty if the message is too long.
-            size: Count of the numbers in the message.
+            values: Numbers of the message: joint targets, rad, or forward and left velocity, m/s, and yaw rate, rad/s.
+                It is empty if the message has too many numbers.
+            size: Number of numbers in the message.
         """
         if topic == RESET:
             self._session.reset()
@@ -135,7 +145,7 @@ class Bridge:
         self._last_message_step = self._steps
 
     def step(self) -> Packet:
-        """Advance the robot by one control step and return the packet of readings for ROS."""
+        """Simulate one control step of the robot, and return the packet with its sensor readings for ROS."""
         if self._has_timed_out():
             self._stand()
         step = self._session.step()
@@ -145,13 +155,13 @@ class Bridge:
         return packet
 
     def _has_timed_out(self) -> bool:
-        """Return True if there was a valid message and the last one is older than the timeout."""
+        """Return True if the last valid message is older than the timeout; False before the first message."""
         if self._last_message_step is None:
             return False
         return self._steps - self._last_message_step > round(self._timeout / self._session.env.dt)
 
     def _report(self, step: Step) -> None:
-        """Log a fall once per episode, and reset a diverged simulation."""
+        """Log a fall of the robot once per episode, and reset the robot if the simulation has diverged."""
         fall = int(step.infos["fall"][0])
         self._has_fallen = self._has_fallen and step.number > 1
         if fall and not self._has_fallen:
@@ -162,9 +172,16 @@ class Bridge:
             self._session.reset()
 
     def _validation_error(self, topic: str, values: Floats, size: int) -> tuple[str, str] | None:
-        """Return the reason why a message is refused, and details; None if the message is valid.
+        """Check a message from ROS.
 
-        The reason is the same text for every message with the same fault; the details differ.
+        Args:
+            topic: Topic of the message.
+            values: Numbers of the message.
+            size: Number of numbers in the message; `values` is empty if there are too many.
+
+        Returns:
+            None if the message is valid. Otherwise the reason of the refusal, and details. The reason is the same text
+            for every message with the same fault; the details differ.
         """
         joints = self._session.env.robot.num_joints
         if topic != self._topic:
@@ -178,7 +195,7 @@ class Bridge:
         return None
 
     def _stand(self) -> None:
-        """Make the robot stand after a timeout."""
+        """Make the robot stand after a timeout: set a zero velocity command, or return to the home pose."""
         self._last_message_step = None
         if self._target_policy is None:
             self._session.steer(np.zeros(3))
@@ -189,11 +206,11 @@ class Bridge:
         self._log(f"nothing good on {self._topic} for {self._timeout:g} s: {standing} until the next")
 
     def _packet(self, step: Step) -> Packet:
-        """Return the packet with the readings of the robot after a control step."""
+        """Return the packet with time and sensor readings of the robot after a control step."""
         infos = {name: values[0] for name, values in step.infos.items()}
 
         def numbers(**names: str) -> dict[str, list[float]]:
-            """Return the infos named by the keyword values as lists under the keyword names."""
+            """Return a dictionary: name of a keyword argument -> list of numbers in `infos` under its value."""
             return {name: infos[reading].tolist() for name, reading in names.items()}
 
         imu = numbers(quaternion="quaternion", angular_velocity="angular_velocity")

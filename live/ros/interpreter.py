@@ -1,4 +1,7 @@
-"""Search for a Python that has ROS, and environment variables that limit ROS to this machine."""
+"""Python executable that has ROS, and environment variables for the ROS process.
+
+The environment variables limit ROS to this machine unless the user allows the network.
+"""
 
 import os
 import subprocess
@@ -12,22 +15,22 @@ from quad_env.cli.command_line import UsageError
 
 _MESSAGES = ("geometry_msgs", "rosgraph_msgs", "sensor_msgs", "std_msgs")
 REQUIRED_MODULES = {"1": ("rospy", "rosmaster", *_MESSAGES), "2": ("rclpy", *_MESSAGES)}
-"""Version of ROS -> modules that the Python must be able to import."""
+"""Version of ROS -> names of the modules that a Python executable must be able to import."""
 ROOT = Path(__file__).parents[2]
-"""Folder that contains the package `live`."""
+"""Root folder of the project, which contains the package `live`."""
 DEFAULT_MASTER = "http://localhost:11311"
 _PROFILE = str(Path(__file__).with_name("loopback.xml"))
 LOOPBACK_ENVIRONMENT = {
-    # ROS 1 listens on all interfaces unless its own address is a loopback one.
+    # Set because ROS 1 listens on all network interfaces unless its own address is a loopback address.
     "ROS_IP": "127.0.0.1",
-    # Each of the next two variables limits the discovery of ROS 2 to this machine, depending on the version of ROS 2.
-    # The profile is also needed, because Fast DDS would still receive packets from other machines.
+    # The next two variables limit the discovery of ROS 2 nodes to this machine; a version of ROS 2 reads one of them.
+    # The profile is also needed, because the middleware Fast DDS would still receive packets from other machines.
     "ROS_LOCALHOST_ONLY": "1",
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     "FASTRTPS_DEFAULT_PROFILES_FILE": _PROFILE,
     "FASTDDS_DEFAULT_PROFILES_FILE": _PROFILE,
 }
-"""Environment variables that limit a node to the loopback interface: name -> value."""
+"""Environment variables with which a ROS node uses only the loopback network interface: name -> value."""
 INSTALL_HINT = (
     "on Debian: apt-get install python3-rospy python3-rosmaster python3-std-msgs python3-sensor-msgs "
     "python3-geometry-msgs python3-rosgraph-msgs; or source the setup.bash of your ROS"
@@ -35,17 +38,18 @@ INSTALL_HINT = (
 
 
 def find(version: str | None) -> tuple[str, str]:
-    """Find a Python that can import ROS.
+    """Find a Python executable on this machine that can import ROS.
 
     Args:
-        version: Version of ROS, `1` or `2`. None for the version that is sourced, or for any version if none is.
+        version: Version of ROS, `1` or `2`. None for the version in the environment variable ROS_VERSION, which ROS
+            sets when its setup file is sourced; any version if the variable is not set.
 
     Returns:
-        version: Version of ROS that the Python has.
+        version: Version of ROS that the executable can import, `1` or `2`.
         python: Path of the Python executable.
 
     Raises:
-        UsageError: No Python here has ROS.
+        UsageError: No Python executable on this machine can import ROS.
     """
     requested = version or os.environ.get("ROS_VERSION")
     versions = [requested] if requested in REQUIRED_MODULES else list(REQUIRED_MODULES)
@@ -60,7 +64,7 @@ def find(version: str | None) -> tuple[str, str]:
 
 
 def _can_import(python: str, modules: Sequence[str]) -> bool:
-    """Return True if the Python at the path `python` finds all `modules`."""
+    """Return True if the Python executable at the path `python` can import all `modules`."""
     probe = f"import importlib.util as u, sys; sys.exit(None in map(u.find_spec, {tuple(modules)!r}))"
     return subprocess.run([python, "-c", probe], capture_output=True, check=False).returncode == 0
 
@@ -69,17 +73,18 @@ def environment(base: Mapping[str, str], network: bool) -> dict[str, str]:
     """Build the environment variables of the ROS process.
 
     Args:
-        base: Environment variables of this process.
-        network: True to listen as the variables of ROS say; False to listen only on the loopback interface.
+        base: Environment variables of this process: name -> value.
+        network: True to use the network that the environment variables of ROS define. False to use only the loopback
+            interface.
 
     Returns:
-        Environment variables: name -> value.
+        Environment variables of the ROS process: name -> value.
 
     Raises:
         UsageError: The ROS master is on another machine, and `network` is False.
     """
     variables = {"ROS_MASTER_URI": DEFAULT_MASTER, **base}
-    # The folder of the project is last, so that no module of the project hides a module of ROS.
+    # The root folder of the project comes last, so that no module of the project hides a module of ROS.
     variables["PYTHONPATH"] = os.pathsep.join(filter(None, (base.get("PYTHONPATH"), str(ROOT))))
     if network:
         return variables
@@ -91,9 +96,9 @@ def environment(base: Mapping[str, str], network: bool) -> dict[str, str]:
 
 
 def _is_local(uri: str) -> bool:
-    """Return True if the URI has the host `localhost` or a loopback address."""
+    """Return True if the host of a URI is `localhost` or a loopback address."""
     host = urlsplit(uri).hostname
     try:
         return host == "localhost" or ip_address(host or "").is_loopback
-    except ValueError:  # False for a host name, because its address may change
+    except ValueError:  # the host is another name, and its address may change
         return False

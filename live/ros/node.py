@@ -13,14 +13,14 @@ import sys
 from typing import Any
 
 JOINT_TARGETS = "/position_controller/command"
-"""Subscribed topic of type std_msgs/Float64MultiArray: joint targets in the robot's joint order, rad."""
+"""Subscribed topic of type std_msgs/Float64MultiArray: joint targets, rad, in the joint order of the robot."""
 VELOCITY = "/cmd_vel"
-"""Subscribed topic of type geometry_msgs/Twist: command of the policy.
+"""Subscribed topic of type geometry_msgs/Twist: velocity command of the policy.
 
-The command is linear.x and linear.y, m/s, and angular.z, rad/s.
+The command is the forward velocity linear.x, m/s, the left velocity linear.y, m/s, and the yaw rate angular.z, rad/s.
 """
 RESET = "/reset"
-"""Subscribed topic of type std_msgs/Empty: a message starts a new episode."""
+"""Subscribed topic of type std_msgs/Empty: each message resets the robot and starts a new episode."""
 JOINT_STATES = "/joint_states"
 """Published topic of type sensor_msgs/JointState: joint angles, rad, speeds, rad/s, and torques, N·m."""
 IMU = "/imu"
@@ -28,24 +28,24 @@ IMU = "/imu"
 CLOCK = "/clock"
 """Published topic of type rosgraph_msgs/Clock: simulated time."""
 JOINT_STATE_PERIOD = 0.02
-"""Period of the topic `JOINT_STATES`, s; the other topics are published at every control step."""
+"""Time between two messages of the topic JOINT_STATES, s; the other topics have a message at every control step."""
 NODE = "simple_quad"
 """Name of the ROS node."""
 MAX_NUMBERS = 256
-"""Maximum count of numbers in a message that are passed to the simulation.
+"""Maximum number of joint targets in a ROS message that the node passes to the simulation.
 
-If a message is longer, which no robot accepts, only the count of the numbers is passed on.
+No robot accepts a longer message. Therefore the node passes on only the number of its joint targets.
 """
 MAX_PACKET_SIZE = 65_536
 """Maximum size of a packet between the ROS process and the simulation, bytes."""
 
 
 def main(version: str, joints: list[str]) -> None:
-    """Run the node until the simulation closes the socket.
+    """Run the ROS process: start a node, and exchange messages until the simulation closes the socket.
 
     Args:
         version: Version of ROS, `1` or `2`.
-        joints: Names of the robot's joints.
+        joints: Names of the robot's joints, in the order of the joint targets.
     """
     link = socket.socket(fileno=os.dup(0))
     try:
@@ -59,7 +59,7 @@ def main(version: str, joints: list[str]) -> None:
 
 
 def _transport(version: str) -> Any:
-    """Return the node class for the ROS `version`, `1` or `2`."""
+    """Return the class of the node for a version of ROS: `Ros1` for `1`, `Ros2` for `2`."""
     if version == "1":
         from live.ros.ros1 import Ros1
 
@@ -70,12 +70,14 @@ def _transport(version: str) -> Any:
 
 
 class Node:
-    """Converts packets from the simulation to ROS messages, and ROS messages to packets.
+    """Converts packets from the simulation to ROS messages, and received ROS messages to packets.
+
+    A packet is a JSON object that the processes exchange over a socket.
 
     Args:
         link: Socket to the simulation.
-        transport: Node of ROS 1 or ROS 2 that sends and receives the messages.
-        joints: Names of the robot's joints.
+        transport: Node of ROS 1 or ROS 2, which sends and receives the messages.
+        joints: Names of the robot's joints, in the order of the joint readings.
     """
 
     def __init__(self, link: socket.socket, transport: Any, joints: list[str]) -> None:
@@ -95,7 +97,7 @@ class Node:
         _send_packet(link, {"ready": transport.where})
 
     def run(self) -> None:
-        """Publish the packets from the simulation until the simulation closes the socket."""
+        """Publish the readings in each packet from the simulation until the simulation closes the socket."""
         while True:
             try:
                 data = self._link.recv(MAX_PACKET_SIZE)
@@ -106,7 +108,7 @@ class Node:
             self._publish_packet(json.loads(data))
 
     def _publish_packet(self, packet: dict[str, Any]) -> None:
-        """Publish the readings in a packet as ROS messages."""
+        """Publish time, IMU readings and joint readings of a packet from the simulation as ROS messages."""
         stamp = self._stamp(packet["time"])
         clock = self._message_types[CLOCK]()
         clock.clock = stamp
@@ -131,28 +133,28 @@ class Node:
             self._publish[JOINT_STATES](state)
 
     def _message(self, topic: str, stamp: Any) -> Any:
-        """Return an empty message for a topic, with a header that has the time `stamp`."""
+        """Return an empty ROS message for a topic; its header has the time `stamp` and the frame base_link."""
         message = self._message_types[topic]()
         message.header.stamp = stamp
         message.header.frame_id = "base_link"
         return message
 
     def _receive_joint_targets(self, message: Any) -> None:
-        """Send received joint targets to the simulation."""
+        """Send the joint targets of a received ROS message to the simulation."""
         size = len(message.data)
         self._forward(JOINT_TARGETS, list(message.data) if size <= MAX_NUMBERS else [], size)
 
     def _receive_velocity(self, message: Any) -> None:
-        """Send a received velocity to the simulation."""
+        """Send the velocity command of a received ROS message to the simulation."""
         self._forward(VELOCITY, [message.linear.x, message.linear.y, message.angular.z], 3)
 
     def _forward(self, topic: str, values: list[float], size: int) -> None:
-        """Send topic, numbers and count of the numbers of a ROS message to the simulation."""
+        """Send topic, numbers and number of numbers of a received ROS message to the simulation."""
         _send_packet(self._link, {"topic": topic, "values": values, "size": size})
 
 
 def _send_packet(link: socket.socket, packet: dict[str, Any]) -> None:
-    """Send a packet to the simulation; end this process if the simulation has ended."""
+    """Send a packet as JSON to the simulation; end this process if the simulation has ended."""
     try:
         link.send(json.dumps(packet).encode())
     except OSError:  # because the simulation has ended

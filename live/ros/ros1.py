@@ -13,27 +13,27 @@ import rosmaster.master
 import rospy
 
 QUEUE_SIZE = 100
-"""Maximum number of waiting messages, to a slow subscriber or to this node; the oldest are dropped."""
+"""Maximum number of messages that wait for a slow subscriber or for this node; the oldest are dropped."""
 
 MASTER_TIMEOUT = 3.0
-"""Time limit for the answer of a ROS master, s."""
+"""Time within which a ROS master must answer, s; otherwise the node starts a master."""
 
 
 class Ros1:
-    """Node of ROS 1.
+    """Node of ROS 1, which publishes and receives messages.
 
-    The constructor raises OSError if no ROS master answers and no master can be started.
+    The constructor raises OSError if no ROS master answers and no ROS master can be started.
 
     Args:
         name: Name of the node.
-        on_end: Function that is called with the reason if ROS ends the node.
+        on_end: Function that is called with the reason as text if ROS ends the node.
     """
 
     def __init__(self, name: str, on_end: Callable[[str], None]) -> None:
         _refuse_web_pages(rosgraph.xmlrpc.SilenceableXMLRPCRequestHandler)
         uri = rosgraph.get_master_uri()
         self.where = "ROS 1, master " + uri
-        socket.setdefaulttimeout(MASTER_TIMEOUT)  # because another program may listen at the URI
+        socket.setdefaulttimeout(MASTER_TIMEOUT)  # because another program may listen there and never answer
         online = rosgraph.is_master_online()
         socket.setdefaulttimeout(None)
         if not online:
@@ -44,31 +44,37 @@ class Ros1:
 
     @staticmethod
     def stamp(nanoseconds: int) -> Any:
-        """Convert a time, `nanoseconds`, to the time type of ROS messages."""
+        """Convert a time in ns to the time type of ROS 1 messages."""
         return rospy.Time(nanoseconds // 10**9, nanoseconds % 10**9)
 
     @staticmethod
     def publisher(topic: str, kind: Any) -> Callable[[Any], None]:
-        """Return a function that publishes messages of type `kind` on `topic`."""
+        """Return a function that publishes a message of the class `kind` on the topic `topic`."""
         publish: Callable[[Any], None] = rospy.Publisher(topic, kind, queue_size=QUEUE_SIZE, tcp_nodelay=True).publish
         return publish
 
     @staticmethod
     def subscribe(topic: str, kind: Any, callback: Callable[[Any], None]) -> None:
-        """Call `callback` with messages of type `kind` on `topic`, in a thread of the publisher's connection."""
+        """Call `callback` with each message on a topic, in the thread that reads the publisher's connection.
+
+        Args:
+            topic: Name of the topic.
+            kind: Class of the messages.
+            callback: Function that is called with each message.
+        """
         rospy.Subscriber(topic, kind, callback, queue_size=QUEUE_SIZE, tcp_nodelay=True)
 
     @staticmethod
     def close() -> None:
-        """Unregister the node from the ROS master."""
+        """End the node, which unregisters it from the ROS master."""
         rospy.signal_shutdown("the simulation has ended")
 
 
 def _start_master(uri: str) -> None:
-    """Start a ROS master at a URI; raise OSError if the port of the URI is in use."""
+    """Start a ROS master in this process at a URI; raise OSError if the port of the URI is in use."""
     port = urlsplit(uri).port or rosmaster.master.DEFAULT_MASTER_PORT
     address = rosgraph.network.get_bind_address()
-    with socket.socket() as probe:  # because a master does not report a port in use
+    with socket.socket() as probe:  # because a ROS master does not report that its port is in use
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((address, port))
@@ -80,8 +86,11 @@ def _start_master(uri: str) -> None:
 def _refuse_web_pages(handler: Any) -> None:
     """Change a class of HTTP request handlers so that it refuses requests from web pages.
 
-    Otherwise any page in a browser on this machine could end nodes or act as a publisher. Requests from web pages have
-    the header `Origin`; requests from ROS clients do not.
+    Otherwise any page in a browser on this machine could end ROS nodes or act as a publisher. Requests from web pages
+    have the HTTP header `Origin`; requests from ROS clients do not.
+
+    Args:
+        handler: Class of the request handlers of ROS 1, which is changed in place.
     """
     answer = handler.do_POST
 

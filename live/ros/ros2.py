@@ -12,11 +12,11 @@ from rclpy.signals import SignalHandlerOptions
 
 
 class Ros2:
-    """Node of ROS 2.
+    """Node of ROS 2, which publishes and receives messages.
 
     Args:
         name: Name of the node.
-        on_end: Function that is called with the reason if ROS ends the node.
+        on_end: Function that is called with the reason as text if ROS ends the node.
     """
 
     where = "ROS 2"
@@ -28,7 +28,7 @@ class Ros2:
         threading.Thread(target=self._spin, daemon=True).start()
 
     def _spin(self) -> None:
-        """Process messages until ROS ends the node."""
+        """Receive messages and call the callbacks, until ROS ends the node; runs in a separate thread."""
         try:
             rclpy.spin(self._node)
         finally:
@@ -36,19 +36,25 @@ class Ros2:
 
     @staticmethod
     def stamp(nanoseconds: int) -> Any:
-        """Convert a time, `nanoseconds`, to the time type of ROS messages."""
+        """Convert a time in ns to the time type of ROS 2 messages."""
         return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
     def publisher(self, topic: str, kind: Any) -> Callable[[Any], None]:
-        """Return a function that publishes messages of type `kind` on `topic`."""
+        """Return a function that publishes a message of the class `kind` on the topic `topic`."""
         publish: Callable[[Any], None] = self._node.create_publisher(kind, topic, 10).publish
         return publish
 
     def subscribe(self, topic: str, kind: Any, callback: Callable[[Any], None]) -> None:
-        """Call `callback` with messages of type `kind` on `topic`, in the thread that processes messages."""
+        """Call `callback` with each message on a topic, in the thread that receives messages.
+
+        Args:
+            topic: Name of the topic.
+            kind: Class of the messages.
+            callback: Function that is called with each message.
+        """
         self._node.create_subscription(kind, topic, callback, 10)
 
     @staticmethod
     def close() -> None:
-        """Shut ROS down, which ends the node."""
+        """Shut ROS 2 down in this process, which ends the node."""
         rclpy.try_shutdown()

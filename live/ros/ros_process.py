@@ -1,4 +1,4 @@
-"""Simulation side of the ROS process: starts the process and exchanges packets with it over a socket."""
+"""Control of the ROS process by the simulation, with which it exchanges packets over a socket."""
 
 import contextlib
 import json
@@ -12,28 +12,28 @@ from live.ros.node import MAX_PACKET_SIZE
 from quad_env.cli.command_line import UsageError
 
 START_TIMEOUT = 30.0
-"""Time limit for the process to start a ROS node, s."""
+"""Time within which the ROS process must have started a ROS node, s."""
 MAX_PACKETS_PER_STEP = 500
-"""Maximum number of packets that are read in one control step; further packets wait for the next step."""
+"""Maximum number of packets that are read in one control step; further packets are read in the next step."""
 EXIT_TIMEOUT = 2.0
-"""Time limit for the process to end after `close`, s; a process that takes longer is killed."""
+"""Time within which the ROS process must end after `close`, s; otherwise it is killed."""
 
 Packet = dict[str, Any]
-"""Content of a packet, sent as JSON: name -> value."""
+"""Message between the simulation and the ROS process, sent as a JSON object: name -> value."""
 
 
 class RosProcessError(UsageError):
-    """Error if the ROS process cannot start, does not answer or has ended; the message gives the reason."""
+    """Raised if the ROS process cannot start, does not answer or has ended; the message gives the reason."""
 
 
 class RosProcess:
-    """Runs the ROS process and exchanges packets with it.
+    """Runs the ROS process, and exchanges packets (JSON messages) between the simulation and this process.
 
-    Neither process waits for the other during the simulation.
+    During the simulation, neither of the two processes waits for the other.
 
     Args:
-        command: Command line of the process.
-        environment: Environment variables of the process.
+        command: Command line of the ROS process.
+        environment: Environment variables of the ROS process: name -> value.
 
     Raises:
         RosProcessError: This system is not Linux.
@@ -42,24 +42,24 @@ class RosProcess:
     def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
         if sys.platform != "linux":
             raise RosProcessError("the ROS node runs on Linux alone: in a container or a virtual machine elsewhere")
-        # A sequential-packet socket pair, because packets arrive complete or not at all. No other process can connect,
-        # because the socket has no address.
+        # The sockets are of the type "sequential packets", because these packets arrive complete or not at all. They
+        # have no address, so that no other process can connect.
         self._socket, child_socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with child_socket:
-            # The process has its own session so that Ctrl-C does not reach it, because the simulation ends the process.
+            # The ROS process has a separate session, because Ctrl-C must not reach it: the simulation ends it.
             self._process = subprocess.Popen(
                 command, stdin=child_socket.fileno(), env=dict(environment), start_new_session=True
             )
         self._socket.settimeout(START_TIMEOUT)
 
     def wait_until_ready(self) -> str:
-        """Wait until the process has started a ROS node.
+        """Wait until the ROS process has started a ROS node.
 
         Returns:
-            Description of the node: version of ROS, and the master of ROS 1.
+            Description of the node: the version of ROS, and for ROS 1 the URI of the ROS master.
 
         Raises:
-            RosProcessError: The process has not answered in time, or has ended.
+            RosProcessError: The ROS process has not answered within START_TIMEOUT, or has ended.
         """
         try:
             packet = self._read()
@@ -69,18 +69,18 @@ class RosProcess:
         return str(packet["ready"])
 
     def received(self) -> Iterator[Packet]:
-        """Yield the packets since the last call, oldest first; raise RosProcessError if the process ended."""
+        """Yield the packets that have arrived since the last call; raise RosProcessError if the process ended."""
         with contextlib.suppress(BlockingIOError):
             for _ in range(MAX_PACKETS_PER_STEP):
                 yield self._read()
 
     def send(self, packet: Packet) -> None:
-        """Send a `packet` to the process; the packet is dropped if the process does not read fast enough."""
+        """Send a packet to the ROS process; the packet is dropped if the process does not read fast enough."""
         with contextlib.suppress(BlockingIOError, BrokenPipeError, ConnectionResetError):
             self._socket.send(json.dumps(packet).encode())
 
     def close(self) -> None:
-        """End the process, after the process has unregistered the ROS node."""
+        """End the ROS process, after it has unregistered its node from ROS."""
         self._socket.close()
         try:
             self._process.wait(EXIT_TIMEOUT)
@@ -89,7 +89,7 @@ class RosProcess:
             self._process.wait()
 
     def _read(self) -> Packet:
-        """Return the next packet; raise RosProcessError if the process has ended."""
+        """Read the next packet from the ROS process; raise RosProcessError if the process has ended."""
         try:
             data = self._socket.recv(MAX_PACKET_SIZE)
         except ConnectionResetError:

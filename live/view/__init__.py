@@ -1,1 +1,4 @@
-"""Live view: a web page with robots that the user steers, served only to browsers on the same machine."""
+"""Live view: a web page that shows simulated robots, which the user steers.
+
+Only browsers on the same machine can open the page.
+"""

@@ -1,4 +1,4 @@
-"""Controller of the live view: steps one session per robot, and executes the requests of pages."""
+"""Controller of the live view: simulates one session per robot, and executes requests of web pages."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -23,23 +23,24 @@ from quad_env.scenarios.axes import axes_of
 from quad_env.scenarios.scenario import Scenario
 
 PUSH_TIME = 0.1
-"""Duration of a push by hand, s."""
+"""Duration of a push that the user requests on the page, s."""
 MAX_EVENTS = 40
-"""Maximum number of events that are stored until the next state message."""
+"""Maximum number of events (texts about interventions) that are stored until the next state message to the page."""
 
 
 class ViewController:
-    """Steps robots in real time and executes the requests of pages.
+    """Simulates robots in real time, and executes the requests of web pages.
 
-    An unknown scenario or policy raises ValueError.
+    The constructor raises ValueError if a scenario or policy is unknown.
 
     Args:
-        names: Names or paths of policies, one per robot; all robots have the same episode.
-        scenario: Name of the first scenario.
+        names: Names or paths of policies, one per robot; all robots have the same scenario and seed.
+        scenario: Name of the scenario at the start.
         hardware: Robot, motors, sensors and simulator.
         seed: Seed of the first episode.
-        command: Fixed command: forward and left velocity, m/s, and yaw rate, rad/s; None for the scenario's commands.
-        trust: True to load policies also from files that can contain hidden code.
+        command: Fixed velocity command: forward and left velocity, m/s, and yaw rate, rad/s; None for the commands that
+            the scenario draws.
+        trust: True if policies may be loaded from files that can contain hidden code.
 
     Attributes:
         paused: True while the simulation is paused.
@@ -86,14 +87,18 @@ class ViewController:
         }
 
     def handle(self, request: Request) -> None:
-        """Execute a `request`.
+        """Execute a request of a web page, for example a push or a change of the scenario.
 
-        If the request fails with ValueError, ImportError or OSError, the sessions stay as before.
+        If the request fails with ValueError, ImportError or OSError, all sessions stay unchanged.
         """
         self._handlers[request.do](**request.values)
 
     def step(self) -> bool:
-        """Wait until the next control step is due and advance all robots; return False while paused."""
+        """Wait until the next control step is due in real time, and simulate it for all robots.
+
+        Returns:
+            True if a control step was simulated; False if the simulation is paused.
+        """
         if self.paused and not self._single_step:
             return False
         if not self._single_step:
@@ -103,7 +108,12 @@ class ViewController:
         return True
 
     def choices(self) -> dict[str, Any]:
-        """Return the name of the robot, and the policies and scenario axes that a page offers."""
+        """Return the choices that a page offers to the user.
+
+        Returns:
+            Dictionary: `robot`, name of the robot; `policies`, names of the policies; `axes`, list of the disturbance
+            axes with name, unit, levels and nominal level.
+        """
         robot = self.sessions[0].env.robot
         return {
             "robot": robot.name,
@@ -115,7 +125,10 @@ class ViewController:
         }
 
     def state(self) -> dict[str, Any]:
-        """Return the present state for pages, including the telemetry rows and events since the last call."""
+        """Return the state message for the pages: scenario, time, command, and telemetry of all robots.
+
+        The message includes the telemetry rows and the events since the last call.
+        """
         first = self.sessions[0]
         events = list(self._events)
         self._events.clear()
@@ -134,7 +147,7 @@ class ViewController:
         }
 
     def render_requests(self) -> list[RenderRequest]:
-        """Return a render request for every robot in its present state."""
+        """Return one request per robot to draw the robot in its present state."""
         self.orbit = self.orbit.at(self.sessions[0].latest.infos["position"][0])
         return [telemetry.render_request(self.orbit, len(self.sessions)) for telemetry in self._telemetry]
 
@@ -143,12 +156,21 @@ class ViewController:
         self._each(Session.close)
 
     def _each(self, call: Callable[[Session], object]) -> None:
-        """Call the function `call` with every session."""
+        """Call the function `call` once with each session."""
         for session in self.sessions:
             call(session)
 
     def _begin(self, scenario: Scenario, names: Sequence[str], seed: int, command: ArrayLike | None) -> None:
-        """Start an episode with new sessions; the present sessions stay if a policy cannot be loaded."""
+        """Replace all sessions by new sessions at the start of an episode.
+
+        The present sessions stay if a policy cannot be loaded.
+
+        Args:
+            scenario: Scenario of the episode.
+            names: Names or paths of the policies, one per robot.
+            seed: Seed of the episode.
+            command: Fixed velocity command, as in `Session.steer`; None for the commands that the scenario draws.
+        """
         with ExitStack() as stack:
             sessions = []
             for name in names:
@@ -166,34 +188,42 @@ class ViewController:
         self._aim_at_start()
 
     def _restart(self, scenario: Scenario, names: Sequence[str]) -> None:
-        """Start an episode with the same seed and command, on another scenario or with other policies."""
+        """Start an episode with the present seed and command, and with the given scenario and policies."""
         self._begin(scenario, names, self.sessions[0].seed, self.sessions[0].command)
         self._events.append(f"{scenario.name}, {' and '.join(session.policy.name for session in self.sessions)}")
 
     def _reset(self, seed: int | None = None) -> None:
-        """Start the episode of a seed, by default the present seed plus 1."""
+        """Start the episode of a seed for all robots; None takes the present seed plus 1."""
         self._each(lambda session: session.reset(seed))
         self._aim_at_start()
 
     def _release_command(self) -> None:
-        """Start the present episode again, with the commands of the scenario."""
+        """Start the present episode again, with the velocity commands that the scenario draws."""
         self._each(lambda session: session.steer(None))
         self._reset(self.sessions[0].seed)
 
     def _resolve_scenario(self, name: str) -> Scenario:
-        """Return the scenario that a name describes; raise ValueError for a name or file that is not allowed.
+        """Return the scenario of a name; raise ValueError if the name is unknown or not allowed.
 
-        A page may not name a scenario in a user's file, except for the scenario with which the view was started.
+        A page may not name a scenario file of the user, except for the file with which the view was started.
         """
         if battery.is_file_reference(name) and name != self._first_scenario:
             raise ValueError(f"{name}: a scenario in a file is named when the view is started, with --scenario")
         return battery.resolve_single(name, self._hardware.robot_model)
 
     def _choose_policy(self, robot: int, name: str) -> None:
-        """Give a robot another policy, or add a robot if `robot` is the number of robots.
+        """Change the policy of a robot, or add a robot with the policy.
 
-        A single robot changes the policy during the episode if the policy fits the session. Otherwise all robots start
-        the episode again, so that all robots have the same episode.
+        If there is only one robot and the policy fits its session, the policy changes during the episode. Otherwise all
+        robots start the episode again, so that all robots are at the same time of the same episode.
+
+        Args:
+            robot: Index of the robot; the number of robots adds a robot.
+            name: Name of the policy, one of the choices that the page offers.
+
+        Raises:
+            ValueError: There are fewer robots, or the policy cannot be used for this robot.
+            PolicyError: The page does not offer a policy of this name.
         """
         if robot > len(self.sessions):
             raise ValueError(f"there is no robot {robot}")
@@ -201,7 +231,7 @@ class ViewController:
             raise PolicyError(f"no policy {name!r} is offered: there are {', '.join(self._policy_names)}")
         names = [*self._names[:robot], name, *self._names[robot + 1 :]]
         if len(names) == 1:
-            # A policy with another height scan or other servos raises ValueError, because it needs a new session.
+            # ValueError means that the policy needs another height scan or other servos, and so a new session.
             with suppress(ValueError):
                 policy = self._hardware.policy(name, self._trust, on_hardware_profile=self._scenario.hardware)
                 self.sessions[0].set_policy(policy)
@@ -210,10 +240,10 @@ class ViewController:
         self._restart(self._scenario, names)
 
     def _push(self, direction: float, impulse: float) -> None:
-        """Push all robots in the same direction.
+        """Push the trunks of all robots in the same direction.
 
         Args:
-            direction: Angle from the first robot's heading, positive to the left, degrees.
+            direction: Direction of the push as an angle from the first robot's heading, positive to the left, degrees.
             impulse: Impulse of the push, N·s.
         """
         angle = heading_angle(self.sessions[0].latest) + np.radians(direction)
@@ -221,17 +251,17 @@ class ViewController:
         self._each(lambda session: session.push(force, PUSH_TIME))
 
     def _pause(self, on: bool) -> None:
-        """Pause the simulation if `on` is True, otherwise resume."""
+        """Pause the simulation if `on` is True; otherwise resume it."""
         self.paused = on
         self._real_time_rate.resume()
 
     def _step_once(self) -> None:
-        """Execute one more control step, then pause."""
+        """Let the next call of `step` simulate one control step, then pause the simulation."""
         self.paused = True
         self._single_step = True
 
     def _set_orbit(self, orbit: Orbit) -> None:
-        """Set the viewpoint of the camera."""
+        """Set the viewpoint of the camera for all robots."""
         self.orbit = orbit
 
     def _aim_at_start(self) -> None:

@@ -1,4 +1,4 @@
-"""Main loop of the live view: executes requests, steps robots, and sends frames and states to pages."""
+"""Main loop of the live view: executes requests, simulates robots, and sends images to web pages."""
 
 import json
 import queue
@@ -13,34 +13,34 @@ from quad_env.cli.command_line import UsageError
 from quad_env.cli.interrupt import Interrupt
 
 FRAME_RATE = 30.0
-"""Maximum rate of frames, Hz."""
+"""Maximum frame rate of the images on the page, Hz."""
 STATE_RATE = 10.0
-"""Maximum rate of state messages, Hz."""
+"""Maximum rate of state messages (telemetry) to the page, Hz."""
 MAX_PENDING_REQUESTS = 256
-"""Maximum number of pending requests; further requests are refused."""
+"""Maximum number of requests that wait for the next control step; further requests are refused."""
 HANDSHAKE = "hello"
-"""First message of a page, which the view answers with the choices of policies and scenarios."""
+"""First message of a page; the server answers with the policies and scenarios that the user can choose."""
 EPISODE_STARTS = frozenset(("scenario", "policy", "alone", "reset", "next", "let_go"))
-"""Requests that start an episode.
+"""Names of the requests that start an episode.
 
-Starting an episode takes up to 50 ms. If several requests of one kind are pending, only the last one is executed.
+Because the start of an episode takes up to 50 ms, only the last of several waiting requests of one kind is executed.
 """
 IDLE_PERIOD = 0.01
-"""Polling period of requests while the simulation is paused, s."""
+"""Time between two checks for new requests while the simulation is paused, s."""
 
 _REQUEST_ERRORS = (ValueError, UsageError, OSError, ImportError)
-"""Errors of a request that are reported to pages, for example a missing scenario or a full disk."""
+"""Exceptions of a request that are reported to the pages as messages, for example an unknown scenario."""
 
 
 class LiveView:
-    """Serves pages, and steps the robots that the pages steer, until Ctrl-C.
+    """Runs the live view until Ctrl-C: serves web pages, and simulates the robots that the pages steer.
 
     Args:
         controller: Controller of the robots.
-        port: Port of the server, as `Server` accepts it.
+        port: Port of the server, 0 for any free port. None for the default port, or any free port if that is in use.
 
     Attributes:
-        server: Server of the pages.
+        server: Server of the web pages.
     """
 
     def __init__(self, controller: ViewController, port: int | None) -> None:
@@ -53,13 +53,14 @@ class LiveView:
         self._render_thread = RenderThread(self.server.show)
 
     def receive(self, text: str) -> str | None:
-        """Handle a message from a page: answer the handshake, or queue a request until the next control step.
+        """Handle a message from a page: answer the handshake, or queue a request for the next control step.
 
         Args:
             text: Message from the page.
 
         Returns:
-            Answer to the page: the choices after the handshake, or an error; None if there is no answer.
+            Answer to the page as JSON: the choices of policies and scenarios after the handshake, or an error. None if
+            the request was queued.
         """
         if text == HANDSHAKE:
             return self._choices
@@ -72,7 +73,7 @@ class LiveView:
         return None
 
     def run(self, seconds: float = float("inf")) -> None:
-        """Run the view for `seconds`, s of wall time; raise KeyboardInterrupt after Ctrl-C."""
+        """Run the live view for a wall time of `seconds`; raise KeyboardInterrupt after Ctrl-C."""
         end = time.perf_counter() + seconds
         with Interrupt() as interrupt:
             while time.perf_counter() < end:
@@ -83,7 +84,11 @@ class LiveView:
                 self._show(time.perf_counter())
 
     def _show(self, now: float) -> None:
-        """Draw a frame if a frame is due, and send the state if a state message is due."""
+        """Start to draw an image if one is due, and send the state to the pages if a state message is due.
+
+        Args:
+            now: Present time of `time.perf_counter`, s.
+        """
         if self.server.wanted.is_set() and self._render_thread.idle and now >= self._next_frame_time:
             self._render_thread.submit(self._controller.render_requests())
             self._next_frame_time = max(now, self._next_frame_time + 1.0 / FRAME_RATE)
@@ -98,8 +103,8 @@ class LiveView:
         self.server.close()
 
     def _process_requests(self) -> None:
-        """Execute the pending requests and report errors to the pages."""
-        # The queue size is read once, because requests that arrive in the meantime wait for the next control step.
+        """Execute the waiting requests of all pages, and report errors to the pages."""
+        # The queue size is read only once, so that requests that arrive meanwhile wait for the next control step.
         pending = [self._requests.get_nowait() for _ in range(self._requests.qsize())]
         for request in drop_superseded(pending):
             try:
@@ -109,7 +114,7 @@ class LiveView:
 
 
 def drop_superseded(requests: Sequence[Request]) -> list[Request]:
-    """Return the requests, but only the last request of each kind in `EPISODE_STARTS`."""
+    """Return the requests in their order, with only the last one of each kind in `EPISODE_STARTS`."""
     latest: dict[object, Request] = {}
     for number, request in enumerate(requests):
         key = (request.do, request.values.get("robot")) if request.do in EPISODE_STARTS else number
@@ -119,5 +124,5 @@ def drop_superseded(requests: Sequence[Request]) -> list[Request]:
 
 
 def _error(text: str) -> str:
-    """Return a message to a page that reports the error `text`, as JSON."""
+    """Return a message for a page, JSON, that reports the error `text`."""
     return json.dumps({"kind": "error", "text": text})

@@ -1,6 +1,6 @@
-"""Outcome of the episode in the live view, with events and cause, by the rules of an evaluation.
+"""Outcome of an episode in the live view: success or failure with its cause, as in an evaluation.
 
-The outcome is undecided until the robot falls, the policy fails, or the duration of an evaluation episode is over.
+The outcome is undecided until the robot falls, the policy fails, or the duration of an evaluation episode has passed.
 """
 
 from collections import deque
@@ -21,23 +21,24 @@ from live.session import Session
 
 
 class _RecordedStep(NamedTuple):
-    """A control step and the state of the policy after the step."""
+    """A control step, with failure and safety stop of the policy after this step."""
 
     step: Step
     failure: Any
-    """Failure of the policy for each robot; None if the policy does not report failures."""
+    """Text about the failure of the policy for each robot, (1,); None if the policy does not report failures."""
     is_stopped: bool
-    """True if the safety layer stopped the robot in this step."""
+    """True if the safety layer of the policy has stopped the robot in this step."""
 
 
 class EpisodeOutcome:
-    """Records the control steps of the present episode of a session, and evaluates the episode.
+    """Records the control steps of one episode of a session, and evaluates the episode at its end.
 
     Args:
         session: Session at the start of an episode.
 
     Attributes:
-        story: One line per event of the episode; the last line is the outcome. Empty while the outcome is undecided.
+        story: One line of text per event of the episode; the last line is the outcome. Empty while the outcome is
+            undecided.
     """
 
     def __init__(self, session: Session) -> None:
@@ -63,7 +64,7 @@ class EpisodeOutcome:
 
     @property
     def words(self) -> str:
-        """Outcome in words; the reason if the outcome is undecided."""
+        """Outcome of the episode in words; if it is undecided, the reason for that."""
         if self.story:
             return self.story[-1].replace("  ", ": ", 1)
         if self._session.user_intervened:
@@ -72,14 +73,19 @@ class EpisodeOutcome:
 
     @property
     def failed(self) -> bool:
-        """True if the outcome is decided and the episode failed."""
+        """True if the outcome of the episode is decided and is a failure."""
         return bool(self.story) and not self.story[-1].endswith(SUCCEEDED)
 
 
 def _story(recorded: Sequence[_RecordedStep], session: Session) -> list[str]:
-    """Return the lines that `evaluate.causes.story` writes about the recorded steps.
+    """Return the events of an episode as lines of text, each with the time since the start of the episode.
 
-    Times are counted from the start of the episode, although the first recorded step may be a later one.
+    Args:
+        recorded: Latest control steps of the episode; the first of them may be later than the start.
+        session: Session of the episode.
+
+    Returns:
+        Lines of text; the last line is the outcome.
     """
     episodes = _episodes(recorded, session)
     start_time = recorded[0].step.number * episodes.dt
@@ -87,9 +93,16 @@ def _story(recorded: Sequence[_RecordedStep], session: Session) -> list[str]:
 
 
 def _episodes(recorded: Sequence[_RecordedStep], session: Session) -> Episodes:
-    """Convert the recorded steps to an episode that starts with the first recorded step.
+    """Convert recorded control steps to the record of one episode, as an evaluation uses it.
 
-    The pushes of the episode include pushes by hand.
+    The record starts with the first recorded step. Its pushes include the pushes that the user requested.
+
+    Args:
+        recorded: Latest control steps of the episode.
+        session: Session of the episode.
+
+    Returns:
+        Record with one episode.
     """
     policy: Any = SimpleNamespace()
     recorder = EpisodeRecorder(policy, np.array([session.seed]), STEPS)
@@ -97,13 +110,13 @@ def _episodes(recorded: Sequence[_RecordedStep], session: Session) -> Episodes:
         policy.failure = failure
         policy.stopped = np.array([is_stopped])
         recorder(replace(step, number=number))
-    force = np.array([item.step.infos["push"][0] for item in recorded[1:]]).reshape(-1, 2)  # world frame, N
+    force = np.array([item.step.infos["push"][0] for item in recorded[1:]]).reshape(-1, 2)  # (steps, 2), world frame, N
     is_pushed = np.asarray(force.any(axis=1))
     push_starts = np.flatnonzero(is_pushed & ~np.append(False, is_pushed[:-1]))
     episodes = recorder.episodes()
     scenario = session.env.scenario
     if recorded[0].step.number != 0:
-        scenario = replace(scenario, dropouts=None)  # because their times count from the true start of the episode
+        scenario = replace(scenario, dropouts=None)  # because their times are counted from the start of the episode
     return replace(
         episodes,
         push_step=push_starts[None],

@@ -1,4 +1,4 @@
-"""Render requests: state of a robot and viewpoint of the camera for one frame."""
+"""Requests to draw a robot: its simulated state and the viewpoint of the camera for one image."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,38 +11,39 @@ from quad_env.physics.arrows import Arrow
 from quad_env.physics.rendering import Viewpoint
 
 ROTATION_GAIN = 0.4
-"""Camera rotation per pixel of a mouse drag, degrees."""
+"""Rotation of the camera per pixel of a mouse drag, degrees."""
 ZOOM_GAIN = 0.0015
-"""Relative change of the camera's distance per unit of the mouse wheel."""
+"""Relative change of the camera's distance per unit that the mouse wheel turns."""
 MAX_ELEVATION = 89.0
-"""Largest angle of the camera above or below the horizontal, degrees."""
+"""Largest angle of the camera above or below the horizontal plane through its target, degrees."""
 DISTANCE_RANGE = (0.4, 30.0)
-"""Smallest and largest distance of the camera, m."""
+"""Smallest and largest distance of the camera from its target, m."""
 TRACKING_GAIN = 0.15
-"""Vertical motion of the camera target per frame, as a fraction of the vertical distance to the robot.
+"""Gain of the low-pass filter of the camera target's height, from 0 to 1 per image.
 
-The fraction is small so that the picture does not shake.
+In each image the target moves vertically by this fraction of its vertical distance to the robot. The fraction is small
+so that the picture does not shake.
 """
 
 
 @dataclass(frozen=True)
 class Orbit(Viewpoint):
-    """Viewpoint of a camera that orbits a point; the user rotates it with the mouse."""
+    """Viewpoint of a camera that the user rotates around a target point with the mouse."""
 
     follow: bool = True
-    """True if the camera follows the robot; False if the camera stays in place."""
+    """True if the target of the camera follows the robot; False if the target stays in place."""
 
     def dragged(self, right: float, down: float) -> "Orbit":
-        """Return the viewpoint after a mouse drag of `right` and `down` pixels."""
+        """Return the viewpoint after a mouse drag by `right` pixels to the right and `down` pixels down."""
         elevation = np.clip(self.elevation - ROTATION_GAIN * down, -MAX_ELEVATION, MAX_ELEVATION)
         return replace(self, azimuth=(self.azimuth - ROTATION_GAIN * right) % 360.0, elevation=float(elevation))
 
     def zoomed(self, wheel: float) -> "Orbit":
-        """Return the viewpoint after the mouse wheel turned by `wheel`; positive values move the camera away."""
+        """Return the viewpoint after a turn of the mouse wheel; a positive value moves the camera away."""
         return replace(self, distance=float(np.clip(self.distance * np.exp(ZOOM_GAIN * wheel), *DISTANCE_RANGE)))
 
     def at(self, robot: NDArray[np.float64]) -> "Orbit":
-        """Return the viewpoint of the next frame for the position `robot`, world frame, (3,), m."""
+        """Return the viewpoint of the next image, for a robot at the position `robot`, world frame, (3,), m."""
         if not self.follow:
             return self
         x, y, z = (float(coordinate) for coordinate in robot)
@@ -50,9 +51,9 @@ class Orbit(Viewpoint):
         return replace(self, target=(x, y, height))
 
     def for_tile(self, robot: NDArray[np.float64], count: int) -> "Orbit":
-        """Return the viewpoint of one tile of a frame with several tiles side by side.
+        """Return the viewpoint for one robot, if an image shows several robots side by side in tiles.
 
-        The camera is farther away if there are more tiles, because a narrow tile must show the same area.
+        The camera is farther away if there are more tiles, because a narrower tile must show the same area.
 
         Args:
             robot: Position of the robot, world frame, (3,), m.
@@ -68,14 +69,14 @@ class Orbit(Viewpoint):
 
 @dataclass(frozen=True)
 class RenderRequest:
-    """Scene of one robot at one time, for the render thread to draw."""
+    """Scene of one robot at one time, which the render thread draws."""
 
     model: Any
     """`mujoco.MjModel` of the simulation; the same object as long as the simulation exists."""
     data: Any
-    """`mujoco.MjData` with a snapshot of the simulation's state."""
+    """`mujoco.MjData` with a copy of the simulation's state at that time."""
     name: str
-    """Name of the policy."""
+    """Name of the robot's policy, which is written into the image."""
     viewpoint: Viewpoint
     arrows: Sequence[Arrow]
-    """Arrows of command, velocity and pushes."""
+    """Arrows that are drawn at the robot for command, velocity and pushes."""

@@ -1,4 +1,4 @@
-"""Render thread: draws frames of the robots while the main thread continues the simulation."""
+"""Thread that draws images of the robots while the main thread continues the simulation."""
 
 import io
 from collections.abc import Callable, Sequence
@@ -12,25 +12,25 @@ from live.view.render_request import RenderRequest
 from quad_env.physics.rendering import Camera
 
 JPEG_QUALITY = 80
-"""Quality of the JPEG frames, 0 to 100; a larger value gives larger files."""
+"""Quality of the JPEG images, from 0 to 100; a larger value gives larger images in bytes."""
 WIDTH = 720
-"""Width of a frame, pixels; small enough that a processor without a GPU draws frames in time."""
+"""Width of an image of all robots, pixels; small, so that a processor can draw it without a GPU in time."""
 HEIGHT = 360
-"""Height of a frame, pixels."""
+"""Height of an image of all robots, pixels."""
 COLOURS = ((255, 200, 46), (88, 166, 255), (255, 140, 200), (160, 230, 120))
-"""Colour of the policy name of each robot, RGB; page/view.css has the same colours for the curves."""
+"""Colour of each robot's policy name, RGB from 0 to 255; view.css has the same colours for the robots' curves."""
 _OUTLINE = (30, 34, 38)
-"""Colour of the outline of the policy names, RGB."""
+"""Colour of the outline of the policy names, RGB from 0 to 255."""
 
 
 class RenderThread:
-    """Draws JPEG frames in a separate thread.
+    """Draws JPEG images of the robots in a separate thread.
 
     Args:
-        show: Function that is called with each JPEG frame, in the render thread.
+        show: Function that is called with each JPEG image, in the render thread.
 
     Attributes:
-        failure: Reason why nothing can be drawn; None while drawing works.
+        failure: Text about the reason if images cannot be drawn on this machine; otherwise None.
     """
 
     def __init__(self, show: Callable[[bytes], None]) -> None:
@@ -43,29 +43,29 @@ class RenderThread:
 
     @property
     def idle(self) -> bool:
-        """True if the thread can draw and has finished the last frame."""
+        """True if images can be drawn on this machine and the last image is finished."""
         return self.failure is None and (self._work is None or self._work.done())
 
     def submit(self, requests: Sequence[RenderRequest]) -> None:
-        """Start drawing a frame of the `requests`, one per robot, in the render thread."""
+        """Start to draw an image of all robots in the render thread; there is one request per robot."""
         self._work = self._thread.submit(self._draw_and_show, requests)
 
     def close(self) -> None:
-        """End the render thread and free the renderers."""
+        """End the render thread, and free its renderers."""
         self._thread.submit(self._close_renderers)
         self._thread.shutdown()
 
     def _draw_and_show(self, requests: Sequence[RenderRequest]) -> None:
-        """Draw a frame and call `show` with the frame; store the failure if the frame cannot be drawn."""
+        """Draw an image and pass it to `show`; store the reason in `failure` if that is impossible."""
         try:
             frame = self._draw(requests)
-        except Exception as error:  # because graphics drivers raise many kinds of errors
+        except Exception as error:  # because graphics drivers raise many kinds of exceptions
             self.failure = f"nothing can be drawn here ({type(error).__name__}: {error})"
             return
         self._show(frame)
 
     def _draw(self, requests: Sequence[RenderRequest]) -> bytes:
-        """Return a JPEG frame with the robots side by side."""
+        """Draw the robots of all requests side by side, and return the image as JPEG."""
         models = [request.model for request in requests]
         if models != self._models:
             self._close_renderers()
@@ -82,7 +82,7 @@ class RenderThread:
         return buffer.getvalue()
 
     def _close_renderers(self) -> None:
-        """Free the renderers."""
+        """Free the renderers of all robots."""
         for camera in self._cameras:
             camera.close()
         self._cameras = []
@@ -90,7 +90,12 @@ class RenderThread:
 
 
 def _draw_names(image: Image.Image, requests: Sequence[RenderRequest]) -> None:
-    """Write the name of each robot's policy into the robot's tile, in the colour of the robot's curves."""
+    """Write the name of each robot's policy into the image, in the colour of the robot's curves.
+
+    Args:
+        image: Image with all robots side by side, which is changed in place.
+        requests: Render requests, one per robot.
+    """
     draw = ImageDraw.Draw(image)
     size = image.height // 22
     for index, (request, colour) in enumerate(zip(requests, COLOURS, strict=False)):

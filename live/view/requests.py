@@ -1,4 +1,4 @@
-"""Requests of a page: JSON objects with an action and arguments, which this module validates."""
+"""Validation of the requests that a web page sends: JSON objects with an action and its arguments."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -6,38 +6,38 @@ from dataclasses import dataclass
 from typing import Any
 
 MAX_COMMAND = 3.0
-"""Largest magnitude of each component of a command, m/s and rad/s."""
+"""Largest absolute value of each component of a velocity command, m/s and rad/s."""
 MAX_ROBOTS = 4
-"""Maximum number of robots side by side."""
+"""Maximum number of robots that the live view shows side by side."""
 MAX_IMPULSE = 500.0
-"""Largest impulse of a push, N·s."""
+"""Largest impulse of a push that a page may request, N·s."""
 SPEED_RANGE = (0.05, 10.0)
-"""Smallest and largest ratio of simulated time to wall time."""
+"""Smallest and largest simulation speed that a page may request, simulated time per wall time."""
 MAX_SEED = 2**53 - 1
-"""Largest seed, because JavaScript does not represent larger integers exactly."""
+"""Largest seed of an episode; JavaScript does not represent larger integers exactly."""
 MAX_NAME_LENGTH = 200
 """Maximum length of the name of a policy or scenario, characters."""
 
 
 class RequestError(ValueError):
-    """Error for an invalid request; the message gives the reason."""
+    """Raised for an invalid request of a page; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """A valid request of a page."""
+    """Valid request of a web page, made by `parse`."""
 
     do: str
-    """Name of the action, a key of `REQUESTS`."""
+    """Name of the requested action, a key of `REQUESTS`."""
     values: Mapping[str, Any]
-    """Arguments of the action: name -> value."""
+    """Arguments of the action: name of an argument -> value."""
 
 
 def parse(text: str) -> Request:
-    """Parse and validate a request.
+    """Parse and validate a request of a web page.
 
     Args:
-        text: Message of a page.
+        text: Message of the page.
 
     Returns:
         The request.
@@ -60,14 +60,20 @@ def parse(text: str) -> Request:
 
 
 def _no_constant(name: str) -> float:
-    """Raise ValueError, because the JSON parser calls this function for NaN and infinity."""
+    """Refuse the JSON constants NaN and Infinity: raise ValueError with the name of the constant."""
     raise ValueError(name)
 
 
 def _number(low: float, high: float, kinds: Any = int | float) -> Callable[[str, Any], Any]:
-    """Return a validator that accepts numbers from `low` to `high`.
+    """Return a function that checks that the argument of a request is a number from `low` to `high`.
 
-    The validator takes the name and the value of an argument, and returns the value or raises RequestError.
+    Args:
+        low: Smallest valid number.
+        high: Largest valid number.
+        kinds: Valid types of the number.
+
+    Returns:
+        Function that takes the name and the value of an argument, and returns the value or raises RequestError.
     """
     kind = "whole number" if kinds is int else "number"
 
@@ -80,14 +86,14 @@ def _number(low: float, high: float, kinds: Any = int | float) -> Callable[[str,
 
 
 def _flag(name: str, value: Any) -> bool:
-    """Return `value` if it is a bool, or raise RequestError that names the argument `name`."""
+    """Check that the argument `name` of a request is a bool: return `value`, or raise RequestError."""
     if not isinstance(value, bool):
         raise RequestError(f"{name} is true or false")
     return value
 
 
 def _name(name: str, value: Any) -> str:
-    """Return `value` if it is a printable string of valid length, or raise RequestError that names `name`."""
+    """Check that the argument `name` is a printable string: return `value`, or raise RequestError."""
     if not isinstance(value, str) or not 0 < len(value) <= MAX_NAME_LENGTH or not value.isprintable():
         raise RequestError(f"{name} is a name of 1 to {MAX_NAME_LENGTH} characters")
     return value
@@ -111,8 +117,8 @@ REQUESTS: dict[str, dict[str, Callable[[str, Any], Any]]] = {
     "zoom": {"wheel": _PIXELS},
     "follow": {"on": _flag},
 }
-"""Action -> arguments of the action: name -> validator.
+"""All requests that a page can send: name of the action -> name of an argument -> function that checks the argument.
 
-Units: `forward` and `left` m/s, `turn` rad/s, `direction` degrees from the heading to the left, `impulse` N·s, `right`
-and `down` pixels.
+Units: `forward` and `left` in m/s, `turn` in rad/s, `direction` in degrees from the heading to the left, `impulse` in
+N·s, `right` and `down` in pixels.
 """

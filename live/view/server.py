@@ -1,4 +1,7 @@
-"""Server of the live view: HTTP and WebSocket on one port, only for browsers on the same machine."""
+"""Server of the live view for browsers on the same machine.
+
+It serves the page by HTTP, and exchanges messages and images with the page over a WebSocket, on one port.
+"""
 
 import asyncio
 import contextlib
@@ -19,7 +22,7 @@ from websockets.http11 import Request, Response
 from quad_env.cli.command_line import UsageError
 
 PAGE = Path(__file__).parent / "page"
-"""Folder with the files of the page."""
+"""Folder with the HTML, script and style files of the web page."""
 CONTENT_TYPES = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript",
@@ -27,22 +30,22 @@ CONTENT_TYPES = {
     ".svg": "image/svg+xml",
 }
 _LOGGER = logging.getLogger(__name__)
-_LOGGER.setLevel(logging.CRITICAL)  # so that invalid connections do not print errors in the user's terminal
+_LOGGER.setLevel(logging.CRITICAL)  # so that invalid connections print no errors
 MAX_MESSAGE_SIZE = 4096
-"""Maximum size of a message from a page, bytes; a larger message closes the connection."""
+"""Maximum size of a message from a page, bytes; the server closes the connection after a larger message."""
 MAX_PAGES = 8
-"""Maximum number of connected pages."""
+"""Maximum number of pages that are connected at the same time."""
 FRAME_ACK = "drawn"
-"""Message from a page that has shown a frame and is ready for the next frame."""
+"""Message with which a page reports that it has shown an image and is ready for the next image."""
 _FILES = {f"/{file.name}": file for file in PAGE.iterdir() if file.suffix in CONTENT_TYPES} | {"/": PAGE / "index.html"}
 Receive = Callable[[str], str | None]
-"""Function that is called in the server's thread with every text from a page.
+"""Function that is called in the server's thread with every text message from a page.
 
-The server sends the result back to the same page, unless the result is None.
+It returns the answer that the server sends back to the same page, or None for no answer.
 """
 HOST = "127.0.0.1"
 PORT = 8080
-"""Default port."""
+"""Port on which the server listens if the user names no port."""
 _FOREIGN = "this page answers to itself alone: type its address, or paste it, where addresses are typed"
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -55,18 +58,18 @@ _HEADERS = {
 
 
 class Server:
-    """Sends texts and frames to pages, and passes messages from pages on, in a separate thread.
+    """Server that exchanges texts and images with web pages, in a separate thread.
 
-    The server listens on `HOST`. It refuses requests to other host names and requests from other web pages. If the
-    `port` is in use, the constructor raises UsageError.
+    The server listens only on the loopback address HOST. It refuses requests to other host names, and requests that
+    other web sites send. The constructor raises UsageError if `port` is in use.
 
     Args:
-        port: Port to listen on, 0 for any free port. None for `PORT`, or for any free port if `PORT` is in use.
-        receive: Function that is called with every text from a page.
+        port: Port of the server, 0 for any free port. None for PORT, or any free port if PORT is in use.
+        receive: Function that is called with every text message from a page, and returns the answer or None.
 
     Attributes:
         port: Port on which the server listens.
-        wanted: Event that is set while a page waits for a frame.
+        wanted: Event that is set while a page waits for an image.
     """
 
     def __init__(self, port: int | None, receive: Receive) -> None:
@@ -74,7 +77,7 @@ class Server:
         self._socket = _listen(port)
         self.port: int = self._socket.getsockname()[1]
         self._pages: dict[ServerConnection, bool] = {}
-        """Connected pages -> True while the page waits for a frame."""
+        """Connection of a page -> True while the page waits for an image."""
         self._stop: asyncio.Event | None = None
         self._ready = threading.Event()
         self.wanted = threading.Event()
@@ -84,41 +87,41 @@ class Server:
 
     @property
     def url(self) -> str:
-        """Address of the page."""
+        """URL of the web page on this machine."""
         return f"http://localhost:{self.port}/"
 
     @property
     def has_clients(self) -> bool:
-        """True if a page is connected."""
+        """True if at least one page is connected."""
         return bool(self._pages)
 
     def broadcast(self, text: str) -> None:
-        """Send a `text` to every page."""
+        """Send a text message to every connected page."""
         self._call_in_thread(lambda: websocket_broadcast(self._pages, text))
 
     def show(self, frame: bytes) -> None:
-        """Send a `frame`, JPEG, to every page that waits for one."""
+        """Send an image, JPEG, to every page that waits for an image."""
         self.wanted.clear()
         self._call_in_thread(lambda: self._show(frame))
 
     def close(self) -> None:
-        """Disconnect the pages and free the port."""
+        """Disconnect all pages, end the thread of the server and free the port."""
         self._call_in_thread(lambda: self._stop.set() if self._stop else None)
         self._thread.join(timeout=5.0)
 
     def _show(self, frame: bytes) -> None:
-        """Send a frame to the waiting pages; must be called in the server's thread."""
+        """Send an image to the pages that wait for an image; must be called in the server's thread."""
         waiting = [page for page, waits in self._pages.items() if waits]
         self._pages |= dict.fromkeys(waiting, False)
         websocket_broadcast(waiting, frame)
 
     def _call_in_thread(self, call: Callable[[], object]) -> None:
         """Schedule the function `call` to run in the server's thread."""
-        with contextlib.suppress(RuntimeError):  # because the thread may have ended
+        with contextlib.suppress(RuntimeError):  # because the server's thread may have ended
             self._loop.call_soon_threadsafe(call)
 
     async def _run(self) -> None:
-        """Serve pages until `close` is called."""
+        """Run the server until `close` is called; the main function of the server's thread."""
         self._loop = asyncio.get_running_loop()
         self._stop = asyncio.Event()
         server = await serve(
@@ -136,15 +139,23 @@ class Server:
             await self._stop.wait()
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Return the answer to an HTTP request, or None to open a WebSocket."""
+        """Return the answer to an HTTP request, for example a file of the page.
+
+        Args:
+            connection: Connection to the browser.
+            request: Request of the browser.
+
+        Returns:
+            The answer; None to open a WebSocket, for a valid request of the path /socket.
+        """
         try:
             path = urllib.parse.urlsplit(request.path).path
             refusal = _refusal(request)
-        except (ValueError, LookupError):  # because of an invalid address or a repeated header
+        except (ValueError, LookupError):  # raised for an invalid URL or a repeated header
             return connection.respond(http.HTTPStatus.BAD_REQUEST, "that is no request\n")
         if refusal is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, f"{refusal}\n")
-        method = getattr(request, "method", "GET")  # older websockets accept only GET
+        method = getattr(request, "method", "GET")  # because older versions of websockets accept only GET
         if method not in ("GET", "HEAD") or (method == "HEAD" and path == "/socket"):
             refused = connection.respond(http.HTTPStatus.METHOD_NOT_ALLOWED, "only GET and HEAD are answered\n")
             refused.headers["Allow"] = "GET, HEAD"
@@ -159,7 +170,7 @@ class Server:
         return Response(200, "OK", headers, b"" if method == "HEAD" else body)
 
     async def _connected(self, connection: ServerConnection) -> None:
-        """Exchange messages with a page until it disconnects."""
+        """Receive and answer the messages of a page over a WebSocket, until the page disconnects."""
         if len(self._pages) >= MAX_PAGES:
             await connection.close(1013, "too many pages")
             return
@@ -176,13 +187,23 @@ class Server:
             del self._pages[connection]
 
     def _await_frame(self, page: ServerConnection) -> None:
-        """Mark a page as waiting for a frame."""
+        """Note that a page waits for an image."""
         self._pages[page] = True
         self.wanted.set()
 
 
 def _listen(port: int | None) -> socket.socket:
-    """Return a listening socket; raise UsageError if the port is in use."""
+    """Return a socket that listens on HOST.
+
+    Args:
+        port: Port, 0 for any free port. None for PORT, or any free port if PORT is in use.
+
+    Returns:
+        The socket.
+
+    Raises:
+        UsageError: The port is in use.
+    """
     try:
         return socket.create_server((HOST, PORT if port is None else port))
     except OSError as error:
@@ -192,7 +213,7 @@ def _listen(port: int | None) -> socket.socket:
 
 
 def _refusal(request: Request) -> str | None:
-    """Return the reason why a request is refused; None if it is accepted."""
+    """Return the reason as text if an HTTP request is refused; None if it is accepted."""
     host = request.headers.get("Host", "")
     origin = request.headers.get("Origin")
     address = urllib.parse.urlsplit(f"//{host}")

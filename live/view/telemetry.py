@@ -1,4 +1,4 @@
-"""Telemetry of a robot for pages: present state, scene, and one row per control step for the curves."""
+"""Telemetry of a robot for the web page: present state, and one row per control step for the curves."""
 
 from collections import deque
 from typing import Any
@@ -14,11 +14,11 @@ from policies.base import Policy
 from quad_env.task.rewards import REWARD
 
 MAX_ROWS = 600
-"""Maximum number of rows that are stored; the curves of a page show the same number."""
+"""Maximum number of telemetry rows (control steps) that are stored; the curves on the page show as many."""
 
 
 class Telemetry:
-    """Observer of a session that collects the telemetry of the robot.
+    """Observer that collects the telemetry of the robot of a session, for the state messages to the page.
 
     Args:
         session: Session to observe; the constructor adds this object to the observers of the session.
@@ -31,7 +31,7 @@ class Telemetry:
         self(session.latest)
 
     def __call__(self, step: Step) -> None:
-        """Record a control `step`; step 0, the start of an episode, deletes all rows."""
+        """Record a control step; the start of an episode, step 0, deletes the recorded rows."""
         if step.number == 0:
             self._rows.clear()
             self._outcome = EpisodeOutcome(self._session)
@@ -42,14 +42,14 @@ class Telemetry:
         self._rows.append(self._row(step))
 
     def render_request(self, orbit: Orbit, count: int) -> RenderRequest:
-        """Return the render request for the present state of the robot.
+        """Return a request to draw the robot in its present state.
 
         Args:
             orbit: Viewpoint of the camera.
-            count: Number of robots side by side.
+            count: Number of robots that the image shows side by side.
 
         Returns:
-            Snapshot of the simulation, name of the policy, viewpoint and arrows.
+            Request with a snapshot of the simulation, name of the policy, viewpoint and arrows.
         """
         simulation = self._session.env.simulation
         viewpoint = orbit.for_tile(self._session.latest.infos["position"][0], count)
@@ -62,7 +62,12 @@ class Telemetry:
         )
 
     def state(self) -> dict[str, Any]:
-        """Return the present state for pages, including the rows since the last call."""
+        """Return the present state of the robot for the page, as JSON types.
+
+        Returns:
+            Dictionary with policy, outcome, position, m, heading and tilt, degrees, velocity, m/s and rad/s, and the
+            telemetry rows since the last call under the key `rows`.
+        """
         infos = self._session.latest.infos
         policy = self._session.policy
         rows = list(self._rows)
@@ -83,10 +88,15 @@ class Telemetry:
         }
 
     def _row(self, step: Step) -> list[Any]:
-        """Return the row of a control step.
+        """Return the telemetry row of a control step, for the curves on the page.
 
-        The entries are: time, s; command and velocity, each forward m/s, left m/s and yaw rate rad/s; foot contacts;
-        largest joint torque as a fraction of the rated torque; reward of the step.
+        Args:
+            step: Control step.
+
+        Returns:
+            List with six items: time, s; command, and velocity in the heading frame, each with forward m/s, left m/s
+            and yaw rate rad/s; contact of each foot, 0 or 1; largest joint torque as a fraction of the rated torque;
+            reward of the step.
         """
         infos = step.infos
         return [
@@ -99,16 +109,16 @@ class Telemetry:
         ]
 
     def _torque(self, infos: dict[str, Any]) -> float:
-        """Return the largest joint torque as a fraction of the rated torque."""
+        """Return the largest absolute joint torque, as a fraction of the rated torque of the robot's joints."""
         return round(float(np.abs(infos["joint_torque"][0]).max()) / self._session.env.robot.rated_torque, 3)
 
 
 def rounded(values: Any) -> list[float]:
-    """Return the `values` as floats rounded to three decimals, for JSON messages to pages."""
+    """Return values as a list of floats that are rounded to three decimals, for JSON messages to the page."""
     return [round(float(value), 3) for value in values]
 
 
 def _correction(policy: Policy) -> float | None:
-    """Return a residual policy's largest correction as a fraction of the limit; None for other policies."""
+    """Return a residual policy's largest correction relative to its limit; None for other policies."""
     correction = getattr(policy, "correction", None)
     return None if correction is None else round(float(np.abs(correction).max()), 3)
