@@ -1,1 +1,1 @@
-"""Measures of an episode: outcome, command tracking, motor effort, gait and reaction to pushes."""
+"""Measures of recorded episodes: outcome, command tracking, motor effort, gait and falls after pushes."""

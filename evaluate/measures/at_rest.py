@@ -1,8 +1,8 @@
-"""Controlled stops: episodes in which the robot comes to rest under control.
+"""Controlled stops: episodes in which the robot lowers itself to the ground and comes to rest.
 
-An episode ends in a controlled stop if three conditions hold. The trunk leans less than 30° and sinks slower than
-0.3 m/s in the last second. The trunk is low at the end. The episode ends by a fall, or with the joints at rest.
-A fall that ends in a controlled stop does not count as a fall.
+An episode ends in a controlled stop if three conditions hold. In its last second, the trunk leans less than 30° and
+sinks slower than 0.3 m/s. At its end, the trunk is low. The episode ends by the fall rule, or with the joints at rest.
+An episode that ends in a controlled stop does not count as a fall.
 """
 
 import numpy as np
@@ -11,24 +11,24 @@ from numpy.typing import NDArray
 from evaluate.measures.episodes import Episodes
 
 END_TIME = 1.0
-"""Time before the end of an episode in which tilt and sink speed are checked, s."""
+"""Time before the end of an episode in which tilt and sink speed of the trunk are checked, s."""
 MAX_TILT = np.deg2rad(30.0)
-"""Maximum tilt of the trunk in a controlled stop, rad."""
+"""Maximum tilt of the trunk from the vertical in a controlled stop, rad."""
 MAX_SINK_SPEED = 0.3
 """Maximum downward speed of the trunk in a controlled stop, m/s."""
 MAX_REST_HEIGHT = 0.3
 """Maximum height of the trunk's centre above the ground at the end of a controlled stop, m.
 
-A robot that stands or walks is higher, or its joints move.
+It excludes robots that stand still: they are higher.
 """
 MAX_REST_JOINT_SPEED = 0.5
-"""Joint speed below which a robot is at rest, rad/s."""
+"""Joint speed below which a joint counts as at rest at the end of a controlled stop, rad/s."""
 MIN_REST_TIME = 0.2
-"""Time at the end of an episode in which the joints must be at rest, s."""
+"""Time at the end of an episode in which all joints must be at rest for a controlled stop, s."""
 
 
 def controlled_stops(episodes: Episodes) -> NDArray[np.bool_]:
-    """Return the mask of the episodes that ended in a controlled stop, (n,)."""
+    """Return the mask of the `episodes` that ended in a controlled stop of the robot, (n,)."""
     steps = episodes.steps
     dt = episodes.dt
     end = np.minimum(episodes.fall_step, steps - 1)
@@ -43,7 +43,10 @@ def controlled_stops(episodes: Episodes) -> NDArray[np.bool_]:
 
 
 def _is_gentle(episodes: Episodes) -> NDArray[np.bool_]:
-    """Return the mask of the steps with tilt and sink speed below their limits, (steps, n)."""
+    """Return the mask of the steps in which the trunk neither leans nor sinks too much, (steps, n).
+
+    The limits are MAX_TILT and MAX_SINK_SPEED.
+    """
     height = episodes.position[..., 2].astype(np.float64)
     sink_speed = -np.diff(height, axis=0, prepend=height[:1]) / episodes.dt
     is_upright = np.cos(episodes.tilt.astype(np.float64)) > np.cos(MAX_TILT)

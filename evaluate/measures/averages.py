@@ -1,4 +1,4 @@
-"""Sums and means over control steps; an episode's result is bit-identical alone and in any batch."""
+"""Sums and means over control steps, with bit-identical results for an episode alone and in a batch."""
 
 from typing import Any, TypeVar
 
@@ -13,14 +13,14 @@ Entry = TypeVar("Entry", bound=np.generic)
 
 
 def upright_steps(fall_step: NDArray[np.int64], steps: int) -> Bools:
-    """Return the mask of the control steps before each episode's fall.
+    """Return the mask of the control steps before each episode's fall (the upright steps).
 
     Args:
         fall_step: First control step after which the robot had fallen, (n,).
         steps: Number of control steps.
 
     Returns:
-        True for upright steps, (steps, n).
+        True for steps before the fall, (steps, n).
     """
     return np.asarray(np.arange(steps)[:, None] < fall_step)
 
@@ -28,21 +28,21 @@ def upright_steps(fall_step: NDArray[np.int64], steps: int) -> Bools:
 def total(values: Floats) -> Floats:
     """Return the sum of `values`, (steps, n, …), over the steps, (n, …).
 
-    The values are first made contiguous, because the memory layout determines the order of the additions.
+    The values are first copied to contiguous memory, because the memory layout determines the order of the additions.
     """
     return np.asarray(np.ascontiguousarray(np.moveaxis(values, 0, -1)).sum(axis=-1))
 
 
 def count(mask: Bools) -> NDArray[np.int64]:
-    """Count the true steps of each episode in `mask`, (steps, n, …), as integers, (n, …)."""
+    """Count the true steps of each episode in `mask`, (steps, n, …); the counts are integers, (n, …)."""
     return np.asarray(np.count_nonzero(mask, axis=0))
 
 
 def upright_mean(values: Floats, upright: Bools) -> Floats:
-    """Return the mean over the upright steps.
+    """Return the mean of `values` over the upright steps (the steps before a fall) of each episode.
 
     Args:
-        values: Values of each step, (steps, n, …).
+        values: Value in each control step, (steps, n, …).
         upright: True for upright steps, (steps, n).
 
     Returns:
@@ -53,14 +53,14 @@ def upright_mean(values: Floats, upright: Bools) -> Floats:
 
 
 def upright_share(mask: Bools, upright: Bools) -> Floats:
-    """Return the fraction of true entries of `mask` in the upright steps.
+    """Return the fraction of true entries of `mask` in the upright steps (before a fall) of each episode.
 
     Args:
-        mask: Boolean values of each step, (steps, n, …).
+        mask: Condition in each control step, (steps, n, …).
         upright: True for upright steps, (steps, n).
 
     Returns:
-        Fraction over the steps and all further array axes, (n,); NaN if an episode has no upright step.
+        Fraction over the upright steps and all further array axes, (n,); NaN if an episode has no upright step.
     """
     entries = mask[0, 0].size
     counts = count(mask & over_steps(upright, mask))
@@ -68,15 +68,15 @@ def upright_share(mask: Bools, upright: Bools) -> Floats:
 
 
 def quotient(sums: Numbers, counts: Numbers) -> Floats:
-    """Return `sums` / `counts`, with NaN where the count is 0."""
+    """Return `sums` / `counts` elementwise, with NaN where the count is 0."""
     return np.where(counts > 0, sums / np.where(counts > 0, counts, 1), np.nan)
 
 
 def planar(vectors: Floats) -> Floats:
-    """Return the horizontal length, (…), of `vectors`, (…, k), from the first two entries."""
+    """Return the horizontal length of `vectors`, (…, k), computed from their first two components, (…)."""
     return np.asarray(np.hypot(vectors[..., 0], vectors[..., 1]))
 
 
 def over_steps(mask: NDArray[Entry], values: NDArray[Any]) -> NDArray[Entry]:
-    """Append axes of length 1 to `mask`, so that the mask broadcasts with `values`."""
+    """Append array axes of length 1 to `mask`, (steps, n), so that the mask broadcasts with `values`."""
     return mask.reshape(mask.shape + (1,) * (values.ndim - mask.ndim))

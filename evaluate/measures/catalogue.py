@@ -1,4 +1,4 @@
-"""Definitions of all measures: title, unit, frame, formula and source, for headings and reports."""
+"""Definitions of all measures of an episode: title, unit, frame, formula and source, for reports."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,22 +11,22 @@ Scope = Literal["whole episode", "while upright"]
 
 @dataclass(frozen=True)
 class Measure:
-    """Definition of a measure of an episode."""
+    """Definition of one measure of an episode, as shown in reports."""
 
     name: str
-    """Name of the field of `evaluate.measures.metrics.Measures` and of the column of episodes.parquet."""
+    """Name of the measure: field of `evaluate.measures.metrics.Measures` and column of episodes.parquet."""
     title: str
-    """Name in tables."""
+    """Title of the measure in tables."""
     unit: str
-    """Unit; empty for a fraction or a pure number."""
+    """Unit of the measure; empty for a fraction or a pure number."""
     frame: str
-    """Frame of the quantity; empty if the quantity has no frame."""
+    """Coordinate frame of the measure, for example `heading`; empty if the measure has no frame."""
     formula: str
-    """Definition, with the symbols of KEY."""
+    """Formula or definition of the measure in words, with the symbols that KEY explains."""
     source: str = ""
-    """Source of the definition; empty if this project defined the measure."""
+    """Publication or rule version that defines the measure; empty if this project defined it."""
     scope: Scope = "while upright"
-    """Control steps that enter the measure."""
+    """Control steps that enter the measure: the whole episode, or only the steps before a fall."""
 
 
 KEY = (
@@ -36,7 +36,7 @@ KEY = (
     "<x>: mean over the steps after the first second; [x]: share in which x holds. While upright: of the "
     "steps and pushes before a fall alone, which can flatter a robot that falls."
 )
-"""Explanation of the symbols in the formulas and of the scope `while upright`, for reports."""
+"""Explanation, for reports, of the symbols in the formulas of measures and of `while upright`."""
 WHOLE: Scope = "whole episode"
 ENERGY = f"rule {effort.ENERGY_RULE}"
 CAP = f"{tracking.VELOCITY_CAP:g} m/s"
@@ -113,20 +113,20 @@ MEASURES = (
     Measure("cause_detail", "detail of the cause", "", "", "what decided, and whether it is certain or likely",
             scope=WHOLE),
 )  # fmt: skip
-"""Measures in the order of the fields of `evaluate.measures.metrics.Measures`."""
+"""Definitions of all measures, in the order of the fields of `evaluate.measures.metrics.Measures`."""
 
 BY_NAME = {measure.name: measure for measure in MEASURES}
 _LISTS = ("duty_factor", "commands", "mean_velocities")
 OF_CAUSES = ("cause", "cause_time", "cause_detail")
-"""Names of the measures that only failed episodes have."""
+"""Names of the measures of the cause of failure, which only failed episodes have."""
 FIGURES = tuple(
     name
     for name in BY_NAME
     if name not in ("outcome", "fell", "diverged", *_LISTS, *OF_CAUSES) and not name.startswith("push_")
 )
-"""Names of the measures with one number per episode, other than outcomes and causes."""
+"""Names of the measures with one number per episode, except outcomes, causes and pushes."""
 EFFORT = (
     *("cost_of_transport", "step_rate", "duty_factor", "trunk_height", "torque_share"),
     *("speed_share", "torque_rate", "touchdown_impulse", "flight"),
 )
-"""Names of the effort measures that every table shows next to the success rate."""
+"""Names of the effort measures that tables show next to the success rate."""

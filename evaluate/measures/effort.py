@@ -1,6 +1,7 @@
-"""Measures of the motors' effort; formulas are in `evaluate.measures.catalogue`.
+"""Measures of motor effort, with the formulas in `evaluate.measures.catalogue`.
 
-Only upright steps after the first second count. A measure is NaN for an episode that has none of these steps.
+Only the control steps after the first second and before a fall count. A measure is NaN for an episode that has none of
+these steps.
 """
 
 import numpy as np
@@ -9,28 +10,28 @@ from evaluate.measures.averages import Bools, Floats, Recorded, count, quotient,
 from evaluate.measures.episodes import Episodes
 
 ENERGY_RULE = "energy/2"
-"""Version of the energy measures, which use every physics step and the torques that joints received."""
+"""Version of the energy measures, which are computed from the joint torques in every physics step."""
 MIN_DISTANCE = 1.0
-"""Minimum distance of an episode with a cost of transport, m.
+"""Minimum distance of an episode for which a cost of transport is computed, m.
 
-The cost of a shorter distance is NaN, because the quotient would be nearly arbitrary.
+The cost over a shorter distance is NaN, because the quotient energy / distance would be nearly arbitrary.
 """
 LIMIT_MARGIN = 0.01
-"""Distance from a joint limit within which the joint counts as at the limit, rad."""
+"""Distance from a joint limit within which a joint counts as at its limit, rad."""
 SUMS = ("positive_work", "regeneration", "joule_heat")
-"""Signals that are summed over time and joints to give a measure of the same name."""
+"""Names of the signals that are summed over time and joints to give a measure with the same name, J."""
 
 
 def effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Floats]:
-    """Compute the measures of the motors' effort.
+    """Compute the measures of motor effort.
 
     Args:
         episodes: Recorded episodes.
-        upright: True for upright steps, (steps, n).
-        distance: Distance covered, (n,), m.
+        upright: True for control steps before a fall, (steps, n).
+        distance: Distance that the robot covered in each episode, (n,), m.
 
     Returns:
-        Name -> measure of each episode, (n,).
+        Name of the measure -> value of each episode, (n,).
     """
     dt = episodes.dt
     settled = slice(episodes.settling, None)
@@ -59,23 +60,34 @@ def effort(episodes: Episodes, upright: Bools, distance: Floats) -> dict[str, Fl
 
 
 def _sum(signal: Recorded, counted: Bools) -> Floats:
-    """Return the sum of `signal`, (steps, n, 12), over the counted steps and the joints, (n,)."""
+    """Return the sum of `signal`, (steps, n, 12), over all joints and over the steps in `counted`, (n,).
+
+    `counted`, (steps, n), is True for the steps to include.
+    """
     return total(np.where(counted, signal.astype(np.float64).sum(axis=-1), 0.0))
 
 
 def _peaks(signal: Recorded, counted: Bools) -> Floats:
-    """Return the largest value of each joint in the counted steps, (n, 12); NaN if no step counts."""
+    """Return the largest value of `signal`, (steps, n, 12), in the steps in `counted`, for each joint.
+
+    Args:
+        signal: Signal that is not negative, (steps, n, 12).
+        counted: True for the steps to include, (steps, n).
+
+    Returns:
+        Maxima, (n, 12); NaN for an episode with no step to include.
+    """
     peak = np.where(counted[..., None], signal, -1.0).max(axis=0).astype(np.float64)
     return np.where(peak < 0, np.nan, peak)
 
 
 def cost_of_transport(energy: Floats, distance: Floats, weight: float) -> Floats:
-    """Return the cost of transport: energy / (weight · distance).
+    """Return the cost of transport of each episode: energy / (weight · distance), without unit.
 
     Args:
-        energy: Energy of each episode, (n,), J.
-        distance: Distance of each episode, (n,), m.
-        weight: Weight of the robot and its payload, N.
+        energy: Mechanical energy of each episode, (n,), J.
+        distance: Distance that the robot covered in each episode, (n,), m.
+        weight: Weight of the robot with its payload, N.
 
     Returns:
         Cost of transport, (n,); NaN if the distance is below MIN_DISTANCE.
@@ -84,15 +96,15 @@ def cost_of_transport(energy: Floats, distance: Floats, weight: float) -> Floats
 
 
 def cost_of_all(energy: Floats, distance: Floats, weight: float) -> float:
-    """Return the cost of transport of several episodes together.
+    """Return the cost of transport of several episodes together, without unit.
 
-    The result is the total energy over weight times the total distance. It is not a mean of quotients, because an
-    episode that commands standing still would dominate that mean.
+    It is the total energy divided by weight times total distance. It is not a mean over the episodes, because an
+    episode with a command to stand still would dominate that mean.
 
     Args:
-        energy: Energy of each episode, (n,), J.
-        distance: Distance of each episode, (n,), m.
-        weight: Weight of the robot and its payload, N.
+        energy: Mechanical energy of each episode, (n,), J.
+        distance: Distance that the robot covered in each episode, (n,), m.
+        weight: Weight of the robot with its payload, N.
 
     Returns:
         Cost of transport; NaN if the mean distance is below MIN_DISTANCE.

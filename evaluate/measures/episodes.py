@@ -1,4 +1,4 @@
-"""Recorded episodes: signals of each control step, the input of every measure."""
+"""Recorded episodes: the signals of each control step, from which all measures are computed."""
 
 from dataclasses import dataclass
 
@@ -13,21 +13,24 @@ from quad_env.robots.robot import Robot
 from quad_env.scenarios.scenario import Scenario
 
 POLICY_SIGNALS = ("stopped",)
-"""Signals that only some policies provide; all other signals come from the environment's infos."""
+"""Names of the signals that only some policies provide; the environment's infos provide all others."""
 OBSERVED_SIGNAL = "observed"
-"""Name of the signal with the observation terms OBSERVED after each step.
+"""Name of the signal that records gravity, angular and linear velocity as the policy observes them.
 
-It is recorded only if the policy does not observe the true state.
+It is recorded after each control step, and only if the policy does not observe the true state.
 """
 OBSERVED = ("projected_gravity", "angular_velocity", "linear_velocity")
 Limits = float | tuple[float, ...]
-"""One limit for all joints, or one for each joint."""
+"""Limit of the joints: one number for all joints, or one number for each joint."""
 BOOLEAN_SIGNALS = ("foot_contact", "leg_contact", "stopped")
-"""Boolean signals; all other signals are in single precision."""
+"""Names of the signals that are recorded as bool; all other signals are recorded as float32."""
 
 
 def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
-    """Return signal name -> shape of one robot's value; `quad_env.task.readings` describes most signals."""
+    """Return the shape of each signal for one robot in one control step: signal name -> shape.
+
+    `quad_env.task.readings` describes most of the signals.
+    """
     joints = robot.num_joints
     feet = len(robot.leg_names)
     return {
@@ -55,19 +58,19 @@ def shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
 
 @dataclass(frozen=True)
 class Episodes:
-    """n recorded episodes.
+    """Signals of n recorded episodes, with one row for each control step.
 
-    Signals are float32 or bool arrays, (steps, n, …); their values after a fall have no meaning. Frame and unit of the
-    signals without a docstring here are in `quad_env.task.readings.compute_readings`.
+    Signals are float32 or bool arrays, (steps, n, …). Their values after a fall have no meaning.
+    `quad_env.task.readings.compute_readings` defines frame and unit of the signals that have no docstring here.
     """
 
     robot: Robot
     seeds: NDArray[np.int64]
-    """Seeds, (n,); `env.reset(seed=seeds[i])` reproduces the start of episode i."""
+    """Seeds of the episodes, (n,); `env.reset(seed=seeds[i])` reproduces the start of episode i."""
     command: Recorded
-    """Command: forward and lateral velocity, yaw rate, heading frame, (steps, n, 3), m/s, m/s, rad/s."""
+    """Commanded forward and lateral velocity and yaw rate, heading frame, (steps, n, 3), m/s, m/s, rad/s."""
     heading_velocity: Recorded
-    """Velocity of the trunk, heading frame, (steps, n, 3), m/s, m/s, rad/s."""
+    """Velocity and yaw rate of the trunk, heading frame, (steps, n, 3), m/s, m/s, rad/s."""
     position: Recorded
     quaternion: Recorded
     angular_velocity: Recorded
@@ -90,83 +93,96 @@ class Episodes:
     torque_change: Recorded
     foot_impulse: Recorded
     stopped: Bools | None
-    """True while a safety layer stops the robot, (steps, n); None if the policy has no safety layer."""
+    """True while a safety layer of the policy stops the robot, (steps, n); None if it has no safety layer."""
     observed: Recorded | None
-    """Gravity, angular and linear velocity as observed after each step, base frame, (steps, n, 9).
+    """Gravity direction, angular velocity, rad/s, and velocity, m/s, as the policy observes them.
 
-    None if the policy observes the true state.
+    They are recorded after each step, base frame, (steps, n, 9). The value is None if the policy observes the true
+    state.
     """
     push_step: NDArray[np.int64]
-    """First control step of each push, in order, (n, k)."""
+    """Control step in which each of k pushes begins, in ascending order, (n, k)."""
     push_impulse: NDArray[np.float64]
     """Impulse of each push, world frame, x and y, (n, k, 2), N·s."""
     push_steps: int
-    """Duration of a push in control steps."""
+    """Duration of a push, in control steps."""
     fall_step: NDArray[np.int64]
-    """First step after which the robot had fallen or diverged, (n,); `steps` if the robot did not fall."""
-    fall_reason: NDArray[np.object_]
-    """Name of the fall rule that ended the episode, or `diverged`, (n,); None if the robot did not fall."""
-    divergence_step: NDArray[np.int64]
-    """First step after which the simulation had diverged, (n,); `steps` if the simulation did not diverge.
+    """First control step after which the robot had fallen or the simulation had diverged, (n,).
 
-    The record of an episode ends at this step.
+    It is the number of steps if neither happened.
+    """
+    fall_reason: NDArray[np.object_]
+    """Reason for the fall in each episode, (n,).
+
+    It is the name of the fall rule, `diverged` if the simulation became unstable, or None if the robot did not fall.
+    """
+    divergence_step: NDArray[np.int64]
+    """First control step after which the simulation had diverged, (n,).
+
+    It is the number of steps if the simulation did not diverge. The recorded signals of an episode end at this step.
     """
     dt: float
     """Duration of a control step, s."""
     command_steps: int
-    """Duration of a command interval in control steps."""
+    """Duration of an interval of constant command, in control steps."""
     weight: float
-    """Weight of the robot and its payload, N."""
+    """Weight of the robot with its payload, N."""
     torque_limit: Limits
-    """Largest torque of each joint, N·m."""
+    """Largest torque of the joint motors, N·m."""
     speed_limit: Limits
-    """No-load speed of each joint's motor, or rated speed if it has no torque-speed curve, rad/s."""
+    """Largest speed of the joint motors, rad/s.
+
+    It is the no-load speed of a motor with a torque-speed curve, otherwise the rated speed.
+    """
     failure: NDArray[np.object_]
-    """Reason for the policy's failure before a fall, (n,); None if the policy did not fail."""
+    """Error with which the policy failed before a fall, as text, (n,); None if the policy did not fail."""
     failure_step: NDArray[np.int64]
-    """Control step in which the failure was reported, (n,); `steps` if the policy did not fail."""
+    """Control step in which the policy failed, (n,); the number of steps if the policy did not fail."""
     scenario: Scenario | None = None
     """Scenario of the episodes; None if it is not known."""
 
     @property
     def steps(self) -> int:
-        """Number of control steps up to the time limit."""
+        """Number of control steps of a full episode, up to the time limit."""
         return len(self.command)
 
     @property
     def settling(self) -> int:
-        """Number of control steps at the start that do not count: `tracking.SETTLING_TIME`."""
+        """Number of control steps at the start of an episode that no measure of tracking or effort counts.
+
+        It corresponds to `tracking.SETTLING_TIME`.
+        """
         return round(tracking.SETTLING_TIME / self.dt)
 
     @property
     def intervals(self) -> tracking.CommandIntervals:
-        """Command intervals: periods in which the command is constant."""
+        """Intervals of an episode in which the command is constant."""
         return tracking.command_intervals(self.steps, self.command_steps, self.settling)
 
     @property
     def count(self) -> int:
-        """Number of episodes."""
+        """Number of episodes, n."""
         return len(self.seeds)
 
     @property
     def failed(self) -> Bools:
-        """True if the policy failed before a fall, (n,)."""
+        """True for episodes in which the policy failed before a fall, (n,)."""
         return np.array([reason is not None for reason in self.failure], np.bool_)
 
     @property
     def diverged(self) -> Bools:
-        """True if a divergence, rather than the fall rule, ended the episode, (n,)."""
+        """True for episodes that ended because the simulation diverged, rather than by the fall rule, (n,)."""
         return np.asarray((self.divergence_step <= self.fall_step) & (self.divergence_step < self.steps))
 
 
 def weight(robot: Robot, scenario: Scenario) -> float:
-    """Return the weight of the `robot` with its payload in the `scenario`, N."""
+    """Return the weight of the `robot`, N, including its payload in the `scenario`."""
     robot_weight = robot.mass * GRAVITY
     return robot_weight if scenario.payload is None else robot_weight + scenario.payload.mass * GRAVITY
 
 
 def empty_signal(robot: Robot, name: str, steps: int, count: int) -> NDArray[np.generic]:
-    """Allocate the array of a signal, filled with zeros or with False.
+    """Allocate the array for recording a signal, filled with zeros or False.
 
     Args:
         robot: Robot of the episodes.
@@ -175,6 +191,6 @@ def empty_signal(robot: Robot, name: str, steps: int, count: int) -> NDArray[np.
         count: Number of episodes.
 
     Returns:
-        Array, (steps, count, …).
+        Array, float32 or bool, (steps, count, …).
     """
     return np.zeros((steps, count, *shapes(robot)[name]), np.bool_ if name in BOOLEAN_SIGNALS else np.float32)

@@ -1,4 +1,7 @@
-"""Extension measures: defined by other packages, each is one column of `episodes.parquet`."""
+"""Extension measures: measures that other packages define and register with `add_extension`.
+
+Each one becomes a column of episodes.parquet.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,30 +17,30 @@ from quad_env.extensions import check_new
 
 @dataclass(frozen=True)
 class ExtraMeasure:
-    """Measure that another package defines and registers by name in a `quad_env.Extension`."""
+    """Measure that another package defines, and registers by name in a `quad_env.Extension`."""
 
     function: Callable[[Episodes], Any]
-    """Function that returns one value for each of n recorded episodes, (n,); NaN means no value."""
+    """Function that receives n recorded episodes and returns one value for each, (n,); NaN means no value."""
     title: str
-    """Name of the measure in tables."""
+    """Title of the measure in tables."""
     unit: str = ""
-    """Unit; empty for a fraction or a pure number."""
+    """Unit of the measure; empty for a fraction or a pure number."""
     frame: str = ""
-    """Frame of the quantity; empty if the quantity has no frame."""
+    """Coordinate frame of the measure, for example `heading`; empty if the measure has no frame."""
     formula: str = ""
-    """Definition, as shown in the report."""
+    """Definition of the measure in words or as a formula, as shown in the report."""
     scope: Scope = WHOLE
-    """Control steps that enter the measure."""
+    """Control steps that enter the measure: the whole episode, or only the steps before a fall."""
 
 
 def extra_measures() -> dict[str, ExtraMeasure]:
-    """Return the extension measures of this process.
+    """Return all measures that extensions have registered in this process.
 
     Returns:
-        Name -> measure.
+        Name of the measure -> definition.
 
     Raises:
-        ValueError: An entry is not an `ExtraMeasure`, or its name is already a column of the project.
+        ValueError: A registered object is not an `ExtraMeasure`, or its name is already a column of episodes.parquet.
     """
     measures = check_new("measures", dict.fromkeys((*BY_NAME, *COLUMNS)))
     for name, measure in measures.items():
@@ -47,20 +50,20 @@ def extra_measures() -> dict[str, ExtraMeasure]:
 
 
 COLUMNS = ("policy", "scenario", "severity", "episode", "seed", "fall_reason", "failure")
-"""Columns of `episodes.parquet` that are not measures."""
+"""Names of the columns of episodes.parquet that identify an episode and are not measures."""
 
 
 def compute_extra(episodes: Episodes) -> dict[str, Floats]:
-    """Compute all extension measures of recorded episodes.
+    """Compute all measures that extensions have registered, for recorded episodes.
 
     Args:
         episodes: n recorded episodes.
 
     Returns:
-        Name -> measure, (n,).
+        Name of the measure -> value of each episode, (n,).
 
     Raises:
-        ValueError: The function of a measure returned an array of a shape other than (n,).
+        ValueError: The function of a measure returned an array with another shape than (n,).
     """
     values: dict[str, Floats] = {}
     for name, measure in extra_measures().items():
@@ -72,9 +75,9 @@ def compute_extra(episodes: Episodes) -> dict[str, Floats]:
 
 
 def definition(name: str) -> Measure:
-    """Return the definition of the measure `name`.
+    """Return the definition of the measure `name`, of this project or of an extension.
 
-    The definition has no unit, frame or formula if the extension of the measure is not installed.
+    If the extension is not installed, the definition has no unit, frame or formula.
     """
     if name in BY_NAME:
         return BY_NAME[name]

@@ -1,4 +1,4 @@
-"""Footfalls: stance, swing and touch-down of each foot, detected in the recorded contacts."""
+"""Footfalls: stance phases, swing phases and touch-downs of each foot, from the recorded contacts."""
 
 from dataclasses import dataclass
 
@@ -10,32 +10,35 @@ from evaluate.measures.averages import Bools
 Ints = NDArray[np.intp]
 
 MIN_SWING_TIME = 0.04
-"""Minimum duration of a swing, s; a shorter loss of contact is a bounce."""
+"""Minimum duration of a swing phase, s; a shorter loss of contact counts as a bounce during stance."""
 
 
 @dataclass(frozen=True)
 class Footfalls:
-    """Contacts of the four feet in n episodes, before the fall."""
+    """Stance and swing phases of the four feet in n episodes, before a fall."""
 
     stance: Bools
-    """True while a foot is on the ground or bounces, (steps, n, 4)."""
+    """True while a foot is in stance, including bounces shorter than MIN_SWING_TIME, (steps, n, 4)."""
     touch_down: Ints
-    """First stance step after each swing that began and ended while the robot was upright, (swings,)."""
-    episode: Ints
-    """Index of the episode of each swing, (swings,)."""
-    foot: Ints
-    """Index of the foot of each swing, 0 … 3, (swings,).
+    """Touch-down of each swing phase: the first control step of the stance that follows, (swings,).
 
-    Swings are sorted by episode, then by foot, then by time.
+    Only swing phases that began and ended before a fall are included.
+    """
+    episode: Ints
+    """Index of the episode of each swing phase, (swings,)."""
+    foot: Ints
+    """Index of the foot of each swing phase in the order FL, FR, RL, RR, 0 … 3, (swings,).
+
+    Swing phases are sorted by episode, then by foot, then by time.
     """
 
 
 def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
-    """Detect the footfalls.
+    """Detect stance phases, swing phases and touch-downs in the recorded contacts.
 
     Args:
-        contact: Recorded contacts, (steps, n, 4).
-        upright: True for upright steps, (steps, n); other steps do not count.
+        contact: True if a foot touches the ground, (steps, n, 4).
+        upright: True for control steps before a fall, (steps, n); other steps do not count.
         dt: Duration of a control step, s.
 
     Returns:
@@ -48,9 +51,13 @@ def footfalls(contact: Bools, upright: Bools, dt: float) -> Footfalls:
 
 
 def _landings(stance: Bools) -> tuple[Ints, Ints]:
-    """Return the row and the last step of each complete swing, (swings,) each.
+    """Find the swing phases that have both a lift-off and a landing.
 
-    `stance`, (rows, steps), has a row for each foot of each episode.
+    Args:
+        stance: True while a foot is in stance, with a row for each foot of each episode, (rows, steps).
+
+    Returns:
+        Row of each swing phase, (swings,), and its last control step, (swings,).
     """
     steps = stance.shape[1]
     change = np.diff(stance.astype(np.int8), axis=1)
@@ -59,13 +66,21 @@ def _landings(stance: Bools) -> tuple[Ints, Ints]:
     # All rows are searched as one sequence of steps. Lift-offs and landings of a foot alternate, so the last lift-off
     # before a landing is in the same row, unless the foot has not lifted off before.
     latest = np.searchsorted(lift_off_row * steps + lift_off, landing_row * steps + landing) - 1
-    owner = np.append(lift_off_row, -1)[latest]  # -1 if no row has lifted off before
+    owner = np.append(lift_off_row, -1)[latest]  # row of the latest lift-off; -1 if there is none before
     is_swing = owner == landing_row
     return landing_row[is_swing], landing[is_swing]
 
 
 def debounce(contact: Bools, shortest: int) -> Bools:
-    """Set `contact`, (steps, …), to True in every gap of fewer than `shortest` steps between contacts."""
+    """Close short gaps between contacts.
+
+    Args:
+        contact: True if a foot touches the ground, (steps, …).
+        shortest: Number of steps; every shorter gap between two contacts becomes contact.
+
+    Returns:
+        Contacts with closed gaps, (steps, …).
+    """
     padded = np.concatenate((contact, np.zeros((shortest, *contact.shape[1:]), np.bool_)))
     recent = padded.copy()
     for back in range(1, shortest):

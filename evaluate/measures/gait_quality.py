@@ -1,6 +1,7 @@
-"""Measures of the gait; formulas are in `evaluate.measures.catalogue`.
+"""Measures of the gait, such as step rate and duty factor; formulas are in the catalogue of measures.
 
-Only upright steps after the first second count. A measure is NaN for an episode that has none of these steps.
+Only the control steps after the first second and before a fall count. A measure is NaN for an episode that has none of
+these steps. The catalogue is `evaluate.measures.catalogue`.
 """
 
 import numpy as np
@@ -11,7 +12,7 @@ from evaluate.measures.episodes import Episodes
 from evaluate.measures.footfalls import Footfalls, footfalls
 
 TOUCHDOWN_TIME = 0.02
-"""Duration of a touch-down, s.
+"""Duration after the landing of a foot that counts as its touch-down, s.
 
 A touch-down starts with the control step in which the foot lands, and lasts a whole number of control steps.
 """
@@ -22,10 +23,10 @@ def gait(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
 
     Args:
         episodes: Recorded episodes.
-        upright: True for upright steps, (steps, n).
+        upright: True for control steps before a fall, (steps, n).
 
     Returns:
-        Name -> measure of each episode, (n,). The duty factor has a value for each foot, (n, 4).
+        Name of the measure -> value of each episode, (n,). The duty factor has a value for each foot, (n, 4).
     """
     settling = episodes.settling
     dt = episodes.dt
@@ -50,12 +51,12 @@ def gait(episodes: Episodes, upright: Bools) -> dict[str, Floats]:
 
 
 def step_rate(falls: Footfalls, first: int, upright: NDArray[np.int64], dt: float) -> Floats:
-    """Return the number of touch-downs per foot and second.
+    """Return the step rate: the number of touch-downs per foot and second.
 
     Args:
-        falls: Footfalls of n episodes.
-        first: First step that counts.
-        upright: Number of upright steps from `first` on, (n,).
+        falls: Stance and swing phases of the feet in n episodes.
+        first: First control step that counts.
+        upright: Number of control steps from `first` to the fall, (n,).
         dt: Duration of a control step, s.
 
     Returns:
@@ -69,14 +70,15 @@ def touchdown_impulse(impulse: Recorded, falls: Footfalls, first: int, end: NDAr
     """Return the mean impulse of the ground on a foot in the first TOUCHDOWN_TIME after landing.
 
     Args:
-        impulse: Impulse on each foot in each control step, (steps, n, 4), N·s.
-        falls: Footfalls of n episodes.
-        first: First step that counts.
+        impulse: Impulse of the ground on each foot in each control step, (steps, n, 4), N·s.
+        falls: Stance and swing phases of the feet in n episodes.
+        first: First control step that counts.
         end: Control step in which each episode ends, (n,).
         dt: Duration of a control step, s.
 
     Returns:
-        Mean over the touch-downs that begin and end between `first` and `end`, (n,), N·s; NaN if there is none.
+        Mean over the touch-downs that begin and end between `first` and `end`, (n,), N·s; NaN if an episode has no
+        touch-down.
     """
     length = max(1, round(TOUCHDOWN_TIME / dt))
     is_complete = (falls.touch_down >= first) & (falls.touch_down + length <= end[falls.episode])
@@ -89,15 +91,15 @@ def touchdown_impulse(impulse: Recorded, falls: Footfalls, first: int, end: NDAr
 
 
 def foot_slip(position: Recorded, contact: Bools, upright: Bools, dt: float) -> Floats:
-    """Return the mean horizontal speed of the feet on the ground.
+    """Return the mean horizontal speed with which feet in contact slip over the ground.
 
-    A foot counts between two consecutive steps if it is on the ground in both. The speed is the speed of the foot's
-    centre, so the rolling of a spherical foot is included.
+    A foot counts between two consecutive control steps if it is on the ground in both. The speed is the speed of the
+    foot's centre, so the rolling of a spherical foot is included.
 
     Args:
         position: Foot positions, world frame, (steps, n, 4, 3), m.
         contact: True for feet on the ground, (steps, n, 4).
-        upright: True for upright steps, (steps, n).
+        upright: True for control steps before a fall, (steps, n).
         dt: Duration of a control step, s.
 
     Returns:

@@ -1,8 +1,8 @@
-"""All measures of a set of episodes; meaning, unit and formula are in `evaluate.measures.catalogue`.
+"""All measures of recorded episodes; unit, frame and formula are in `evaluate.measures.catalogue`.
 
-The first second of an episode does not count. A control step is *upright* if its reading was taken before the robot
-fell or diverged; later readings are not used. Signals are recorded in single precision and evaluated in double
-precision.
+The first second of an episode does not count. A control step is *upright* if its signals were recorded before the robot
+fell or the simulation diverged; later steps do not count. Signals are recorded in single precision and evaluated in
+double precision.
 """
 
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ from evaluate.measures.pushes import pushes
 
 @dataclass(frozen=True)
 class Measures:
-    """Measures of n episodes, (n, …) each, with NaN for an episode without a value.
+    """Measures of n episodes, each an array (n, …), with NaN for an episode in which it is not defined.
 
     Unit, frame and formula of each measure are in `evaluate.measures.catalogue`.
     """
@@ -59,43 +59,52 @@ class Measures:
     flight: Floats
     trunk_height: Floats
     duty_factor: Floats
-    """Duty factor of each foot, (n, 4)."""
+    """Duty factor (fraction of time in stance) of each foot, order FL, FR, RL, RR, (n, 4)."""
     commands: Floats
-    """Commands of the k intervals, (n, k, 3); NaN if the robot was not upright at the interval's start."""
+    """Velocity command of each of k intervals of constant command, (n, k, 3), m/s, m/s, rad/s.
+
+    It is NaN if the robot had fallen before the interval's start.
+    """
     mean_velocities: Floats
-    """Mean velocities of the intervals, (n, k, 3); NaN if the robot was not upright at the interval's end."""
+    """Mean velocity in each of k command intervals, heading frame, (n, k, 3), m/s, m/s, rad/s.
+
+    It is NaN if the robot had fallen before the interval's end.
+    """
     push_time: Floats
-    """Start time of each of k pushes, (n, k), s."""
+    """Time at which each of k pushes begins, (n, k), s."""
     push_impulse: Floats
-    """Impulse of each push, heading frame just before the push, (n, k, 2), N·s."""
+    """Impulse of each of k pushes, heading frame just before the push, x and y, (n, k, 2), N·s."""
     push_fell: Floats
-    """1 if a fall is attributed to the push, else 0, (n, k)."""
+    """1 if a fall is attributed to the push, otherwise 0, for each of k pushes, (n, k)."""
     cause: NDArray[np.object_]
-    """Cause of each failure, one of `evaluate.causes.rules.CAUSES`, (n,); None if unknown or a success."""
+    """Cause of the failure in each episode, one of `evaluate.causes.rules.CAUSES`, (n,).
+
+    It is None for a successful episode, and if the cause is not known.
+    """
     cause_time: Floats
     cause_detail: NDArray[np.object_]
     extra: Mapping[str, Floats] = field(default_factory=dict)
-    """Extension measures: name -> values, (n,)."""
+    """Name of a measure that an extension has registered -> value of each episode, (n,)."""
 
     @property
     def succeeded(self) -> Bools:
-        """True for episodes that succeeded, (n,)."""
+        """True for episodes with the outcome `succeeded`, (n,)."""
         return np.asarray(self.outcome == SUCCEEDED)
 
     @property
     def stalled(self) -> Bools:
-        """True for episodes that stalled, (n,)."""
+        """True for episodes with the outcome `stalled`: upright, but with too little progress, (n,)."""
         return np.asarray(self.outcome == STALLED)
 
 
 MEASURE_NAMES = tuple(each.name for each in fields(Measures) if each.name != "extra")
-"""Names of the project's own measures; extension measures are not included."""
+"""Names of all measures that this project defines; measures of extensions are not included."""
 
 
 def measure(episodes: Episodes) -> Measures:
-    """Compute all measures of episodes except the causes of failures.
+    """Compute all measures of recorded episodes except the causes of failure.
 
-    `evaluate.causes.verdict.with_causes` adds the causes.
+    `evaluate.causes.verdict.with_causes` adds the causes of failure.
     """
     upright = upright_steps(episodes.fall_step, episodes.steps)
     fell = episodes.fall_step < episodes.steps
@@ -121,12 +130,12 @@ def measure(episodes: Episodes) -> Measures:
 def outcome(
     episodes: Episodes, rule: SuccessRule = RULES[SUCCESS_RULE], tracking_measures: dict[str, Floats] | None = None
 ) -> NDArray[np.object_]:
-    """Determine the outcome of each episode under a success rule.
+    """Determine the outcome of each episode, for example `succeeded` or `fell`, by a success rule.
 
     Args:
         episodes: Recorded episodes.
-        rule: Success rule.
-        tracking_measures: Tracking measures of the episodes; None to compute them here.
+        rule: Success rule, with tolerances for the velocity errors.
+        tracking_measures: Name -> measure of command tracking; None to compute these measures here.
 
     Returns:
         One of OUTCOMES for each episode, (n,).
@@ -152,7 +161,7 @@ def outcome(
 
 
 def summarise(episodes: Episodes) -> dict[str, float]:
-    """Return the validation metrics of training: metric name -> value over all episodes."""
+    """Compute the metrics with which training validates a policy: name -> value over all `episodes`."""
     measures = measure(episodes)
     means = ("velocity_error", "yaw_rate_error", "mean_velocity_error", "energy")
     return {
@@ -165,15 +174,15 @@ def summarise(episodes: Episodes) -> dict[str, float]:
 
 
 def _tracking(episodes: Episodes, upright: Bools) -> tuple[dict[str, Floats], Floats]:
-    """Compute the tracking measures and the distance.
+    """Compute the measures of command tracking and the covered distance.
 
     Args:
         episodes: Recorded episodes.
-        upright: True for upright steps, (steps, n).
+        upright: True for control steps before a fall, (steps, n).
 
     Returns:
-        measures: Name -> measure of each episode, (n, …).
-        distance: Distance covered, (n,), m.
+        measures: Name of the measure -> value of each episode, (n, …).
+        distance: Distance that the robot covered in each episode, (n,), m.
     """
     settling = episodes.settling
     intervals = episodes.intervals

@@ -1,4 +1,4 @@
-"""Outcome of an episode: success by one of the success rules, or the kind of failure."""
+"""Outcome of an episode: success by one of several success rules, or the kind of failure."""
 
 from dataclasses import dataclass
 
@@ -14,35 +14,44 @@ POLICY_ERROR = "policy_error"
 FELL = "fell"
 DIVERGED = "diverged"
 OUTCOMES = (SUCCEEDED, OFF_COMMAND, STALLED, POLICY_ERROR, FELL, DIVERGED)
-"""Every outcome; an episode has exactly one."""
+"""Names of all outcomes; each episode has exactly one."""
 MIN_PROGRESS = 0.25
-"""Fraction of the commanded distance below which an upright robot counts as stalled."""
+"""Minimum progress: fraction of the commanded distance that a robot must cover along its command.
+
+An upright robot with less progress gets the outcome `stalled`.
+"""
 MOVING = 0.05
-"""Commanded planar speed above which a stalled interval is a failure even within the tolerances, m/s."""
+"""Commanded planar speed above which a command interval requires MIN_PROGRESS, m/s.
+
+Below this speed, the tolerances of the success rule alone decide.
+"""
 
 
 @dataclass(frozen=True)
 class SuccessRule:
-    """Success rule: tolerances of the velocity errors of a robot that stays upright."""
+    """Success rule: tolerances for the velocity errors of a robot that stays upright to the end."""
 
     name: str
     linear: float
-    """Tolerance of the planar velocity, m/s."""
+    """Tolerance of the planar velocity error, m/s."""
     angular: float
-    """Tolerance of the yaw rate, rad/s."""
+    """Tolerance of the yaw-rate error, rad/s."""
     share: float
-    """Additional tolerance, as a fraction of the commanded planar velocity and of the commanded yaw rate."""
+    """Additional tolerance, as a fraction of the commanded planar speed and of the commanded yaw rate."""
     stalls: bool = True
-    """True if an episode with a stalled interval fails even within the tolerances."""
-    of_steps: bool = False
-    """True if the tolerances apply to the mean error over the episode's steps.
+    """True if an episode fails when the robot covers too little of the commanded distance in an interval.
 
-    False if they apply to the mean velocity of each command interval.
+    The minimum is MIN_PROGRESS; it holds even if the velocity error is within the tolerances.
+    """
+    of_steps: bool = False
+    """True if the tolerances apply to the mean error over the control steps of an episode.
+
+    False if they apply to the error of the mean velocity in each interval of constant command.
     """
 
     @property
     def description(self) -> str:
-        """Description of the rule for reports."""
+        """Description of the success rule in words, for reports."""
         if np.isinf(self.linear):
             return "upright to the end, whatever it was asked to do"
         if self.of_steps:
@@ -63,16 +72,17 @@ class SuccessRule:
         )
 
     def deviations(self, commands: Floats, velocities: Floats) -> Floats:
-        """Return the relative error of each command interval: an error divided by its tolerance.
+        """Return the relative velocity error of each interval of constant command: error / tolerance.
 
-        The result is the larger value of the planar velocity and the yaw rate.
+        It is the larger one of the relative errors of the planar velocity and of the yaw rate.
 
         Args:
-            commands: Commands of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
-            velocities: Mean velocities, heading frame, (n, k, 3), m/s, m/s, rad/s.
+            commands: Command of each of k intervals, heading frame, (n, k, 3), m/s, m/s, rad/s.
+            velocities: Mean velocity in each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
 
         Returns:
-            Relative error, (n, k), at most 1 within tolerance; NaN if the robot was not upright at the interval's end.
+            Relative error, (n, k), at most 1 within the tolerance; NaN if the robot had fallen before the interval's
+            end.
         """
         velocity_error = planar(velocities - commands)
         yaw_rate_error = np.abs(velocities[..., 2] - commands[..., 2])
@@ -81,30 +91,33 @@ class SuccessRule:
         return np.maximum(velocity_error / velocity_tolerance, yaw_rate_error / yaw_rate_tolerance)
 
     def stalled(self, commands: Floats, velocities: Floats) -> Bools:
-        """Return the mask of the intervals that fail because the robot hardly moved.
+        """Return the mask of the command intervals in which the robot stalls: it covers too little distance.
+
+        The robot stalls if its speed along the command is below MIN_PROGRESS times the commanded speed. Intervals with
+        a commanded speed of at most MOVING do not count.
 
         Args:
-            commands: Commands of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
-            velocities: Mean velocities, heading frame, (n, k, 3), m/s, m/s, rad/s.
+            commands: Command of each of k intervals, heading frame, (n, k, 3), m/s, m/s, rad/s.
+            velocities: Mean velocity in each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
 
         Returns:
-            True for stalled intervals, (n, k); all False if `stalls` is False.
+            True for intervals in which the robot stalls, (n, k); all False if `stalls` is False.
         """
         speed = planar(commands)
         along = quotient((commands[..., :2] * velocities[..., :2]).sum(axis=-1), speed)
         return np.asarray(self.stalls & (speed > MOVING) & (along < MIN_PROGRESS * speed))
 
     def on_command(self, commands: Floats, velocities: Floats, errors: Floats | None = None) -> Bools:
-        """Return the mask of the episodes that followed their commands within the tolerances.
+        """Return the mask of the episodes in which the robot followed its commands within the tolerances.
 
         Args:
-            commands: Commands of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
-            velocities: Mean velocities, heading frame, (n, k, 3), m/s, m/s, rad/s.
-            errors: Mean velocity error and mean yaw-rate error over each episode's steps, (n, 2), m/s, rad/s. A rule
-                with `of_steps` rejects every episode if `errors` is None.
+            commands: Command of each of k intervals, heading frame, (n, k, 3), m/s, m/s, rad/s.
+            velocities: Mean velocity in each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
+            errors: Mean planar velocity error and mean yaw-rate error over the control steps of each episode, (n, 2),
+                m/s, rad/s. A rule with `of_steps` rejects every episode if `errors` is None.
 
         Returns:
-            True for episodes that followed their commands, (n,).
+            True for episodes in which the robot followed its commands, (n,).
         """
         if self.of_steps:
             return np.asarray((np.asarray(errors, np.float64) < (self.linear, self.angular)).all(axis=-1))
@@ -113,9 +126,9 @@ class SuccessRule:
 
 
 SUCCESS_RULE = "success/2"
-"""Name of the success rule that evaluations use."""
+"""Name of the success rule that evaluations use unless the user selects another one."""
 ISAAC_LAB = "isaac-lab"
-"""Name of the rule with the thresholds of Isaac Lab's `Metrics/success_rate` for quadrupeds.
+"""Name of the success rule with the thresholds of Isaac Lab's `Metrics/success_rate` for quadrupeds.
 
 The thresholds are `vel_xy_success_threshold` and `vel_yaw_success_threshold` of `UniformVelocityCommandCfg`,
 isaac-sim/IsaacLab#5415. Isaac Lab averages the errors in the body frame up to the end of the episode, so a robot that
@@ -146,19 +159,19 @@ def outcomes(  # noqa: PLR0913 -- arrays of one kind, by keyword alone
     durations: Floats,
     rule: SuccessRule = RULES[SUCCESS_RULE],
 ) -> NDArray[np.object_]:
-    """Determine the outcome of each episode.
+    """Determine the outcome of each episode, for example `succeeded`, `stalled` or `fell`.
 
     Args:
-        fell: True if the episode ended by the fall rule or a divergence, (n,).
-        diverged: True if the episode ended by a divergence, (n,).
-        stopped: True if a safety layer brought the robot to a controlled stop, (n,). The episode is then `stalled`
+        fell: True if the episode ended by the fall rule or a divergence of the simulation, (n,).
+        diverged: True if the episode ended by a divergence of the simulation, (n,).
+        stopped: True if a safety layer brought the robot to a controlled stop, (n,). The outcome is then `stalled`
             rather than `fell`.
         failed: True if the policy failed before a fall, for example by an exception, (n,).
-        commands: Commands of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
-        velocities: Mean velocities of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
-        errors: Mean errors over each episode's steps, (n, 2), as for `SuccessRule.on_command`.
-        durations: Durations of the intervals, (k,), in control steps.
-        rule: Success rule.
+        commands: Command of each of k intervals, heading frame, (n, k, 3), m/s, m/s, rad/s.
+        velocities: Mean velocity in each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
+        errors: Mean errors over the control steps of each episode, (n, 2), as for `SuccessRule.on_command`.
+        durations: Duration of each interval, (k,), in control steps.
+        rule: Success rule, with the tolerances.
 
     Returns:
         One of OUTCOMES for each episode, (n,).
@@ -176,12 +189,12 @@ def outcomes(  # noqa: PLR0913 -- arrays of one kind, by keyword alone
 
 
 def commanded_progress(commands: Floats, velocities: Floats, durations: Floats) -> Floats:
-    """Return the fraction of the commanded distance that was covered along the commands.
+    """Return the progress of each episode: the covered distance along the commands / commanded distance.
 
     Args:
-        commands: Commands of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
-        velocities: Mean velocities of each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
-        durations: Durations of the intervals, (k,), in any unit.
+        commands: Command of each of k intervals, heading frame, (n, k, 3), m/s, m/s, rad/s.
+        velocities: Mean velocity in each interval, heading frame, (n, k, 3), m/s, m/s, rad/s.
+        durations: Duration of each interval, (k,), in any unit.
 
     Returns:
         Progress, (n,). It is the fraction of the commanded turn if no distance is commanded, and 1 if no turn is

@@ -1,6 +1,6 @@
-"""Measures of pushes: time, impulse, and the falls that follow.
+"""Measures of pushes: time and impulse of each push, and the falls that follow.
 
-Arrays are (n, k) for k pushes in each of n episodes, with NaN for pushes after a fall.
+Arrays have the shape (n, k) for k pushes in each of n episodes. They are NaN for pushes after a fall.
 """
 
 import numpy as np
@@ -12,13 +12,14 @@ from evaluate.measures.episodes import Episodes
 Ints = NDArray[np.int64]
 
 MAX_TIME_TO_FALL = 2.0
-"""Maximum time from the start of a push to a fall that is attributed to the push, s."""
+"""Maximum time between the start of a push and a fall that is attributed to the push, s."""
 
 
 def pushes(episodes: Episodes) -> dict[str, Floats]:
-    """Return name -> measure of the pushes.
+    """Compute the measures of pushes in the recorded `episodes`: name -> values, (n, k) for k pushes.
 
-    `fall_after_push` is (n,); `push_impulse` is in the heading frame, (n, k, 2), N·s; the others are (n, k).
+    `push_impulse` is in the heading frame, (n, k, 2), N·s. `fall_after_push`, the fraction of pushes that are followed
+    by a fall, is (n,).
     """
     onset = episodes.push_step
     fall = episodes.fall_step[:, None]
@@ -34,7 +35,7 @@ def pushes(episodes: Episodes) -> dict[str, Floats]:
 
 
 def _heading_impulse(episodes: Episodes) -> Floats:
-    """Rotate the impulses into the heading frame just before each push, (n, k, 2), N·s."""
+    """Return the impulse of each push in the heading frame just before the push, (n, k, 2), N·s."""
     step_before = np.clip(episodes.push_step - 1, 0, episodes.steps - 1)
     quaternion = episodes.quaternion[step_before, np.arange(episodes.count)[:, None]].astype(np.float64)
     w, x, y, z = np.moveaxis(quaternion, -1, 0)
@@ -45,5 +46,13 @@ def _heading_impulse(episodes: Episodes) -> Floats:
 
 
 def _next_onset(onset: Ints, steps: int) -> Ints:
-    """Return the first step of the next push, or the time limit for the last push, (n, k)."""
+    """Return the control step in which the next push begins, (n, k).
+
+    Args:
+        onset: Control step in which each push begins, (n, k).
+        steps: Number of control steps of an episode, which is returned for the last push.
+
+    Returns:
+        Control steps, (n, k).
+    """
     return np.concatenate((onset[:, 1:], np.full((len(onset), 1), steps, onset.dtype)), axis=1)[:, : onset.shape[1]]

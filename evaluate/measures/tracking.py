@@ -1,7 +1,7 @@
 """Measures of command tracking: pure functions of (steps, n, …) arrays in the heading frame.
 
-Every step from a fall to the time limit counts with the maximum error of the measure, because a fall must not reduce
-an error. Only `velocity_error_upright`, `mean_velocities` and `distance_covered` ignore these steps.
+In the errors, every control step after a fall counts with the largest possible error, because a fall must not reduce an
+error. `velocity_error_upright`, `mean_velocities` and `distance_covered` do not count these steps.
 """
 
 from dataclasses import dataclass
@@ -11,30 +11,33 @@ import numpy as np
 from evaluate.measures.averages import Bools, Floats, over_steps, planar, quotient, total, upright_mean
 
 SETTLING_TIME = 1.0
-"""Time that does not count at the start of an episode and of each command interval, s."""
+"""Time at the start of an episode and of each interval of constant command that does not count, s."""
 VELOCITY_CAP = 2.0
-"""Maximum planar velocity error of a step, and the error of every step after a fall, m/s."""
+"""Largest planar velocity error of a control step; every step after a fall counts with it, m/s."""
 YAW_RATE_CAP = 3.0
-"""Maximum yaw-rate error of a step, and the error of every step after a fall, rad/s."""
+"""Largest yaw-rate error of a control step; every step after a fall counts with it, rad/s."""
 
 
 @dataclass(frozen=True)
 class CommandIntervals:
-    """Periods of constant command in an episode, as slices of the control steps."""
+    """Intervals of an episode in which the velocity command is constant, as slices of its control steps."""
 
     settled: tuple[slice, ...]
-    """Steps of each interval after the interval's first second; intervals of at most 1 s are left out."""
+    """Control steps of each command interval after the interval's first second.
+
+    Intervals of at most 1 s are left out.
+    """
     travelled: tuple[slice, ...]
-    """Steps of each interval after the episode's first second."""
+    """Control steps of each command interval that are after the episode's first second."""
 
 
 def command_intervals(steps: int, command_steps: int, settling: int) -> CommandIntervals:
-    """Return the command intervals of an episode.
+    """Return the intervals of an episode in which the velocity command is constant.
 
     Args:
         steps: Number of control steps of the episode.
-        command_steps: Duration of a command interval in control steps.
-        settling: SETTLING_TIME in control steps.
+        command_steps: Duration of a command interval, in control steps.
+        settling: Number of control steps in SETTLING_TIME.
 
     Returns:
         The intervals.
@@ -49,61 +52,63 @@ def command_intervals(steps: int, command_steps: int, settling: int) -> CommandI
 
 
 def velocity_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
-    """Return the mean planar velocity error of all steps; the error after a fall is VELOCITY_CAP.
+    """Return the mean planar velocity error over all control steps; it is VELOCITY_CAP after a fall.
 
     Args:
         command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
         velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for upright steps, (steps, n).
+        upright: True for control steps before a fall, (steps, n).
 
     Returns:
-        Error, (n,), m/s.
+        Mean error of each episode, (n,), m/s.
     """
     return total(_capped(planar(command - velocity), upright, VELOCITY_CAP)) / len(upright)
 
 
 def yaw_rate_error(command: Floats, velocity: Floats, upright: Bools) -> Floats:
-    """Return the mean yaw-rate error of all steps; the error after a fall is YAW_RATE_CAP.
+    """Return the mean yaw-rate error over all control steps; it is YAW_RATE_CAP after a fall.
 
     Args:
         command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
         velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for upright steps, (steps, n).
+        upright: True for control steps before a fall, (steps, n).
 
     Returns:
-        Error, (n,), rad/s.
+        Mean error of each episode, (n,), rad/s.
     """
     return total(_capped(np.abs(command[..., 2] - velocity[..., 2]), upright, YAW_RATE_CAP)) / len(upright)
 
 
 def velocity_error_upright(command: Floats, velocity: Floats, upright: Bools) -> Floats:
-    """Return the mean planar velocity error of the upright steps, at most VELOCITY_CAP each.
+    """Return the mean planar velocity error over the control steps before a fall.
+
+    The error of a step is limited to VELOCITY_CAP.
 
     Args:
         command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
         velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for upright steps, (steps, n).
+        upright: True for control steps before a fall, (steps, n).
 
     Returns:
-        Error, (n,), m/s; NaN if an episode has no upright step.
+        Mean error of each episode, (n,), m/s; NaN if an episode has no step before a fall.
     """
     return upright_mean(np.minimum(planar(command - velocity), VELOCITY_CAP), upright)
 
 
 def mean_velocity_error(command: Floats, velocity: Floats, upright: Bools, windows: tuple[slice, ...]) -> Floats:
-    """Return the mean over all windows of the planar error ‖command - mean velocity‖.
+    """Return the mean over all command intervals of the planar error ‖command − mean velocity‖.
 
-    The mean velocity of a window is computed over its upright steps. A window's error counts once for each upright
-    step; each other step counts with the error VELOCITY_CAP.
+    The mean velocity of an interval is computed over its steps before a fall. The error of this mean counts once for
+    each of these steps. Each step after a fall counts with the error VELOCITY_CAP.
 
     Args:
         command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
         velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for upright steps, (steps, n).
-        windows: Slices of the steps, with one command each.
+        upright: True for control steps before a fall, (steps, n).
+        windows: Slices of the control steps, with a constant command in each.
 
     Returns:
-        Error, (n,), m/s.
+        Mean error of each episode, (n,), m/s.
     """
     errors = np.zeros(upright.shape[1])
     steps = 0
@@ -118,29 +123,29 @@ def mean_velocity_error(command: Floats, velocity: Floats, upright: Bools, windo
 
 
 def commands_given(command: Floats, upright: Bools, starts: tuple[int, ...]) -> Floats:
-    """Return the commands at the starts of the intervals.
+    """Return the command of each interval of constant command.
 
     Args:
         command: Commanded velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for upright steps, (steps, n).
-        starts: First steps of the k intervals.
+        upright: True for control steps before a fall, (steps, n).
+        starts: First control step of each of the k intervals.
 
     Returns:
-        Commands, (n, k, 3), m/s, m/s, rad/s; NaN if the robot was not upright at the interval's start.
+        Commands, (n, k, 3), m/s, m/s, rad/s; NaN if the robot had fallen before the interval's start.
     """
     return np.stack([np.where(upright[start, :, None], command[start], np.nan) for start in starts], axis=1)
 
 
 def mean_velocities(velocity: Floats, upright: Bools, windows: tuple[slice, ...]) -> Floats:
-    """Return the mean velocity over each window.
+    """Return the mean velocity in each of k windows of control steps.
 
     Args:
         velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for upright steps, (steps, n).
-        windows: k slices of the steps.
+        upright: True for control steps before a fall, (steps, n).
+        windows: k slices of the control steps.
 
     Returns:
-        Mean velocities, (n, k, 3); NaN if the robot was not upright at the end of the window.
+        Mean velocities, heading frame, (n, k, 3), m/s, m/s, rad/s; NaN if the robot had fallen before the window's end.
     """
     means = [
         np.where(upright[window.stop - 1, :, None], window_mean(velocity, upright, window), np.nan)
@@ -150,36 +155,39 @@ def mean_velocities(velocity: Floats, upright: Bools, windows: tuple[slice, ...]
 
 
 def distance_covered(velocity: Floats, upright: Bools, stretches: tuple[slice, ...], dt: float) -> Floats:
-    """Return the covered distance: ‖mean velocity‖ × upright time, summed over stretches of steps.
+    """Return the covered distance: the sum over command intervals of ‖mean velocity‖ × time before a fall.
 
     Args:
         velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for upright steps, (steps, n).
-        stretches: Slices of the steps, one for each command interval.
+        upright: True for control steps before a fall, (steps, n).
+        stretches: Slices of the control steps, one for each command interval.
         dt: Duration of a control step, s.
 
     Returns:
-        Distance, (n,), m.
+        Distance of each episode, (n,), m.
     """
     covered = [planar(total(np.where(upright[stretch, :, None], velocity[stretch], 0.0))) * dt for stretch in stretches]
     return np.asarray(np.add.reduce(covered))
 
 
 def window_mean(velocity: Floats, upright: Bools, window: slice) -> Floats:
-    """Return the mean velocity over a window's upright steps.
+    """Return the mean velocity over the control steps of a window that are before a fall.
 
     Args:
         velocity: Trunk velocity, heading frame, (steps, n, 3), m/s, m/s, rad/s.
-        upright: True for upright steps, (steps, n).
-        window: Slice of the steps.
+        upright: True for control steps before a fall, (steps, n).
+        window: Slice of the control steps.
 
     Returns:
-        Mean, (n, 3), m/s, m/s, rad/s; NaN if the window has no upright step.
+        Mean velocity, heading frame, (n, 3), m/s, m/s, rad/s; NaN if the robot had fallen before the window.
     """
     mask = upright[window]
     return quotient(total(np.where(over_steps(mask, velocity), velocity[window], 0.0)), mask.sum(0)[:, None])
 
 
 def _capped(error: Floats, upright: Bools, cap: float) -> Floats:
-    """Limit the error of each step to `cap`, and set the error to `cap` in steps that are not upright."""
+    """Limit the `error` of each step to `cap`, and set the error to `cap` in all steps after a fall.
+
+    `upright`, (steps, n), is True for the steps before a fall.
+    """
     return np.where(upright, np.minimum(error, cap), cap)
