@@ -1,6 +1,6 @@
-"""Controllers of quadruped robots: batched, from observations to joint targets, in NumPy alone.
+"""Controllers of quadruped robots, which compute joint targets from observations, in NumPy alone.
 
-Make one for an environment and call it at every control step:
+A controller, called policy, controls a batch of n robots. Make it for an environment and call it at every control step:
 
     policy = policies.make("trot", robot=env.robot, control_period=env.dt)
     policy.reset(num_envs=n)

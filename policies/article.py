@@ -1,8 +1,9 @@
-"""Gait controller of the source document, as printed (`document`) and repaired (`document_repaired`).
+"""Gait controller of the article that this project started from, as printed and repaired.
 
-The printed controller collapses because of its axis conventions, and only serves as a demonstration. It computes the
-pitch as an angle from the +x axis, but the thigh angle of the robot is measured from straight down. Its leg length
-ignores the lateral offset. Its stance starts half a step length behind the end of its swing.
+The policy `document` is the printed controller, and `document_repaired` the repaired one. The printed controller
+collapses because of its axis conventions, and only serves as a demonstration. It computes the thigh angle from the +x
+axis, but the robot measures this angle from straight down. Its leg length ignores the lateral offset of the foot from
+the hip. Its stance phase starts half a step length behind the end of its swing phase.
 """
 
 from dataclasses import dataclass
@@ -20,32 +21,32 @@ from quad_env.robots.robot import Robot
 
 @dataclass(frozen=True)
 class PrintedGait(Parameters):
-    """Gait parameters of the document, with the printed values as defaults."""
+    """Gait parameters of the trot controller in the article, with the printed values as defaults."""
 
     frequency: float = parameter(2.0, limits=(0.1, 50.0))
-    """Step frequency of a leg, Hz."""
+    """Gait frequency: number of steps of each leg per second, Hz."""
     step_height: float = parameter(0.15, limits=(-1.0, 1.0))
-    """Lift of the foot at mid-swing, m."""
+    """Height of the foot above the ground at mid-swing, m."""
     step_length: float = parameter(0.1, limits=(-1.0, 1.0))
-    """Length of a stride, m."""
+    """Distance that a foot moves forward in its swing phase and backward in its stance phase, m."""
     body_height: float = parameter(0.25, limits=(-1.0, 1.0))
-    """Height of the hip joint above the standing foot, m."""
+    """Height of the hip joint above a foot in stance, m."""
     foot_line: float = parameter(0.15, limits=(-1.0, 1.0))
-    """Lateral distance of the foot from the hip joint, outboard, m."""
+    """Lateral distance of the foot from the hip joint, positive away from the trunk, m."""
 
     def feet(self, robot: Robot, phase: ArrayLike, stance_start: float) -> Floats:
-        """Compute the foot positions at a phase.
+        """Compute the foot positions of the printed trot at a phase of the gait.
 
-        With the step length s, the swing goes from -s/2 to s/2 along a half sine. The stance goes backward by s on the
-        ground.
+        With the step length s, a swing foot moves from -s/2 to s/2 along a half sine. A stance foot moves backward by s
+        on the ground.
 
         Args:
-            robot: Robot.
-            phase: Phase of the clock, (...), rad.
-            stance_start: Forward position of the foot at the start of the stance, hip frame, m.
+            robot: Robot that trots.
+            phase: Phase of the gait clock, (...), rad.
+            stance_start: Forward position of a foot at the start of its stance phase, hip frame, m.
 
         Returns:
-            Foot positions, hip frames, (..., 4, 3), m.
+            Foot positions (fl, fr, hl, hr), each in the frame of its hip, (..., 4, 3), m.
         """
         phases = leg_phases(phase, robot.in_leg_order(TROT_OFFSETS))
         swing = phases < np.pi
@@ -56,21 +57,23 @@ class PrintedGait(Parameters):
 
 
 def printed_joint_angles(robot: Robot, feet: Floats) -> Floats:
-    """Compute the inverse kinematics of the document.
+    """Compute joint angles from foot positions by the inverse kinematics that the article prints.
+
+    The formulas do not fit the axis conventions of the robot.
 
     Args:
-        robot: Robot.
-        feet: Foot positions, hip frames, (..., 3), m.
+        robot: Robot with the link lengths.
+        feet: Foot positions, each in the frame of its hip, (..., 3), m.
 
     Returns:
-        Roll, pitch and knee angles, (..., 3), rad; zero for feet that the leg cannot reach.
+        Angles of the hip, thigh and calf joint, (..., 3), rad; zero for feet that the leg cannot reach.
     """
     x, y, z = np.moveaxis(feet, -1, 0)
     distance = np.sqrt(x**2 + z**2)
     missed = (distance > robot.leg_length) | (distance < min_leg_length(robot))
     upper, lower = robot.thigh_length, robot.calf_length
     knee = np.arccos(np.clip((upper**2 + lower**2 - distance**2) / (2.0 * upper * lower), -1.0, 1.0)) - np.pi
-    # Replace a distance of 0, at which the printed quotient would be 0/0.
+    # A distance of 0 is replaced, because the printed quotient would be 0/0.
     safe = np.where(missed | (distance == 0.0), robot.leg_length, distance)
     inner = np.arccos(np.clip((upper**2 + safe**2 - lower**2) / (2.0 * upper * safe), -1.0, 1.0))
     pitch = np.arctan2(z, x) - inner
@@ -79,9 +82,10 @@ def printed_joint_angles(robot: Robot, feet: Floats) -> Floats:
 
 
 class Document(GaitedPolicy):
-    """Controller as printed in the source document; it ignores the command and the whole observation.
+    """Trot controller exactly as the article prints it from which this project started.
 
-    It starts without a blend from the home pose. Its targets are clipped to the joint limits.
+    It ignores the velocity command and the whole observation. Its motion starts at once, and is not blended in from the
+    home pose. Its joint targets are clipped to the joint limits.
 
     Args:
         parameters: Gait parameters; the printed values by default.
@@ -97,7 +101,10 @@ class Document(GaitedPolicy):
         self.leg_offsets = self.robot.in_leg_order(TROT_OFFSETS)
 
     def targets(self, phase: ArrayLike) -> Floats:
-        """Return the joint targets before clipping, (..., 12), rad, at a `phase` of the clock, (...), rad."""
+        """Return the joint targets at a `phase` of the gait clock, (...), rad.
+
+        The targets, (..., 12), rad, are not yet clipped to the joint limits.
+        """
         return flat_joints(printed_joint_angles(self.robot, self.parameters.feet(self.robot, phase, stance_start=0.0)))
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
@@ -106,21 +113,24 @@ class Document(GaitedPolicy):
 
 
 class DocumentRepaired(Document):
-    """Printed controller with only the repairs that it needs to walk; it ignores the command.
+    """Trot controller of the article with only the repairs that it needs to walk.
 
-    The inverse kinematics are exact, with the thigh angle measured from straight down. The stance starts at the end of
-    the swing and goes from +s/2 to -s/2, with the step length s. The motion starts with a blend from the home pose. All
-    printed values are unchanged. A lift of 0.15 m at a body height of 0.25 m needs a calf angle of -2.64 rad at
-    mid-swing, beyond the stop at -2.5 rad. The target is clipped to the stop, as on a real joint, and the foot rises
-    0.04 m less.
+    It ignores the velocity command. The inverse kinematics are exact, with the thigh angle measured from straight down.
+    A stance foot starts where its swing ends, and moves from +s/2 to -s/2 with the step length s. The motion is blended
+    in from the home pose. All printed parameters are unchanged. A step height of 0.15 m at a body height of 0.25 m
+    needs a calf angle of -2.64 rad at mid-swing, beyond the joint limit of -2.5 rad. The target is clipped to this
+    limit, so that the foot rises 0.04 m less.
     """
 
     name = "document_repaired"
     blend_time = 0.5
-    """Duration of the blend from the home pose to the gait, s; equal to one gait cycle."""
+    """Duration of the transition from the home pose to the gait, s; equal to one gait cycle."""
 
     def targets(self, phase: ArrayLike) -> Floats:
-        """Return the targets before blending and clipping, (..., 12), rad, at a clock `phase`, (...), rad."""
+        """Return the joint targets at a `phase` of the gait clock, (...), rad.
+
+        The targets, (..., 12), rad, are not yet blended with the home pose and not clipped to the joint limits.
+        """
         feet = self.parameters.feet(self.robot, phase, stance_start=self.parameters.step_length / 2.0)
         return flat_joints(joint_angles(self.robot, feet))
 

@@ -1,4 +1,4 @@
-"""Base classes of all policies: observations in, joint targets out, for any number of robots."""
+"""Base classes of all policies, which compute joint targets from observations for any number of robots."""
 
 import math
 from abc import ABC, abstractmethod
@@ -22,11 +22,11 @@ Actions = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 CONTROL_PERIOD = 1.0 / TaskConfig().control_rate
-"""Default control period of the environment, s."""
+"""Default time between two control steps of the environment and of the policies, s."""
 
 
 class PolicyError(UserError, ValueError):
-    """Error for a policy that does not exist or cannot be loaded; the message is one line.
+    """Error for a policy that does not exist or cannot be loaded, with a message of one line.
 
     Args:
         fault: Cause of the error, the first part of the message.
@@ -40,21 +40,21 @@ class PolicyError(UserError, ValueError):
 
 
 class PolicyKwargs(TypedDict, total=False):
-    """Keyword arguments that all policies share; see `Policy`."""
+    """Types of the keyword arguments that the constructors of all policies accept, see `Policy`."""
 
     robot: str | Robot
     control_period: float
 
 
 class Policy(ABC):
-    """Batched controller with its own clock and state, for one robot and one control period.
+    """Controller of a batch of n robots, made for one type of robot and one control period.
 
-    The actions of a robot depend only on the observations and resets of this robot. The batch size changes no bit of
-    the actions.
+    The policy has a separate state for each robot of the batch. The actions of a robot depend only on the observations
+    and resets of this robot. They are identical, bit for bit, for every batch size.
 
     Args:
-        robot: Robot or its name. The attribute `robot` of the policy has the servo gains that the policy needs. Make
-            the environment with this attribute.
+        robot: Robot or its name. The attribute `robot` of the policy is this robot with the servo gains that the policy
+            needs. Make the environment with this attribute.
         control_period: Time between two calls of `act`, equal to `dt` of the environment, s.
 
     Raises:
@@ -65,7 +65,9 @@ class Policy(ABC):
     height_scan: HeightScan | None = None
     """Height scan that the environment must have; None if the policy uses no height scan."""
     observations: tuple[str | ObservationTerm, ...] = ()
-    """Extra observation terms that the environment must have, as in the option `observations` of `gym.make`."""
+    """Additional observation terms that the policy needs.
+
+    The environment must be made with the same terms in the option `observations` of `gym.make`."""
     stiff_servos: ClassVar[bool] = False
     """True if the policy uses the servo gains `stiff_servo` of the robot, because softer servos would sag too far."""
 
@@ -78,14 +80,14 @@ class Policy(ABC):
         initialize_state(self)
 
     def mismatch(self, robot: Robot, control_period: float) -> str:
-        """Describe the robot and control period of the policy if they differ from the given ones.
+        """Describe the robot and the control period of the policy, if an environment has other ones.
 
         Args:
             robot: Robot of the environment.
             control_period: Control period of the environment, s.
 
         Returns:
-            Description; empty if neither differs.
+            The description, for an error message; empty if robot and control period are the same.
         """
         if self.robot == robot and math.isclose(self.control_period, control_period):
             return ""
@@ -93,7 +95,7 @@ class Policy(ABC):
         return f"{own}, not for {robot.name} with one of {control_period:g} s"
 
     def check_compatible(self, robot: Robot, control_period: float) -> None:
-        """Check that the policy was made for an environment.
+        """Check that the policy was made for the robot, servo gains and control period of an environment.
 
         Args:
             robot: Robot of the environment, with its servo gains.
@@ -115,15 +117,15 @@ class Policy(ABC):
             )
 
     def check_fits(self, robot: Robot, control_period: float) -> None:
-        """Call `check_compatible(robot, control_period)`. Deprecated name."""
+        """Call `check_compatible(robot, control_period)`. The name `check_fits` is deprecated."""
         self.check_compatible(robot, control_period)
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Reset the policy for a number of robots.
+        """Start the policy for a batch of robots, each with the initial state of an episode.
 
         Args:
-            num_envs: Number of robots.
-            seed: Seed for policies that draw random numbers. No policy of this project does.
+            num_envs: Number of robots in the batch.
+            seed: Seed for policies that draw random numbers. No policy of this project draws any.
 
         Raises:
             ValueError: The number is not positive.
@@ -134,28 +136,32 @@ class Policy(ABC):
         self._allocate(num_envs)
 
     def reset_where(self, mask: ArrayLike) -> None:
-        """Reset the robots where `mask`, (num_envs,) bool, is True; the other robots keep their state."""
+        """Reset the state of the robots for which `mask`, (num_envs,) bool, is True.
+
+        The other robots keep their state. Call this method when single robots start a new episode.
+        """
         self._restart(validate_mask(np.asarray(mask), self.num_envs))
 
     def copy_state_from(self, mask: Mask, other: "Policy") -> None:
         """Copy the state of another policy to some robots of this policy.
 
-        The method is for base policies of a residual. The state of policies inside a policy is not copied.
+        The training of a residual uses the method for base policies. The method does not copy the state of a policy
+        that is an attribute of the policy.
 
         Args:
-            mask: Robots that receive a state, (n,) bool.
-            other: Policy with the same constructor arguments, and one robot for each True in the mask.
+            mask: True for robots of this policy that receive a state, (n,) bool.
+            other: Policy with the same constructor arguments, and one robot for each True in `mask`.
         """
         copy_rows(self, validate_mask(mask, self.num_envs), other)
 
     def act(self, observation: ArrayLike) -> Actions:
-        """Return the joint targets for an observation.
+        """Compute the action of a control step from an observation.
 
         Args:
-            observation: Observation of n robots, (n, k), or of one, (k,).
+            observation: Observation of n robots, (n, k), or of one robot, (k,).
 
         Returns:
-            Joint targets within the limits, (n, 12) or (12,), float32, rad.
+            Action: joint targets within the joint limits, (n, 12) or (12,), float32, rad.
         """
         if not is_allocated(self):
             self._allocate(self.num_envs)
@@ -164,9 +170,10 @@ class Policy(ABC):
         return actions[0] if single else actions
 
     def _to_batch(self, observation: ArrayLike) -> tuple[NDArray[np.float32], bool]:
-        """Return the checked observation as (n, k), and True if it was given as (k,).
+        """Check an observation, and convert it to a batch.
 
-        Raises ValueError for another shape.
+        Returns the observation, (n, k), and True if it was given for one robot, (k,). Raises ValueError if the shape of
+        the observation does not fit the policy.
         """
         rows = np.asarray(observation, dtype=np.float32)
         single = rows.ndim == 1
@@ -184,70 +191,80 @@ class Policy(ABC):
         return rows, single
 
     def _replace_nonfinite(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Replace values that are not finite in an observation, (n, k); here, raise ValueError instead."""
+        """Replace NaN and infinite values in an observation `rows`, (n, k).
+
+        This default implementation raises ValueError. A subclass that tolerates missing values overrides it.
+        """
         raise ValueError("observation must be finite")
 
     @abstractmethod
     def _act(self, observation: NDArray[np.float32]) -> Actions:
-        """Return the joint targets, (n, 12), rad, for a checked observation, (n, k)."""
+        """Compute the joint targets, (n, 12), rad, from an observation, (n, k), with the checked shape."""
 
     def _allocate(self, num_envs: int) -> None:
-        """Allocate fresh state for `num_envs` robots, of the arrays declared with `per_robot`."""
+        """Allocate the state arrays, which are declared with `per_robot`, for `num_envs` robots at their start."""
         allocate(self, num_envs)
 
     def _reset_rows(self, mask: Mask) -> None:
-        """Reset the state of the robots where `mask`, (n,), is true."""
+        """Reset the state of the robots for which `mask`, (n,), is True."""
         reset_rows(self, mask)
 
     def _restart(self, mask: Mask) -> None:
-        """Call `_reset_rows`. Deprecated name, which policies of users may still override."""
+        """Call `_reset_rows`. The name `_restart` is deprecated, but policies of users may still override it."""
         self._reset_rows(mask)
 
 
 class GaitedPolicy(Policy):
-    """Policy with a gait clock for each robot.
+    """Base class of policies with a gait clock for each robot.
 
-    A clock starts at phase 0 and advances by one step before each action, also before the first.
+    A clock starts at phase 0. It advances by one control period before each action, also before the first action.
     """
 
     frequency: float
-    """Frequency of the gait, Hz."""
+    """Gait frequency: gait cycles per second, Hz."""
     stiff_servos = True
     leg_offsets: tuple[float, ...]
-    """Phase of each leg minus the phase of the clock, in the gait after a reset, rad."""
+    """Phase of each leg minus the phase of the gait clock, rad, for the gait with which an episode starts."""
     _phase: Floats = per_robot(0.0)
     _ticks: Floats = per_robot(0.0)
 
     @property
     def phase(self) -> Floats:
-        """Phase of the clocks at the latest action, (n,), in [0, 2π) rad."""
+        """Phase of the gait clock of each robot at the latest action, (n,), in [0, 2π) rad."""
         return self._phase
 
     def _tick(self, faster: Floats | float = 0.0) -> None:
-        """Advance the clocks by a control step; `faster`, (n,), Hz, is added to the frequency."""
-        # Make a new array in each step, because callers may still hold the array that `phase` returned before.
+        """Advance the gait clocks by one control period.
+
+        `faster`, (n,) or a number, Hz, is added to the gait frequency.
+        """
+        # Each step makes a new array, because callers may still hold the array that `phase` returned before.
         self._phase = advance_phase(self._phase, self.frequency + faster, self.control_period)
         self._ticks = self._ticks + 1.0
 
     def _blended(self, targets: Floats, duration: float) -> Floats:
-        """Blend targets, (n, 12), rad, smoothly from the home pose over the first `duration` s of an episode."""
+        """Blend joint targets with the home pose, so that a gait starts smoothly.
+
+        The weight of `targets`, (n, 12), rad, rises from 0 to 1 over the first `duration` seconds of an episode. The
+        result, (n, 12), rad, is the weighted mean of home pose and targets.
+        """
         share = np.minimum(self._ticks * (self.control_period / duration), 1.0)
         if share.min() >= 1.0:
             return targets
         weight = smoothstep(share)[:, None]
-        # The formula also serves robots that have finished the blend: at weight 1 the home pose adds exactly zero.
+        # The formula is also valid for robots that have finished the blend: at weight 1 the home pose adds zero.
         return weight * targets + (1.0 - weight) * self.robot.home_pose
 
 
 def validate_mask(mask: ArrayLike | None, num_envs: int) -> Mask:
-    """Validate a mask of robots.
+    """Check the shape and type of a mask that selects robots of a batch.
 
     Args:
-        mask: Mask, (num_envs,) bool; None for all robots.
-        num_envs: Number of robots.
+        mask: True for selected robots, (num_envs,) bool. None selects all robots.
+        num_envs: Number of robots in the batch.
 
     Returns:
-        The mask.
+        The mask, (num_envs,) bool.
 
     Raises:
         ValueError: The mask has another shape or type.
@@ -259,27 +276,28 @@ def validate_mask(mask: ArrayLike | None, num_envs: int) -> Mask:
 
 
 def to_actions(robot: Robot, targets: Floats) -> Actions:
-    """Convert joint targets to float32 actions, clipped to the joint limits as a real joint would be.
+    """Convert joint targets to actions: float32, clipped to the joint limits.
 
-    The function adds zero, which turns -0.0 into 0.0. A residual that later adds a correction of zero changes no bit.
+    The function adds zero, which turns -0.0 into 0.0. Therefore a residual policy that later adds a correction of zero
+    gives exactly the same bits.
 
     Args:
-        robot: Robot.
+        robot: Robot with the joint limits.
         targets: Joint targets, (n, 12), rad.
 
     Returns:
-        Actions, (n, 12), rad.
+        Actions, (n, 12), float32, rad.
     """
     return within_limits(robot, targets.astype(np.float32)) + np.float32(0.0)
 
 
 def within_limits(robot: Robot, actions: Actions) -> Actions:
-    """Clip `actions`, (n, 12), rad, to the joint limits of a `robot`."""
+    """Return the joint targets `actions`, (n, 12), rad, clipped to the joint limits of a `robot`."""
     lower = robot.joint_lower.astype(np.float32)
     upper = robot.joint_upper.astype(np.float32)
     return actions.clip(lower, upper)
 
 
 def flat_joints(legs: Floats) -> Floats:
-    """Reshape joint angles from (..., 4, 3) to (..., 12)."""
+    """Reshape joint angles from legs and joints of a leg, (..., 4, 3), to all joints in a row, (..., 12)."""
     return legs.reshape(*legs.shape[:-2], legs.shape[-2] * legs.shape[-1])

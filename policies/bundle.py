@@ -1,7 +1,7 @@
-"""Bundle: folder with a trained policy as data, without code.
+"""Policy bundle: folder with a trained policy, as data only.
 
-The files are `policy.safetensors`, the weights, and `policy.json`, the description: all other data of the policy.
-`load` checks every field, and compares the SHA-256 of weights and description with the stored ones.
+The file `policy.safetensors` has the weights of the network. The file `policy.json` is the description: all other data
+of the policy. `load` checks every field, and compares the SHA-256 of both files with the stored ones.
 """
 
 import hashlib
@@ -36,19 +36,21 @@ from quad_env.robots.registry import get_robot
 from quad_env.robots.robot import Robot
 
 BEST = "best"
-"""Folder of a training run that holds its bundle."""
+"""Name of the subfolder of a training run with the policy bundle of the best validation."""
 MAX_DESCRIPTION_SIZE = 2**22
-"""Largest size of a `policy.json`, bytes; the files of this project have about 20 thousand bytes."""
+"""Largest accepted size of a file `policy.json`, bytes. The files of this project have about 20 000 bytes."""
 
 
 def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str) -> None:
-    """Write a bundle; each file appears whole or not at all. Raises OSError if the folder is not writable.
+    """Write a trained policy as a policy bundle, a folder with two files.
+
+    Each file is written completely or not at all. Raises OSError if the folder is not writable.
 
     Args:
-        path: Folder, which is made if needed.
-        policy: Policy.
-        training: Resolved training configuration, as JSON values.
-        git_revision: Revision of the code that trained the policy.
+        path: Folder of the bundle. It is made if it does not exist.
+        policy: Trained policy.
+        training: All settings of the training, as JSON values.
+        git_revision: Git revision of the code that trained the policy.
     """
     folder = Path(path)
     folder.mkdir(parents=True, exist_ok=True)
@@ -60,7 +62,10 @@ def save(path: str | Path, policy: ResidualPolicy, training: Mapping[str, Any], 
 
 
 def copy(folder: Path, to: Path) -> None:
-    """Copy the bundle in `folder` into the folder `to`, the description last. Raises OSError."""
+    """Copy the policy bundle in `folder` to the folder `to`: first the weights, then the description.
+
+    Raises OSError if a file cannot be read or written.
+    """
     to.mkdir(parents=True, exist_ok=True)
     for name in (WEIGHTS, DESCRIPTION):
         write_atomically(to / name, (folder / name).read_bytes())
@@ -69,16 +74,19 @@ def copy(folder: Path, to: Path) -> None:
 def load(
     path: str | Path, robot: str | Robot | None = None, *, joint_delay_steps: int = 0, actuator: Actuator = IDEAL
 ) -> ResidualPolicy:
-    """Load the policy of a bundle. Raises PolicyError if data are missing, damaged or do not fit.
+    """Load the trained policy in a policy bundle.
+
+    Raises PolicyError if a file is missing or damaged, or does not fit this version or the robot.
 
     Args:
-        path: Folder of a bundle or of a training run. A training run stands for the bundle of its best validation.
-        robot: Robot of the policy; needed if the robot is not one of `quad_env.ROBOTS`.
-        joint_delay_steps: Delay of the observed joints, control steps, for a model-based base.
-        actuator: Actuator of the joints, for a model-based base.
+        path: Folder of a policy bundle or of a training run. For a run, the bundle of its best validation is loaded.
+        robot: Robot of the policy, or its name. None for the robot in the bundle, which must then be in
+            `quad_env.ROBOTS`.
+        joint_delay_steps: Delay of the observed joint angles, control steps; used by a model-based base policy.
+        actuator: Actuator model of the joints; used by a model-based base policy.
 
     Returns:
-        The policy.
+        The trained policy.
     """
     folder = find_bundle_folder(Path(path))
     content = _read(folder / DESCRIPTION, MAX_DESCRIPTION_SIZE)
@@ -95,9 +103,9 @@ def load(
 
 
 def find_bundle_folder(folder: Path) -> Path:
-    """Return the path of the bundle in a `folder`, which is a bundle or a training run.
+    """Return the path of the policy bundle in a `folder`, which is a bundle itself or a training run.
 
-    Raises PolicyError if there is no bundle.
+    Raises PolicyError if the folder has no policy bundle.
     """
     if (folder / DESCRIPTION).exists():
         return folder
@@ -112,7 +120,7 @@ def find_bundle_folder(folder: Path) -> Path:
 
 
 def _read(file: Path, limit: int) -> bytes:
-    """Read a file of at most `limit` bytes. Raises PolicyError if it cannot be read."""
+    """Read a file of a policy bundle, of at most `limit` bytes. Raises PolicyError if it cannot be read."""
     try:
         return read_bytes(file, limit)
     except OSError as error:
@@ -120,7 +128,10 @@ def _read(file: Path, limit: int) -> bytes:
 
 
 def _parse_weights(folder: Path, weights: bytes) -> dict[str, NDArray[Any]]:
-    """Parse the content of a safetensors file: tensor name -> array. Raises PolicyError if it is invalid."""
+    """Convert the content of a safetensors file to a dictionary tensor name -> array.
+
+    Raises PolicyError, with the `folder` of the policy bundle in the message, if the content is not valid.
+    """
     try:
         return dict(parse_safetensors(weights))
     except (SafetensorError, ValueError, KeyError, TypeError, AttributeError, OverflowError):
@@ -128,6 +139,9 @@ def _parse_weights(folder: Path, weights: bytes) -> dict[str, NDArray[Any]]:
 
 
 def network_tensors(network: Network) -> dict[str, NDArray[Any]]:
-    """Return the dictionary tensor name -> weights or biases, `0.weight` and `0.bias` for the first layer."""
+    """Return the weights and biases of a network, as they are stored in a policy bundle.
+
+    The result is a dictionary tensor name -> array. The names are `0.weight` and `0.bias` for the first layer.
+    """
     weights = {f"{i}.weight": np.ascontiguousarray(w) for i, w in enumerate(network.weights)}
     return weights | {f"{i}.bias": np.ascontiguousarray(b) for i, b in enumerate(network.biases)}

@@ -1,7 +1,7 @@
-"""Description of a trained policy, the file `policy.json` of a bundle, and the checks of its fields.
+"""Description of a trained policy: the file `policy.json` of a policy bundle, and the checks of its fields.
 
-A damaged file is refused with a message of one line. A file is also refused if layout or scales of its observation
-differ from the environment, because its network would run on wrong inputs without an error.
+A damaged file is rejected with a message of one line. A file is also rejected if the layout or the scales of its
+observation differ from the environment, because its network would silently run on wrong inputs.
 """
 
 import hashlib
@@ -31,13 +31,13 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import HeightScan, table_with
 
 SCHEMA_VERSION = 1
-"""Version of the file format."""
+"""Version of the format of the file `policy.json`."""
 DESCRIPTION = "policy.json"
-"""File name of the description."""
+"""File name of the description of a policy in its bundle."""
 WEIGHTS = "policy.safetensors"
-"""File name of the weights."""
+"""File name of the network weights in a policy bundle."""
 DIGEST = "description_sha256"
-"""Name of the field with the SHA-256 of all other fields."""
+"""Name of the field of `policy.json` with the SHA-256 of all other fields."""
 _REMOVED_FIELDS = {
     "command_authority": [0.0] * 3,
     "foothold_authority": [0.0] * 2,
@@ -45,14 +45,17 @@ _REMOVED_FIELDS = {
     "space": "joints",
     "shift_time": 0.0,
 }
-"""Field of bundles of older versions -> the only value that this version still accepts."""
+"""Removed field of `policy.json`, which older versions wrote -> the only value that this version accepts."""
 _MAX_WEIGHT = 1e6
-"""Largest magnitude of a weight."""
+"""Largest absolute value of a network weight or bias that is accepted in a policy bundle."""
 
 
 @dataclass(frozen=True)
 class BundleFields(Settings):
-    """Fields of a description, as JSON values; bundles of older versions may lack fields with a default."""
+    """Fields of the file `policy.json`, as JSON values.
+
+    Files of older versions may lack the fields that have a default value here.
+    """
 
     schema_version: Literal[1]
     name: str
@@ -83,16 +86,16 @@ class BundleFields(Settings):
 def describe_policy(
     policy: ResidualPolicy, training: Mapping[str, Any], git_revision: str, weights_sha256: str
 ) -> dict[str, Any]:
-    """Return the description of a policy, the dictionary that is written to `policy.json`.
+    """Return the description of a trained policy, the dictionary that is written to `policy.json`.
 
     Args:
-        policy: Policy.
-        training: Resolved training configuration, as JSON values.
-        git_revision: Revision of the code that trained the policy.
-        weights_sha256: SHA-256 of the file of weights.
+        policy: Trained policy.
+        training: All settings of the training, as JSON values.
+        git_revision: Git revision of the code that trained the policy.
+        weights_sha256: SHA-256 of the file with the network weights.
 
     Returns:
-        Field name -> JSON value, with the digest of the other fields.
+        Field name -> JSON value. The field `DIGEST` has the SHA-256 of the other fields.
     """
     description = {
         "schema_version": SCHEMA_VERSION,
@@ -115,19 +118,23 @@ def describe_policy(
 
 
 def description_digest(description: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of a description, field name -> JSON value, with the field DIGEST left out."""
+    """Return the SHA-256 of a policy description (field name -> JSON value), in hexadecimal digits.
+
+    The field `DIGEST`, in which this hash is stored, is left out.
+    """
     values = {name: value for name, value in description.items() if name != DIGEST}
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def check_unaltered(place: Path, content: bytes) -> None:
-    """Check that a description was not altered since it was written.
+    """Check that the description of a policy was not changed after it was written.
 
-    Descriptions of older versions have no digest and pass.
+    The check compares the digest in the file with the other fields, and raises PolicyError if they differ.
+    Descriptions of older versions have no digest and pass the check.
 
     Args:
-        place: Folder of the bundle, named in the PolicyError.
-        content: Content of the file.
+        place: Folder of the policy bundle, which the error message names.
+        content: Content of the file `policy.json`.
     """
     values = parse_json(content)
     if values.get(DIGEST) not in (None, description_digest(values)):
@@ -135,14 +142,16 @@ def check_unaltered(place: Path, content: bytes) -> None:
 
 
 def parse_description(place: Path, content: bytes) -> BundleFields:
-    """Parse a description with exactly the fields of its schema, and check them without knowing the robot.
+    """Parse the file `policy.json` of a policy bundle, and check all fields that do not depend on the robot.
+
+    PolicyError is raised if a field is missing, unknown or out of range.
 
     Args:
-        place: Folder of the bundle.
-        content: Content of the file.
+        place: Folder of the policy bundle, which the error message names.
+        content: Content of the file `policy.json`.
 
     Returns:
-        The fields; PolicyError if they are missing, unknown or out of range.
+        The fields of the file.
     """
     try:
         values = parse_json(content)
@@ -173,18 +182,20 @@ def assemble_policy(
     joint_delay_steps: int = 0,
     actuator: Actuator = IDEAL,
 ) -> ResidualPolicy:
-    """Make the policy from its description and network.
+    """Make a trained policy from its description and its network.
+
+    PolicyError is raised if the description does not fit this version of the environment or the robot.
 
     Args:
-        place: Folder of the bundle, named in errors.
-        description: Fields of the description.
+        place: Folder of the policy bundle, which error messages name.
+        description: Fields of the file `policy.json`.
         network: Network of the policy.
-        robot: As in `policies.load`.
-        joint_delay_steps: As in `policies.load`.
-        actuator: As in `policies.load`.
+        robot: Robot of the policy; None for the built-in robot that the description names.
+        joint_delay_steps: Delay of the observed joint angles, control steps; used by a model-based base policy.
+        actuator: Actuator model of the joints; used by a model-based base policy.
 
     Returns:
-        The policy; PolicyError if its fields do not fit this version or robot.
+        The policy.
     """
     robot = _trained_robot(place, description, robot)
     try:
@@ -197,7 +208,10 @@ def assemble_policy(
 
 
 def _check_environment(description: BundleFields, robot: Robot, scan: HeightScan | None) -> None:
-    """Raise ValueError if a policy was trained in another environment or on another model of the robot."""
+    """Raise ValueError if a policy was trained in another environment or on another model of the robot.
+
+    The environment is another one if its name, joints, or layout or scales of the observation differ.
+    """
     for name, expected in _environment_fields(robot, scan).items():
         if (actual := getattr(description, name)) != expected:
             raise ValueError(f"{name} differs from that of this {ENV_ID} with {robot.name}: {actual!r:.80}")
@@ -206,12 +220,13 @@ def _check_environment(description: BundleFields, robot: Robot, scan: HeightScan
 
 
 def _trained_robot(folder: Path, description: BundleFields, robot: Robot | None) -> Robot:
-    """Return the robot that the policy was trained on, with the servo gains of the training.
+    """Return the robot that a policy was trained on, with the servo gains of the training.
 
-    The given robot is used if its name or the SHA-256 of its model agrees with the description. Otherwise the built-in
-    robot with the name in the description is used. Bundles from before version 0.3 have stiff servos.
+    The given robot is used if its name or the SHA-256 of its model is the one in the description. Otherwise the
+    built-in robot with the name in the description is used. Descriptions from before version 0.3 have no servo gains;
+    the robot then has stiff servos.
 
-    Raises PolicyError if there is no robot of that name, or its servo gains do not fit.
+    Raises PolicyError if there is no robot with that name, or the servo gains do not fit it.
     """
     name = description.robot
     trained_on = description.model_sha256
@@ -227,7 +242,7 @@ def _trained_robot(folder: Path, description: BundleFields, robot: Robot | None)
 
 
 def _robot_by_name(folder: Path, name: str) -> Robot:
-    """Return the built-in robot with a `name`. Raises PolicyError if there is none."""
+    """Return the built-in robot called `name`. Raises PolicyError if there is no robot with that name."""
     if name not in ROBOTS:
         fail(folder, f"it is for a robot {name!r}, which is none of {', '.join(ROBOTS)}: say which with --robot")
     try:
@@ -237,15 +252,17 @@ def _robot_by_name(folder: Path, name: str) -> Robot:
 
 
 def build_network(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]]) -> Network:
-    """Build the network of a bundle.
+    """Build the network of a policy bundle from its stored weights and biases.
+
+    PolicyError is raised if the arrays do not fit each other or the description.
 
     Args:
-        folder: Folder of the bundle, named in errors.
-        shape: Field `network` of the description.
-        tensors: Name -> weights or biases of a layer.
+        folder: Folder of the policy bundle, which the error message names.
+        shape: Field `network` of the description: layer widths and activation.
+        tensors: Tensor name, for example "0.weight" -> weights or biases of a layer.
 
     Returns:
-        The network; PolicyError if the tensors do not fit each other or the shape.
+        The network.
     """
     count = len(tensors) // 2
     try:
@@ -261,7 +278,11 @@ def build_network(folder: Path, shape: Any, tensors: Mapping[str, NDArray[Any]])
 
 
 def _environment_fields(robot: Robot, scan: HeightScan | None) -> dict[str, Any]:
-    """Return the fields that identify the environment; `observation` is term name -> [start, stop]."""
+    """Return the fields of `policy.json` that identify the environment in which the policy was trained.
+
+    They are the name of the environment, the joint names, and the columns (term name -> [start, stop]) and scales of
+    the observation.
+    """
     table = table_with(robot, scan)
     return {
         "env_id": ENV_ID,
@@ -272,11 +293,11 @@ def _environment_fields(robot: Robot, scan: HeightScan | None) -> dict[str, Any]
 
 
 def fail(folder: Path, reason: str) -> NoReturn:
-    """Raise PolicyError, one line, with the `reason` why the policy in a `folder` cannot be loaded.
+    """Raise PolicyError with a message of one line: the policy in `folder` cannot be loaded, for a `reason`.
 
     Args:
-        folder: Folder of the bundle.
-        reason: Reason.
+        folder: Folder of the policy bundle.
+        reason: Reason why the policy cannot be loaded.
 
     Raises:
         PolicyError: Always.

@@ -1,7 +1,8 @@
-"""Gait cycle: one clock, and for each leg a phase offset and a duty factor.
+"""Gait cycle: a gait clock for the robot, a phase offset for each leg, and a duty factor.
 
-The cycle of a leg starts with its swing, as in the source document. The leg swings while its phase is below
-2π(1 - duty), and is in stance after that. Legs are ordered fl, fr, hl, hr.
+The duty factor is the fraction of the cycle that a foot is on the ground. The cycle of a leg starts with its swing
+phase: the leg swings while its phase is below 2π(1 - duty), and is in stance after that. Legs are ordered fl, fr, hl,
+hr (fore left, fore right, hind left, hind right).
 """
 
 from dataclasses import dataclass
@@ -14,26 +15,26 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.float64]
 
 TURN = 2.0 * np.pi
-"""Phase of one full cycle, rad."""
+"""Phase of one full gait cycle, 2π rad."""
 
 
 class LegCycle(NamedTuple):
-    """State of each leg in its cycle; arrays of one shape, (..., 4) from `Gait.legs`."""
+    """State of each leg in its gait cycle; both arrays have the same shape, for example (..., 4) from `Gait.legs`."""
 
     swing: NDArray[np.bool_]
-    """True while the foot is in the air."""
+    """True for legs in the swing phase, with the foot in the air."""
     progress: Floats
-    """Progress of the leg in its swing or stance, from 0 up to 1."""
+    """Elapsed fraction of the current swing or stance phase of each leg, from 0 up to 1."""
 
 
 @dataclass(frozen=True)
 class Gait:
-    """Periodic footfall pattern."""
+    """Gait: periodic footfall pattern, defined by the phase offsets of the legs and the duty factor."""
 
     offsets: tuple[float, ...]
-    """Phase of each leg minus the phase of the clock, in the order fl, fr, hl, hr, rad."""
+    """Phase of each leg minus the phase of the gait clock, in the order fl, fr, hl, hr, rad."""
     duty: float = 0.5
-    """Fraction of the cycle that a foot is on the ground, above 0 and below 1."""
+    """Duty factor: fraction of the gait cycle that a foot is on the ground, above 0 and below 1."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.duty < 1.0:
@@ -41,17 +42,20 @@ class Gait:
 
     @cached_property
     def has_flight(self) -> bool:
-        """True if the cycle has a flight phase, in which all feet are in the air."""
+        """True if the gait has a flight phase, in which all feet are in the air."""
         starts = np.sort(leg_phases(0.0, self.offsets)) / TURN
         return bool(np.diff(starts, append=starts[0] + 1.0).max() > self.duty + 1e-9)
 
     def legs(self, phase: ArrayLike) -> LegCycle:
-        """Return the cycle of each leg, (..., 4), at a `phase` of the clock, (...), rad."""
+        """Return the swing or stance state of each leg, (..., 4), at a `phase` of the gait clock, (...), rad."""
         return leg_cycles(leg_phases(phase, self.offsets), self.duty)
 
 
 def leg_cycles(phases: Floats, duty: Floats | float) -> LegCycle:
-    """Return the cycle of each leg, from leg `phases`, (...), in [0, 2π) rad, and a `duty` factor."""
+    """Return the swing or stance state of legs from their phases and the duty factor.
+
+    `phases`, (...), are in [0, 2π) rad. `duty` is the fraction of the cycle that a foot is on the ground.
+    """
     fraction = phases / TURN
     swing_share = 1.0 - duty
     swing = fraction < swing_share
@@ -59,40 +63,48 @@ def leg_cycles(phases: Floats, duty: Floats | float) -> LegCycle:
 
 
 def smoothstep(progress: Floats) -> Floats:
-    """Return the cubic that rises from 0 to 1 for a `progress` from 0 to 1, with slope 0 at both ends."""
+    """Return the cubic polynomial that rises from 0 to 1 for a `progress` from 0 to 1.
+
+    The slope is 0 at both ends, so that a motion that follows the polynomial starts and ends at rest.
+    """
     return progress * progress * (3.0 - 2.0 * progress)
 
 
 def leg_phases(phase: ArrayLike, offsets: ArrayLike) -> Floats:
-    """Return the leg phases, (..., 4), in [0, 2π) rad, from a clock `phase`, (...), and `offsets`, (4,)."""
+    """Return the phase of each leg, (..., 4), in [0, 2π) rad.
+
+    It is the `phase` of the gait clock, (...), rad, plus the phase offset of the leg in `offsets`, (4,), rad.
+    """
     return (np.asarray(phase, dtype=np.float64)[..., None] + np.asarray(offsets, dtype=np.float64)) % TURN
 
 
 def advance_phase(phase: Floats, frequency: Floats | float, period: float) -> Floats:
-    """Return the phase of a clock after one time step: φ <- φ + 2πf·dt, as in the source document.
+    """Return the phase of a gait clock after one time step: φ + 2πf·dt, modulo 2π.
 
     Args:
-        phase: Phase φ, rad.
-        frequency: Frequency f, Hz.
+        phase: Phase φ before the time step, rad.
+        frequency: Gait frequency f, Hz.
         period: Time step dt, s.
 
     Returns:
-        Phase, in [0, 2π) rad.
+        Phase after the time step, in [0, 2π) rad.
     """
     return (phase + TURN * frequency * period) % TURN
 
 
 def map_command(gains: Any, forward: Floats, lateral: Floats, yaw_rate: Floats) -> tuple[Floats, Floats, Floats]:
-    """Map a velocity to the input of a gait at which the robot achieves it.
+    """Map a velocity command to the input of a gait at which the robot actually moves at the commanded velocity.
+
+    The linear map compensates systematic velocity errors of an open-loop gait.
 
     Args:
         gains: Parameters of the gait, with the fields of `policies.parameters.CommandMap`.
-        forward: Forward velocity, m/s.
-        lateral: Lateral velocity, m/s.
-        yaw_rate: Yaw rate, rad/s.
+        forward: Commanded forward velocity, m/s.
+        lateral: Commanded lateral velocity, m/s.
+        yaw_rate: Commanded yaw rate, rad/s.
 
     Returns:
-        Forward velocity, m/s, lateral velocity, m/s, and yaw rate, rad/s, for the gait.
+        Input of the gait: forward velocity, m/s; lateral velocity, m/s; and yaw rate, rad/s.
     """
     return (
         gains.forward_gain * forward + gains.forward_bias,
@@ -102,12 +114,20 @@ def map_command(gains: Any, forward: Floats, lateral: Floats, yaw_rate: Floats) 
 
 
 TROT_OFFSETS = (0.0, np.pi, np.pi, 0.0)
-"""Leg phases of the trot, rad: fl and hr swing together, fr and hl half a cycle later, as in the source document."""
+"""Phase offsets of the legs (fl, fr, hl, hr) from the gait clock in the trot, rad.
+
+Legs fl and hr swing together; legs fr and hl swing half a cycle later."""
 WALK_OFFSETS = (0.0, np.pi, 0.5 * np.pi, 1.5 * np.pi)
-"""Leg phases of the walk, rad: hl, fl, hr and fr swing in this order, a quarter of a cycle apart."""
+"""Phase offsets of the legs (fl, fr, hl, hr) from the gait clock in the walk, rad.
+
+Legs hl, fl, hr and fr swing in this order, a quarter of a cycle apart."""
 PACE_OFFSETS = (0.0, np.pi, 0.0, np.pi)
-"""Leg phases of the pace, rad: the legs of one side swing together, the other legs half a cycle later."""
+"""Phase offsets of the legs (fl, fr, hl, hr) from the gait clock in the pace, rad.
+
+The two left legs swing together; the two right legs swing half a cycle later."""
 BOUND_OFFSETS = (0.0, 0.0, np.pi, np.pi)
-"""Leg phases of the bound, rad: the fore legs swing together, the hind legs half a cycle later."""
+"""Phase offsets of the legs (fl, fr, hl, hr) from the gait clock in the bound, rad.
+
+The fore legs swing together; the hind legs swing half a cycle later."""
 PRONK_OFFSETS = (0.0, 0.0, 0.0, 0.0)
-"""Leg phases of the pronk, rad: all four legs swing together."""
+"""Phase offsets of the legs (fl, fr, hl, hr) from the gait clock in the pronk, rad: all legs swing together."""

@@ -1,4 +1,4 @@
-"""History of observations as network inputs: single earlier frames, and exponential averages."""
+"""History of observations as inputs of a policy network: single past observations, and exponential averages."""
 
 import math
 import sys
@@ -17,28 +17,29 @@ Age = Annotated[float, Bounds("above 0 s, at most 10 s", sys.float_info.min, 10.
 
 @dataclass(frozen=True)
 class Inputs(Settings):
-    """Network inputs in addition to the present observation and the base; none by default."""
+    """Inputs of a policy network in addition to the current observation and the action of the base policy."""
 
     lags: tuple[Age, ...] = ()
-    """Ages of single earlier observations, s; rounded to whole control steps."""
+    """Ages of the past observations that are network inputs, s; rounded to whole control steps."""
     averages: tuple[Age, ...] = ()
-    """Time constants of exponential averages of the observation, s."""
+    """Time constants of the exponential averages of the observation that are network inputs, s."""
     clock: Annotated[float, Bounds("from 0 Hz to 50 Hz", 0.0, 50.0)] = 0.0
-    """Frequency of a clock, Hz, with its sine and cosine as inputs; 0 for none."""
+    """Frequency of a clock with its sine and cosine as network inputs, Hz; 0: no clock."""
 
     @property
     def frames(self) -> int:
-        """Number of past frames and averages in the network input."""
+        """Number of past observations and averages of observations that are network inputs."""
         return len(self.lags) + len(self.averages)
 
 
 class History(PerRobotState):
-    """Past frames and averages of n robots; a frame is one scaled observation.
+    """Past observations of n robots and exponential averages of them, as network inputs.
 
-    The first frame of a robot also stands for all frames before it.
+    A frame is the scaled observation of a robot in one control step. Until the history is long enough, the first frame
+    after a reset takes the place of earlier ones.
 
     Args:
-        inputs: Lags and averages.
+        inputs: Ages of the past frames, and time constants of the averages.
         width: Number of values in a frame.
         control_period: Time between two calls of `update`, s.
     """
@@ -49,7 +50,7 @@ class History(PerRobotState):
 
     def __init__(self, inputs: Inputs, width: int, control_period: float) -> None:
         self.width = width * inputs.frames
-        """Number of values that `update` returns for each robot."""
+        """Number of values that `update` returns for each robot: past frames and averages together."""
         self._lags = [max(round(lag / control_period), 1) for lag in inputs.lags]
         self._rates = [np.float32(-math.expm1(-control_period / time)) for time in inputs.averages]
         self._now = 0
@@ -57,23 +58,27 @@ class History(PerRobotState):
         super().__init__(_past=past, _averages=np.zeros((len(self._rates), width), np.float32))
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
-        """Reset the robots where `mask`, (n,), is True."""
+        """Forget the history of the robots for which `mask`, (n,), is True."""
         self._new |= mask
 
     def copy_state_from(self, mask: NDArray[np.bool_], other: "History") -> None:
-        """Copy the frames of another history.
+        """Copy the past frames and averages of another history to some robots of this one.
 
-        The frames are shifted, because each history has its own index of the newest frame.
+        The frames are shifted, because each history has its own index of the newest frame in its ring buffer.
 
         Args:
-            mask: Robots that receive frames, (n,) bool.
-            other: History of the same size, with one robot for each True in the mask.
+            mask: True for robots of this history that receive frames, (n,) bool.
+            other: History with the same inputs, and one robot for each True in `mask`.
         """
         super().copy_state_from(mask, other)
         self._past[:, mask] = np.roll(other._past, self._now - other._now, axis=0)
 
     def update(self, frame: Frames) -> Frames:
-        """Add a `frame`, (n, k), and return the lagged frames, then the averages, (n, `width`)."""
+        """Add the newest frame of all robots, and return the past frames and the averages.
+
+        `frame`, (n, k), is the scaled observation. The columns of the result, (n, `width`), are first the past frames
+        in the order of the lags, then the averages.
+        """
         if self._new.any():
             self._past[:, self._new] = self._averages[:, self._new] = frame[self._new]
             self._new[:] = False

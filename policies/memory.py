@@ -1,7 +1,8 @@
-"""Per-robot controller state, which is allocated, reset and copied by robot, and gains of filters.
+"""State of controllers with one entry per robot, and gains of low-pass filters.
 
-A class declares each array with `per_robot`. The array is an ordinary attribute of its object, with one entry per
-robot along one axis. `initialize_state` allocates it for one robot in the constructor; `allocate` does so for n robots.
+The state is allocated for n robots, reset for single robots, and copied between objects. A class declares each array
+with `per_robot`. The array is an ordinary attribute of its object, with one entry per robot along one axis.
+`initialize_state` allocates it for one robot in the constructor; `allocate` does so for n robots.
 """
 
 from collections.abc import Iterator, Mapping
@@ -13,76 +14,80 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _FROM_CONSTRUCTOR = object()
-"""Marks an array that gets its initial value from the constructor, by `initialize_state`."""
+"""Marker for a state array with an initial value that the constructor passes to `initialize_state`."""
 
 
 @dataclass(frozen=True, eq=False)
 class PerRobotArray:
-    """Declaration of an array with one entry per robot; made by `per_robot`."""
+    """Declaration of a state array with one entry per robot, made by `per_robot`."""
 
     initial: Any
-    """Initial value of one robot, or a function of the object that returns it."""
+    """Initial value for one robot, or a function that takes the object with the array and returns this value."""
     axis: int
     """Index of the array axis that runs over the robots."""
 
 
 def per_robot(initial: Any = _FROM_CONSTRUCTOR, axis: int = 0) -> Any:
-    """Declare an array of a `Policy` or a `PerRobotState` that has one entry per robot.
+    """Declare a state array of a `Policy` or a `PerRobotState` that has one entry per robot.
 
     Args:
-        initial: Initial value of one robot; it gives the type of the array and the rest of its shape. A function is
-            called with the object at each reset. Omitted: the constructor passes the value to `initialize_state`.
+        initial: Initial value for one robot. It defines the type of the array and the shape of an entry. If it is a
+            function, it is called with the object at each reset and returns the value. If it is omitted, the
+            constructor passes the value to `initialize_state`.
         axis: Index of the array axis that runs over the robots.
 
     Returns:
-        The declaration, of type Any, so that the attribute can be annotated as an array.
+        The declaration. Its static type is Any, so that the attribute can be annotated as an array.
     """
     return PerRobotArray(initial, axis)
 
 
 class PerRobotState:
-    """Base class of per-robot state.
+    """Base class of objects with a separate state for each robot of a batch.
 
-    Arrays declared with `per_robot` have one entry per robot. Nested `PerRobotState` attributes, also inside dicts, are
-    allocated, reset and copied along. A subclass calls this constructor at the end of its own.
+    Arrays that are declared with `per_robot` have one entry per robot. If an attribute, or a value in an attribute of
+    type dict, is itself a `PerRobotState`, it is allocated, reset and copied together with the object. A subclass calls
+    this constructor at the end of its own constructor.
 
     Args:
-        **initial_values: Initial values of the arrays that are declared without one, by name.
+        **initial_values: Name of the array -> its initial value for one robot, for arrays that are declared without an
+            initial value.
     """
 
     def __init__(self, **initial_values: ArrayLike) -> None:
         initialize_state(self, **initial_values)
 
     def reset(self, num_envs: int) -> None:
-        """Allocate fresh state for `num_envs` robots."""
+        """Allocate the state for `num_envs` robots, each with the initial values."""
         allocate(self, num_envs)
 
     def reset_where(self, mask: NDArray[np.bool_]) -> None:
-        """Reset the robots where `mask`, (n,), is true."""
+        """Set the state of the robots for which `mask`, (n,), is True to the initial values."""
         reset_rows(self, mask)
 
     def copy_state_from(self, mask: NDArray[np.bool_], other: Any) -> None:
-        """Copy the state of another object of the same class.
+        """Copy the state of all robots of another object to some robots of this object.
 
         Args:
-            mask: Robots that receive a state, (n,) bool.
-            other: Object with as many robots as `mask` selects.
+            mask: True for robots of this object that receive a state, (n,) bool.
+            other: Object of the same class, with one robot for each True in `mask`.
         """
         copy_rows(self, mask, other)
 
 
 def initialize_state(owner: Any, **initial_values: ArrayLike) -> None:
-    """Allocate the declared arrays of an object for one robot; called at the end of its constructor.
+    """Allocate the state arrays of an object for one robot.
 
-    The function skips an array if its initial value is a function or is not known yet. A later call, or `allocate`,
-    allocates this array.
+    The constructor of the object calls the function at its end. An array is skipped if its initial value is a function
+    or is not known yet. A later call of this function or of `allocate` allocates this array.
 
     Args:
-        owner: Object of a class that declares the arrays.
-        **initial_values: Initial values of the arrays that are declared without one, by name.
+        owner: Object of a class that declares arrays with `per_robot`.
+        **initial_values: Name of the array -> its initial value for one robot, for arrays that are declared without an
+            initial value.
 
     Raises:
-        TypeError: A name is not declared.
+        TypeError: The class declares no array with a given name.
     """
     arrays = declared_arrays(owner)
     if unknown := initial_values.keys() - arrays.keys():
@@ -95,12 +100,15 @@ def initialize_state(owner: Any, **initial_values: ArrayLike) -> None:
 
 
 def is_allocated(owner: Any) -> bool:
-    """Return True if every declared array of the object is allocated."""
+    """Return True if every state array that the class of `owner` declares with `per_robot` is allocated."""
     return all(name in vars(owner) for name in declared_arrays(owner))
 
 
 def allocate(owner: Any, num_envs: int) -> None:
-    """Allocate the declared arrays of `owner` and its nested states for `num_envs` robots."""
+    """Allocate the state arrays of `owner`, and of its nested state objects, for `num_envs` robots.
+
+    Every robot gets the initial values that were declared with `per_robot`.
+    """
     for name, array in declared_arrays(owner).items():
         setattr(owner, name, np.repeat(_initial_value(owner, name, array), num_envs, array.axis))
     for state in nested_states(owner):
@@ -108,13 +116,14 @@ def allocate(owner: Any, num_envs: int) -> None:
 
 
 def reset_rows(owner: Any, mask: NDArray[np.bool_]) -> None:
-    """Reset the declared arrays and nested states of some robots.
+    """Reset the state arrays of some robots, also in nested state objects.
 
-    Each array is replaced by a new one. References that callers hold to the previous arrays keep their values.
+    Each array is replaced by a new one. If a caller has kept a reference to the previous array, its values do not
+    change.
 
     Args:
-        owner: Object that holds the state.
-        mask: Robots to reset, (n,) bool.
+        owner: Object with the state.
+        mask: True for robots to reset, (n,) bool.
     """
     for name, array in declared_arrays(owner).items():
         _set_robots(owner, name, array.axis, mask, _initial_value(owner, name, array))
@@ -123,12 +132,12 @@ def reset_rows(owner: Any, mask: NDArray[np.bool_]) -> None:
 
 
 def copy_rows(owner: Any, mask: NDArray[np.bool_], other: Any) -> None:
-    """Copy the declared arrays and nested states of another object of the same class.
+    """Copy the state arrays of another object of the same class, also in nested state objects.
 
     Args:
         owner: Object that receives the state.
-        mask: Robots of `owner` that receive a state, (n,) bool.
-        other: Object with as many robots as `mask` selects.
+        mask: True for robots of `owner` that receive a state, (n,) bool.
+        other: Object with one robot for each True in `mask`.
     """
     for name, array in declared_arrays(owner).items():
         _set_robots(owner, name, array.axis, mask, getattr(other, name))
@@ -137,14 +146,17 @@ def copy_rows(owner: Any, mask: NDArray[np.bool_], other: Any) -> None:
 
 
 def declared_arrays(owner: Any) -> Mapping[str, PerRobotArray]:
-    """Return the `per_robot` declarations of an object's class and its base classes, name -> declaration."""
+    """Return the state arrays that the class of `owner` and its base classes declare with `per_robot`.
+
+    The result is a dictionary array name -> declaration.
+    """
     owner_class: Any = type(owner)
     return _declared_by_class(owner_class)
 
 
 @cache
 def _declared_by_class(owner_class: type) -> Mapping[str, PerRobotArray]:
-    """Return the dictionary name -> declaration of the arrays of a class and its base classes."""
+    """Return the state arrays that a class and its base classes declare: array name -> declaration."""
     return {
         name: array
         for base in reversed(owner_class.__mro__)
@@ -154,7 +166,7 @@ def _declared_by_class(owner_class: type) -> Mapping[str, PerRobotArray]:
 
 
 def nested_states(owner: Any) -> Iterator[PerRobotState]:
-    """Yield the attributes of `owner`, and the values of its dicts, that are a `PerRobotState`."""
+    """Yield each attribute of `owner`, and each value in an attribute of type dict, that is a `PerRobotState`."""
     for attribute in vars(owner).values():
         for value in attribute.values() if isinstance(attribute, dict) else (attribute,):
             if isinstance(value, PerRobotState):
@@ -162,7 +174,10 @@ def nested_states(owner: Any) -> Iterator[PerRobotState]:
 
 
 def _initial_value(owner: Any, name: str, array: PerRobotArray) -> NDArray[Any]:
-    """Return the initial value of one robot, with an axis of length one for the robots."""
+    """Return the initial value of the state array `name` for one robot.
+
+    The result has an additional axis of length one, which runs over the robots.
+    """
     values: dict[str, Any] = vars(owner).get("_initial_values", {})
     value = values.get(name, array.initial)
     if value is _FROM_CONSTRUCTOR:
@@ -171,7 +186,15 @@ def _initial_value(owner: Any, name: str, array: PerRobotArray) -> NDArray[Any]:
 
 
 def _set_robots(owner: Any, name: str, axis: int, mask: NDArray[np.bool_], values: NDArray[Any]) -> None:
-    """Replace an array by a copy with the given values of some robots."""
+    """Replace the state array `name` by a copy in which some robots have new values.
+
+    Args:
+        owner: Object with the array.
+        name: Name of the array.
+        axis: Index of the array axis that runs over the robots.
+        mask: True for robots with new values, (n,).
+        values: New values of these robots.
+    """
     array = getattr(owner, name).copy()
     array[(slice(None),) * axis + (mask,)] = values
     setattr(owner, name, array)
@@ -181,24 +204,27 @@ def lowpass_gain(control_period: float, time_constant: float) -> float:
     """Return the gain dt / (dt + time_constant) of a first-order low-pass filter.
 
     Args:
-        control_period: Time between two samples, dt, s.
+        control_period: Time dt between two samples, s.
         time_constant: Time constant of the filter, s.
 
     Returns:
-        Fraction of a change that the filter takes up per sample.
+        Gain k, from 0 to 1, of the filter with output y and input x: y <- y + k (x - y) at each sample.
     """
     return control_period / (control_period + time_constant)
 
 
 def warm_start_gain(gain: float | NDArray[np.float64], sample_count: NDArray[Any]) -> NDArray[np.float64]:
-    """Return max(gain, 1 / sample_count): a running mean until the memory of the filter is full.
+    """Return max(gain, 1 / sample_count), the gain of a low-pass filter that starts as a running mean.
+
+    The first outputs are the mean of all samples since the reset. After 1 / gain samples the filter has its constant
+    gain.
 
     Args:
-        gain: Gain of the filter in the long run, see `lowpass_gain`.
-        sample_count: Samples since the reset, the present one included; zero counts as one.
+        gain: Gain of the filter after the start, see `lowpass_gain`.
+        sample_count: Number of samples since the reset, including the current one. Zero counts as one.
 
     Returns:
-        Gain for the present sample; its shape is the broadcast shape of `gain` and `sample_count`.
+        Gain for the current sample. Its shape is the broadcast shape of `gain` and `sample_count`.
     """
     larger: NDArray[np.float64] = np.maximum(gain, 1.0 / np.maximum(sample_count, 1))
     return larger

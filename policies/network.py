@@ -1,9 +1,10 @@
-"""Small multilayer perceptron in NumPy, with the same bits for any BLAS and processor.
+"""Multilayer perceptron in NumPy, with results that are bit-identical on every BLAS library and processor.
 
-Rounded sums depend on their order, and every BLAS kernel has an order of its own. So no sum of a layer is rounded. The
-inputs of a layer are multiples of 2^-20 within ±2^6. Each column of weights is on a grid of 2^-27 times a power of two
-above the sum of its magnitudes. All products and partial sums are then multiples of the product of the two grids, at
-most 2^53 times as large, which float64 holds exactly. The outputs differ from a float32 network by about 1e-6.
+A rounded sum depends on the order of its terms, and BLAS kernels use different orders. Therefore all sums of a layer
+are computed exactly, as follows. The inputs of a layer are multiples of 2^-20 within ±2^6. Each column of weights is on
+a grid of 2^-27 times a power of two above the sum of the absolute values in the column. All products and partial sums
+are then multiples of the product of the two grids, at most 2^53 times as large, which float64 holds exactly. The
+outputs differ from a float32 network by about 1e-6.
 
 The last bits of a library's exp also depend on the processor. So the activation uses only additions, multiplications
 and divisions, which IEEE 754 rounds in the same way everywhere. A piece consists of all float32 numbers with the same
@@ -20,18 +21,25 @@ from numpy.typing import NDArray
 
 Doubles = NDArray[np.float64]
 LIMIT = 64.0
-"""Magnitude beyond which the activation is constant: about ten times the sums in the layers of our networks."""
+"""Absolute value of the input beyond which the activation function is constant.
+
+It is about ten times the size of the sums in the layers of the networks of this project."""
 _PIECE_BITS = 9
-"""Bits of the fraction that distinguish pieces."""
-_SHIFT = np.array(23 - _PIECE_BITS, np.int32)  # an array, because NumPy is faster with it than with a number
+"""Number of leading fraction bits of a float32 that select a piece of the piecewise linear activation function."""
+_SHIFT = np.array(
+    23 - _PIECE_BITS, np.int32
+)  # an array, because NumPy computes faster with an array than with a Python number
 _PIECES = 1 << (8 + _PIECE_BITS)
-"""Number of pieces of each sign. The pieces of negative numbers come second, so a negative index selects them."""
+"""Number of pieces of the piecewise linear activation function for each sign of the input.
+
+The pieces for negative inputs come second in the arrays, so that a negative index selects them."""
 
 
 def _exp_minus_1(x: Doubles) -> Doubles:
     """Compute e^x - 1 for x ≤ 0, with an error below 1e-12.
 
-    The series gives the value for x / 4096. Twelve products (e^y - 1)(e^y + 1) = e^2y - 1 then double the exponent.
+    A Taylor series gives the value for x / 4096. Then the identity (e^y - 1)(e^y + 1) = e^2y - 1 doubles the exponent
+    twelve times.
     """
     small = np.maximum(x, -32.0) / 4096.0
     value = small * (1.0 + small / 2.0 * (1.0 + small / 3.0 * (1.0 + small / 4.0 * (1.0 + small / 5.0))))
@@ -41,17 +49,20 @@ def _exp_minus_1(x: Doubles) -> Doubles:
 
 
 ACTIVATION = "elu"
-"""Name of the activation in bundles."""
+"""Name of the activation function, the exponential linear unit, in policy bundles."""
 
 
 def _elu(x: Doubles) -> Doubles:
-    """Compute the exponential linear unit."""
+    """Compute the exponential linear unit (ELU), the activation function: x for x > 0, otherwise e^x - 1."""
     return np.where(x > 0.0, x, _exp_minus_1(np.minimum(x, 0.0)))
 
 
 @cache
 def activation_chords() -> tuple[Doubles, Doubles]:
-    """Return the slopes and the intercepts of the activation: two arrays, indexed by `piece_index`."""
+    """Return the slopes and the intercepts of the piecewise linear activation function.
+
+    Both are arrays over the pieces; `piece_index` returns the index of the piece of an input.
+    """
     last = int(np.float32(LIMIT).view(np.int32) >> _SHIFT)
     ends = (np.arange(last + 1, dtype=np.int32) << _SHIFT).view(np.float32).astype(np.float64)
     slopes, intercepts = np.zeros((2, 2, _PIECES))
@@ -64,41 +75,47 @@ def activation_chords() -> tuple[Doubles, Doubles]:
 
 
 def piece_index(x: Doubles) -> NDArray[np.intp]:
-    """Return the index of the piece of each x, negative for a negative x."""
+    """Return the index of the piece of the activation function on which each input x lies.
+
+    The index is negative for a negative x.
+    """
     return (x.astype(np.float32).view(np.int32) >> _SHIFT).astype(np.intp)
 
 
 Weights = NDArray[np.float32]
 _INPUT_BITS = 26
-"""Bits of an input. The sum of _INPUT_BITS and _WEIGHT_BITS is 53, the bits of a float64."""
+"""Number of bits of an input of a layer.
+
+The sum of `_INPUT_BITS` and `_WEIGHT_BITS` is 53, the number of significant bits of a float64, so that products are
+exact."""
 _WEIGHT_BITS = 27
-"""Bits of the sum of magnitudes of a column of weights."""
-# Adding 1.5 · 2^52 grids and subtracting them again rounds to the grid. The constants are arrays, because NumPy is
-# faster with arrays than with numbers.
+"""Number of bits of the sum of the absolute values in a column of a weight matrix."""
+# A number is rounded to a grid by adding and then subtracting 1.5 · 2^52 times the grid size. The constants are arrays,
+# because NumPy computes faster with arrays than with Python numbers.
 _TO_GRID = np.array(1.5 * 2.0**52 * LIMIT * 2.0**-_INPUT_BITS)
 _MAX_INPUT = np.array(LIMIT, np.float32)
 _MIN_INPUT = np.array(-LIMIT, np.float32)
 _ROWS = 128
-"""Number of rows that a network computes together."""
+"""Largest number of rows (robots) for which a network computes the outputs together."""
 _BLOCK = 16
-"""Number of rows in each part of a matrix product that is computed in parts."""
+"""Number of rows in each part of a matrix product that is split, see `_PRODUCTS`."""
 _PRODUCTS = 500_000
-"""Largest number of multiplications in one matrix product.
+"""Largest number of multiplications in one matrix product; larger products are split into parts.
 
-OpenBLAS would split a larger matrix product among threads, which is far slower on busy cores."""
+OpenBLAS would distribute a larger matrix product over threads, which is far slower on busy cores."""
 
 
 @dataclass(frozen=True)
 class Network:
-    """Multilayer perceptron with an ELU between the layers.
+    """Multilayer perceptron with the exponential linear unit (ELU) between the layers.
 
-    `policies.load` makes a network from a bundle. The training makes a network from its learner.
+    `policies.load` makes a network from a policy bundle. The training makes a network from the actor of its learner.
     """
 
     weights: tuple[Weights, ...]
-    """Weights of each layer, (inputs, outputs), float32."""
+    """Weight matrix of each layer, (inputs, outputs), float32."""
     biases: tuple[Weights, ...]
-    """Biases of each layer, (outputs,), float32."""
+    """Bias vector of each layer, (outputs,), float32."""
 
     def __post_init__(self) -> None:
         if not self.weights or len(self.weights) != len(self.biases):
@@ -111,20 +128,20 @@ class Network:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Widths of the layers, from the input to the output."""
+        """Number of inputs of the network, then the number of outputs of each layer."""
         return (self.weights[0].shape[0], *(bias.shape[0] for bias in self.biases))
 
     def __call__(self, inputs: Weights) -> Weights:
-        """Return the outputs, (n, outputs), for `inputs`, (n, inputs), which are clipped to ±64.
+        """Return the outputs of the network, (n, outputs), for `inputs`, (n, inputs), which are clipped to ±64.
 
-        The bits of a row do not depend on its batch.
+        The result of a row does not depend, not even in its last bit, on the other rows of the batch.
         """
         if len(inputs) <= _ROWS:
             return self._rows(inputs)
         return np.concatenate([self._rows(inputs[start : start + _ROWS]) for start in range(0, len(inputs), _ROWS)])
 
     def _rows(self, inputs: Weights) -> Weights:
-        """Return the outputs of at most _ROWS rows."""
+        """Return the outputs of the network, (n, outputs), for `inputs`, (n, inputs), with n at most `_ROWS`."""
         rows = len(inputs)
         slopes, intercepts = self._chords
         values = np.maximum(np.minimum(inputs, _MAX_INPUT), _MIN_INPUT).astype(np.float64)
@@ -142,24 +159,27 @@ class Network:
 
     @cached_property
     def _layers(self) -> list[tuple[Doubles, Doubles]]:
-        """Weights, rounded to their grids, and biases, (1, outputs), of each layer.
+        """Weights, (inputs, outputs), rounded to their grids, and biases, (1, outputs), of each layer.
 
-        Adding 0.0 turns biases of -0.0 into 0.0, because the sign of a sum that is 0 may differ.
+        Adding 0.0 turns biases of -0.0 into 0.0. Otherwise the sign of a sum that is 0 could differ.
         """
         biases = (bias[None].astype(np.float64) + 0.0 for bias in self.biases)
         return list(zip(map(_on_grid, self.weights), biases, strict=True))
 
     @cached_property
     def _chords(self) -> tuple[Doubles, Doubles]:
-        """Slopes and intercepts of the activation; `_TO_GRID` is added to the intercepts, for rounding."""
+        """Slopes and intercepts of the piecewise linear activation function, see `activation_chords`.
+
+        `_TO_GRID` is added to the intercepts, so that the result is rounded to the grid of the inputs of a layer.
+        """
         slopes, intercepts = activation_chords()
         return slopes, intercepts + _TO_GRID
 
 
 def _sums(values: Doubles, weight: Doubles) -> Doubles:
-    """Compute a matrix product in parts of at most _PRODUCTS products.
+    """Compute the matrix product of `values`, (n, inputs), and `weight`, (inputs, outputs), in parts.
 
-    The order of the parts does not matter, because all sums are exact.
+    A part has at most `_PRODUCTS` multiplications. The order of the parts does not matter, because all sums are exact.
     """
     parts = math.ceil(_BLOCK * weight.size / _PRODUCTS)
     inputs = math.ceil(len(weight) / parts)
@@ -174,9 +194,12 @@ def _sums(values: Doubles, weight: Doubles) -> Doubles:
 
 
 def _on_grid(weights: Weights) -> Doubles:
-    """Round weights to a grid for each column; the magnitudes of a column sum to at most 2^27 grids."""
+    """Round a weight matrix to a grid for each column, so that all sums of products are exact.
+
+    The sum of the absolute values in a column is at most 2^27 times the grid size.
+    """
     exact = np.ascontiguousarray(weights, dtype=np.float64)
-    # The sum is raised by a thousandth, because rounding can increase the magnitude of each weight.
+    # The sum is increased by a thousandth, because rounding can increase the absolute value of each weight.
     _, exponent = np.frexp(np.abs(exact).sum(axis=0) * (1.0 + 2.0**-10))
     to_grid = np.ldexp(1.5 * 2.0**52, exponent - _WEIGHT_BITS)
     rounded: Doubles = (exact + to_grid) - to_grid

@@ -1,4 +1,4 @@
-"""Parameters of policies: dataclasses of numbers with limits, and the JSON files that store them."""
+"""Parameters of policies: dataclasses of numbers with limits, and JSON files in which they are stored."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -15,81 +15,92 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Range = tuple[float, float]
 STRIDE_FREQUENCY_EXPONENT = -0.14
-"""Exponent of the body mass in the stride frequency at which animals change from trot to gallop.
+"""Exponent of the body mass in the formula for the stride frequency at which animals change from trot to gallop.
 
-This frequency is 4.48 Hz for 1 kg (N. C. Heglund, C. R. Taylor and T. A. McMahon, Scaling stride frequency and gait to
-animal size, 1974), and therefore 3.1 Hz for 14 kg. Legs that are short for the mass, as on go1, do not step faster."""
+`scaled_ranges` scales the range of searched gait frequencies with it. The frequency is 4.48 Hz for 1 kg (N. C. Heglund,
+C. R. Taylor and T. A. McMahon, Scaling stride frequency and gait to animal size, 1974), and therefore 3.1 Hz for 14 kg.
+Legs that are short for the mass, as on go1, do not step faster."""
 N = TypeVar("N", int, float, float | None)
 P = TypeVar("P", bound="Parameters")
 T = TypeVar("T")
 
 
 def parameter(default: N, *, limits: Range, search: Range | None = None, unit: str = "") -> N:
-    """Make a dataclass field with limits and a search range.
+    """Make a dataclass field for a number with limits and, if a search tunes it, a search range.
 
     Args:
-        default: Default value.
-        limits: Smallest and largest value.
-        search: Bounds of a search; None if it is not searched.
+        default: Default value of the field.
+        limits: Smallest and largest value that is accepted.
+        search: Lower and upper bound in a parameter search; None if no search changes the field.
         unit: Unit of `quad_env.robots.similarity` if the value scales with the size of the robot.
 
     Returns:
-        The field.
+        The dataclass field, with limits, search range and unit as metadata.
     """
     return field(default=default, metadata={"limits": limits, "search": search, "unit": unit})
 
 
 def limits_of(kind: Any) -> dict[str, Range]:
-    """Return the dictionary field name -> (smallest, largest) value, for a dataclass of parameters."""
+    """Return the limits of the parameters in a dataclass `kind`: field name -> (smallest, largest value)."""
     return {entry.name: entry.metadata["limits"] for entry in fields(kind) if entry.metadata}
 
 
 def search_ranges_of(kind: Any) -> dict[str, Range]:
-    """Return the dictionary field name -> search range, for the fields of a dataclass that have one."""
+    """Return the search ranges of the parameters in a dataclass `kind`: field name -> (lower, upper bound).
+
+    Fields without a search range are left out.
+    """
     metadata = {entry.name: entry.metadata for entry in fields(kind)}
     return {name: values["search"] for name, values in metadata.items() if values and values["search"]}
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """Base class of parameters; a number outside of its limits raises ValueError.
+    """Base class of the parameters of a policy: numbers, each with limits.
 
-    The limits are far wider than useful values. Every action is finite if all numbers are within their limits.
+    The constructor raises ValueError if a number is outside of its limits. The limits are far wider than the useful
+    values. They guarantee that every action of the policy is finite.
     """
 
     def __post_init__(self) -> None:
         for name, (low, high) in limits_of(self).items():
-            if not low <= (value := getattr(self, name)) <= high:  # NaN fails this comparison, too
+            if not low <= (value := getattr(self, name)) <= high:  # also True if the value is NaN
                 raise ValueError(f"{name} must be finite, from {low:g} to {high:g}, not {float(value):g}")
 
 
 @dataclass(frozen=True)
 class CommandMap(Parameters):
-    """Map from a command to the gait input at which the robot achieves it, see `map_command`."""
+    """Linear map from a velocity command to the gait input at which the robot moves at that velocity.
+
+    The map compensates systematic velocity errors of an open-loop gait, see `map_command`.
+    """
 
     forward_gain: float = parameter(1.0, limits=(-100.0, 100.0))
-    """Forward velocity of the gait per commanded velocity."""
+    """Forward velocity input of the gait per commanded forward velocity, dimensionless."""
     forward_bias: float = parameter(0.0, limits=(-100.0, 100.0), unit="m/s ahead")
-    """Offset added to the forward velocity of the gait, m/s.
+    """Offset that is added to the forward velocity input of the gait, m/s.
 
-    The offset compensates the drift of a gait in place, which occurs because all knees bend the same way."""
+    The offset compensates the forward drift of a gait in place. The drift occurs because all knees bend the same
+    way."""
     lateral_gain: float = parameter(1.0, limits=(-100.0, 100.0))
-    """Lateral velocity of the gait per commanded velocity."""
+    """Lateral velocity input of the gait per commanded lateral velocity, dimensionless."""
     yaw_gain: float = parameter(1.0, limits=(-100.0, 100.0))
-    """Yaw rate of the gait per commanded yaw rate."""
+    """Yaw rate input of the gait per commanded yaw rate, dimensionless."""
     yaw_per_lateral: float = parameter(0.0, limits=(-100.0, 100.0), unit="1/m ahead")
-    """Yaw rate added to the gait per commanded lateral velocity, rad/m, because walking sideways turns the robot."""
+    """Yaw rate that is added to the gait input per commanded lateral velocity, rad/m.
+
+    The term compensates the unwanted turning of the robot when it walks sideways."""
 
 
 def scaled_parameters(parameters: P, robot: Robot) -> P:
-    """Scale SimpleQuad's parameters to a robot by dynamic similarity.
+    """Scale the policy parameters of the robot SimpleQuad to another robot by dynamic similarity.
 
     Args:
-        parameters: Parameters of SimpleQuad.
-        robot: Robot.
+        parameters: Parameters of the policy for SimpleQuad.
+        robot: Robot to which the parameters are scaled.
 
     Returns:
-        Parameters of the robot.
+        Parameters of the policy for `robot`.
 
     Raises:
         PolicyError: The scaled parameters exceed their limits.
@@ -103,15 +114,17 @@ def scaled_parameters(parameters: P, robot: Robot) -> P:
 
 
 def scaled_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Robot) -> dict[str, Range]:
-    """Scale the search ranges of SimpleQuad's parameters to a robot.
+    """Scale the search ranges of policy parameters from SimpleQuad to another robot by dynamic similarity.
+
+    The gait frequency is also scaled with the mass of the robot, see `STRIDE_FREQUENCY_EXPONENT`.
 
     Args:
-        ranges: Field name -> bounds for SimpleQuad.
-        kind: Class of the parameters.
-        robot: Robot.
+        ranges: Field name -> (lower, upper bound) for SimpleQuad.
+        kind: Class of the parameters, which has the units of the fields.
+        robot: Robot to which the ranges are scaled.
 
     Returns:
-        Field name -> bounds for the robot.
+        Field name -> (lower, upper bound) for `robot`.
     """
     units = {entry.name: entry.metadata["unit"] for entry in fields(kind)}
     ends = {
@@ -126,17 +139,17 @@ def scaled_ranges(ranges: Mapping[str, Range], kind: type[Parameters], robot: Ro
 
 
 def from_json(kind: type[P], values: Any) -> P:
-    """Convert a JSON object to parameters.
+    """Convert a JSON object to the parameters of a policy.
 
     Args:
         kind: Class of the parameters.
-        values: JSON object with a number for each field and nothing else.
+        values: JSON object with exactly one number for each field of the class.
 
     Returns:
         The parameters.
 
     Raises:
-        ValueError: Values are missing, unknown or out of range.
+        ValueError: A field is missing, unknown, not a number or out of range.
     """
     if not isinstance(values, dict):
         raise ValueError("parameters must be an object")
@@ -153,18 +166,19 @@ def from_json(kind: type[P], values: Any) -> P:
 
 
 def is_number(value: Any) -> bool:
-    """Return True if a JSON value is a number that a float can hold."""
-    # Not math.isfinite, which fails on integers that are too large for a float.
+    """Return True if a JSON value is a finite number that a float can represent."""
+    # math.isfinite is not used, because it raises OverflowError for integers that are too large for a float.
     return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
 def read_parameters(path: Path, decode: Callable[[Any], T], search: str = "") -> T:
-    """Read parameters from a JSON file.
+    """Read the parameters of a policy from a JSON file.
 
     Args:
-        path: File.
-        decode: Converts the JSON value to parameters.
-        search: Words after `python -m train search` of the command that writes the file, for the error.
+        path: JSON file to read.
+        decode: Function that converts the JSON value to parameters.
+        search: Words after `python -m train search` in the command that writes the file. The error message shows this
+            command. Empty if no command writes the file.
 
     Returns:
         The parameters.
@@ -181,25 +195,28 @@ def read_parameters(path: Path, decode: Callable[[Any], T], search: str = "") ->
 
 @dataclass(frozen=True)
 class ParameterFile(Generic[P]):
-    """JSON file of parameters, which a search writes."""
+    """JSON file with the parameters of a policy, which a parameter search writes."""
 
     path: Path
-    """File of SimpleQuad's parameters. Files of other robots have the same name."""
+    """Path of the file with the parameters for the robot SimpleQuad. Files for other robots have the same name."""
     kind: type[P]
-    """Class of the parameters."""
+    """Class of the parameters in the file."""
     search: str = ""
-    """Words after `python -m train search` of the command that writes the file; empty if no command does."""
+    """Words after `python -m train search` in the command that writes the file; empty if no command writes it."""
 
     def read(self, path: Path) -> P:
-        """Read parameters from another file. Raises PolicyError if it is missing, damaged or incomplete."""
+        """Read the parameters from the file `path`, which need not be the file of this object.
+
+        Raises PolicyError if the file is missing, damaged or incomplete.
+        """
         return read_parameters(path, lambda values: from_json(self.kind, values), self.search)
 
     def load_for_robot(self, robot: Robot = SIMPLE_QUAD) -> P:
-        """Load the parameters of a robot. Raises PolicyError if the file is damaged.
+        """Load the parameters of the policy for a robot. Raises PolicyError if the file is damaged.
 
-        The file of a robot has the name of `path` and lies in the folder of the robot. For a robot with fixed servos a
-        file in the subfolder `soft_servos` has priority. If there is no file, the method scales the parameters of
-        SimpleQuad by dynamic similarity.
+        The file has the name of `path` and is in the models folder of the robot. For a robot with fixed servo gains, a
+        file in the subfolder `soft_servos` has priority. If there is no file, the parameters of SimpleQuad are scaled
+        to the robot by dynamic similarity.
         """
         file = models_folder(robot) / self.path.name
         soft_servo_file = file.parent / "soft_servos" / file.name

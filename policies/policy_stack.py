@@ -1,4 +1,4 @@
-"""Several policies run as one policy."""
+"""Several policies combined into one policy: each controls a part of the robots of a batch."""
 
 from collections.abc import Sequence
 
@@ -10,25 +10,28 @@ from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import table_with
 
 FALLEN_GRAVITY = -0.2
-"""Limit on z of the unit gravity vector, base frame; a robot with a larger value has fallen (tilt over 78°)."""
+"""z component of the unit gravity vector in the base frame above which a robot counts as fallen.
+
+The value is -1 for an upright robot. The limit corresponds to a tilt of 78°."""
 
 
 class PolicyStack(Policy):
-    """Several policies run as one: each controls an equal share of the batch.
+    """Several policies, the members, combined into one: each controls an equal number of robots of the batch.
 
-    The rows form equal blocks, for example one block per scenario. Each block is divided into equal ranges of adjacent
-    rows, one for each member, in the order of the members. A policy search and the diagnosis of a network policy use
-    this class, because one large batch simulates faster than several small ones.
+    A row of the observation belongs to one robot. The rows form equal blocks, for example one block per scenario. Each
+    block is divided into equal ranges of adjacent rows, one range for each member, in the order of the members. The
+    parameter search and the diagnosis of network policies use this class, because one large batch simulates faster than
+    several small ones.
 
     Args:
         members: Policies with the same joints, control period and height scan.
         blocks: Number of equal blocks of rows.
-        replace_nonfinite: True to replace targets that are not finite by finite ones. The robots of a network that
-            overflows then fall.
-        idle_when_fallen: True to skip a member while all its robots lie on the ground. Their targets are then the home
-            pose.
-        robot: Robot of the stack; the robot of the first member by default. Pass a robot if the members use different
-            servo gains.
+        replace_nonfinite: True: replace NaN and infinite joint targets by finite numbers. The robots of a network with
+            numeric overflow then fall.
+        idle_when_fallen: True: do not call a member while all its robots have fallen. Their joint targets are then the
+            home pose.
+        robot: Robot of the combined policy; the robot of the first member by default. Pass a robot if the members use
+            different servo gains.
     """
 
     name = "stack"
@@ -65,7 +68,10 @@ class PolicyStack(Policy):
         return np.nan_to_num(actions) if self._replace_nonfinite_targets else actions
 
     def _member_action(self, member: Policy, observation: NDArray[np.float32]) -> Actions | Floats:
-        """Return the joint targets of one member's robots, (k, 12), rad; the home pose if it is skipped."""
+        """Return the joint targets of a member for its k robots, (k, 12), rad.
+
+        If the member is not called because all its robots have fallen, the result is the home pose, (12,), rad.
+        """
         if self._idle_when_fallen and (observation[:, self._gravity_z] > FALLEN_GRAVITY).all():
             return self.robot.home_pose
         return member.act(observation)

@@ -1,4 +1,4 @@
-"""Policies that hold a pose; a residual that learns without a gait uses one as its base."""
+"""Policies that hold a fixed pose. A residual policy that learns without a gait uses one of them as its base."""
 
 from functools import cached_property
 
@@ -9,18 +9,18 @@ from policies.base import Actions, Floats, Policy, to_actions
 from policies.legs.kinematics import joint_targets
 
 CROUCH_HEIGHT = 0.62
-"""Height of the hips above the centres of the feet in a crouch, as a fraction of the leg length."""
+"""Height of the hips above the centres of the feet in the pose of `Crouch`, as a fraction of the leg length."""
 
 
 class Stand(Policy):
-    """Holds the home pose."""
+    """Policy that holds the home pose of the robot and ignores the velocity command."""
 
     name = "stand"
     stiff_servos = True
 
     @cached_property
     def pose(self) -> Floats:
-        """Joint angles of the pose, (12,), rad."""
+        """Joint angles of the home pose, (12,), rad."""
         return self.robot.home_pose
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
@@ -28,16 +28,16 @@ class Stand(Policy):
 
 
 class Crouch(Stand):
-    """Holds a low pose with bent knees and the feet under the thigh joints.
+    """Policy that holds a low pose with bent knees and with the feet under the thigh joints.
 
-    The pose is so low that the legs can reach out to all sides.
+    The pose is low enough that the legs can move the feet outward to all sides. It is the base of end-to-end training.
     """
 
     name = "crouch"
 
     @cached_property
     def pose(self) -> Floats:
-        """Joint angles of the pose, (12,), rad."""
+        """Joint angles of the low pose, (12,), rad."""
         outboard = self.robot.side * self.robot.hip_offset
         joints: Floats = joint_targets(self.robot, 0.0, outboard[None], -CROUCH_HEIGHT * self.robot.leg_length)[0]
         return joints

@@ -1,4 +1,4 @@
-"""Policies by name or path: `make`, `resolve` and the table of all names."""
+"""Makes policies from a name or a path: `make`, `resolve` and the dictionary of all names."""
 
 from collections.abc import Callable
 from functools import partial
@@ -26,15 +26,15 @@ from quad_env.sensing.sensor_models import delay_to_steps
 from quad_env.sensing.suite import SensorSuite, sensor_suite
 
 TRAINED = tuple(sorted({"residual", *(file.parent.name for file in shipped.MODELS.glob(f"*/{DESCRIPTION}"))}))
-"""Names of the trained policies that ship with the project. `residual` is listed even if its bundle is missing."""
+"""Names of the trained policies in the folder `models`. `residual` is listed even if its bundle is missing."""
 SAFE = "safe:"
-"""Prefix of a policy name that puts the policy into the safety layer, as in `safe:trot`."""
+"""Prefix of a policy name, as in `safe:trot`: the safety layer then filters the actions of the policy."""
 
 
 def _load_shipped(
     name: str, *, robot: Robot, control_period: float, joint_delay_steps: int, actuator: Actuator
 ) -> Policy:
-    """Load the trained policy of that name for a robot. Raises PolicyError if there is none."""
+    """Load the trained policy called `name` for a robot. Raises PolicyError if there is no policy bundle for it."""
     folder = shipped.models_folder(robot) / name
     if not folder.is_dir():
         raise PolicyError(f"no trained policy in {folder}", f"make one with `python -m train` for {robot.name}")
@@ -46,7 +46,10 @@ def _load_shipped(
 def _load_bundle(
     folder: str | Path, robot: Robot, control_period: float, joint_delay_steps: int, actuator: Actuator
 ) -> Policy:
-    """Load a bundle. Raises PolicyError if it was trained for another robot or control period."""
+    """Load the policy bundle in `folder`.
+
+    Raises PolicyError if the policy was trained for another robot or control period.
+    """
     policy = load(folder, robot, joint_delay_steps=joint_delay_steps, actuator=actuator)
     if mismatch := policy.mismatch(robot, control_period):
         raise PolicyError(f"the policy in {folder} was {mismatch}", "take another policy")
@@ -60,13 +63,19 @@ MAKERS: dict[str, Callable[..., Policy]] = {
     **_MPC_GAITS,
     **{name: partial(_load_shipped, name) for name in TRAINED},
 }
-"""Name of each policy -> its factory, a function of `robot` and `control_period`, s."""
+"""Name of each built-in policy -> function that makes it from the keyword arguments `robot` and `control_period`, s."""
 _MODEL_BASED = (*(name for name, base in BASES.items() if base.is_model_based), *_MPC_GAITS, *TRAINED)
-"""Names of the policies with a factory that also takes `joint_delay_steps` and `actuator`."""
+"""Names of the policies in `MAKERS` that may use a model of the robot.
+
+Their factories also accept the keyword arguments `joint_delay_steps` (control steps) and `actuator`."""
 
 
 def names() -> tuple[str, ...]:
-    """Return the names that `make` knows, sorted: built-in policies and policies of extensions."""
+    """Return the sorted names of all policies that `make` can make.
+
+    They are the built-in policies, and the policies of extensions that are installed or were registered by
+    `add_extension`.
+    """
     return tuple(sorted((*MAKERS, *check_new("policies", MAKERS))))
 
 
@@ -76,7 +85,7 @@ def is_missing(name: str, robot: Robot) -> bool:
 
 
 def summary(name: str) -> str:
-    """Return one line about the policy `name`. Raises PolicyError if there is none."""
+    """Return a summary of the policy `name` in one line. Raises PolicyError if no policy has this name."""
     _check_name(name)
     if name not in MAKERS:
         return "a policy of an installed extension"
@@ -92,21 +101,21 @@ def make(
     sensors: str | SensorSuite | None = None,
     **options: Any,
 ) -> Policy:
-    """Make a fresh policy by name.
+    """Make a new policy from its name.
 
     PolicyError is raised for an unknown name, and for a trained policy that is missing or was trained for another robot
     or control period.
 
     Args:
-        name: One of `names()`, or `safe:NAME` for that policy within the safety layer.
-        robot: Attribute `robot` of the environment, or a name of `quad_env.ROBOTS`.
-        control_period: Attribute `dt` of the environment, s.
-        actuator: Actuator of the environment. Model-based policies and the limits of the safety layer use it.
-        sensors: Sensors of the environment. Model-based policies compensate the delay of the encoders.
-        **options: Further arguments of the policy's factory, for example `parameters`.
+        name: One of `names()`, or `safe:NAME` for the policy NAME with its actions filtered by the safety layer.
+        robot: Robot: the attribute `robot` of the environment, or a name in `quad_env.ROBOTS`.
+        control_period: Time between two control steps, the attribute `dt` of the environment, s.
+        actuator: Actuator model of the environment. Model-based policies and the safety layer use its limits.
+        sensors: Sensors of the environment. Model-based policies compensate the delay of the joint encoders.
+        **options: Further keyword arguments of the factory of the policy, for example `parameters`.
 
     Returns:
-        The policy, for one robot until `reset`.
+        The policy. It controls one robot until `reset` sets another number.
     """
     _check_name(name.rpartition(SAFE)[2])
     return resolve(name, robot=robot, control_period=control_period, actuator=actuator, sensors=sensors, **options)
@@ -122,23 +131,23 @@ def resolve(
     trust: bool = False,
     **options: Any,
 ) -> Policy:
-    """Make a fresh policy by name, from a bundle, or from a file of another project.
+    """Make a new policy from its name, from a policy bundle, or from a file of another project.
 
     Args:
-        name_or_path: A name as `make` takes it, the folder of a bundle or training run, or a reference that
-            `ExternalPolicy` takes, for example `my_file.py:MyPolicy`.
+        name_or_path: A policy name as in `make`, the folder of a policy bundle or a training run, or the reference of
+            an `ExternalPolicy`, for example `my_file.py:MyPolicy`.
         robot: As in `make`.
         control_period: As in `make`, s.
         actuator: As in `make`.
         sensors: As in `make`.
-        trust: Allow files that can hold hidden code.
+        trust: True: also load files of types that can contain hidden code.
         **options: As in `make`.
 
     Returns:
-        The policy, for one robot until `reset`.
+        The policy. It controls one robot until `reset` sets another number.
 
     Raises:
-        PolicyError: There is no policy of that name, or it cannot be loaded.
+        PolicyError: There is no policy with that name or path, or it cannot be loaded.
     """
     reference = str(name_or_path)
     robot = get_robot(robot)
@@ -172,10 +181,13 @@ def resolve(
 def _make_from_extension(
     name: str, factory: Callable[..., Any], robot: Robot, control_period: float, options: dict[str, Any]
 ) -> Policy:
-    """Make a policy by the factory of an extension. Raises PolicyError if the factory fails."""
+    """Make a policy by the function `factory` that an extension provides.
+
+    Raises PolicyError if the function raises an exception or does not return a `Policy`.
+    """
     try:
         policy = factory(robot=robot, control_period=control_period, **options)
-    except Exception as error:  # the code of another package may raise anything
+    except Exception as error:  # any exception, because the code belongs to another package
         raise PolicyError(f"extension: policies {name}: {format_exception(error)}") from error
     if not isinstance(policy, Policy):
         raise PolicyError(f"extension: policies {name}: expected a policies.Policy, got {type(policy).__name__}")
@@ -184,13 +196,13 @@ def _make_from_extension(
 
 
 def _check_name(name: str) -> None:
-    """Raise PolicyError if there is no policy of that name."""
+    """Raise PolicyError if no built-in policy and no policy of an extension is called `name`."""
     if name not in MAKERS and name not in names():
         raise PolicyError(f"unknown policy {name!r}; there are {', '.join(names())}")
 
 
 def _unknown_reference(reference: str) -> str:
-    """Return the error message for a reference that is no name, no bundle and no external policy."""
+    """Return the error message for a reference that is neither a policy name nor a bundle nor an external policy."""
     if (remedy := unsupported_file_remedy(reference)) is not None:
         return remedy
     if (missing := missing_file_message(reference)) is not None:

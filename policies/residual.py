@@ -12,64 +12,66 @@ from quad_env.sensing.height_scan import UNSEEN, table_with
 from quad_env.task.observations import observation_table
 
 NO_HISTORY = Inputs()
-"""Network inputs without history and clock: only the present observation and the base policy."""
+"""Inputs of a residual network without history and clock: only the current observation and the base policy."""
 
 
 def authority_of(robot: Robot, hip: float = 0.6, joint: float = 1.0) -> Actions:
-    """Return the authority of a residual, the largest correction of each joint.
+    """Return the authority of a residual policy: the largest correction that its network can add to each joint target.
 
     Args:
-        robot: Robot.
-        hip: Largest correction of a hip joint, rad.
-        joint: Largest correction of any other joint, rad.
+        robot: Robot with the joints.
+        hip: Largest correction of a hip (abduction) joint, rad.
+        joint: Largest correction of a thigh or calf joint, rad.
 
     Returns:
-        Largest corrections, (12,), rad.
+        Largest absolute correction of each joint, (12,), rad.
     """
     return np.tile(np.array([hip, joint, joint], np.float32), len(robot.leg_names))
 
 
 class Features(PerRobotState):
-    """Network inputs of n robots, scaled to magnitudes of about 1. The caller resets the base.
+    """Inputs of the network of a residual policy for n robots, scaled to magnitudes of about 1.
 
     The inputs are, in this order:
 
-    - the scaled observation. A height scan is relative to its values in the home pose, and zero where it is empty, so
-      that a lost scan looks like level ground;
-    - sine and cosine of the phase of a gaited base, and its action minus the home pose;
-    - sine and cosine of the clock of `inputs`;
-    - the history of the scaled observation.
+    - the scaled observation. A height scan is relative to its values in the home pose. It is zero where the ground is
+      not seen, so that a lost scan looks like level ground;
+    - sine and cosine of the gait phase of the base policy, and its action minus the home pose, if it has a gait clock;
+    - sine and cosine of the clock, if `inputs` has one;
+    - past observations and averages of observations, if `inputs` has any.
+
+    The caller must reset the base policy.
 
     Args:
-        base: Base policy.
-        inputs: History and clock.
+        base: Base policy that the network corrects.
+        inputs: Past observations, averages and clock that are additional inputs.
     """
 
     ticks: Floats = per_robot(0.0)
-    """Number of observations of each robot since its reset, (n,)."""
+    """Number of control steps of each robot since its reset, (n,)."""
 
     def __init__(self, base: Policy, inputs: Inputs = NO_HISTORY) -> None:
         self.base = base
         self.inputs = inputs
         self._table = table_with(base.robot, base.height_scan)
         self._own = observation_table(base.robot).size
-        """Number of values in an observation before the height scan; only these values have a history."""
+        """Number of values of an observation that precede the height scan. Only these values have a history."""
         self._level = np.float32(base.robot.home_height) * self._table.scale[self._own :]
         self._history = History(inputs, self._own, base.control_period)
         gaited = 2 + base.robot.num_joints if isinstance(base, GaitedPolicy) else 0
         self.width = self._table.size + gaited + (2 if inputs.clock else 0) + self._history.width
-        """Number of network inputs of each robot."""
+        """Number of network inputs of a robot."""
         super().__init__()
 
     def update(self, observation: NDArray[np.float32], base_action: Actions) -> NDArray[np.float32]:
-        """Compute the features of an observation.
+        """Compute the network inputs of a control step. Call the method once per control step.
 
         Args:
-            observation: Observation, (n, k).
-            base_action: Action of the base for it, (n, 12), rad.
+            observation: Observation of all robots, (n, k).
+            base_action: Action of the base policy for this observation: joint targets, (n, 12), rad.
 
         Returns:
-            Features, (n, `width`).
+            Network inputs, (n, `width`).
         """
         self.ticks += 1.0
         scaled = observation * self._table.scale
@@ -88,52 +90,55 @@ class Features(PerRobotState):
 def apply_correction(
     robot: Robot, base_action: Actions, correction: NDArray[np.float32], authority: Actions
 ) -> Actions:
-    """Add a bounded correction to an action.
+    """Add a bounded correction to the action of a base policy.
 
     Args:
-        robot: Robot.
-        base_action: Action of the base, (n, 12), rad.
-        correction: Correction as a fraction of the authority, clipped to [-1, 1], (n, 12).
+        robot: Robot with the joint limits.
+        base_action: Action of the base policy: joint targets, (n, 12), rad.
+        correction: Correction as a fraction of the authority, (n, 12). The function clips it to [-1, 1].
         authority: Largest correction of each joint, (12,), rad.
 
     Returns:
-        Action within the joint limits, (n, 12), rad.
+        Corrected joint targets, clipped to the joint limits, (n, 12), rad.
     """
     one = np.float32(1.0)
     return within_limits(robot, base_action + authority * np.clip(correction, -one, one))
 
 
 def _phase_features(phase: Floats) -> NDArray[np.float32]:
-    """Return sine and cosine of a phase, (n, 2)."""
+    """Return the sine and the cosine of a `phase`, (n,), rad, as columns, (n, 2)."""
     return np.stack([np.sin(phase), np.cos(phase)], axis=-1).astype(np.float32)
 
 
 def _home(robot: Robot) -> Actions:
-    """Return the home pose as an action, (12,), rad."""
+    """Return the joint angles of the home pose, (12,), rad, in the type of an action, float32."""
     return robot.home_pose.astype(np.float32)
 
 
 class ResidualPolicy(Policy):
-    """Residual policy: base + authority · network(features), on the robot of the base.
+    """Residual policy: a base policy plus a bounded correction by a network.
 
-    With a zero correction it equals its base bit for bit.
+    The action is the action of the base policy + authority · network(features). The features, see `Features`, are
+    computed from the observation and the base policy. If the network returns zero, the action is identical, bit for
+    bit, to the action of the base policy.
 
     Args:
-        base: Base policy.
-        network: Network from features to corrections.
-        authority: Largest correction of each joint, (12,), rad; the result of `authority_of` by default.
+        base: Base policy. Its robot is also the robot of the residual policy.
+        network: Network that computes the corrections, as fractions of the authority, from the features.
+        authority: Largest correction of each joint, (12,), rad. None for the result of `authority_of`.
         name: Name of the policy.
-        inputs: History and clock of the features.
-        hold: Number of control steps for which each correction is used. The base acts in every control step.
+        inputs: Past observations, averages and clock that are additional inputs of the network.
+        hold: Number of control steps for which each correction is used. The base policy acts in every control step.
 
     Raises:
-        ValueError: The network does not fit the features or the joints.
+        ValueError: The input width of the network is not the number of features, or its output width is not the number
+            of joints.
     """
 
     correction: NDArray[np.float32] = per_robot()
     """Latest correction as a fraction of the authority, from -1 to 1, (n, 12); zero before the first action."""
     base_action: Actions = per_robot()
-    """Latest action of the base, (n, 12), rad; the home pose before the first."""
+    """Latest action of the base policy: joint targets, (n, 12), rad; the home pose before the first action."""
 
     def __init__(
         self,
@@ -162,11 +167,11 @@ class ResidualPolicy(Policy):
 
     @property
     def phase(self) -> Floats | None:
-        """Phase of the clock of the base, (n,), rad; None if the base has no clock."""
+        """Phase of the gait clock of the base policy, (n,), rad; None if the base policy has no gait clock."""
         return self.base.phase if isinstance(self.base, GaitedPolicy) else None
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Reset the policy and its base for `num_envs` robots with a `seed`."""
+        """Reset the residual policy and its base policy for `num_envs` robots; `seed` is passed on to both."""
         super().reset(num_envs, seed)
         self.base.reset(num_envs, seed)
 

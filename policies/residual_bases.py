@@ -1,4 +1,4 @@
-"""Base policies of residuals; name and parameters define each base completely."""
+"""Base policies of residual policies; its name and its parameters define a base policy completely."""
 
 import hashlib
 import json
@@ -28,23 +28,28 @@ from quad_env.sensing.height_scan import HeightScan
 
 
 class BaseSpec(NamedTuple):
-    """Factory and parameter class of a base policy."""
+    """Specification of a base policy: the function that makes it, and the class of its parameters."""
 
     make: Callable[..., Policy]
-    """Function of `robot`, `control_period` and, if the policy has any, `parameters` (default: searched ones)."""
+    """Function that makes the policy from the keyword arguments `robot`, `control_period` and `parameters`.
+
+    Only policies with parameters accept `parameters`; by default those that ship with the project."""
     parameters: type[Parameters] | None = None
-    """Class of the parameters; None if the policy has no parameters."""
+    """Class of the parameters of the base policy; None if the policy has no parameters."""
 
     @property
     def kind(self) -> type:
-        """Class of the policy."""
+        """Class of the base policy."""
         kind = self.make.func if isinstance(self.make, partial) else self.make
         assert isinstance(kind, type)
         return kind
 
     @property
     def is_model_based(self) -> bool:
-        """True if the factory also takes `joint_delay_steps` and `actuator`."""
+        """True if the base policy uses a model of the robot.
+
+        Its factory then also accepts `joint_delay_steps` (control steps) and `actuator`.
+        """
         return issubclass(self.kind, ModelBased)
 
 
@@ -66,20 +71,21 @@ BASES: dict[str, BaseSpec] = {
     "trot_reference": BaseSpec(TrotReference, ReferenceParameters),
     "walk": BaseSpec(partial(Gaits, "walk"), GaitParameters),
 }
-"""Name of each base policy -> factory and parameter class."""
+"""Name of each base policy -> specification with its factory and its class of parameters."""
 
 
 def base_to_json(policy: Policy) -> dict[str, Any]:
-    """Convert a base policy to JSON values.
+    """Convert a base policy to JSON values, which are stored in the description of a residual policy.
 
     Args:
-        policy: Policy.
+        policy: Base policy.
 
     Returns:
-        Dictionary with the keys `name`, `parameters`, `sha256` of the parameters, and `height_scan` if there is one.
+        Dictionary with the keys `name`, `parameters`, `sha256` (of the parameters) and, if the policy uses a height
+        scan, `height_scan`.
 
     Raises:
-        ValueError: The policy is not a base.
+        ValueError: The policy is not one of the base policies in `BASES`.
     """
     base = BASES.get(policy.name)
     if base is None or type(policy) is not base.kind:
@@ -99,17 +105,17 @@ def base_from_json(
     """Make a base policy from the JSON values of `base_to_json`.
 
     Args:
-        description: JSON values.
-        robot: Robot.
-        control_period: Control period, s.
-        joint_delay_steps: Delay of the observed joints, control steps, for a model-based policy.
-        actuator: Actuator of the joints, for a model-based policy.
+        description: JSON values that `base_to_json` made.
+        robot: Robot that the policy controls.
+        control_period: Time between two control steps, s.
+        joint_delay_steps: Delay of the observed joint angles, control steps; used by a model-based policy.
+        actuator: Actuator model of the joints; used by a model-based policy.
 
     Returns:
-        The policy.
+        The base policy.
 
     Raises:
-        ValueError: The description is invalid; the message is one line.
+        ValueError: The description is not valid. The message is one line.
     """
     if not isinstance(description, dict) or set(description) - {"height_scan"} != {"name", "parameters", "sha256"}:
         raise ValueError("base must have name and parameters, and a sha256 of these")
@@ -134,15 +140,16 @@ def base_from_json(
 
 
 def make_base(base: BaseSpec, height_scan: HeightScan | None = None, **arguments: Any) -> Policy:
-    """Make a base policy.
+    """Make a base policy from its specification.
 
     Args:
-        base: Factory and parameter class of the policy.
-        height_scan: Height scan of the environment; only mpc_wbc_sighted uses it.
-        **arguments: Arguments of the factory.
+        base: Specification of the base policy, see `BASES`.
+        height_scan: Height scan that the environment observes. Only mpc_wbc_sighted uses it; the other policies accept
+            an observation with it and ignore it.
+        **arguments: Keyword arguments of the factory in `base`.
 
     Returns:
-        The policy.
+        The base policy.
     """
     if base.kind is SightedMpcWbc and height_scan is not None:
         arguments["height_scan"] = height_scan
@@ -152,7 +159,10 @@ def make_base(base: BaseSpec, height_scan: HeightScan | None = None, **arguments
 
 
 def _arguments(base: BaseSpec, parameters: dict[str, Any]) -> dict[str, Any]:
-    """Convert JSON parameters to arguments of a base's factory. Raises ValueError for invalid ones."""
+    """Convert the JSON parameters of a base policy to keyword arguments of its factory.
+
+    Raises ValueError if the parameters are not valid.
+    """
     if base.parameters is None:
         if parameters:
             raise ValueError(f"a {base.kind.__name__} has no parameters")
@@ -168,5 +178,5 @@ def _arguments(base: BaseSpec, parameters: dict[str, Any]) -> dict[str, Any]:
 
 
 def _digest(parameters: dict[str, Any]) -> str:
-    """Return the SHA-256 of parameters as JSON, in hexadecimal digits."""
+    """Return the SHA-256 of the JSON text of policy parameters, in hexadecimal digits."""
     return hashlib.sha256(json.dumps(parameters, sort_keys=True).encode()).hexdigest()

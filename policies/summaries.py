@@ -31,9 +31,12 @@ SUMMARIES = {
     "robust": "residual with six times as many training steps",
     "end_to_end": "learned without a gait, up to 1 rad a joint about a crouch; shows the value of residual's base",
 }
-"""Name of every shipped policy -> summary, in the order of listings."""
+"""Name of every policy that ships with the project -> its summary in one line, in the order of listings."""
 
 
 def shipped_summaries(names: Iterable[str]) -> dict[str, str]:
-    """Return the dictionary name -> summary of the shipped policies among `names`, in the same order."""
+    """Return the summaries of shipped policies, as a dictionary policy name -> summary.
+
+    The order is the order of `names`. Names of policies that do not ship with the project are left out.
+    """
     return {name: SUMMARIES[name] for name in names if name in SUMMARIES}
