@@ -1,6 +1,10 @@
-"""Seams of the product that several tests use, each named once: episode length, the report, deadlines, validation."""
+"""Seams of the product that several tests use, each named once: simulation, files, report, validation, deadlines."""
 
+import errno
+import os
 from collections.abc import Callable
+from fnmatch import fnmatch
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,6 +20,23 @@ def short_episodes(patch: pytest.MonkeyPatch, steps: int) -> None:
     patch.setattr(rollout, "STEPS", steps)
 
 
+def replace_simulation(patch: pytest.MonkeyPatch, simulate: Callable[..., Any]) -> None:
+    """Call `simulate` in place of the function that simulates the episodes of the evaluator."""
+    patch.setattr(rollout, "run", simulate)
+
+
+def full_disk(patch: pytest.MonkeyPatch, *names: str) -> None:
+    """Let atomic writes of files fail with "No space left on device"; `names`: patterns of the file names."""
+    replace = Path.replace
+
+    def fail(temporary: Path, target: Path) -> Path:
+        if any(fnmatch(Path(target).name, name) for name in names):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return replace(temporary, target)
+
+    patch.setattr(Path, "replace", fail)
+
+
 def without_report(patch: pytest.MonkeyPatch) -> None:
     """Leave out report.html, whose plots take longer than the episodes of a test."""
     replace_report(patch, lambda *_, **__: None)
@@ -24,6 +45,13 @@ def without_report(patch: pytest.MonkeyPatch) -> None:
 def replace_report(patch: pytest.MonkeyPatch, write: Callable[..., Any]) -> None:
     """Call `write` in place of the function that writes report.html."""
     patch.setattr(outputs, "write_report", write)
+
+
+def replace_validation(patch: pytest.MonkeyPatch, validate: Callable[..., Any]) -> None:
+    """Call `validate` in place of the function with which a training run validates its policy."""
+    from train.sb3 import callbacks  # here, because torch takes seconds to import
+
+    patch.setattr(callbacks, "validate", validate)
 
 
 def deadlines(patch: pytest.MonkeyPatch, act: float | None = None, grace: float | None = None) -> None:

@@ -85,7 +85,6 @@ def test_every_fence_is_closed_and_swallows_no_heading_and_no_table(page: str) -
 )
 def test_python_block_runs_as_it_stands(block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("quad_env.scenarios.axes.AXES", dict(AXES))  # one of the blocks adds an axis
     if "stable_baselines3" in block:
         importlib.import_module("torch").set_num_threads(1)  # more make networks of this size slower
     exec(compile(shortened(block), "block", "exec"), {"__name__": "__main__"})

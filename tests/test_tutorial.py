@@ -3,6 +3,7 @@
 import importlib
 import re
 import runpy
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +53,7 @@ def test_the_tutorial_runs_from_its_beginning_to_its_end(tmp_path: Path, monkeyp
 def test_your_controller_and_the_residual_trained_on_it_walk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr("sys.argv", ["train_it.py"])
+    monkeypatch.setattr(sys, "argv", ["train_it.py"])
     for block in filter(file_name, blocks("python", PAGES["docs/your-policy.md"])):
         name = str(file_name(block))
         (tmp_path / name).write_text(block, encoding="utf-8")

@@ -35,17 +35,19 @@ class EpisodeOutcome:
 
     Args:
         session: Session at the start of an episode.
+        max_steps: Duration of an evaluation episode, control steps.
 
     Attributes:
         story: One line of text per event of the episode; the last line is the outcome. Empty while the outcome is
             undecided.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, max_steps: int = STEPS) -> None:
         self.story: list[str] = []
         self._session = session
+        self._max_steps = max_steps
         self._has_ended = False
-        self._recorded: deque[_RecordedStep] = deque(maxlen=STEPS + 1)
+        self._recorded: deque[_RecordedStep] = deque(maxlen=max_steps + 1)
         self.record()
 
     def record(self) -> None:
@@ -59,8 +61,8 @@ class EpisodeOutcome:
         self._recorded.append(_RecordedStep(step, failure, is_stopped))
         has_fallen = step.infos["fall"][0] > 0 or step.infos["diverged"][0]
         self._has_ended = bool(has_fallen or (failure is not None and failure[0]))
-        if self._has_ended or (step.number == STEPS and not self._session.user_intervened):
-            self.story = _story(list(self._recorded), self._session)
+        if self._has_ended or (step.number == self._max_steps and not self._session.user_intervened):
+            self.story = _story(list(self._recorded), self._session, self._max_steps)
 
     @property
     def words(self) -> str:
@@ -69,7 +71,7 @@ class EpisodeOutcome:
             return self.story[-1].replace("  ", ": ", 1)
         if self._session.user_intervened:
             return "no outcome: steered, pushed or changed by hand"
-        return f"undecided until {STEPS * self._session.env.dt:g} s"
+        return f"undecided until {self._max_steps * self._session.env.dt:g} s"
 
     @property
     def failed(self) -> bool:
@@ -77,22 +79,23 @@ class EpisodeOutcome:
         return bool(self.story) and not self.story[-1].endswith(SUCCEEDED)
 
 
-def _story(recorded: Sequence[_RecordedStep], session: Session) -> list[str]:
+def _story(recorded: Sequence[_RecordedStep], session: Session, max_steps: int) -> list[str]:
     """Return the events of an episode as lines of text, each with the time since the start of the episode.
 
     Args:
         recorded: Latest control steps of the episode; the first of them may be later than the start.
         session: Session of the episode.
+        max_steps: Duration of an evaluation episode, control steps.
 
     Returns:
         Lines of text; the last line is the outcome.
     """
-    episodes = _episodes(recorded, session)
+    episodes = _episodes(recorded, session, max_steps)
     start_time = recorded[0].step.number * episodes.dt
     return in_lines((start_time + time, words) for time, words in timeline(episodes, measure(episodes)))
 
 
-def _episodes(recorded: Sequence[_RecordedStep], session: Session) -> Episodes:
+def _episodes(recorded: Sequence[_RecordedStep], session: Session, max_steps: int) -> Episodes:
     """Convert recorded control steps to the record of one episode, as an evaluation uses it.
 
     The record starts with the first recorded step. Its pushes include the pushes that the user requested.
@@ -100,12 +103,13 @@ def _episodes(recorded: Sequence[_RecordedStep], session: Session) -> Episodes:
     Args:
         recorded: Latest control steps of the episode.
         session: Session of the episode.
+        max_steps: Duration of an evaluation episode, control steps.
 
     Returns:
         Record with one episode.
     """
     policy: Any = SimpleNamespace()
-    recorder = EpisodeRecorder(policy, np.array([session.seed]), STEPS)
+    recorder = EpisodeRecorder(policy, np.array([session.seed]), max_steps)
     for number, (step, failure, is_stopped) in enumerate(recorded):
         policy.failure = failure
         policy.stopped = np.array([is_stopped])

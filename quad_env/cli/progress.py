@@ -123,8 +123,17 @@ def show_bar(description: str, *, in_lines: bool = True) -> Iterator[Callable[[f
 
 
 @contextmanager
-def show_waiting(description: str) -> Iterator[None]:
-    """Show that work of unknown duration runs: a spinner on a terminal, else a line after FIRST_LINE_TIME."""
+def show_waiting(description: str, first_line_time: float = FIRST_LINE_TIME) -> Iterator[None]:
+    """Show that work of unknown duration runs.
+
+    Args:
+        description: Name of the work.
+        first_line_time: Time before the line that names the work if stderr is not a terminal, s. On a terminal a
+            spinner is shown at once.
+
+    Yields:
+        Nothing, while the work runs.
+    """
     from rich.console import Console
 
     console = Console(stderr=True)
@@ -132,7 +141,7 @@ def show_waiting(description: str) -> Iterator[None]:
         with console.status(description):
             yield
         return
-    timer = threading.Timer(FIRST_LINE_TIME, _print_line, (f"{description} …",))
+    timer = threading.Timer(first_line_time, _print_line, (f"{description} …",))
     timer.daemon = True
     timer.start()
     try:

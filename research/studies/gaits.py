@@ -36,7 +36,7 @@ from evaluate.measures.footfalls import MIN_SWING_TIME, debounce
 from evaluate.measures.metrics import measure
 from evaluate.report.headings import EFFORT_TITLES, ROW_LABEL, format_effort
 from evaluate.report.plots import drawing
-from evaluate.rollouts.rollout import STEPS
+from evaluate.rollouts import rollout
 from policies.base import CONTROL_PERIOD
 from quad_env.cli.child_process import available_cores
 from quad_env.cli.command_line import UsageError
@@ -152,7 +152,7 @@ def _walk(robot: str, name: str) -> FilmSpec:
         policies=(load_labelled_policy(policy, hardware, [walk_scenario]),),
         scenario=walk_scenario,
         seed=seed,
-        steps=STEPS,
+        steps=rollout.STEPS,
         title=re.sub(r"[^\w.-]+", "_", f"{robot}_{name}"),
         hardware=hardware,
     )

@@ -70,7 +70,7 @@ def test_command_prints_and_writes_its_figures(name: str, options: str, quick) -
 def test_all_together_names_the_command_of_a_figure_that_it_does_not_measure(quick, monkeypatch) -> None:
     measured = BenchmarkResult({}, (), (check_requirement("single_env", 1.0),))
     for name in TOGETHER:
-        monkeypatch.setattr(f"benchmarks.{name}.measure", lambda _: measured)
+        monkeypatch.setattr(importlib.import_module(f"benchmarks.{name}"), "measure", lambda _: measured)
     found = quick("__main__")
     assert set(found) == {*TOGETHER, "printed"}
     assert all(f"python -m benchmarks.{name}" in found["printed"] for name in COMMANDS[len(TOGETHER) :])

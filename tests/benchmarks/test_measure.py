@@ -5,6 +5,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
+from benchmarks.support import measure
 from benchmarks.support.bars import check_requirement
 from benchmarks.support.measure import compute_quartiles, difference, interleave, speed_ratio
 
@@ -22,7 +23,7 @@ def test_subjects_take_turns_and_the_first_round_does_not_count(monkeypatch) -> 
     def stage(*of: object) -> nullcontext:
         return nullcontext(lambda: rounds.append((*of, len(order))))
 
-    monkeypatch.setattr("benchmarks.support.measure.progress_bar", stage)
+    monkeypatch.setattr(measure, "progress_bar", stage)
     seconds = interleave({"a": lambda: subject("a"), "b": lambda: subject("b")}, 3, "title")
     assert order == ["a", "b"] * 4
     assert rounds == [("title", 4, done) for done in (2, 4, 6, 8)]

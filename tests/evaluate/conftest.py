@@ -17,7 +17,7 @@ from evaluate.measures.metrics import MEASURE_NAMES, Measures
 from evaluate.rollouts.battery import resolve
 from quad_env import SCENARIOS as NOMINAL
 from quad_env import Scenario
-from tests.seams import without_report
+from tests.seams import replace_simulation, without_report
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
     def simulated(*_args: Any, **_options: Any) -> None:
         raise AssertionError("an episode was simulated")
 
-    monkeypatch.setattr("evaluate.rollouts.rollout.run", simulated)
+    replace_simulation(monkeypatch, simulated)
 
 
 POLICIES = ("document", "stand", "trot")

@@ -71,7 +71,7 @@ def test_it_runs_as_its_first_lines_say(name: str, where: Path, monkeypatch: pyt
         printed = run.stdout
     else:
         monkeypatch.chdir(where)
-        monkeypatch.setattr("sys.argv", [str(file), *short.options.split()])
+        monkeypatch.setattr(sys, "argv", [str(file), *short.options.split()])
         short_episodes(monkeypatch, 300)
         without_report(monkeypatch)  # 30 plots
         with contextlib.suppress(SystemExit):

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from evaluate.rollouts import diagnosis, walking_test
+from live.commands import doctor
 from live.commands.doctor import DESCRIPTION_CHECKS
 from live.walking_checks import describe_spec
 from policies.external.readers import write_toml
@@ -71,7 +72,7 @@ def test_what_cannot_run_is_one_line(policy: PolicySpec) -> None:
 def test_the_description_is_written(policy: PolicySpec, tmp_path: Path, monkeypatch, refused) -> None:
     file, written = tmp_path / "trot.toml", tmp_path / "mine.toml"
     write_toml(policy, file)
-    monkeypatch.setattr("live.commands.doctor.run", lambda *_: 0)
+    monkeypatch.setattr(doctor, "run", lambda *_: 0)
     assert main(["doctor", "--policy", str(file), "--write", str(written)]) == 0
     assert written.read_text(encoding="utf-8") == file.read_text(encoding="utf-8")
     assert "has no description" in refused(main, "doctor", "--policy", "trot", "--write", written)
@@ -79,7 +80,7 @@ def test_the_description_is_written(policy: PolicySpec, tmp_path: Path, monkeypa
 
 def test_what_a_file_does_not_say_is_written_as_comments(policy: PolicySpec, monkeypatch, capsys, refused) -> None:
     folder = policy.network.parent
-    monkeypatch.setattr("live.commands.doctor.run", lambda *_: 0)
+    monkeypatch.setattr(doctor, "run", lambda *_: 0)
     written = folder / "mine.toml"
     assert main(["doctor", "--policy", str(policy.network), "--write", str(written)]) == 0
     assert f"{written}: complete control_rate, joints, default_position, action_scale" in capsys.readouterr().out

@@ -15,6 +15,7 @@ import pytest
 
 import policies
 import quad_env
+from evaluate import cells
 from evaluate.cells import evaluation_seeds
 from evaluate.measures import metrics
 from evaluate.rollouts import rollout
@@ -22,6 +23,7 @@ from policies.base import Policy
 from quad_env import seeding
 from quad_env.columns import Components
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
+from quad_env.physics import simulation
 from quad_env.physics.simulation import Simulation
 from quad_env.physics.state import QuadState
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -179,7 +181,7 @@ def world_for_heading_frame(patch: pytest.MonkeyPatch) -> None:
         yaw_rate = sum(axis * rate for axis, rate in zip(rotation[2], angular_body, strict=True))
         return linear_world[0], linear_world[1], yaw_rate
 
-    patch.setattr("quad_env.physics.simulation.heading_velocity", faulty)
+    patch.setattr(simulation, "heading_velocity", faulty)
 
 
 def roll_for_pitch_in_gravity(patch: pytest.MonkeyPatch) -> None:
@@ -220,10 +222,7 @@ def time_out_counted_as_fall(patch: pytest.MonkeyPatch) -> None:
 
 
 def evaluation_draws_training_seeds(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(
-        "evaluate.cells.episode_seeds",
-        lambda _, seed, count: seeding.episode_seeds("training", seed, count),
-    )
+    patch.setattr(cells, "episode_seeds", lambda _, seed, count: seeding.episode_seeds("training", seed, count))
 
 
 FAULTS: Faults = {

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from tests.planted_faults.harness import Faults, Plant, checks_of, fault_tests
 from train import training_robots, validation
 from train.config import PpoConfig, TrainConfig, ValidationConfig
 from train.run import make_env
-from train.search import trot
+from train.search import cmaes, trials, trot
 from train.search.cmaes import SearchOptions, SearchProblem, evolve
 
 JUDGED = ValidationConfig(episodes=1, scenarios=("flat", "push", "rough"))
@@ -221,25 +222,25 @@ def without_profile(original: Any) -> Any:
     return lambda *args, **kwargs: replace(original(*args, **kwargs), hardware=False)
 
 
-def seeds_of_evaluation(module: str) -> Plant:
-    """The module draws its episodes from the evaluation's family."""
+def seeds_of_evaluation(module: ModuleType) -> Plant:
+    """Let a module draw its episodes from the evaluation seeds."""
     return lambda patch: patch.setattr(
-        f"{module}.episode_seeds", lambda _, seed, count: episode_seeds("evaluation", seed, count)
+        module, "episode_seeds", lambda _, seed, count: episode_seeds("evaluation", seed, count)
     )
 
 
-def ground_of_evaluation(module: str) -> Plant:
-    """The module has the evaluation's own surface."""
-    return lambda patch: patch.setattr(f"{module}.with_terrain_seed", lambda name, *_, **__: scenario(name))
+def ground_of_evaluation(module: ModuleType) -> Plant:
+    """Let a module simulate on the terrain of the evaluation."""
+    return lambda patch: patch.setattr(module, "with_terrain_seed", lambda name, *_, **__: scenario(name))
 
 
 FAULTS: Faults = {
     "best checkpoint on evaluation seeds": (
-        seeds_of_evaluation("train.validation"),
+        seeds_of_evaluation(validation),
         check_validation_is_on_its_own_episodes_and_ground,
     ),
     "validation on evaluation ground": (
-        ground_of_evaluation("train.validation"),
+        ground_of_evaluation(validation),
         check_validation_is_on_its_own_episodes_and_ground,
     ),
     "profile not passed to validation": (
@@ -273,19 +274,19 @@ FAULTS: Faults = {
         check_training_robots_are_randomised,
     ),
     "searches on evaluation seeds": (
-        seeds_of_evaluation("train.search.cmaes"),
+        seeds_of_evaluation(cmaes),
         check_searches_are_on_their_own_episodes_and_ground,
     ),
     "search of the trot on evaluation ground": (
-        ground_of_evaluation("train.search.trials"),
+        ground_of_evaluation(trials),
         check_searches_are_on_their_own_episodes_and_ground,
     ),
     "training on evaluation seeds": (
-        seeds_of_evaluation("train.training_robots"),
+        seeds_of_evaluation(training_robots),
         check_training_robots_have_their_own_episodes_and_ground,
     ),
     "training on evaluation ground": (
-        ground_of_evaluation("train.training_robots"),
+        ground_of_evaluation(training_robots),
         check_training_robots_have_their_own_episodes_and_ground,
     ),
 }

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from research.training import curves
 from research.training.curves import SeedBand, draw_bands, group_by_seed, read_curve
 from tests.planted_faults.harness import Faults, checks_of, fault_tests
 from tests.research.test_curves import folder_of_run
 from train.config import PpoConfig, TrainConfig
+from train.sb3 import progress
 from train.sb3.progress import ProgressEstimator
 
 
@@ -50,7 +52,7 @@ def over_one_run(self: SeedBand) -> Any:
 
 FAULTS: Faults = {
     "a curve from another run's file": (
-        lambda patch: patch.setattr("research.training.curves.VALIDATIONS_FILE", "../a/validations.json"),
+        lambda patch: patch.setattr(curves, "VALIDATIONS_FILE", "../a/validations.json"),
         check_a_curve_is_that_of_its_run_and_its_band_goes_from_seed_to_seed,
     ),
     "a band over one run's validations": (
@@ -62,7 +64,7 @@ FAULTS: Faults = {
         check_the_time_left_has_the_validations_in_it,
     ),
     "speed with the time of validations": (
-        lambda patch: patch.setattr("train.sb3.progress.sum", lambda _: 0.0, raising=False),
+        lambda patch: patch.setattr(progress, "sum", lambda _: 0.0, raising=False),
         check_the_time_left_has_the_validations_in_it,
     ),
 }

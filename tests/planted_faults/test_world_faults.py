@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evaluate.analysis import breaking_points, severity_levels
+from evaluate.analysis import breaking_points, score, severity_levels
 from evaluate.analysis.score import compute_scores
 from evaluate.cells import LabelledPolicy, PolicyScenarioResult, load_labelled_policy
 from evaluate.hardware import IDEAL, HardwareConfig
@@ -12,6 +12,7 @@ from evaluate.rollouts.run import RunSettings, run_cells
 from quad_env import SIMPLE_QUAD
 from quad_env.actuation.hardware import HardwareProfile
 from quad_env.actuation.models import Actuator
+from quad_env.envs import base
 from tests.batches import begun
 from tests.evaluate.conftest import outcomes
 from tests.planted_faults.harness import Faults, checks_of, fault_tests
@@ -64,12 +65,12 @@ def without_worlds(patch: pytest.MonkeyPatch) -> None:
 FAULTS: Faults = {
     "grouping by the axis's name alone": (without_worlds, check_axes_and_their_breaking_points_are_of_one_world),
     "a score over both worlds": (
-        lambda patch: patch.setattr("evaluate.analysis.score.is_scored", lambda *_: True),
+        lambda patch: patch.setattr(score, "is_scored", lambda *_: True),
         check_a_score_is_of_one_world,
     ),
     "profile not passed": (
         lambda patch: patch.setattr(
-            "quad_env.envs.base.hardware_profile", lambda _: HardwareProfile(Actuator(), "truth", "complementary")
+            base, "hardware_profile", lambda _: HardwareProfile(Actuator(), "truth", "complementary")
         ),
         check_each_cell_has_its_hardware_and_a_policy_with_the_makers_gains,
     ),

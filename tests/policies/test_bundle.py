@@ -13,6 +13,7 @@ from safetensors.numpy import load_file, save_file
 
 import policies
 from policies.bundle import DESCRIPTION, WEIGHTS, load, save
+from policies.gaits import policy as gaits_policy
 from policies.history import Inputs
 from policies.mpc.sighted import SightedMpcWbc
 from policies.network import Network
@@ -91,7 +92,7 @@ def test_a_residual_over_any_base_loads_as_it_was_whatever_has_been_searched_sin
     save(tmp_path, policy, training={}, git_revision="")
     in_force = ParameterFile.load_for_robot
     monkeypatch.setattr(ParameterFile, "load_for_robot", lambda *of: replace(in_force(*of), frequency=1.5))
-    monkeypatch.setattr("policies.gaits.policy.searched_parameters", lambda *_: pytest.fail("that is another base"))
+    monkeypatch.setattr(gaits_policy, "searched_parameters", lambda *_: pytest.fail("that is another base"))
     loaded = load(tmp_path)
     assert (loaded.base.name, type(loaded.base)) == (name, type(base))
     assert trajectory(loaded, 6) == trajectory(policy, 6)

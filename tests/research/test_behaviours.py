@@ -6,8 +6,7 @@ import pytest
 import policies
 from evaluate.measures.metrics import measure
 from evaluate.rollouts.rollout import run
-from policies.behaviour import Behaviour
-from policies.behaviour.motion import jump_keyframes
+from policies.behaviour import Behaviour, motion
 from policies.safety import Safe
 from quad_env import OBSERVATION, OBSERVATION_SIZE
 from quad_env.physics.simulation import ALL, Simulation
@@ -24,8 +23,8 @@ def test_a_jump_rises_and_lands_standing_but_not_without_its_thrust(monkeypatch)
     assert outcome.rise.min() >= 0.15
     assert outcome.peak_torque <= SIMPLE_QUAD.rated_torque
     assert "landed standing: 4 of 4" in jump.format_result(outcome)
-    crouch, *_, stand = jump_keyframes(SIMPLE_QUAD)
-    monkeypatch.setattr("policies.behaviour.motion.jump_keyframes", lambda _: (crouch, stand))
+    crouch, *_, stand = motion.jump_keyframes(SIMPLE_QUAD)
+    monkeypatch.setattr(motion, "jump_keyframes", lambda _: (crouch, stand))
     outcome = jump.run_jump(Behaviour(follow=False), episode_seeds("search", 9, 2))
     assert outcome.rise.max() < 0.05
     assert "landed standing: 0 of 2" in jump.format_result(outcome)

@@ -1,7 +1,6 @@
 """Measured gaits: the strides in contacts, figures and pictures on the pages that name a controller, and which do."""
 
 import re
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from PIL import Image
 import policies
 from research.__main__ import main
 from research.studies.gaits import PLACE, draw_gait_diagram, find_stride
+from tests.seams import short_episodes
 
 ROOT = Path(__file__).parents[2]
 PAGES = "".join(
@@ -49,8 +49,7 @@ def test_the_diagram_is_filled_where_the_foot_is_on_the_ground() -> None:
 
 @pytest.mark.rendering
 def test_a_page_gets_figures_film_and_strip_of_each_controller_that_it_names(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("research.studies.gaits.STEPS", 620)
-    monkeypatch.setattr("research.studies.gaits.ProcessPoolExecutor", lambda *_: ThreadPoolExecutor(1))
+    short_episodes(monkeypatch, 620)
     page, out = tmp_path / "page.md", tmp_path / "pictures"
     page.write_text("a\n<!-- gaits simple_quad trot stand@flat -->\nold\n<!-- /gaits -->\nb\n", encoding="utf-8")
     assert main(["gaits", str(page), "--out", str(out)]) == 0

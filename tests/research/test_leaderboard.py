@@ -5,6 +5,7 @@ import csv
 import hashlib
 import io
 import json
+import urllib.request
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
@@ -130,7 +131,7 @@ def test_a_file_of_another_hash_is_refused(folder, refused) -> None:
 def answer(content: bytes, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Have every address hold that content; the addresses that are asked for."""
     asked: list[str] = []
-    monkeypatch.setattr("urllib.request.urlopen", lambda url, timeout: asked.append(url) or io.BytesIO(content))
+    monkeypatch.setattr(urllib.request, "urlopen", lambda url, timeout: asked.append(url) or io.BytesIO(content))
     return asked
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from tensorboard.summary.writer.record_writer import RecordWriter
 
 import policies
 from evaluate.commands.options import EvaluateOptions
@@ -20,6 +21,8 @@ from evaluate.commands.plan import check
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.files.writing import exclusive_lock
 from quad_env.physics import simulation
+from tests.seams import replace_validation
+from train import run as training_run
 from train.__main__ import main
 from train.commands.run import BASIC_OPTIONS, COMMANDS, parse
 from train.learning_curve import write_curve
@@ -134,7 +137,7 @@ def test_a_disk_that_fills_up_under_tensorboard_is_one_line_too(tmp_path, monkey
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("tensorboard.summary.writer.record_writer.RecordWriter.write", full)
+    monkeypatch.setattr(RecordWriter, "write", full)
     assert main([*TINY, "--steps", "256", "--out", str(tmp_path / "run")]) == 2
     assert "(No space left on device)" in one_line(capsys)
 
@@ -165,7 +168,7 @@ def test_a_finished_run_says_how_to_extend_it_and_can_be(copied_run, capsys):
 def test_tensorboard_has_every_validation_and_update_at_the_step_it_was_made(tmp_path, monkeypatch):
     errors = iter([0.5, 0.25, 0.75])
     flat = {"success_rate": 0.5, "yaw_rate_error": 0.0, "fall_rate": 0.0, "energy": 1.0, "cost_of_transport": 0.5}
-    monkeypatch.setattr("train.sb3.callbacks.validate", lambda *_: {"flat": flat | {"velocity_error": next(errors)}})
+    replace_validation(monkeypatch, lambda *_: {"flat": flat | {"velocity_error": next(errors)}})
     folder = tmp_path / "run"
     words = ["--ppo.hold", "1", "--validation.interval", "256", "--steps", "640"]
     assert main([*TINY, *words, "--out", str(folder)]) == 0
@@ -217,7 +220,7 @@ def test_ctrl_c_speaks_of_no_resume_where_there_is_no_checkpoint(tmp_path, monke
     def interrupted(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("train.run.train", interrupted)
+    monkeypatch.setattr(training_run, "train", interrupted)
     assert main([*TINY, "--out", str(tmp_path / "run")]) == 130
     assert "--resume" not in capsys.readouterr().err
 
@@ -227,7 +230,7 @@ def test_a_run_that_cannot_be_set_up_leaves_no_folder(step, tmp_path, monkeypatc
     def fail(*_):
         raise OSError("out of threads")
 
-    monkeypatch.setattr(f"train.run.{step}", fail)
+    monkeypatch.setattr(training_run, step, fail)
     assert main([*TINY, "--out", str(tmp_path / "run")]) == 2
     assert "out of threads" in one_line(capsys)
     assert not (tmp_path / "run").exists()

@@ -21,8 +21,10 @@ import policies
 from policies.network import Network
 from policies.parameters import ParameterFile
 from quad_env.physics.footsteps import FootContactTracker
+from tests.seams import replace_validation
 from train import run as training_run
 from train.__main__ import main
+from train.curriculum import CommandIntervalTracker
 from train.run_folder import CHECKPOINTS, METRICS_FILE, VALIDATIONS_FILE, steps_done
 from train.sb3 import callbacks, checkpoint
 from train.sb3.vec_env import TrainingVecEnv
@@ -71,9 +73,9 @@ def every_step_an_interval(_, __, velocity, ___):
 
 
 def quicken(monkeypatch):
-    monkeypatch.setattr("train.sb3.callbacks.validate", of_weights)
-    monkeypatch.setattr("train.sb3.callbacks.write_curve", lambda *_: None)
-    monkeypatch.setattr("train.curriculum.CommandIntervalTracker.step", every_step_an_interval)
+    replace_validation(monkeypatch, of_weights)
+    monkeypatch.setattr(callbacks, "write_curve", lambda *_: None)
+    monkeypatch.setattr(CommandIntervalTracker, "step", every_step_an_interval)
 
 
 @pytest.fixture(autouse=True)
@@ -290,6 +292,6 @@ def test_a_bundle_has_the_base_of_the_start_whatever_is_searched_meanwhile(tmp_p
         monkeypatch.setattr(ParameterFile, "load_for_robot", searched_since)
         return of_weights(*_)
 
-    monkeypatch.setattr("train.sb3.callbacks.validate", judged)
+    replace_validation(monkeypatch, judged)
     begin(tmp_path / "run")
     assert policies.load(tmp_path / "run" / "last").base.parameters == at_the_start

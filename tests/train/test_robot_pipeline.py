@@ -1,6 +1,7 @@
 """The whole way with a robot of somebody's own: every stage leaves its outcome, and none is done twice."""
 
 import json
+import sys
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
@@ -139,7 +140,7 @@ def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         raise KeyboardInterrupt("kept what was found")
 
     monkeypatch.setattr(robot_pipeline.trot, "main", stop)
-    monkeypatch.setattr("sys.argv", ["train", "robot", "my robot.xml"])
+    monkeypatch.setattr(sys, "argv", ["train", "robot", "my robot.xml"])
     options = robot_pipeline.RobotPipelineOptions(robot=str(tmp_path / "alike.xml"), out=tmp_path / "out")
     with pytest.raises(KeyboardInterrupt) as said:
         robot_pipeline.main(options)

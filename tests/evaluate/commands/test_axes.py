@@ -11,6 +11,7 @@ from rich.console import Console
 from evaluate.__main__ import main
 from evaluate.analysis.severity_levels import severity_axes
 from evaluate.cells import EpisodeChunk
+from evaluate.commands import execution, plan
 from evaluate.commands.options import EvaluateOptions
 from evaluate.commands.outputs import analyse_run
 from evaluate.records.episode_table import read_table, write_table
@@ -18,7 +19,7 @@ from evaluate.records.manifest import read
 from evaluate.records.store import ChunkStore, read_run
 from evaluate.report.table import print_levels
 from quad_env.scenarios.axes import AXES
-from tests.seams import short_episodes
+from tests.seams import replace_report, short_episodes
 
 
 @pytest.fixture(scope="module")
@@ -27,10 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("axes")
     with pytest.MonkeyPatch.context() as patch:
         short_episodes(patch, 110)
-        patch.setattr(
-            "evaluate.commands.outputs.write_report",
-            lambda _, path, **_options: path.write_text("report", encoding="utf-8"),
-        )
+        replace_report(patch, lambda _, path, **_options: path.write_text("report", encoding="utf-8"))
         arguments = ["--policies", "document", "stand", "--episodes", "2", "--out", str(place / "out")]
         assert main(["axes", "push", *arguments]) == 0
     return place
@@ -55,8 +53,8 @@ def test_the_table_fits_into_80_columns_and_shows_severities_and_rates(folder) -
 def test_every_other_option_is_that_of_a_comparison(monkeypatch) -> None:
     """What `axes` asks for is what `--scenarios NAME:all` and the same words ask for."""
     asked = []
-    monkeypatch.setattr("evaluate.commands.plan.check", lambda options: asked.append(options) or None)
-    monkeypatch.setattr("evaluate.commands.execution.execute", lambda *_, **__: 0)
+    monkeypatch.setattr(plan, "check", lambda options: asked.append(options) or None)
+    monkeypatch.setattr(execution, "execute", lambda *_, **__: 0)
     words = (
         "--policies stand --episodes 5 --servo 40/1.5 --actuator motor --sensors typical --estimator kalman --at-once 2"
     )

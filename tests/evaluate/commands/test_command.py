@@ -15,7 +15,7 @@ import policies
 from evaluate.__main__ import main
 from evaluate.records.store import FILES
 from quad_env.files.writing import FolderInUseError, exclusive_lock
-from tests.seams import replace_report
+from tests.seams import full_disk, replace_report, replace_simulation
 
 PYTHON = (sys.executable, "-W", "error")
 
@@ -40,13 +40,7 @@ QUICK = ("--policies", "document", "--scenarios", "flat", "--episodes", "1")
 def test_a_disk_that_fills_up_loses_neither_table_nor_other_files(capsys, tmp_path, monkeypatch, failing) -> None:
     """As the write of one file fails after everything has been simulated; a single episode has no intervals."""
 
-    def write(path: Path, content: bytes) -> None:
-        if path.name == failing:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        path.write_bytes(content)
-
-    for module in ("analysis.results", "records.parquet", "report.page"):
-        monkeypatch.setattr(f"evaluate.{module}.write_atomically", write)
+    full_disk(monkeypatch, failing)
     assert main([*QUICK, "--out", str(tmp_path)]) == 2
     printed = capsys.readouterr()
     assert "2.000" in printed.out
@@ -175,7 +169,7 @@ def test_the_folder_is_the_runs_own_until_everything_is_written(capsys, tmp_path
             held.append(True)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("evaluate.rollouts.rollout.run", looked)
+    replace_simulation(monkeypatch, looked)
     assert main(["--policies", "trot", "--threads", "1", "--out", str(tmp_path)]) == 130
     assert held == [True]
     monkeypatch.undo()

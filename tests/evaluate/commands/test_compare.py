@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
@@ -17,6 +18,7 @@ from evaluate.records.episode_table import read_table
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.scenario import with_hardware_profile
 from tests.evaluate.altered import column, other
+from tests.seams import short_episodes, without_report
 
 
 def compare(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
@@ -185,18 +187,21 @@ def test_the_answer_whether_the_ranking_survives(run, tmp_path, capsys) -> None:
     assert json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["rank_correlation"] is None
 
 
-def test_success_that_differs_after_correction_is_named(run, tmp_path, capsys, monkeypatch) -> None:
-    """Five of five in B alone: with five episodes p is 2 / 2^5, and corrected it is no claim at 5 %."""
-    monkeypatch.setattr("evaluate.commands.compare.SIGNIFICANT", 0.9)
-    monkeypatch.setattr("evaluate.analysis.ranking.RANKING_WEIGHT", 0.001)
+def test_success_that_differs_after_correction_is_named(tmp_path, capsys, monkeypatch) -> None:
+    """Let 20 of 20 episodes succeed in B alone: p is 2 / 2^20, significant after any correction."""
+    short_episodes(monkeypatch, 150)
+    without_report(monkeypatch)
+    folder = tmp_path / "a"
+    words = ["--policies", "document", "stand", "--scenarios", "flat", "--episodes", "20", "--out", str(folder)]
+    assert main(words) == 0
 
     def changed(rows: pa.Table) -> pa.Table:
         outcomes = np.array(rows.column("outcome").to_pylist(), dtype=object)
         outcomes[np.array(rows.column("policy").to_pylist()) == "document"] = "succeeded"
         return column(rows, "outcome", outcomes.tolist())
 
-    said = compare(capsys, run.folder, other(run, tmp_path / "b", changed))[1]
-    assert "success differs: document on flat, 100.0 points, p\u00a0=\u00a00." in said
+    said = compare(capsys, folder, other(SimpleNamespace(folder=folder), tmp_path / "b", changed))[1]
+    assert "success differs: document on flat, 100.0 points, p\u00a0<\u00a00.001" in said
     assert "success differs: stand" not in said
 
 

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from evaluate.__main__ import main
-from evaluate.commands import pages
+from evaluate.commands import outputs, pages, replay
 from evaluate.film.shooting import FilmSpec
 from evaluate.records.store import EPISODES, read_run
+from policies import registry
 from quad_env.cli.command_line import UsageError
 
 
@@ -69,7 +70,7 @@ def test_what_was_made_is_kept(copied, made, capsys, monkeypatch, error, code) -
 
 def test_pages_are_of_whole_runs_with_policies_that_are_there(copied, made, refused) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("policies.registry.MAKERS", {})
+        patch.setattr(registry, "MAKERS", {})
         assert "the policy of that episode is not here" in refused(main, "report", copied, "--pages")
     (copied / "pages").write_text("", encoding="utf-8")
     assert "--pages: cannot write to the folder" in refused(main, "report", copied, "--pages")
@@ -84,7 +85,7 @@ def test_pages_are_of_whole_runs_with_policies_that_are_there(copied, made, refu
 
 def test_a_page_shows_the_episode_and_another_policy_on_the_same_seed(run, tmp_path, monkeypatch, capsys) -> None:
     shown: list[FilmSpec] = []
-    monkeypatch.setattr("evaluate.commands.replay.write_page", lambda take, path, progress: shown.append(take))
+    monkeypatch.setattr(replay, "write_page", lambda take, path, progress: shown.append(take))
     assert main(["replay", str(run.folder), "13", "--page", str(tmp_path / "a.html"), "--against", "stand"]) == 0
     cell = read_run(run.folder).cells[2]
     assert [policy.label for policy in shown[0].policies] == [cell.policy, "stand"] == ["trot", "stand"]
@@ -97,7 +98,7 @@ def test_files_that_can_hide_code_are_loaded_for_pages_where_they_are_trusted(co
     monkeypatch.setattr(pages, "load_policy", lambda label, _, trust: given.append((label, trust)))
     monkeypatch.setattr(pages.ReplayTarget, "film_spec", lambda *_: None)
     monkeypatch.setattr(pages, "write_page", lambda *_: None)
-    monkeypatch.setattr("evaluate.commands.outputs.write_results", lambda *_: 0)
+    monkeypatch.setattr(outputs, "write_results", lambda *_: 0)
     for word in ([], ["--trust"]):
         assert main(["report", str(copied), "--pages", *word]) == 0
     assert {trust for _, trust in given[: len(given) // 2]} == {False}

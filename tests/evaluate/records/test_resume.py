@@ -8,6 +8,8 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +25,7 @@ from evaluate.records.episode_table import cell_of, read_table, table, write_tab
 from evaluate.records.store import FILES
 from evaluate.rollouts import rollout
 from quad_env.files.writing import write_atomically
-from tests.seams import replace_report
+from tests.seams import full_disk, replace_report, replace_simulation
 
 STEPS = 150
 RUN = ("--policies", "stand", "trot", "--scenarios", "flat", "push:4", "--episodes", "5", "--seed", "2")
@@ -37,9 +39,9 @@ from evaluate.rollouts import rollout
 from evaluate.__main__ import main
 from quad_env.files import writing as files
 from evaluate.commands import outputs as ending
-from evaluate.analysis import results
+from evaluate.analysis.results import results_to_json
 rollout.STEPS = int(sys.argv[1])
-ending.write_report = lambda found, path, **_: files.write_atomically(path, repr(results.as_json(found)).encode())
+ending.write_report = lambda found, path, **_: files.write_atomically(path, repr(results_to_json(found)).encode())
 left = int(sys.argv[2])
 class Dying(type(files.Path())):
     def replace(self, target):
@@ -255,16 +257,26 @@ def full(*_arguments, **_options):
     raise OSError(28, "No space left on device")
 
 
+def full_disk_for(name: str) -> Callable[[pytest.MonkeyPatch], None]:
+    """Return a function that lets writes of the files with a name fail, in tests with its `patch`."""
+    return lambda patch: full_disk(patch, name)
+
+
 @pytest.mark.parametrize(
-    ("place", "said"),
+    ("prepare", "said"),
     [
-        ("rollouts.rollout.run", "cannot go on (No space left on device); begin again, for nothing"),
-        ("records.parquet.write_atomically", "cannot write to {} (No space left on device); make room, then begin"),
-        ("records.manifest.Manifest.write", "make room, then begin again, for nothing was done yet"),
+        (
+            partial(replace_simulation, simulate=full),
+            "cannot go on (No space left on device); begin again, for nothing",
+        ),
+        (full_disk_for("*.parquet"), "cannot write to {} (No space left on device); make room, then begin"),
+        (full_disk_for("manifest.json"), "make room, then begin again, for nothing was done yet"),
     ],
 )
-def test_a_failure_of_the_system_is_told_from_one_of_the_folder(tmp_path, monkeypatch, place, said) -> None:
-    monkeypatch.setattr(f"evaluate.{place}", full)
+def test_errors_of_the_simulation_and_of_the_results_folder_have_different_remedies(
+    tmp_path, monkeypatch, prepare, said
+) -> None:
+    prepare(monkeypatch)
     code, error = evaluate(*RUN, "--threads", "1", "--out", tmp_path)
     assert code == 2
     assert said.format(tmp_path) in error.splitlines()[-1]

@@ -14,7 +14,7 @@ from evaluate.rollouts import rollout
 from evaluate.statistics.sequential import correction
 from quad_env.files.writing import write_atomically
 from tests.evaluate.records.test_resume import a_page, assert_same, evaluate, full
-from tests.seams import replace_report
+from tests.seams import full_disk, replace_report
 
 RUN = ("stand", "trot", "--scenarios", "flat", "push:4", "--until", "settled", "--episodes", "16", "--seed", "2")
 ONE = ("--threads", "1", "--out")
@@ -94,7 +94,7 @@ def test_one_that_dies_goes_on_to_the_same_files(settled, tmp_path, monkeypatch,
 
 
 def test_one_that_dies_while_it_ends_goes_on_to_the_same_files(settled, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("evaluate.commands.execution.write_results", full)
+    full_disk(monkeypatch, "results.json", "episodes.parquet", "report.html")
     assert evaluate(*RUN, *ONE, tmp_path)[0] == 2
     monkeypatch.undo()
     monkeypatch.setattr(rollout, "run", None)

@@ -84,7 +84,7 @@ def test_a_lost_worker_is_one_line(tmp_path, monkeypatch, capsys) -> None:
     short_episodes(monkeypatch, STEPS)
     run = ["--policies", "stand", "trot", "--scenarios", "flat", "push", "--episodes", "4"]
     resolve = policies.resolve
-    monkeypatch.setattr("policies.resolve", lambda name, **how: Deadly() if name == "trot" else resolve(name, **how))
+    monkeypatch.setattr(policies, "resolve", lambda name, **how: Deadly() if name == "trot" else resolve(name, **how))
     assert main([*run, "--threads", "2", "--out", str(tmp_path)]) == 2
     error = capsys.readouterr().err.splitlines()[-1]
     assert error.startswith("error: a worker process was killed")

@@ -13,8 +13,8 @@ from live.session import Session
 from live.view.outcome import EpisodeOutcome
 
 
-def watched(session: Session, steps: int) -> EpisodeOutcome:
-    outcome = EpisodeOutcome(session)
+def watched(session: Session, steps: int, max_steps: int = STEPS) -> EpisodeOutcome:
+    outcome = EpisodeOutcome(session, max_steps)
     for _ in range(steps):
         session.step()
         outcome.record()
@@ -42,10 +42,9 @@ def test_a_fall_has_the_story_and_the_cause_of_an_evaluation_and_keeps_it(name: 
         assert outcome.words == before  # though it goes on, and is pushed
 
 
-def test_success_is_said_at_the_end_of_the_time_and_never_of_what_was_steered(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("live.view.outcome.STEPS", 150)
+def test_success_is_said_at_the_end_of_the_time_and_never_of_what_was_steered() -> None:
     with closing(Session(policies.make("stand"), command=(0.0, 0.0, 0.0))) as session:
-        outcome = watched(session, 149)
+        outcome = watched(session, 149, 150)
         assert outcome.words == "undecided until 1.5 s"
         session.step()
         outcome.record()
@@ -55,17 +54,14 @@ def test_success_is_said_at_the_end_of_the_time_and_never_of_what_was_steered(mo
         assert session.user_intervened
         session.reset()
         session.steer((0.5, 0.0, 0.0))
-        outcome = watched(session, 151)
+        outcome = watched(session, 151, 150)
         assert outcome.words == "no outcome: steered, pushed or changed by hand"
 
 
-def test_a_push_by_hand_long_after_the_start_is_a_cause_and_times_are_those_of_the_episode(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("live.view.outcome.STEPS", 200)
+def test_a_push_by_hand_long_after_the_start_is_a_cause_and_times_are_those_of_the_episode() -> None:
     with closing(Session(policies.make("stand"))) as session:
         session.steer(np.zeros(3))
-        outcome = watched(session, 0)
+        outcome = watched(session, 0, 200)
         for number in range(300):
             if number == 220:
                 session.push((0.0, 1500.0), 0.1)

@@ -5,7 +5,7 @@ import queue
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
-from types import SimpleNamespace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -82,7 +82,7 @@ def test_pictures_are_of_the_robots_and_the_ground_of_now(drawn: "tuple[RenderTh
     assert painter.failure is None
 
 
-def test_half_the_speed_takes_twice_the_time_and_a_pause_is_not_caught_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_half_the_speed_takes_twice_the_time_and_a_pause_is_not_caught_up() -> None:
     """By a clock on which nothing but sleep takes time, whatever else the machine does."""
     now = 100.0
 
@@ -90,7 +90,7 @@ def test_half_the_speed_takes_twice_the_time_and_a_pause_is_not_caught_up(monkey
         nonlocal now
         now += duration
 
-    monkeypatch.setattr("quad_env.cli.real_time_rate.time", SimpleNamespace(perf_counter=lambda: now, sleep=sleep))
+    make_rate = partial(RealTimeRate, 0.01, clock=lambda: now, sleep=sleep)
 
     def seconds(pace: RealTimeRate, steps: int) -> float:
         begin = now
@@ -98,8 +98,8 @@ def test_half_the_speed_takes_twice_the_time_and_a_pause_is_not_caught_up(monkey
             pace.wait()
         return now - begin
 
-    assert seconds(RealTimeRate(0.01, speed=0.5), 21) == pytest.approx(0.4)
-    quick = RealTimeRate(0.01, speed=4.0)
+    assert seconds(make_rate(speed=0.5), 21) == pytest.approx(0.4)
+    quick = make_rate(speed=4.0)
     assert seconds(quick, 21) == pytest.approx(0.05)
     sleep(0.2)
     quick.resume()

@@ -47,9 +47,8 @@ def test_work_that_is_done_at_once_says_nothing(capsys) -> None:
     assert capsys.readouterr().err == ""
 
 
-def test_work_of_unknown_length_is_named_after_a_while(monkeypatch, capsys) -> None:
-    monkeypatch.setattr("quad_env.cli.progress.FIRST_LINE_TIME", 0.01)
-    with show_waiting("writing report.html"):
+def test_work_of_unknown_length_is_named_after_a_while(capsys) -> None:
+    with show_waiting("writing report.html", first_line_time=0.01):
         deadline = time.monotonic() + 20.0
         said = ""
         while not said and time.monotonic() < deadline:

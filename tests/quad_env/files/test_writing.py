@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+from filelock import FileLock
 
 from quad_env.files.writing import FolderInUseError, exclusive_lock
 
@@ -58,7 +59,7 @@ def test_where_the_system_has_no_locks_no_process_is_kept_out(tmp_path, monkeypa
     def unsupported(*_) -> None:
         raise OSError(95, "Operation not supported")
 
-    monkeypatch.setattr("filelock.FileLock.acquire", unsupported)
+    monkeypatch.setattr(FileLock, "acquire", unsupported)
     with exclusive_lock(tmp_path), exclusive_lock(tmp_path):
         pass
 

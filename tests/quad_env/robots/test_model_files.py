@@ -17,6 +17,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from quad_env import Robot
+from quad_env.cli import limited_process
 from quad_env.describe import description_lines
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.model import compile_model
@@ -467,7 +468,7 @@ def test_a_model_is_read_apart_once_and_no_installed_one_is(tmp_path: Path, monk
     def noted(function: Any, file: Path, **options: Any) -> None:
         asked.append(file)
 
-    monkeypatch.setattr("quad_env.cli.limited_process.read_limited", noted)
+    monkeypatch.setattr(limited_process, "read_limited", noted)
     robot_of_text(tmp_path, PLAIN)
     assert set(asked) == {tmp_path / "made.xml"}
     asked.clear()

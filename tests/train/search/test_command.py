@@ -11,6 +11,7 @@ from policies.trot.open_loop import TrotParameters
 from quad_env.seeding import episode_seeds
 from tests.batches import Batch, begun
 from tests.quad_env.robots.alike import alike
+from tests.seams import full_disk
 from train.__main__ import main
 from train.search import cmaes, trot
 from train.search.trot import TrotSearchOptions
@@ -130,11 +131,7 @@ def test_a_search_that_is_stopped_at_once_writes_nothing(tmp_path: Path, monkeyp
 def test_an_outcome_that_cannot_be_written_is_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def full(path: Path, content: bytes) -> None:
-        if path.name == "found.json":
-            raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("train.search.cmaes.write_atomically", full)
+    full_disk(monkeypatch, "found.json")
     assert Kept(tmp_path, monkeypatch, FOUND).code == 2
     printed = capsys.readouterr()
     assert "No space left" in printed.err
