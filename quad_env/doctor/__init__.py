@@ -1,1 +1,1 @@
-"""Diagnosis of an installation, a robot or a policy: faults with causes and remedies."""
+"""The command `doctor`: finds faults of the installation, a robot or a policy, with causes and remedies."""

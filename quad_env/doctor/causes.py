@@ -1,7 +1,8 @@
-"""Diagnosis of a robot that does not stand: tests the remedy of each suspected cause in simulation.
+"""Diagnosis of a robot that does not stand in simulation: finds the likely cause, and proposes a remedy.
 
-The first remedy with which the robot stands is proposed. The tested causes are servo gains, implausible inertias, joint
-springs and self-contacts. Servo gains that the robot already has are never proposed.
+The remedy of each suspected cause is tested in simulation. The first remedy with which the robot stands is proposed.
+The tested causes are servo gains, implausible inertias, joint springs and self-contacts. Servo gains that the robot
+already has are never proposed.
 """
 
 from collections.abc import Callable, Iterator
@@ -21,29 +22,29 @@ from quad_env.robots.similarity import scaled_servo_gains
 from quad_env.robots.unlikely_inertias import find_unlikely_inertias
 
 GAIN_TOLERANCE = 0.1
-"""Largest relative difference between servo gains that are considered equal."""
+"""Relative difference between two servo gains up to which they are considered equal, dimensionless."""
 _SHOWN = 3
-"""Largest number of names that a message lists."""
+"""Largest number of names that a message lists; further names are only counted."""
 
 ModelChange = Callable[[Any], None]
-"""Function that changes the model of a simulation of one robot."""
+"""Function that takes the simulation of one robot and changes its model in place."""
 
 
 @dataclass(frozen=True)
 class Suspect:
-    """Suspected cause of a failed stance test, with its remedy; made by `_suspects`."""
+    """Suspected cause of a robot that fails to stand, with a remedy that can be tested; made by `_suspects`."""
 
     cause: str
-    """Description of the cause."""
+    """Text about the suspected cause, for the user."""
     remedy: str
-    """Description of the remedy."""
+    """Text about the proposed change of the model or of a parameter, for the user."""
     apply_remedy: ModelChange | None = None
-    """Function that applies the remedy to a simulation; None if the remedy changes parameters of the robot."""
+    """Function that applies the remedy to a simulation; None if the remedy changes robot parameters."""
     robot: Robot | None = None
-    """Robot with changed parameters; None if the remedy does not change the parameters."""
+    """Robot with the changed parameters; None if the remedy changes the model and not the parameters."""
 
     def helps(self, robot: Robot) -> bool:
-        """Return True if the robot stands in a simulation with the remedy."""
+        """Return True if the robot `robot` passes the stance test after the remedy has been applied."""
         env = make_standing_env(self.robot or robot)
         if self.apply_remedy is not None:
             self.apply_remedy(env.simulation)
@@ -52,15 +53,15 @@ class Suspect:
 
 
 def diagnose(subject: DoctorSubject, stance: Stance) -> tuple[str, str]:
-    """Find the likely cause of a failed stance test.
+    """Find the likely cause why a robot fails to stand, and a remedy.
 
     Args:
-        subject: The robot as the user named it.
-        stance: Result of the robot's stance test.
+        subject: The robot as the user named it, for the texts.
+        stance: Result of the robot's stance test, which has failed.
 
     Returns:
-        cause: Description of the likely cause.
-        remedy: Description of the proposed remedy.
+        cause: Text about the likely cause.
+        remedy: Text about the proposed change of the model or of a parameter.
     """
     robot = stance.robot
     suspects = list(_suspects(subject, stance))
@@ -82,15 +83,23 @@ def diagnose(subject: DoctorSubject, stance: Stance) -> tuple[str, str]:
 
 
 def _holds_targets(stance: Stance) -> bool:
-    """Return True if the joints hold their targets but the trunk is tilted or too low.
+    """Return True if the joints hold their targets in the stance test, but the trunk is tilted or too low.
 
-    The pose or the masses are wrong in this case, and the servos are not.
+    In this case, the home pose or the masses are wrong, and the servos are not.
     """
     return stance.fault is not None and stance.fault.startswith("it does not stand")
 
 
 def _suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
-    """Yield the suspected causes, the likeliest first."""
+    """Yield the suspected causes of a failed stance test, the most likely cause first.
+
+    Args:
+        subject: The robot as the user named it, for the texts.
+        stance: Result of the robot's stance test.
+
+    Yields:
+        A suspected cause with its remedy.
+    """
     robot = stance.robot
     yield from _gain_suspects(subject, stance)
     yield from _inertia_suspects(robot)
@@ -99,7 +108,7 @@ def _suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
 
 
 def _inertia_suspects(robot: Robot) -> Iterator[Suspect]:
-    """Yield a suspect if links have implausible inertias; its remedy reduces these inertias."""
+    """Yield a suspected cause if links of the robot have implausible inertias; its remedy reduces them."""
     inertias = find_unlikely_inertias(robot)
     if inertias:
         names = _shorten_names([each.name for each in inertias])
@@ -118,9 +127,17 @@ def _inertia_suspects(robot: Robot) -> Iterator[Suspect]:
 
 
 def _gain_suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
-    """Yield a suspect with SimpleQuad's servo gains, scaled to the robot, if the robot's gains differ.
+    """Yield the suspected cause of unsuitable servo gains, unless the robot already has the proposed gains.
 
-    Nothing is yielded for a robot with overloaded joints.
+    Its remedy sets SimpleQuad's servo gains, scaled by leg length and mass. Nothing is yielded for a robot with
+    overloaded joints, because other gains do not help it.
+
+    Args:
+        subject: The robot as the user named it, for the texts.
+        stance: Result of the robot's stance test.
+
+    Yields:
+        The suspected cause with its remedy.
     """
     robot = stance.robot
     if stance.is_overloaded:
@@ -142,7 +159,7 @@ def _gain_suspects(subject: DoctorSubject, stance: Stance) -> Iterator[Suspect]:
 
 
 def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
-    """Yield a suspect if joints of the model have springs; its remedy removes the springs."""
+    """Yield a suspected cause if joints of the robot's model have springs; its remedy removes the springs."""
     model = robot.model
     springs = np.column_stack((model.jnt_stiffness, model.jnt_stiffnesspoly))
     joints = [int(joint) for joint in np.flatnonzero(springs.any(axis=1))]
@@ -159,15 +176,18 @@ def _joint_suspects(robot: Robot) -> Iterator[Suspect]:
 
 
 def self_contacts(subject: DoctorSubject) -> list[str]:
-    """Return one line about bodies in self-contact after the stance test; empty if there are none."""
+    """Return one line about the bodies of a robot that press against each other after the stance test.
+
+    The list is empty if no bodies do.
+    """
     pairs = _self_contact_pairs(subject.env)
     return [f"bodies of the robot press against each other: {_in_words(pairs)}"] if pairs else []
 
 
 def _self_contact_pairs(env: Any) -> list[tuple[str, str]]:
-    """Run the stance test and return the pairs of body names in self-contact at the end of the test.
+    """Run the stance test, and return the pairs of the robot's bodies that touch each other at its end.
 
-    The names are the names in the robot's file.
+    Each pair contains the names of the two bodies in the robot's file.
     """
     measure_stance(env)
     model = env.model
@@ -183,9 +203,16 @@ def _in_words(pairs: list[tuple[str, str]]) -> str:
 
 
 def _contact_suspects(robot: Robot, stance: Stance) -> Iterator[Suspect]:
-    """Yield a suspect if bodies of the robot touch each other at the end of the stance test.
+    """Yield a suspected cause if bodies of the robot touch each other at the end of the stance test.
 
-    The remedy excludes the self-contacts.
+    Its remedy disables the collisions between the robot's bodies.
+
+    Args:
+        robot: The robot.
+        stance: Result of the robot's stance test.
+
+    Yields:
+        The suspected cause with its remedy.
     """
     pairs = [] if stance.diverged else _self_contact_pairs(make_standing_env(robot))
     if not pairs:
@@ -202,14 +229,22 @@ def _contact_suspects(robot: Robot, stance: Stance) -> Iterator[Suspect]:
 
 
 def _rounded(gain: float) -> str:
-    """Round a gain to a short text; this number is tested and proposed."""
+    """Round a servo gain to a short text; exactly this rounded gain is tested and then proposed to the user."""
     if gain < 1.0:
         return f"{gain:.3g}"
     return f"{gain:.1f}" if gain < 100.0 else f"{gain:.0f}"
 
 
 def _expand_field(simulation: Any, field: str) -> Any:
-    """Return a writable array of a model field, with one row per robot of the simulation."""
+    """Return a field of the simulated model as a writable array with one row per robot.
+
+    Args:
+        simulation: Simulation of one robot.
+        field: Name of a field of `mujoco.MjModel`, such as `body_inertia`.
+
+    Returns:
+        The array; writing to it changes the simulated model.
+    """
     return simulation.batch.expand(field)
 
 
@@ -219,11 +254,23 @@ def _shorten_names(names: list[str]) -> str:
 
 
 def _joint_name(model: Any, joint: int) -> str:
-    """Return the name of a joint. The free joint is the joint with the first six degrees of freedom."""
+    """Return the name of the joint with id `joint`; "the free joint" for the trunk's free joint.
+
+    The free joint is the joint with the first six degrees of freedom of the compiled `model`.
+    """
     return str(model.joint(joint).name) if model.jnt_dofadr[joint] >= 6 else "the free joint"
 
 
 def _name(model: Any, body: int, file_names: dict[str, str]) -> str:
-    """Return the name of a body in the user's file, else its scene name without prefixes."""
+    """Return the name of a body in the user's file, or in the scene if it has no name in the file.
+
+    Args:
+        model: Compiled `mujoco.MjModel` of the scene.
+        body: Id of the body.
+        file_names: Name of a body in the scene -> its name in the user's file.
+
+    Returns:
+        The name, without the prefixes of imported parts.
+    """
     name = str(model.body(body).name)
     return file_names.get(name, name.removeprefix(ATTACH_PREFIX).removeprefix(RENAMED_PREFIX))

@@ -1,6 +1,6 @@
-"""Framework of the `doctor` command: the subject of the checks, a check, and the finding of a check.
+"""Framework of the command `doctor`: the examined robot and policy, a check, and the finding of a check.
 
-A check is left out if another check that it needs has found a problem.
+A check is left out if it needs another check, and this other check has found a problem.
 """
 
 from collections.abc import Iterable, Iterator
@@ -15,18 +15,18 @@ from quad_env.robots.robot import Robot
 
 @dataclass(frozen=True)
 class DoctorSubject:
-    """Robot and optional policy that the checks examine; made by the commands `doctor` and `describe`."""
+    """Robot and optional policy that the checks of `doctor` and `describe` examine."""
 
     robot_source: str | Robot = "simple_quad"
-    """Name of the robot, path of its MJCF, URDF or TOML file, or the robot itself."""
+    """Name of the examined robot, path of its MJCF, URDF or TOML file, or the robot itself."""
     policy: str | None = None
-    """Name or path of the policy; None if no policy is examined."""
+    """Name or path of the examined policy; None if no policy is examined."""
     trust: bool = False
-    """True if the policy may be loaded from a file that can contain hidden code."""
+    """True if the policy may be loaded from a file format that can contain hidden code."""
 
     @property
     def name(self) -> str:
-        """Name of the robot, or the path of its file."""
+        """Name of the examined robot, or the path of its file, as texts for the user show it."""
         return (
             self.robot_source
             if isinstance(self.robot_source, str)
@@ -35,19 +35,29 @@ class DoctorSubject:
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot, loaded at the first access. Raises ModelError, FileNotFoundError or ModuleNotFoundError."""
+        """The examined robot; it is loaded at the first access.
+
+        A file that is missing or no valid model raises FileNotFoundError or ModelError. ModuleNotFoundError is raised
+        if the robot's package is not installed.
+        """
         return get_robot(self.robot_source)
 
     @cached_property
     def env(self) -> Any:
-        """Single environment with the robot and stiff servos; falls do not end it. Raises ValueError."""
+        """Environment of one robot in which the examined robot has stiff servos; a fall does not end an episode.
+
+        ValueError is raised if the robot cannot be simulated.
+        """
         from quad_env.envs.env import SimpleQuadEnv
 
         return SimpleQuadEnv(robot=self.robot.with_stiff_servos, terminate_on_fall=False)
 
     @property
     def parameter_source(self) -> str:
-        """Name of the TOML file with the robot's parameters, or a text that says how to make this file."""
+        """Name of the TOML file in which the user can change robot parameters, for remedies.
+
+        It is a text with the command that makes the file if the robot has no TOML file.
+        """
         if self.name.endswith(".toml"):
             return self.name
         return f"a TOML (python -m quad_env describe {self.name} --toml mine.toml)"
@@ -55,46 +65,62 @@ class DoctorSubject:
 
 @dataclass(frozen=True)
 class Finding:
-    """Result of a check; made by `ok`, `problem`, the check itself or `run_checks`."""
+    """Result of a check of the command `doctor`; made by the function of the check or by `run_checks`."""
 
     result: Literal["ok", "warning", "problem", "left out"]
-    """Kind of the result. A problem must be repaired; a warning need not be."""
+    """Outcome of the check: a problem must be repaired, a warning need not be repaired."""
     observed: str
-    """Observation of the check, one line."""
+    """Text of one line about the observed fault or, if there is none, about the checked thing."""
     cause: str = ""
-    """Likely cause of a warning or problem; empty for other results."""
+    """Text about the likely cause of a warning or problem; empty for other results."""
     remedy: str = ""
-    """Remedy of a warning or problem; empty for other results."""
+    """Text about the remedy of a warning or problem; empty for other results."""
     details: tuple[str, ...] = ()
-    """Further observations, one line each."""
+    """Further observations for the user, one line each, such as omitted parts of a model."""
 
 
 def ok(observed: str) -> Finding:
-    """Return the finding of a check that has found no fault; `observed` is its observation."""
+    """Return the finding of a check that has found no fault; `observed` is a line about the checked thing."""
     return Finding("ok", observed)
 
 
 def problem(observed: str, cause: str, remedy: str) -> Finding:
-    """Return a finding that needs repair, with the text `observed`, its likely `cause` and its `remedy`."""
+    """Return the finding of a check that has found a fault that must be repaired.
+
+    Args:
+        observed: Text of one line about the fault.
+        cause: Text about its likely cause.
+        remedy: Text about its remedy.
+
+    Returns:
+        The finding.
+    """
     return Finding("problem", observed, cause, remedy)
 
 
 @dataclass(frozen=True)
 class DoctorCheck:
-    """Named check of the `doctor` command; the package `live` has further checks."""
+    """Check of the command `doctor`, with a name; the package `live` has further checks, of policies."""
 
     name: str
-    """Name of the check in the report."""
+    """Name of the check in the printed report, such as `limits`."""
     place: str
-    """Module and name of the function that checks the subject, such as `quad_env.doctor.model:model`.
+    """Module and name of the function that does the check, such as `quad_env.doctor.model:model`.
 
-    The module is imported by `run`, because the import itself may fail.
+    The function takes a `DoctorSubject` and returns a `Finding`. Its module is imported only by `run`, because the
+    import itself may fail.
     """
     needs: tuple[str, ...] = ()
-    """Names of the checks that must succeed first, because this check would only report their problems again."""
+    """Names of the checks that must succeed before this one.
+
+    If one of them fails, this check is left out, because it would only report the same problem again.
+    """
 
     def run(self, subject: DoctorSubject) -> Finding:
-        """Run the check and return its finding. An unexpected exception becomes a problem finding."""
+        """Run the check on the robot and policy in `subject`, and return its finding.
+
+        An unexpected exception becomes the finding of a problem.
+        """
         module, _, function = self.place.partition(":")
         try:
             finding: Finding = getattr(import_module(module), function)(subject)
@@ -109,12 +135,12 @@ class DoctorCheck:
 
 
 def run_checks(checks: Iterable[DoctorCheck], subject: DoctorSubject) -> Iterator[tuple[str, Finding]]:
-    """Run checks in order and yield the name and finding of each.
+    """Run the checks of the command `doctor` in order, and yield the name and finding of each.
 
-    A check is left out if a check that it needs has found a problem or was left out.
+    A check is left out if it needs another check that has found a problem or was left out.
 
     Args:
-        checks: Checks in the order of execution.
+        checks: Checks in the order of execution; each follows the checks that it needs.
         subject: Robot and policy to examine.
 
     Yields:

@@ -15,7 +15,7 @@ from quad_env.files.text import escape_control_characters
 from quad_env.robots.registry import ROBOTS, parse_robot
 
 PACKAGE = "quad_env.doctor"
-"""Name of the package that contains the modules with the checks."""
+"""Name of the Python package with the modules that contain the functions of the checks."""
 CHECKS = (
     DoctorCheck("packages", f"{PACKAGE}.installation:packages"),
     DoctorCheck("mujoco", f"{PACKAGE}.installation:mujoco", ("packages",)),
@@ -27,8 +27,12 @@ CHECKS = (
     DoctorCheck("stands", f"{PACKAGE}.stance_check:stands", ("joints",)),
     DoctorCheck("plausible", f"{PACKAGE}.model:plausible", ("stands",)),
 )
-"""Checks, each after the checks that it needs. The first problem in this order must be repaired first."""
+"""Checks of the installation and the robot, in the order of execution.
+
+Each check follows the checks that it needs. If several checks find problems, the first one must be repaired first.
+"""
 NO_CLONE_NOTE = "walking and policies were not examined: they need a clone of the project"
+"""Note at the end of the report if only the package `quad_env` is installed, without the policies."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +50,9 @@ class DoctorOptions:
 
 
 def main(options: DoctorOptions) -> int:
-    """Run the checks of this package and return the exit code.
+    """Run the checks of the installation and the robot, and return the exit code of the command.
 
-    The options of policies raise UsageError.
+    It is the command `doctor` if only the package `quad_env` is installed, so options about policies raise UsageError.
     """
     if options.policy is not None or options.write is not None:
         raise UsageError("policies come with a clone of the project, not with quad_env alone: no --policy, no --write")
@@ -56,17 +60,17 @@ def main(options: DoctorOptions) -> int:
 
 
 def run(options: DoctorOptions, policy_checks: tuple[DoctorCheck, ...] | None) -> int:
-    """Run the checks and print their findings. An unknown robot raises UsageError.
+    """Run the checks of the command `doctor`, and print their findings. An unknown robot raises UsageError.
 
     Args:
-        options: Options of the command.
-        policy_checks: Checks of policies; None if only this package is installed, without policies.
+        options: Options of the command, with the robot and the policy to examine.
+        policy_checks: Checks of policies; None if only the package `quad_env` is installed, without policies.
 
     Returns:
         Exit code: 0 if no check has found a problem, else 1.
     """
     if options.robot not in ROBOTS and not Path(options.robot).is_file():
-        parse_robot(options.robot)  # This raises UsageError, because the robot is unknown.
+        parse_robot(options.robot)  # The robot is unknown, so this call raises UsageError.
     subject = DoctorSubject(options.robot, options.policy, options.trust)
     counts = Counter[str]()
     for name, finding in run_checks((*CHECKS, *(policy_checks or ())), subject):
@@ -79,7 +83,10 @@ def run(options: DoctorOptions, policy_checks: tuple[DoctorCheck, ...] | None) -
 
 
 def _lines(name: str, finding: Finding) -> Iterator[str]:
-    """Yield the printed lines of a finding: observation, details, and cause and remedy of a fault."""
+    """Yield the printed lines of the finding of the check `name`.
+
+    They contain the observation, its details, and the cause and remedy of a fault.
+    """
     yield f"{finding.result:9} {name:11} {finding.observed}"
     yield from (f"{'':22}{line}" for line in finding.details)
     if finding.remedy:

@@ -1,4 +1,4 @@
-"""Checks of the installation: required packages, MuJoCo, and rendering with OpenGL."""
+"""Checks of the installation for the command `doctor`: packages, MuJoCo, and rendering with OpenGL."""
 
 import contextlib
 import os
@@ -13,10 +13,12 @@ from quad_env.cli.child_process import RunClock
 from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
 
 PROJECT = "simple-quad"
+"""Name of the distribution of this project in the package index."""
 RENDER_TIMEOUT = 60.0
-"""Limit of the run time until the first frame is drawn, s; see `RunClock`.
+"""Largest run time of a subprocess until it has drawn one frame, s.
 
-It leaves time for software rendering, which compiles the shaders on the processor.
+It leaves time for software rendering, which compiles the shaders on the processor. The time in which other programs had
+the processor is not counted, see `RunClock`.
 """
 EGL_REMEDY = "install EGL (Debian and Ubuntu: apt install libegl1 libgl1 libgl1-mesa-dri)"
 DRAWING_PROGRAM = """
@@ -27,7 +29,10 @@ if env.render().std() < 1.0:
     raise SystemExit("Error: the frame is empty")
 env.close()
 """
-"""Program that draws one frame; it runs in a separate process, because a broken OpenGL can end its process."""
+"""Python program that draws one frame.
+
+It runs in a subprocess, because a broken OpenGL can crash the process that uses it.
+"""
 
 
 def packages(_: DoctorSubject) -> Finding:
@@ -41,7 +46,7 @@ def packages(_: DoctorSubject) -> Finding:
 
 
 def _fault(needed: Requirement) -> str | None:
-    """Describe the fault of a required package; None if it is installed in a valid version."""
+    """Return a text about the fault of a required package; None if it is installed in a valid version."""
     try:
         version = metadata.version(needed.name)
     except metadata.PackageNotFoundError:
@@ -52,10 +57,10 @@ def _fault(needed: Requirement) -> str | None:
 
 
 def mujoco(_: DoctorSubject) -> Finding:
-    """Check that MuJoCo can be imported, including its batch simulation."""
+    """Check that MuJoCo can be imported, including its simulation of many robots in one batch."""
     try:
-        import_module("quad_env.physics.simulation")  # This imports the parts of MuJoCo that all commands use.
-    except Exception as error:  # An OpenGL backend or a system library can raise any exception.
+        import_module("quad_env.physics.simulation")  # This module imports the parts of MuJoCo that all commands use.
+    except Exception as error:  # The exception can be any, because an OpenGL backend or a system library raises it.
         observed = f"MuJoCo does not load: {' '.join(str(error).split())}"
         if chosen := os.environ.get("MUJOCO_GL"):
             cause = f"MUJOCO_GL={chosen}, which MuJoCo reads as it loads, asks for what is not here"
@@ -67,7 +72,7 @@ def mujoco(_: DoctorSubject) -> Finding:
 
 
 def opengl(_: DoctorSubject) -> Finding:
-    """Check that a separate process can draw a frame."""
+    """Check that a subprocess can draw one frame with OpenGL."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = sys.executable, "-c", DRAWING_PROGRAM
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment) as run:
@@ -85,7 +90,10 @@ def opengl(_: DoctorSubject) -> Finding:
 
 
 def _stderr_in_time(run: "subprocess.Popen[bytes]") -> bytes | None:
-    """Wait for the end of a process and return its stderr; kill it after RENDER_TIMEOUT and return None."""
+    """Wait for the end of the subprocess `run`, and return its standard error.
+
+    If the subprocess has not ended after the run time RENDER_TIMEOUT, it is killed, and None is returned.
+    """
     clock = RunClock(run.pid)
     while clock.elapsed() < RENDER_TIMEOUT:
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -95,7 +103,7 @@ def _stderr_in_time(run: "subprocess.Popen[bytes]") -> bytes | None:
 
 
 def _drawing_problem(error: str) -> Finding:
-    """Return the finding for a drawing process that failed; `error` is the last line of its error message."""
+    """Return the finding if no frame could be drawn; `error` is the last error line of the subprocess."""
     if sys.platform != "linux":
         return problem(error, "the system gives no OpenGL", "run it in a desktop session, with its graphics driver")
     cause = "EGL, the display or a driver behind it is missing"

@@ -1,4 +1,7 @@
-"""Checks of the robot's model: loading, plausibility, joint names, joint ranges and symmetry."""
+"""Checks of a robot's model for the command `doctor`.
+
+They concern loading, plausibility, joint names, joint limits, and the symmetry of left and right legs.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,17 +18,23 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.structure import JOINTS_PER_LEG, ModelError
 
 MIN_RANGE = 0.1
-"""Smallest valid range of a joint, rad."""
+"""Smallest valid distance between the lower and the upper limit of a joint, rad."""
 MAX_RANGE = 8.01 * np.pi
-"""Largest valid range of a joint, rad. ANYmal's joints have ranges of three turns."""
+"""Largest valid distance between the lower and the upper limit of a joint, rad.
+
+It is large, because ANYmal's joints can make three turns.
+"""
 MIN_MARGIN = 0.03
-"""Smallest valid distance of the home pose from an end of the joint range, rad."""
+"""Smallest valid distance between an angle of the home pose and the limits of its joint, rad."""
 MIRROR_TOLERANCE = 0.2
-"""Largest valid difference between mirrored angles of a left and a right leg, rad. Spot has 0.05 in a joint limit."""
+"""Largest valid difference between the mirrored angles of a left and a right leg, rad.
+
+It applies to joint limits and to the home pose. Spot has a difference of 0.05 rad in a joint limit.
+"""
 
 
 def model(subject: DoctorSubject) -> Finding:
-    """Check that the robot can be loaded and compiled, and that all of its numbers are finite."""
+    """Check that the robot's model can be loaded and compiled, and that all of its numbers are finite."""
     log_to_console()
     try:
         robot = subject.robot
@@ -46,7 +55,10 @@ def model(subject: DoctorSubject) -> Finding:
 
 
 def _describe_model(robot: Robot) -> Finding:
-    """Return the finding for a valid model; its details list omitted parts and overlapping shapes."""
+    """Return the finding for a valid model of a robot.
+
+    Its details list the parts of the file that the robot lacks, and shapes that overlap in the home pose.
+    """
     locked = f"; held at their reference: {', '.join(robot.locked_joints)}" if robot.locked_joints else ""
     trunk = f"trunk {robot.home_height:.2f} m high"
     omissions = omission_lines(robot.user_model, robot.keeps_contact) if robot.imported else ()
@@ -58,7 +70,7 @@ def _describe_model(robot: Robot) -> Finding:
 
 
 def plausible(subject: DoctorSubject) -> Finding:
-    """Check that lengths, inertias and motor torques of the robot are plausible."""
+    """Check that the lengths, inertias and motor torques of the robot are plausible; a fault is only a warning."""
     if warnings := list(find_warnings(subject.robot)):
         cause = "a placeholder that was never filled in, or a model in other units than metres, kilograms and radians"
         remedy = f"correct them in {subject.robot.mjcf}, or give them in {subject.parameter_source}"
@@ -67,7 +79,7 @@ def plausible(subject: DoctorSubject) -> Finding:
 
 
 def names(subject: DoctorSubject) -> Finding:
-    """Check that the joint names, such as `FL_hip_joint`, agree with the positions of the legs."""
+    """Check that joint names, such as `FL_hip_joint`, agree with the positions of the legs on the trunk."""
     robot = subject.robot
     if line := next(find_contradictions(robot), None):
         observed, _, remedy = line.partition("; ")
@@ -77,7 +89,7 @@ def names(subject: DoctorSubject) -> Finding:
 
 
 def limits(subject: DoctorSubject) -> Finding:
-    """Check that joint ranges are plausible, symmetric left and right, and contain the home pose."""
+    """Check that joint limits are plausible, mirrored between left and right, and contain the home pose."""
     robot = subject.robot
     margins = np.minimum(robot.home_pose - robot.joint_lower, robot.joint_upper - robot.home_pose)
     if (finding := _range_problem(robot)) is not None:
@@ -93,7 +105,10 @@ def limits(subject: DoctorSubject) -> Finding:
 
 
 def _range_problem(robot: Robot) -> Finding | None:
-    """Return the problem finding for joint ranges that are too wide or too narrow; None if all are valid."""
+    """Return the finding of a problem if the limits of a joint are too far apart or too close.
+
+    None is returned if the limits of all joints are plausible.
+    """
     ranges = robot.joint_upper - robot.joint_lower
     if wide := [name for name, value in zip(robot.joint_names, ranges, strict=True) if value > MAX_RANGE]:
         observed = f"{_shorten_names(wide)} can turn by {ranges.max():.0f} rad"
@@ -108,11 +123,14 @@ def _range_problem(robot: Robot) -> Finding | None:
 
 
 def _mirror_problem(robot: Robot) -> Finding | None:
-    """Return the problem finding for joint ranges that are not mirrored left and right, or None."""
+    """Return the finding of a problem if the joint limits of a left and a right leg do not mirror each other.
+
+    None is returned if they do. Only hip angles change their sign when they are mirrored.
+    """
     lower = robot.joint_lower
     upper = robot.joint_upper
     for left, right in _pairs(robot):
-        if len(set(_knees(robot, left, right))) > 1:  # Skip knees that bend opposite ways: `joints` reports them.
+        if len(set(_knees(robot, left, right))) > 1:  # The check `joints` reports knees that bend opposite ways.
             continue
         mirrored_lower = np.array([-upper[right][0], *lower[right][1:]])
         mirrored_upper = np.array([-lower[right][0], *upper[right][1:]])
@@ -125,7 +143,7 @@ def _mirror_problem(robot: Robot) -> Finding | None:
 
 
 def joints(subject: DoctorSubject) -> Finding:
-    """Check that left and right knees bend the same way, and that the home pose is symmetric."""
+    """Check that left and right knees bend in the same direction, and that the home pose is symmetric."""
     robot = subject.robot
     for left, right in _pairs(robot):
         if len(set(_knees(robot, left, right))) > 1:
@@ -150,7 +168,10 @@ def _correct(attribute: str, robot: Robot) -> str:
 
 
 def _pairs(robot: Robot) -> Iterator[tuple[slice, slice]]:
-    """Yield the joint slices of the left and the right leg, first of the fore legs, then of the hind legs."""
+    """Yield the joints of the left and the right leg as slices of the twelve joints of `robot`.
+
+    The first pair is front left and front right, the second pair is hind left and hind right.
+    """
     corners = robot.in_leg_order(range(4))
     starts = [JOINTS_PER_LEG * corners.index(corner) for corner in range(4)]
     fore_left, fore_right, hind_left, hind_right = (slice(start, start + JOINTS_PER_LEG) for start in starts)
@@ -158,5 +179,13 @@ def _pairs(robot: Robot) -> Iterator[tuple[slice, slice]]:
 
 
 def _knees(robot: Robot, *parts: slice) -> list[float]:
-    """Return the knee direction of each leg; `parts` are the joint slices of the legs."""
+    """Return the direction in which the knee of each given leg bends: -1 for backward, 1 for forward.
+
+    Args:
+        robot: The robot.
+        *parts: Joints of each leg, as a slice of the twelve joints.
+
+    Returns:
+        One direction per leg.
+    """
     return [float(robot.knee_direction[part.start // JOINTS_PER_LEG]) for part in parts]

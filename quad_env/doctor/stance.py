@@ -1,4 +1,4 @@
-"""Stance test: a simulated robot holds its home pose for two seconds and then squats."""
+"""Stance test of a robot: in simulation, it holds its home pose for two seconds, and then squats."""
 
 import math
 from dataclasses import dataclass
@@ -11,70 +11,92 @@ from quad_env.envs.env import SimpleQuadEnv
 from quad_env.robots.robot import Robot
 
 STAND_TIME = 2.0
-"""Time for which the robot holds its home pose, s."""
+"""Duration of the first part of the stance test, in which the robot holds its home pose, s."""
 
 
 @dataclass(frozen=True)
 class StanceLimits:
-    """Limits of the stance test; a robot that exceeds one of them does not stand."""
+    """Largest valid measurements of the stance test; a robot with a larger one does not stand."""
 
     tilt: float = 0.1
-    """Largest tilt of the trunk, rad."""
+    """Largest valid angle between the trunk's z axis and the vertical in the home pose, rad."""
     sink: float = 0.2
-    """Largest sink of the trunk, as a fraction of its height in the home pose."""
+    """Largest valid sink of the trunk under the weight, as a fraction of its height in the home pose."""
     tracking_error: float = 0.1
-    """Largest distance of a joint from its target under the robot's weight, rad."""
+    """Largest valid difference between a joint angle and its target under the robot's weight, rad."""
     torque: float = 0.95
-    """Largest joint torque at rest, as a fraction of the rated torque; a joint above it has no reserve."""
+    """Largest valid joint torque in the home pose, as a fraction of the rated torque.
+
+    A joint with a larger torque has no reserve for motion.
+    """
     joint_speed: float = 1.0
-    """Largest root mean square of all joint speeds after the squat, rad/s; named robots have at most 0.3."""
+    """Largest valid root mean square of all joint speeds at the end of the squat, rad/s.
+
+    The robots in `quad_env.ROBOTS` have at most 0.3.
+    """
 
 
 LIMITS = StanceLimits()
+"""Limits that the stance test uses."""
 SETTLING_TIME = 0.5
-"""Duration of the squat, s; the robot has to come to rest in this time."""
+"""Duration of the squat in the stance test, s; the robot has to come to rest within this time."""
 MEASURED_TIME = 0.2
-"""Duration of the measurement at the end of the home pose and of the squat, s."""
+"""Time at the end of the home pose and at the end of the squat over which the measurements are averaged, s."""
 SQUAT_STEP = 0.1
-"""Step of the thigh targets at the start of the squat, rad; the step of the calf targets is twice as large."""
+"""Step of the thigh targets with which the squat of the stance test starts, rad.
+
+The step of the calf targets is twice as large.
+"""
 
 
 class DivergedError(ValueError):
-    """Error that the simulation of a robot has diverged."""
+    """Error that the simulated state of a robot has become infinite or NaN in the stance test."""
 
 
 @dataclass(frozen=True)
 class Stance:
-    """Result of the stance test; made by `measure_stance`. Numbers are NaN if the simulation has diverged."""
+    """Measurements of the stance test of one robot; made by `measure_stance`.
+
+    All numbers are NaN if the simulation has diverged, that is, its state has become infinite or NaN.
+    """
 
     robot: Robot
     """The tested robot."""
     diverged: bool = False
-    """True if the simulation has diverged."""
+    """True if the simulated state has become infinite or NaN."""
     height: float = math.nan
-    """Height of the trunk's origin at the end of the home pose, m."""
+    """Height of the trunk above the ground after the robot has held its home pose, m."""
     tilt: float = math.nan
-    """Tilt of the trunk at the end of the home pose, rad."""
+    """Angle between the trunk's z axis and the vertical after the robot has held its home pose, rad."""
     tracking_errors: NDArray[np.float64] | None = None
-    """Distance of each joint from its target in the home pose, (12,), rad; None if the simulation has diverged."""
+    """Absolute difference between each joint angle and its target in the home pose, (12,), rad.
+
+    It is None if the simulation has diverged.
+    """
     torque: float = math.nan
-    """Largest mean torque of a joint in the home pose, N·m."""
+    """Largest joint torque in the home pose: magnitude of the mean over time of each joint, N·m."""
     joint_speed: float = math.nan
     """Root mean square of all joint speeds at the end of the squat, rad/s."""
 
     @property
     def tracking_error(self) -> float:
-        """Largest distance of a joint from its target, rad; NaN if the simulation has diverged."""
+        """Largest difference between a joint angle and its target in the home pose, rad.
+
+        It is NaN if the simulation has diverged.
+        """
         return math.nan if self.tracking_errors is None else float(self.tracking_errors.max())
 
     @property
     def is_overloaded(self) -> bool:
-        """True if the torque of a joint is above the limit, so that the joint has no reserve."""
+        """True if a joint needs almost its rated torque in the home pose, so that it has no reserve for motion."""
         return self.torque > LIMITS.torque * self.robot.rated_torque
 
     @property
     def fault(self) -> str | None:
-        """Description of the first fault; None if the robot stands. A number that is not finite is a fault."""
+        """Text about the first limit of the stance test that the robot exceeds; None if the robot stands.
+
+        A measurement that is not finite is a fault, too.
+        """
         robot = self.robot
         values = (self.height, self.tilt, self.tracking_error, self.torque, self.joint_speed)
         if self.diverged or not np.isfinite(values).all():
@@ -91,19 +113,22 @@ class Stance:
 
     @property
     def tracking_text(self) -> str:
-        """Text about the joint that is farthest from its target."""
+        """Text about the joint that is farthest from its target in the home pose, in rad."""
         assert self.tracking_errors is not None
         worst = self.robot.joint_names[int(self.tracking_errors.argmax())]
         return f"standing, {worst} is {self.tracking_error:.3f} rad off its target"
 
     @property
     def trunk_text(self) -> str:
-        """Text about height and tilt of the trunk."""
+        """Text about the height, m, and the tilt, rad, of the trunk in the home pose."""
         return f"its trunk is {self.height:.3f} m high and tilted by {self.tilt:.3f} rad"
 
 
 def measure_stance(env: Any) -> Stance:
-    """Run the stance test in the single environment `env`, which is reset first, and return the result."""
+    """Run the stance test of the robot in an environment of one robot, and return the measurements.
+
+    The environment `env` is reset first, with the zero command.
+    """
     robot = env.robot
     env.reset(seed=0, options={"command": np.zeros(3)})
     try:
@@ -122,7 +147,7 @@ def measure_stance(env: Any) -> Stance:
 
 
 def _joint_speed_after_squat(env: Any) -> float:
-    """Let the robot squat; return the root mean square of its joint speeds at the end, rad/s."""
+    """Run the squat of the stance test in `env`; return the RMS of all joint speeds at its end, rad/s."""
     robot = env.robot
     step = SQUAT_STEP * np.array([[0.0, -knee, 2.0 * knee] for knee in robot.knee_direction]).ravel()
     squatting = hold_target(env, robot.home_pose + step, SETTLING_TIME)[-round(MEASURED_TIME / env.dt) :]
@@ -130,15 +155,15 @@ def _joint_speed_after_squat(env: Any) -> float:
 
 
 def hold_target(env: Any, target: NDArray[np.float64], seconds: float) -> list[Any]:
-    """Simulate a robot while its joints hold a target.
+    """Simulate a robot with constant joint targets.
 
     Args:
-        env: Single environment with the robot.
+        env: Environment of one robot.
         target: Target joint angles, (12,), rad.
         seconds: Simulated time, s.
 
     Returns:
-        State of the robot after each control step.
+        State of the robot after each control step, as a list of `QuadState`.
 
     Raises:
         DivergedError: The simulation has diverged.
@@ -153,5 +178,5 @@ def hold_target(env: Any, target: NDArray[np.float64], seconds: float) -> list[A
 
 
 def make_standing_env(robot: Robot) -> SimpleQuadEnv:
-    """Make a single environment with a robot; it does not end at a fall."""
+    """Make an environment of one robot for the stance test; a fall does not end the episode."""
     return SimpleQuadEnv(robot=robot, terminate_on_fall=False)

@@ -1,4 +1,7 @@
-"""Check that the robot stands in simulation, with the likely cause and a remedy if it does not."""
+"""Check for the commands `doctor` and `describe` that a robot stands in simulation.
+
+If it does not stand, the finding contains the likely cause and a remedy.
+"""
 
 from quad_env.doctor.causes import diagnose
 from quad_env.doctor.check import DoctorSubject, Finding, ok, problem
@@ -6,9 +9,9 @@ from quad_env.doctor.stance import measure_stance
 
 
 def stands(subject: DoctorSubject) -> Finding:
-    """Check that the robot stands.
+    """Check that the robot passes the stance test.
 
-    Its joints hold their targets under its weight, and come to rest after a squat.
+    Its joints have to hold their targets under its weight, and come to rest after a squat.
     """
     env = subject.env
     robot = env.robot

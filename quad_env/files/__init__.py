@@ -1,1 +1,1 @@
-"""Reading of files up to a size limit, atomic writing of files, and safe texts for messages."""
+"""Reading of files up to a size limit, atomic writing of files, and short texts that are safe to print."""

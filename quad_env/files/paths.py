@@ -1,4 +1,4 @@
-"""Check of an argument that is a name or a path: detects the path of a missing file."""
+"""Check of a command-line value that can be a name or a path: detects the path of a missing file."""
 
 from pathlib import Path
 
@@ -8,14 +8,18 @@ ENDINGS = frozenset(
         *(".stl", ".toml", ".urdf", ".xml", ".yaml", ".yml", ".zip"),
     )
 )
-"""Endings of the files that users name. An option value such as `noise=0.2` does not end in one of them."""
+"""Endings of file names that identify a text as a path.
+
+Only these endings are used, because other values can contain a dot, such as `noise=0.2`.
+"""
 
 
 def missing_file_message(text: str) -> str | None:
-    """Return the message `there is no file or folder x/y` for the path of a missing file, else None.
+    """Return an error message such as `there is no file x.toml` if a text is the path of a missing file.
 
-    A text is a path if it has a separator, begins with `~`, or has one of ENDINGS; any other text is a name.
-    In `FILE.py:NAME` the part before the colon is the path.
+    A text is a path if it contains a slash or backslash, begins with `~`, or has one of ENDINGS. Any other text is a
+    name. In `FILE.py:NAME` the part before the colon is the path. None is returned for a name, and for the path of an
+    existing file or folder.
     """
     file, colon, _ = text.rpartition(":")
     path = file if colon and file.lower().endswith(".py") else text
@@ -25,6 +29,6 @@ def missing_file_message(text: str) -> str | None:
     try:
         if Path(path).exists():
             return None
-    except (OSError, ValueError):  # The system rejects the text as a file name, so no file has this name.
+    except (OSError, ValueError):  # No file can have this name, because the system rejects it.
         pass
     return f"there is no file {path}" if ending in ENDINGS else f"there is no file or folder {path}"

@@ -1,4 +1,7 @@
-"""Reading and parsing of users' files; a file that is not regular or is too large raises an error."""
+"""Reading and parsing of users' files with limits on their size.
+
+A file that is too large, or is no regular file (such as a pipe), raises an error.
+"""
 
 import errno
 import json
@@ -12,37 +15,46 @@ from typing import Any
 from quad_env.files.text import brief
 
 MAX_TEXT_SIZE = 64 * 2**20
-"""Largest size of a text file, such as a description, a model or a script, byte."""
+"""Largest size of a text file that is read, such as a robot model or a Python script, byte."""
 MAX_DATA_SIZE = 4 * 2**30
-"""Largest size of a data file that this project writes, such as a table or a checkpoint, byte."""
+"""Largest size of a data file that is read, such as a table of results or a checkpoint, byte."""
 MAX_TOML_SIZE = 2**17
-"""Largest size of a TOML file, byte. The time of Python's TOML parser grows with the square of the file's size."""
+"""Largest size of a TOML file that is parsed, byte.
+
+The limit is needed because the time of Python's TOML parser grows with the square of the size.
+"""
 MAX_KEY_PARTS = 20
-"""Largest number of parts of a dotted TOML key. It bounds the parsing time, as MAX_TOML_SIZE does."""
+"""Largest number of parts of a dotted TOML key such as `a.b.c`; the limit bounds the parsing time."""
 _DELIMITERS = re.compile(r"[],=[{}\"']")
 """Pattern of the characters that separate keys and values in a line of TOML."""
 NETWORK_LIMIT = "QUAD_ENV_LARGEST_NETWORK"
-"""Environment variable that sets the largest size of a policy network file, MiB."""
+"""Name of the environment variable with the largest valid size of a policy network file, MiB."""
 _NETWORK_MIB = 128
-"""Default of NETWORK_LIMIT, MiB. Published policies have 0.1 to 20 MiB, or up to 100 MiB with an image encoder."""
+"""Largest valid size of a policy network file if the environment variable NETWORK_LIMIT is not set, MiB.
+
+Published policies have 0.1 to 20 MiB, or up to 100 MiB with an image encoder.
+"""
 
 
 def max_network_size() -> int:
-    """Return the largest allowed size of a policy network file, byte."""
+    """Return the largest valid size of a policy network file, byte.
+
+    The user can set it with the environment variable QUAD_ENV_LARGEST_NETWORK, MiB.
+    """
     text = os.environ.get(NETWORK_LIMIT, "")
     number = int(text) if text.isascii() and text.isdigit() and len(text) < 10 else 0
     return (number or _NETWORK_MIB) * 2**20
 
 
 def read_bytes(path: Path, limit: int = MAX_TEXT_SIZE) -> bytes:
-    """Return the content of the file at `path`.
+    """Read a file after a check that it is regular and not too large.
 
     Args:
         path: The file.
-        limit: Largest size, byte.
+        limit: Largest valid size, byte.
 
     Returns:
-        The content.
+        Content of the file.
 
     Raises:
         OSError: The file is missing, not regular, or larger than `limit`.
@@ -52,13 +64,13 @@ def read_bytes(path: Path, limit: int = MAX_TEXT_SIZE) -> bytes:
 
 
 def check_file(path: Path, limit: int = MAX_DATA_SIZE) -> None:
-    """Check that a file is regular and not too large.
+    """Check that a file is regular and not too large, before it is read.
 
-    A pipe or a device is rejected, because its reading may never end.
+    A pipe or a device is rejected, because reading it may never end.
 
     Args:
         path: The file.
-        limit: Largest size, byte.
+        limit: Largest valid size, byte.
 
     Raises:
         OSError: The file is missing, not regular, or larger than `limit`.
@@ -72,9 +84,9 @@ def check_file(path: Path, limit: int = MAX_DATA_SIZE) -> None:
 
 
 def parse_json(content: bytes | str) -> Any:
-    """Parse JSON.
+    """Parse the content of a JSON file, and return its value.
 
-    Invalid JSON, a duplicate key in an object, and too deep a nesting raise ValueError.
+    Invalid JSON, a duplicate key in an object, and objects that are nested too deeply raise ValueError.
     """
     try:
         return json.loads(content, object_pairs_hook=_unique_keys)
@@ -83,7 +95,7 @@ def parse_json(content: bytes | str) -> Any:
 
 
 def parse_toml(content: bytes | str) -> dict[str, Any]:
-    """Parse TOML.
+    """Parse the content of a TOML file, and return the dictionary: key -> value.
 
     Invalid TOML, a text that is too large, and a key with too many parts raise ValueError.
     """
@@ -104,7 +116,10 @@ def parse_toml(content: bytes | str) -> dict[str, Any]:
 
 
 def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Convert the key-value pairs of a JSON object to a dictionary. Raises ValueError for a duplicate key."""
+    """Convert the keys and values of a JSON object to a dictionary. Raises ValueError for a duplicate key.
+
+    `json.loads` calls this function for each object; by itself, it would accept duplicate keys.
+    """
     values: dict[str, Any] = {}
     for name, value in pairs:
         if name in values:

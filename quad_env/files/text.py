@@ -1,16 +1,19 @@
-"""Conversion of untrusted texts, values and exceptions to short texts that are safe to print."""
+"""Conversion of texts, values and exceptions from users' files to short texts that are safe to print."""
 
 from itertools import islice
 from traceback import TracebackException
 
 MAX_LINE_LENGTH = 2000
-"""Largest number of characters of a printed line."""
+"""Largest number of characters of a printed line from a user's file; the rest is cut off."""
 MAX_SHOWN = 60
-"""Largest number of characters of a string that an error message shows."""
+"""Largest number of characters of a string that an error message shows; the rest is cut off."""
 _MAX_ENTRIES = 4
-"""Largest number of entries of a collection that an error message shows."""
+"""Largest number of items of a list, tuple or dictionary that an error message shows."""
 _MAX_BITS = 200
-"""Largest number of bits of a whole number that an error message shows in digits."""
+"""Largest number of bits of an integer that an error message shows in digits.
+
+For a larger integer, the message shows the number of bits.
+"""
 
 
 def one_line(text: str) -> str:
@@ -20,21 +23,21 @@ def one_line(text: str) -> str:
 
 
 def escape_control_characters(text: str) -> str:
-    """Return a text with each control character except line breaks replaced by its escape, such as `\\x1b`."""
+    """Return a text in which control characters are replaced by escapes such as `\\x1b`; line breaks are kept."""
     return "".join(
         sign if sign.isprintable() or sign == "\n" else sign.encode("unicode_escape").decode("ascii") for sign in text
     )
 
 
 def brief(value: object, depth: int = 2) -> str:
-    """Return a short text that shows a value in an error message.
+    """Return a short text that shows a value from a user's file in an error message.
 
-    A long string is cut, and a collection shows its first entries only. The `repr` of a collection could be endless,
-    because a collection of a YAML file can contain itself.
+    A long string is cut, and only the first items of a list, tuple or dictionary are shown. `repr` is not used for
+    these, because its text could be endless: a list in a YAML file can contain itself.
 
     Args:
-        value: The value.
-        depth: Number of levels of nested collections that are shown.
+        value: The value, of any type.
+        depth: Number of levels of nested lists, tuples and dictionaries that are shown.
 
     Returns:
         The text.
@@ -59,8 +62,8 @@ def brief(value: object, depth: int = 2) -> str:
 
 
 def format_exception(error: BaseException) -> str:
-    """Return an exception as one line, such as `ValueError: the message`.
+    """Return type and message of an exception as one line, such as `ValueError: the message`.
 
-    The `__str__` method of a user's exception can itself fail; the line says so in this case.
+    The method `__str__` of an exception in a user's code can itself fail; the line says so in this case.
     """
     return one_line(f"{type(error).__name__}: {TracebackException.from_exception(error)}")

@@ -9,13 +9,14 @@ from pathlib import Path
 
 
 class FolderInUseError(OSError):
-    """Error that another process writes to the folder; the message is one line with the remedy."""
+    """Error that another process writes to the same output folder; the message is one line with the remedy."""
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write a temporary file in the same folder and rename it to `path`.
+    """Write a file so that it always has either the complete old or the complete new content.
 
-    The file at `path` is always complete: it has the old or the new content, even after a power cut.
+    The content is written to a temporary file in the same folder, which is then renamed to `path`. The file is complete
+    even after a crash or a power cut.
 
     Args:
         path: The file.
@@ -38,7 +39,10 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 
 def make_writable_folder(path: Path) -> None:
-    """Make the folder at `path` if it is missing. Raises OSError if no file can be written there."""
+    """Make the folder `path` and its parents if they are missing.
+
+    OSError is raised if the folder cannot be made, or if no file can be written to it.
+    """
     path.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=path):
         pass
@@ -46,18 +50,16 @@ def make_writable_folder(path: Path) -> None:
 
 @contextlib.contextmanager
 def exclusive_lock(folder: Path) -> Iterator[None]:
-    """Return a context in which no other process can lock the same folder.
+    """Return a context manager that reserves an output folder: no other process can reserve it at the same time.
 
-    A missing folder raises OSError.
-
-    The operating system releases the lock when the process ends, even after a crash. A network drive that does not
-    support locks allows several processes at once.
+    A missing folder raises OSError. The operating system releases the lock when the process ends, even after a crash.
+    If the file system does not support locks, several processes can reserve the folder at once.
 
     Args:
-        folder: The folder.
+        folder: The output folder.
 
     Yields:
-        Nothing, while the lock is held.
+        None; the folder is reserved until the `with` block ends.
 
     Raises:
         FolderInUseError: Another process holds the lock.
@@ -65,14 +67,14 @@ def exclusive_lock(folder: Path) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     name = hashlib.sha256(os.path.normcase(folder.resolve(strict=True)).encode()).hexdigest()[:16]
-    # The lock file is outside of the folder because a run requires an empty folder.
+    # The lock file is outside of the folder, because commands require an empty output folder.
     lock = FileLock(Path(tempfile.gettempdir()) / f"simple_quad-{name}.lock", timeout=0)
     try:
         lock.acquire()
     except Timeout:
         remedy = "wait until it ends, or name another folder with --out"
         raise FolderInUseError(f"{folder} is being written to by another process: {remedy}") from None
-    except OSError:  # The file system does not support locks: continue without one.
+    except OSError:  # The command continues without a lock, because the file system does not support locks.
         pass
     try:
         yield

@@ -1,8 +1,8 @@
 """Forward kinematics of the legs: positions of the feet, their Jacobians, and depths of the soles.
 
-The functions use the base frame (x forward, y left, z up, origin at the trunk's centre) and the hip frame of a leg
-(origin at its hip joint, axes parallel to the base frame). Joint angles are zero with the legs straight down; hips turn
-about +x, thighs and calves about +y.
+The functions use the base frame (x forward, y left, z up, fixed to the trunk) and the hip frame of a leg (origin at its
+hip joint, axes parallel to the base frame). Joint angles are zero with the legs straight down; hips turn about +x,
+thighs and calves about +y.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
-"""Detection of collision shapes that overlap in the home pose, such as a rotor inside the trunk.
+"""Detection of a robot's collision shapes that overlap in the home pose, such as a rotor inside the trunk.
 
 Models that were made for simulators without self-collision often have overlaps. Two overlapping bodies would push each
-other apart against the servos, so our scene excludes their collision. Overlaps of feet are not excluded.
+other apart against the servos, so our scene excludes the collision between them. Overlaps of feet are not excluded.
 """
 
 import copy
@@ -15,24 +15,24 @@ class Overlap(NamedTuple):
     """Two bodies of a robot with shapes that overlap in the home pose; made by `find_overlaps`."""
 
     bodies: tuple[int, int]
-    """Ids of the two bodies in the model, in ascending order."""
+    """Ids of the two overlapping bodies in the compiled model, in ascending order."""
     geoms: tuple[int, int]
-    """Ids of the two geoms with the largest penetration depth."""
+    """Ids of the pair of geoms of the two bodies that penetrates deepest, in the compiled model."""
     depth: float
-    """Penetration depth of these two geoms, m."""
+    """Penetration depth of the pair of geoms that penetrates deepest, m."""
 
 
 def find_overlaps(mujoco: Any, model: Any, structure: RobotStructure, home_pose: Floats) -> list[Overlap]:
-    """Find the pairs of bodies of the robot that collide in the home pose.
+    """Find the pairs of bodies of the robot that collide with each other in the home pose.
 
     Args:
         mujoco: The package `mujoco`.
-        model: Compiled model of the user's file.
-        structure: Structure of the model.
-        home_pose: Joint angles in the robot's convention, (12,), rad.
+        model: Compiled `mujoco.MjModel` of the user's file.
+        structure: Trunk, legs and colliding geoms of `model`.
+        home_pose: Joint angles of the home pose, zero with the legs straight down, (12,), rad.
 
     Returns:
-        One overlap per pair of bodies, in the order of the body ids; contacts of feet are left out.
+        One overlap per pair of bodies, in the order of the body ids. Pairs that touch only with a foot are left out.
     """
     model = copy.copy(model)
     model.opt.disableflags = 0
@@ -54,7 +54,15 @@ def find_overlaps(mujoco: Any, model: Any, structure: RobotStructure, home_pose:
 
 
 def format_overlaps(model: Any, overlaps: list[Overlap]) -> str:
-    """Return a line with the names of the bodies in `overlaps`, from the compiled `model`, and the depths."""
+    """Return a line for the user with the names of the overlapping bodies and the penetration depths.
+
+    Args:
+        model: Compiled `mujoco.MjModel` of the user's file, with the names of the bodies.
+        overlaps: At least one overlap.
+
+    Returns:
+        The line.
+    """
     pairs = [
         f"{_name(model, overlap.bodies[0])} and {_name(model, overlap.bodies[1])} by {1e3 * overlap.depth:.1f} mm"
         for overlap in overlaps

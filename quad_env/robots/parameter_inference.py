@@ -1,4 +1,7 @@
-"""Robot parameters that are inferred from a user's MJCF or URDF, or given in a TOML file."""
+"""Computation of a robot's parameters from a user's MJCF or URDF.
+
+A TOML file can give some of the parameters instead.
+"""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,38 +18,47 @@ from quad_env.robots.structure import JOINTS_PER_LEG, LEGS, MIN_BEND_ANGLE, Leg,
 from quad_env.robots.torque_limits import torque_ranges
 
 GIVEN_PARAMETERS = ("home_pose", "knee_direction", "rated_speed", "rated_torque", "servo_damping", "servo_stiffness")
-"""Names of the parameters that the user may give instead of having them inferred."""
+"""Names of the parameters of `Robot` that the user may give; otherwise they are inferred from the model."""
 MIN_STAND_HEIGHT_RATIO = 0.5
-"""Smallest height of the hips above the feet in a keyframe of a stand, as a fraction of the leg length."""
-MAX_STAND_HEIGHT_RATIO = 0.97
-"""Largest height of the hips above the feet in a keyframe of a stand, as a fraction of the leg length."""
-MIN_MASS = 1e-3
-"""Smallest valid mass of a robot, kg."""
-MAX_MASS = 1e6
-"""Largest valid mass of a robot, kg."""
-_MAX_LEVEL_ITERATIONS = 10
-"""Largest number of iterations that level the feet.
+"""Smallest hip height in a keyframe that counts as standing, as a fraction of the leg length.
 
-Iterations are needed because the depth of a foot that is no ball depends on the tilt of its shin.
+The hip height is the height of the hips above the feet. The home pose is made from the first standing keyframe.
+"""
+MAX_STAND_HEIGHT_RATIO = 0.97
+"""Largest hip height in a keyframe that counts as standing, as a fraction of the leg length.
+
+The hip height is the height of the hips above the feet. A keyframe above the limit has straight legs.
+"""
+MIN_MASS = 1e-3
+"""Smallest mass of a robot that is accepted, kg; a smaller mass is most often an error of units."""
+MAX_MASS = 1e6
+"""Largest mass of a robot that is accepted, kg; a larger mass is most often an error of units."""
+_MAX_LEVEL_ITERATIONS = 10
+"""Largest number of iterations of `_level_feet`, which adjusts the home pose until the feet are level.
+
+One step is not enough if feet are no balls, because the depth of the sole then depends on the tilt of the shin.
 """
 _MIN_KNEE_CLEARANCE = 1e-3
-"""Smallest distance of a leg's length from its length with the knee fully folded, m."""
+"""Smallest distance of the hip height in the home pose from its value with a fully folded knee, m."""
 
 
 class GivenParameterError(ModelError):
-    """Error that a parameter in the user's TOML does not fit the model."""
+    """Error about a parameter that the user has given, such as a home pose outside of the joint limits.
+
+    It is distinguished from an error of the model, so that the message can name the user's TOML file.
+    """
 
 
 def load_parameters(path: Path, name: str | None = None, **figures: Any) -> RobotParameters:
-    """Read the parameters of a robot from a file, see `Robot.from_mjcf`.
+    """Read the parameters of a robot from a model file or a TOML file, see `Robot.from_mjcf`.
 
     Args:
-        path: MJCF or URDF file, or a TOML file that names one of them and gives parameters.
+        path: MJCF or URDF file, or a TOML file with the path of one of them and with parameters.
         name: Name of the robot; None for the name in the TOML or the name of the file.
-        **figures: Parameters that are given instead of being inferred; they override the parameters in the TOML.
+        **figures: Name and value of each parameter that is not inferred; they override the parameters in the TOML.
 
     Returns:
-        The parameters.
+        The parameters of the robot.
 
     Raises:
         ModelError: The model is not a quadruped with four legs of three hinges, or a parameter is invalid or missing.
@@ -71,7 +83,7 @@ def load_parameters(path: Path, name: str | None = None, **figures: Any) -> Robo
 
 
 def _checked_name(name: Any) -> str:
-    """Return the name of a robot unchanged. Raises ModelError if the name is invalid."""
+    """Return the name of a robot unchanged. Raises ModelError if no folder could have this name."""
     is_name = isinstance(name, str) and name and not name.startswith(".") and Path(name).name == name
     if not is_name or not name.isprintable():
         raise ModelError(f"name: a robot's name must be valid as a folder's name, such as my_robot; got {name!r}")
@@ -79,15 +91,15 @@ def _checked_name(name: Any) -> str:
 
 
 def _infer_parameters(path: Path, name: str, given: dict[str, Any]) -> RobotParameters:
-    """Infer the parameters of a robot from a model file. Raises ModelError.
+    """Infer the parameters of a robot from a model file, and check them. Raises ModelError.
 
     Args:
         path: MJCF or URDF file.
         name: Name of the robot.
-        given: Name -> value of each parameter that is not inferred.
+        given: Name -> value of each parameter that the user has given, so that it is not inferred.
 
     Returns:
-        The parameters; `source` is not set.
+        The parameters; the field `source` is not set yet.
     """
     user_model = read(path)
     robot = _measure(path, name, user_model, _choose_parameters(user_model, given))
@@ -101,10 +113,17 @@ def _infer_parameters(path: Path, name: str, given: dict[str, Any]) -> RobotPara
 
 
 def _choose_parameters(user_model: UserModel, given: dict[str, Any]) -> dict[str, Any]:
-    """Return the values of all `GIVEN_PARAMETERS`: the user's if given, else inferred.
+    """Choose the values of the parameters in `GIVEN_PARAMETERS`: the user's, else inferred values.
 
-    Servo gains and rated speed are SimpleQuad's, scaled by mass and leg length. The home pose is zero until
-    `_with_home_pose` infers the angles.
+    Inferred servo gains and rated speed are SimpleQuad's, scaled by mass and leg length. The inferred home pose is zero
+    until `_with_home_pose` computes the angles.
+
+    Args:
+        user_model: The user's model.
+        given: Name -> value of each parameter that the user has given.
+
+    Returns:
+        Name -> value of each parameter in `GIVEN_PARAMETERS`.
     """
     model = user_model.model
     structure = user_model.structure
@@ -132,7 +151,17 @@ def _choose_parameters(user_model: UserModel, given: dict[str, Any]) -> dict[str
 
 
 def _measure(path: Path, name: str, user_model: UserModel, chosen: dict[str, Any]) -> RobotParameters:
-    """Return the parameters of a robot: measured from its model, or as in `chosen`."""
+    """Measure lengths, positions and shapes of a robot in its model, and return all its parameters.
+
+    Args:
+        path: File of the model.
+        name: Name of the robot.
+        user_model: The user's model.
+        chosen: Name -> value of each parameter that is not measured, see `_choose_parameters`.
+
+    Returns:
+        The parameters of the robot.
+    """
     model = user_model.model
     structure = user_model.structure
     leg = structure.legs[0]
@@ -165,9 +194,10 @@ def _measure(path: Path, name: str, user_model: UserModel, chosen: dict[str, Any
 
 
 def _with_home_pose(robot: RobotParameters, user_model: UserModel) -> RobotParameters:
-    """Return the robot with an inferred home pose.
+    """Return a copy of a robot's parameters with an inferred home pose: level, with all feet on the ground.
 
-    Its height is the height of the model's keyframe of a stand, or has SimpleQuad's proportions if there is none.
+    The hip height is taken from the first keyframe in which the robot stands. If there is none, it is SimpleQuad's hip
+    height, scaled by the leg length.
     """
     structure = user_model.structure
     stand = _stand_angles(user_model.model, structure)
@@ -180,16 +210,16 @@ def _with_home_pose(robot: RobotParameters, user_model: UserModel) -> RobotParam
 
 
 def _check_finite(robot: RobotParameters) -> None:
-    """Raise ModelError if a parameter of a robot is not finite; the message names the first."""
+    """Raise ModelError if a parameter of a robot contains NaN or infinity; the message names it."""
     for name, value in robot.by_name.items():
         if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
             raise ModelError(f"its {name.replace('_', ' ')} is not finite, got {value}")
 
 
 def _check_home_pose(robot: RobotParameters, user_model: UserModel, is_given: bool) -> None:
-    """Raise ModelError if the home pose is outside of the joint limits.
+    """Raise ModelError if an angle of the home pose is outside of its joint limits.
 
-    The error is GivenParameterError if the user has given the home pose.
+    The error is GivenParameterError, a subclass, if `is_given` is True: the user has given the home pose.
     """
     lower, upper = user_model.structure.limits(user_model.model)
     outside = (robot.home_pose < lower) | (robot.home_pose > upper)
@@ -207,15 +237,15 @@ def _check_mass(user_model: UserModel) -> None:
 
 
 def _read_toml(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
-    """Read a TOML file of parameters. Raises ModelError.
+    """Read a user's TOML file with the path of a robot model and with parameters of the robot.
 
     Args:
         path: The TOML file.
-        figures: Name -> value of each parameter that overrides the TOML.
+        figures: Name -> value of each parameter that overrides the parameter in the TOML.
 
     Returns:
-        model: Path of the model file that the TOML names.
-        parameters: Name -> value of each parameter, including the robot's name.
+        model: Path of the MJCF or URDF file that the TOML names in `mjcf`.
+        parameters: Name -> value of each parameter, including the robot's name as `name`.
 
     Raises:
         FileNotFoundError: The TOML file is missing.
@@ -233,9 +263,17 @@ def _read_toml(path: Path, figures: dict[str, Any]) -> tuple[Path, dict[str, Any
 
 
 def _parse_parameter(name: str, value: Any) -> Any:
-    """Convert a user's parameter to the type of the field of `Robot`.
+    """Check a parameter that the user has given, and convert it to the type of the field of `Robot`.
 
-    An invalid value raises ModelError.
+    Args:
+        name: Name of the parameter, such as `servo_stiffness`.
+        value: Value from the TOML file or from a Python call, such as a number or a list of numbers.
+
+    Returns:
+        A float, or an array with one number per leg or per joint.
+
+    Raises:
+        ModelError: The parameter cannot be given, or its value is invalid.
     """
     if name not in GIVEN_PARAMETERS:
         raise ModelError(f"{name!r} cannot be given; valid: {', '.join(GIVEN_PARAMETERS)}")
@@ -260,11 +298,11 @@ def _parse_parameter(name: str, value: Any) -> Any:
 
 
 def _parse_home_pose(numbers: Floats, value: Any) -> Floats:
-    """Convert three angles per leg, or twelve angles, to twelve angles, rad. Raises ModelError.
+    """Convert the home pose that a user has given to one angle per joint.
 
     Args:
-        numbers: The angles, (3,) or (12,), rad.
-        value: The user's value, for the error message.
+        numbers: Angles of hip, thigh and calf, the same for all legs, (3,), or of all joints, (12,), rad.
+        value: The user's value before the conversion to an array, for the error message.
 
     Returns:
         Joint angles, (12,), rad.
@@ -278,9 +316,10 @@ def _parse_home_pose(numbers: Floats, value: Any) -> Floats:
 
 
 def _infer_knee_direction(model: Any, structure: RobotStructure) -> Floats:
-    """Infer the knee direction of each leg from the calf's limits, else from a keyframe, (4,).
+    """Infer the direction in which each knee bends: the sign of the calf's angle, -1 or 1, (4,).
 
-    Raises ModelError if neither shows the direction.
+    It is read from the limits of the calf joint, else from the first keyframe in which the robot stands. A ModelError
+    is raised if neither shows the direction.
     """
     lower, upper = structure.limits(model)
     middles = 0.5 * (lower + upper)[2::JOINTS_PER_LEG]
@@ -298,9 +337,10 @@ def _infer_knee_direction(model: Any, structure: RobotStructure) -> Floats:
 
 
 def _infer_rated_torque(model: Any, structure: RobotStructure) -> float:
-    """Return the smallest of the joints' largest torques, N·m.
+    """Return the torque that every leg joint of a model can apply in both directions, N·m.
 
-    A torque that is unknown or zero raises ModelError.
+    It is the smallest of the joints' largest torques. A joint torque that the model does not limit, or that is zero,
+    raises ModelError: the user then has to give the rated torque.
     """
     lower, upper = torque_ranges(model, structure.joints).T
     largest = np.minimum(-lower, upper)
@@ -315,10 +355,11 @@ def _infer_rated_torque(model: Any, structure: RobotStructure) -> float:
 
 
 def _stand_angles(model: Any, structure: RobotStructure) -> Floats | None:
-    """Return the joint angles of the first keyframe in which the robot stands; None if there is none.
+    """Return the joint angles of the first keyframe in which the robot stands, (12,), rad.
 
-    The robot stands if the height of the hips above the feet is between MIN_STAND_HEIGHT_RATIO and
-    MAX_STAND_HEIGHT_RATIO. The angles are in the robot's convention, (12,), rad.
+    None is returned if the robot stands in no keyframe. The robot stands if the height of the hips above the feet,
+    divided by the leg length, is between MIN_STAND_HEIGHT_RATIO and MAX_STAND_HEIGHT_RATIO. The angles are zero with
+    the legs straight down; hips turn about +x, thighs and calves about +y.
     """
     qpos = model.jnt_qposadr[structure.joints]
     leg = structure.legs[0]
@@ -331,22 +372,27 @@ def _stand_angles(model: Any, structure: RobotStructure) -> Floats | None:
 
 
 def _hip_height(leg: Leg, angles: Floats) -> float:
-    """Return the height of the hip above the foot of the first leg, m.
+    """Return the height of the hip above the foot of the first leg, m; the hip angle is considered zero.
 
-    `leg` is the first leg, and `angles` are the joint angles of all legs, (12,), rad.
+    Args:
+        leg: The first leg, with the lengths of thigh and calf.
+        angles: Joint angles of all legs, (12,), rad; only thigh and calf of the first leg are used.
+
+    Returns:
+        The height, m.
     """
     return float(leg.thigh_length * np.cos(angles[1]) + leg.calf_length * np.cos(angles[1] + angles[2]))
 
 
 def _bent_pose(robot: RobotParameters, heights: Sequence[float]) -> Floats:
-    """Compute a pose with bent knees and the feet below the thigh joints (inverse kinematics).
+    """Compute a pose with the feet straight below the thigh joints, at given hip heights (inverse kinematics).
 
     Args:
-        robot: The robot.
-        heights: Height of the hip above the foot of each leg, m.
+        robot: The robot; its leg lengths and knee directions are used.
+        heights: Height of the hip above the foot's centre for each leg, m.
 
     Returns:
-        Joint angles, (12,), rad.
+        Joint angles; the hip angles are zero, (12,), rad.
     """
     upper = robot.thigh_length
     lower = robot.calf_length
@@ -356,13 +402,13 @@ def _bent_pose(robot: RobotParameters, heights: Sequence[float]) -> Floats:
         thigh = np.arccos(np.clip((upper**2 + height**2 - lower**2) / (2.0 * upper * height), -1.0, 1.0))
         calf = np.pi - np.arccos(np.clip((upper**2 + lower**2 - height**2) / (2.0 * upper * lower), -1.0, 1.0))
         pose += [0.0, -knee * thigh, knee * calf]
-    return np.array(pose) + 0.0  # The sum turns -0.0 into 0.0.
+    return np.array(pose) + 0.0  # Adding 0.0 turns -0.0 into 0.0, so that no pose is printed with a negative zero.
 
 
 def _level_feet(robot: RobotParameters) -> RobotParameters:
-    """Return the robot with a home pose in which all feet touch the ground while the trunk is level.
+    """Return a copy of the robot with a home pose in which all feet touch the ground while the trunk is level.
 
-    Legs that reach lower are bent more.
+    The legs can have different hip heights or foot shapes. Legs that reach lower are bent more, iteratively.
     """
     for _ in range(_MAX_LEVEL_ITERATIONS):
         heights = robot.leg_heights
@@ -374,16 +420,18 @@ def _level_feet(robot: RobotParameters) -> RobotParameters:
 
 
 def _foot_hulls(structure: RobotStructure) -> tuple[Floats, Floats]:
-    """Return the points of the feet relative to the foot centres in the kinematics.
+    """Return the exact shapes of the feet: each foot is the convex hull of balls about its points.
 
-    The kinematics have equal lengths for all legs, so the points include the small differences between the legs.
+    The points are relative to the foot centres that the kinematics compute. The kinematics use the same lengths for all
+    legs, so the points include the small differences between the legs.
 
     Args:
-        structure: Structure of the model.
+        structure: Trunk and legs of the user's model.
 
     Returns:
-        points: Points of each foot, base frame with the legs straight down, (4, k, 3), m; k is 0 if all feet are balls.
-        radii: Radii of the balls about the points, (4, k), m.
+        points: Centres of the balls, base frame with the legs straight down, (4, k, 3), m; k is 0 if each foot is one
+            ball.
+        radii: Radii of the balls, (4, k), m.
     """
     legs = structure.legs
     if not any(leg.foot.points.size for leg in legs):
@@ -405,10 +453,18 @@ def _foot_hulls(structure: RobotStructure) -> tuple[Floats, Floats]:
 
 
 def _thigh_radius(model: Any, structure: RobotStructure, leg: Leg) -> float:
-    """Return the radius of a thigh about the line between its joints, rounded up, m.
+    """Return the radius of a thigh about the line from its thigh joint to its calf joint, m.
 
-    The radius is the distance from the line to the farthest corner of the boxes around the colliding geoms, rounded up
-    to a centimetre. The foot's radius is returned if the thigh has no colliding geom.
+    The radius is the distance from this line to the farthest corner of the bounding boxes of the colliding geoms,
+    rounded up to a centimetre. If the thigh has no colliding geom, the radius of the foot is returned.
+
+    Args:
+        model: Compiled `mujoco.MjModel` of the user's file.
+        structure: Trunk, legs and colliding geoms of `model`.
+        leg: The leg with the thigh.
+
+    Returns:
+        The radius, m.
     """
     thigh_joint, calf_joint = leg.joints[1:]
     thigh = int(model.jnt_bodyid[thigh_joint])
@@ -423,7 +479,17 @@ def _thigh_radius(model: Any, structure: RobotStructure, leg: Leg) -> float:
 
 
 def _thigh_line(model: Any, structure: RobotStructure, thigh_joint: int, calf_joint: int) -> Floats:
-    """Return the vector from the thigh joint to the calf joint, frame of the thigh's body, (3,), m."""
+    """Return the vector from the thigh joint to the calf joint, frame of the thigh's body, (3,), m.
+
+    Args:
+        model: Compiled `mujoco.MjModel` of the user's file.
+        structure: Structure of `model`, with the poses of the bodies.
+        thigh_joint: Id of the thigh joint.
+        calf_joint: Id of the calf joint of the same leg.
+
+    Returns:
+        The vector, frame of the thigh's body, (3,), m.
+    """
     thigh = int(model.jnt_bodyid[thigh_joint])
     calf = int(model.jnt_bodyid[calf_joint])
     line = model.body_pos[calf] + rotation_matrix(model.body_quat[calf]) @ model.jnt_pos[calf_joint]

@@ -1,7 +1,8 @@
-"""Parameters of a robot with four legs of three joints each: names, lengths, home pose and servos.
+"""Parameters of a quadruped with three joints per leg: names, lengths, home pose and servo gains.
 
-Base frame: x forward, y left, z up, origin at the trunk's centre. Joint angles are zero with the legs straight down;
-hips turn about +x (abduction), thighs and calves about +y. Lengths are in m, angles in rad, masses in kg.
+The base frame has x forward, y left, z up, and the origin of the trunk's body (SimpleQuad: the trunk's centre). Joint
+angles are zero with the legs straight down; hips turn about +x (abduction), thighs and calves about +y. Lengths are in
+m, angles in rad, masses in kg.
 """
 
 import dataclasses
@@ -20,82 +21,101 @@ from quad_env.robots.shapes import Floats as Floats
 
 T = TypeVar("T")
 LEVEL_TOLERANCE = 2e-4
-"""Largest height difference between the feet in the home pose that is considered a manufacturing tolerance, m."""
+"""Height difference between the feet in the home pose up to which the feet count as level, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class RobotParameters:
-    """Parameters of a robot; made by `load_parameters`. `SIMPLE_QUAD_PARAMETERS` are SimpleQuad's.
+    """Parameters of a robot, such as names, lengths and servo gains; made by `load_parameters`.
 
-    Legs are in the order of `leg_names`, joints in the order of `joint_names`, three joints per leg.
+    Arrays with one row per leg are in the order of `leg_names`. Arrays with one number per joint are in the order of
+    `joint_names`, three joints per leg.
     """
 
     name: str
-    """Name of the robot."""
+    """Name of the robot in `quad_env.ROBOTS` and in reports."""
     mjcf: Path
-    """Path of the robot's model; a user's model can also be a URDF."""
+    """Path of the robot's model file, an MJCF; the file of a user's model can also be a URDF."""
     urdf: Path | None
     """Path of SimpleQuad's URDF; None for other robots."""
     leg_names: tuple[str, ...]
-    """Names of the legs in the order of the model; SimpleQuad's order is fl, fr, hl, hr."""
+    """Names of the legs (f: front, h: hind, l: left, r: right), in the order of the model.
+
+    SimpleQuad's order is fl, fr, hl, hr.
+    """
     joint_names: tuple[str, ...]
-    """Names of the hip, thigh and calf joint of each leg, as in the MJCF."""
+    """Names of the hip, thigh and calf joints as in the model file, in the order of `leg_names`."""
     home_pose: Floats
-    """Joint angles of the standing pose, (12,), rad."""
+    """Joint angles of the standing pose, zero with the legs straight down, (12,), rad."""
     hip_positions: Floats
     """Positions of the hip joints, base frame, (4, 3), m."""
     hip_offset: float
-    """Lateral distance from the hip joint to the thigh joint, positive outward, m."""
+    """Lateral distance from the hip joint to the plane in which the leg bends, positive outward, m."""
     thigh_length: float
     """Distance from the thigh joint to the calf joint, m."""
     calf_length: float
     """Distance from the calf joint to the centre of the foot, m."""
     foot_radius: float
-    """Radius of the ball that models the foot, m. `feet` describes the ball of a foot of another shape."""
+    """Radius of the ball that models each foot in the kinematics, m; `foot_points` describes the exact shape."""
     thigh_radius: float
-    """Distance from the line between a thigh's joints to the farthest point of the thigh's shape, rounded up, m."""
-    trunk_size: Floats
-    """Full lengths of the trunk's box along x, y and z, base frame, (3,), m."""
-    servo_stiffness: Floats
-    """Gain of the joint servos on the angle, one number for all joints or (12,), N·m/rad; stored as (12,)."""
-    servo_damping: Floats
-    """Gain of the joint servos on the speed, one number for all joints or (12,), N·m·s/rad; stored as (12,)."""
-    rated_torque: float
-    """Largest joint torque, N·m."""
-    rated_speed: float
-    """Rated joint speed, rad/s. It is reported; the ideal actuator does not enforce it."""
-    knee_direction: Floats = field(default_factory=lambda: np.array(-1.0))
-    """Sign of each calf's angle when the knee is bent, one number for all legs or (4,); stored as (4,)."""
-    trunk_centre: Floats = field(default_factory=lambda: np.zeros(3))
-    """Centre of the trunk's box, base frame, (3,), m."""
-    foot_points: Floats = field(default_factory=lambda: np.zeros((4, 0, 3)))
-    """Points of each foot relative to its centre, base frame with the legs straight down, (4, k, 3), m.
+    """Radius of the thigh about the line from the thigh joint to the calf joint, m.
 
-    The foot is the convex hull of balls about these points, with the radii in `foot_radii`. k is 0 if all feet are
-    balls.
+    It is the distance from this line to the farthest point of the thigh's colliding shape, rounded up.
+    """
+    trunk_size: Floats
+    """Full lengths of the trunk's bounding box along x, y and z, base frame, (3,), m."""
+    servo_stiffness: Floats
+    """Gain of the joint servos on the angle error, N·m/rad; stored as (12,).
+
+    One number stands for all joints.
+    """
+    servo_damping: Floats
+    """Gain of the joint servos on the joint speed, N·m·s/rad; stored as (12,).
+
+    One number stands for all joints.
+    """
+    rated_torque: float
+    """Largest torque of every joint, N·m; the servos limit their torques to ± this value."""
+    rated_speed: float
+    """Rated speed of every joint, rad/s. It is reported; the ideal actuator does not enforce it."""
+    knee_direction: Floats = field(default_factory=lambda: np.array(-1.0))
+    """Sign of each calf's angle when the knee is bent: -1 for backward, 1 for forward; stored as (4,).
+
+    One number stands for all legs.
+    """
+    trunk_centre: Floats = field(default_factory=lambda: np.zeros(3))
+    """Centre of the trunk's bounding box, base frame, (3,), m."""
+    foot_points: Floats = field(default_factory=lambda: np.zeros((4, 0, 3)))
+    """Points that describe the shape of each foot, relative to its centre, (4, k, 3), m.
+
+    They are in the base frame with the legs straight down. The foot is the convex hull of balls about these points,
+    with the radii in `foot_radii`. k is 0 if each foot is one ball.
     """
     foot_radii: Floats = field(default_factory=lambda: np.zeros((4, 0)))
-    """Radii of the balls about the points in `foot_points`, (4, k), m."""
+    """Radius of the ball about each point of `foot_points`, (4, k), m."""
     stiff_servo: Floats = field(default_factory=lambda: np.array((300.0, 10.0)))
-    """Stiffness, N·m/rad, and damping, N·m·s/rad, for controllers that need stiff servos; stored as (2, 12).
+    """Servo gains for controllers that need stiff servos: N·m/rad and N·m·s/rad; stored as (2, 12).
 
-    They are SimpleQuad's gains, scaled by mass and leg length, or the gains in the user's TOML. Two numbers are valid
-    for all joints.
+    The first row is the stiffness, the second row the damping. They are SimpleQuad's gains, scaled by mass and leg
+    length, or the gains in the user's TOML. A pair of two numbers stands for all joints.
     """
     servo_fixed: bool = False
-    """True if every controller has to use `servo_stiffness` and `servo_damping`, see `Robot.with_servo`."""
+    """True if every controller has to use `servo_stiffness` and `servo_damping`, see `Robot.with_servo`.
+
+    Otherwise a controller that needs stiff servos gets the gains `stiff_servo`.
+    """
     locked_joints: tuple[str, ...] = ()
-    """Names of the model's joints that belong to no leg and are locked, see the module `locked_joints`."""
+    """Names of the model's joints that belong to no leg, such as joints of an arm; they cannot move."""
     imported: bool = False
-    """True if the MJCF is not SimpleQuad's, so that `quad_env.robots.scene` attaches it to SimpleQuad's scene."""
+    """True if the robot is not SimpleQuad, so that its model has to be attached to SimpleQuad's scene."""
     source: Path | None = None
     """User's MJCF, URDF or TOML file from which the robot was read; None for a robot of the registry."""
 
     @property
     def keeps_contact(self) -> bool:
-        """True if geoms keep the contact parameters of the model.
+        """True if the geoms keep the contact parameters of the robot's model, False if they get SimpleQuad's.
 
-        This holds for the imported robots of the registry, because results with them have been published.
+        They are kept for the imported robots of the registry, because results with these robots have been published.
         """
         return self.imported and self.source is None
 
@@ -116,16 +136,22 @@ class RobotParameters:
 
     @property
     def by_name(self) -> dict[str, Any]:
-        """Dictionary: name of a field -> value of this parameter."""
+        """Name of each parameter -> its value, for all fields of `RobotParameters`."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @cached_property
     def user_model(self) -> UserModel:
-        """Compiled model of an imported robot, as it was read for these parameters. Raises ModelError."""
+        """Compiled model of an imported robot, from which these parameters were inferred.
+
+        The file is read again if the model is not in memory; an invalid file then raises ModelError.
+        """
         return read(self.mjcf)
 
     def replace(self, **changes: Any) -> Self:
-        """Return a copy with the values in `changes`; the user's model is not read again."""
+        """Return a copy of the parameters in which the fields named in `changes` have the values in `changes`.
+
+        The file of the user's model is not read again.
+        """
         copy = dataclasses.replace(self, **changes)
         if "user_model" in vars(self):
             vars(copy)["user_model"] = self.user_model
@@ -133,24 +159,24 @@ class RobotParameters:
 
     @property
     def num_joints(self) -> int:
-        """Number of joints of all legs."""
+        """Number of joints of all four legs, 12."""
         return len(self.joint_names)
 
     @property
     def servo(self) -> str:
-        """Text with the servo gains and their units."""
+        """Text with the servo gains and their units, such as `25 N·m/rad and 0.5 N·m·s/rad`."""
         return f"{format_range(self.servo_stiffness)} N·m/rad and {format_range(self.servo_damping)} N·m·s/rad"
 
     @cached_property
     def side(self) -> Floats:
-        """Sign of each leg's side: +1 for left legs, -1 for right legs, (4,)."""
+        """Side of each leg: +1 for left legs, -1 for right legs, (4,); the sign of y in the base frame."""
         return read_only_array(np.sign(self.hip_positions[:, 1]))
 
     def in_leg_order(self, corners: Sequence[T]) -> tuple[T, ...]:
-        """Sort values of the four corners into the order of `leg_names`.
+        """Sort four values, one for each corner of the trunk, into the order of the robot's legs.
 
         Args:
-            corners: Values for the front left, front right, hind left and hind right leg.
+            corners: Values for the front left, front right, hind left and hind right leg, in this order.
 
         Returns:
             The same values in the order of `leg_names`.
@@ -160,7 +186,7 @@ class RobotParameters:
 
     @property
     def leg_length(self) -> float:
-        """Distance from the thigh joint to the centre of the foot with the knee straight, m."""
+        """Length of a leg: distance from the thigh joint to the centre of the foot with the knee straight, m."""
         return self.thigh_length + self.calf_length
 
     @cached_property
@@ -179,7 +205,10 @@ class RobotParameters:
 
     @cached_property
     def home_height(self) -> float:
-        """Height of the base frame's origin above flat ground when the robot stands level in the home pose, m."""
+        """Height of the base frame's origin above flat ground when the robot stands in the home pose, m.
+
+        The trunk is level.
+        """
         parts = (self.hip_heights, self._foot_depths, self.hip_positions[:, 2], self.leg_heights)
         if max(np.ptp(part) for part in parts) < LEVEL_TOLERANCE:
             return self.home_hip_height + self.foot_depth - self.hip_rise
@@ -187,12 +216,12 @@ class RobotParameters:
 
     @property
     def leg_heights(self) -> Floats:
-        """Height of the base frame's origin above the underside of each foot in the level home pose, (4,), m."""
+        """Height of the base frame's origin above the sole of each foot in the level home pose, (4,), m."""
         return self.hip_heights + self._foot_depths - self.hip_positions[:, 2]
 
     @cached_property
     def hip_rise(self) -> float:
-        """Height of the hip joints above the origin of the base frame, mean over the legs, m."""
+        """Height of the hip joints above the base frame's origin with a level trunk, mean over the legs, m."""
         return float(self.hip_positions[:, 2].mean())
 
     @cached_property
@@ -205,7 +234,7 @@ class RobotParameters:
 
     @cached_property
     def _foot_depths(self) -> Floats:
-        """Depth of the lowest point of each foot below its centre in the home pose, (4,), m."""
+        """Depth of the lowest point of each foot below the foot's centre in the home pose, (4,), m."""
         if not self.foot_points.size:
             return np.full(len(self.leg_names), self.foot_radius)
         up = np.array((0.0, 0.0, 1.0))
@@ -213,12 +242,12 @@ class RobotParameters:
 
 
 def format_range(values: Floats) -> str:
-    """Format the smallest and largest value as `25 to 40`, or as `25` if they are equal."""
+    """Format the smallest and the largest of some numbers as `25 to 40`, or as `25` if they are equal."""
     return " to ".join(f"{value:.3g}" for value in sorted({float(values.min()), float(values.max())}))
 
 
 def read_only_array(values: ArrayLike) -> Floats:
-    """Return a copy of the values as an array that cannot be written to."""
+    """Return a copy of `values` as an array of floats that cannot be written to."""
     array = np.array(values, dtype=np.float64)
     array.flags.writeable = False
     return array
@@ -245,6 +274,9 @@ SIMPLE_QUAD_PARAMETERS = RobotParameters(
     rated_torque=100.0,
     rated_speed=10.0,
 )
-"""SimpleQuad's parameters, as in its compiled model. Values that other models lack are scaled from these."""
+"""Parameters of SimpleQuad, equal to the values in its model file.
+
+Servo gains, rated speed and home pose of an imported robot are scaled from these if its model does not define them.
+"""
 REFERENCE_MASS = 14.2
-"""Mass of SimpleQuad, kg; the reference for scaling by mass."""
+"""Mass of SimpleQuad, kg; servo gains are scaled by the ratio of an imported robot's mass to it."""

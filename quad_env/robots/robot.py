@@ -1,4 +1,4 @@
-"""Class of a robot: its parameters, and the joint limits, mass and SHA-256 of its compiled model."""
+"""The class `Robot`: parameters of a quadruped, and joint limits, mass and digest of its compiled model."""
 
 from functools import cached_property
 from pathlib import Path
@@ -17,11 +17,11 @@ from quad_env.robots.structure import JOINTS_PER_LEG, LEGS
 JOINTS = LEGS * JOINTS_PER_LEG
 """Number of joints of a robot."""
 _SHOWN_LENGTH = 80
-"""Largest number of characters of a wrong value that an error message shows."""
+"""Largest number of characters of a wrong argument that an error message shows."""
 
 
 class Robot(RobotParameters):
-    """A robot with four legs; made by `from_mjcf`, or taken from `quad_env.ROBOTS`.
+    """A quadruped with three joints per leg; made by `from_mjcf`, or taken from `quad_env.ROBOTS`.
 
     Two robots are equal if all their parameters except the servo gains are equal.
     """
@@ -52,7 +52,8 @@ class Robot(RobotParameters):
             path: The MJCF or URDF file, or a TOML file of parameters as `python -m quad_env describe` writes it. The
                 entry `mjcf` of the TOML is the path of the model, relative to the TOML.
             name: Name of the robot; None for the name of the file without its ending.
-            **figures: Fields of `Robot` that are given instead of being inferred from the model.
+            **figures: Name and value of each field of `Robot` that is given instead of being inferred from the model,
+                such as `rated_torque=30.0`; see `GIVEN_PARAMETERS`.
 
         Returns:
             The robot.
@@ -68,11 +69,11 @@ class Robot(RobotParameters):
         Invalid gains raise ValueError.
 
         Args:
-            stiffness: Gain on the joint angle, a number or (12,), N·m/rad; None for the gain of this robot.
+            stiffness: Gain on the joint angle error, a number or (12,), N·m/rad; None for the gain of this robot.
             damping: Gain on the joint speed, a number or (12,), N·m·s/rad; None for the gain of this robot.
 
         Returns:
-            The robot with these gains.
+            The robot with these gains. Its `servo_fixed` is True if they differ from `stiff_servo`.
         """
         own_or_given = (
             self.servo_stiffness if stiffness is None else stiffness,
@@ -84,17 +85,23 @@ class Robot(RobotParameters):
 
     @cached_property
     def with_stiff_servos(self) -> "Robot":
-        """This robot with the servo gains `stiff_servo`, for controllers that need stiff servos.
+        """Copy of this robot with the servo gains `stiff_servo`, for controllers that need stiff servos.
 
-        The robot is returned unchanged if `servo_fixed` is True.
+        It is this robot itself, with its own gains, if `servo_fixed` is True.
         """
         stiffness, damping = self.stiff_servo
         return self if self.servo_fixed else self._with(servo_stiffness=stiffness, servo_damping=damping)
 
     def _with(self, **figures: Any) -> "Robot":
-        """Return a copy with other parameters, or this robot if no parameter differs.
+        """Return a copy of the robot with other values of some parameters, or the robot itself if none differs.
 
-        The copy keeps the joint limits and the mass, so `figures` must not affect them.
+        The copy keeps the cached joint limits and mass, so the changed parameters must not affect them.
+
+        Args:
+            **figures: Name and new value of each changed parameter.
+
+        Returns:
+            The robot.
         """
         if all(np.array_equal(getattr(self, name), value) for name, value in figures.items()):
             return self
@@ -113,37 +120,37 @@ class Robot(RobotParameters):
 
     @cached_property
     def _key(self) -> tuple[object, ...]:
-        """Parameters that are compared for equality.
+        """Values of all parameters except the servo gains, with arrays as bytes; equal robots have equal keys.
 
-        They are cached, because lookups by robot occur at every control step.
+        The tuple is cached, because dictionaries are looked up by robot at every control step.
         """
         compared = [value for name, value in self.by_name.items() if "servo" not in name]
         return tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in compared)
 
     @property
     def joint_lower(self) -> Floats:
-        """Lower joint limits of the model, (12,), rad."""
+        """Lower joint limits of the robot's compiled model, zero with the legs straight down, (12,), rad."""
         return self._compiled[0]
 
     @property
     def joint_upper(self) -> Floats:
-        """Upper joint limits of the model, (12,), rad."""
+        """Upper joint limits of the robot's compiled model, zero with the legs straight down, (12,), rad."""
         return self._compiled[1]
 
     @property
     def mass(self) -> float:
-        """Total mass of the model, kg."""
+        """Total mass of the robot's compiled model, kg."""
         return self._compiled[2]
 
     @property
     def joint_damping(self) -> Floats:
-        """Passive damping of the model's joints, which adds to the damping of the servos, (12,), N·m·s/rad."""
+        """Passive damping of the joints, which adds to the damping of the servos, (12,), N·m·s/rad."""
         dofs = [int(self.model.joint(name).dofadr[0]) for name in self.joint_names]
         return read_only_array(self.model.dof_damping[dofs])
 
     @property
     def joint_damping_line(self) -> str:
-        """Sentence about the passive damping of the joints; empty if it is zero."""
+        """Sentence about the passive damping of the joints, for `describe`; empty if the damping is zero."""
         damping = self.joint_damping
         if not damping.any():
             return ""
@@ -151,9 +158,9 @@ class Robot(RobotParameters):
 
     @cached_property
     def sha256(self) -> str:
-        """SHA-256 of the compiled model; a trained policy is valid only for a robot with the same SHA-256.
+        """SHA-256 of the robot's compiled model; a trained policy is valid only for a robot with the same value.
 
-        It covers the names of legs and joints, and the model's numbers rounded to six significant digits.
+        It covers the names of legs and joints, and the model's physical numbers, rounded to six significant digits.
         """
         return digest((*self.leg_names, *self.joint_names), self.model)
 
@@ -170,14 +177,14 @@ class Robot(RobotParameters):
 
 
 def parse_servo_gains(servo: Any, num_robots: int) -> Floats:
-    """Check servo gains and broadcast them to all joints of all robots.
+    """Check servo gains, and broadcast them to all joints of all robots.
 
     Args:
-        servo: Pair of stiffness and damping, numbers or arrays that broadcast to (num_robots, 12).
-        num_robots: Number of robots.
+        servo: Pair of stiffness, N·m/rad, and damping, N·m·s/rad: numbers or arrays that broadcast to (num_robots, 12).
+        num_robots: Number of robots in the batch.
 
     Returns:
-        Stiffness, N·m/rad, and damping, N·m·s/rad, (2, num_robots, 12).
+        Servo gains, (2, num_robots, 12): first the stiffness, N·m/rad, then the damping, N·m·s/rad.
 
     Raises:
         ValueError: `servo` is no pair, has a wrong shape, or has a gain that is not a finite number above 0.

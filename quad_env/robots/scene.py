@@ -1,9 +1,9 @@
-"""Scene with a robot on flat ground.
+"""Building of the MuJoCo model that is simulated: a robot on flat ground, with servos, sensors and a home pose.
 
-SimpleQuad's scene is its MJCF file. The model of any other robot is attached to SimpleQuad's scene in place of
-SimpleQuad: the body with the free joint and all bodies below it. The joints keep their names and their order. Axes,
-limits and `ref` are rewritten to the robot's convention: angles are zero with the leg straight down, hips turn about
-+x, thighs and calves about +y. Bodies and geoms that the simulation finds by name get SimpleQuad's names.
+SimpleQuad's scene is its MJCF file. For any other robot, SimpleQuad is removed from this scene, and the robot's model
+is attached in its place: the body with the free joint and all bodies below it. The joints keep their names and their
+order. Their axes, limits and `ref` are rewritten: angles are zero with the leg straight down, hips turn about +x,
+thighs and calves about +y. Bodies and geoms that the simulation finds by name get SimpleQuad's names.
 """
 
 from functools import lru_cache
@@ -31,20 +31,28 @@ from quad_env.robots.part_names import ATTACH_PREFIX, RENAMED_PREFIX, names_of_p
 from quad_env.robots.shapes import GROUND_BIT
 
 _SENSOR_FIELDS = ("name", "type", "objtype", "objname", "reftype", "refname", "intprm")
+"""Fields of SimpleQuad's sensors that are copied when another robot replaces SimpleQuad in the scene."""
 _LIGHT_FIELDS = ("mode", "type", "dir", "cutoff", "exponent", "diffuse")
+"""Fields of SimpleQuad's lights that are copied when another robot replaces SimpleQuad in the scene."""
 _REMOVED = ("actuators", "sensors", "keys", "tendons", "equalities", "cameras", "lights", "flexes", "texts")
-"""Kinds of elements that are deleted from a user's model before the attachment to the scene."""
+"""Attributes of `mujoco.MjSpec` with the elements that are deleted from a user's model.
+
+They are deleted before the model is attached to the scene, because the scene has its own elements of these kinds.
+"""
 _IMU_SIZE = 0.005
-"""Radius of the site of the IMU, m. It affects only the rendering."""
+"""Radius of the site that marks the IMU on the trunk, m. It does not affect the measurements."""
 
 
 def build_spec(robot: RobotParameters) -> Any:
-    """Build a new `mujoco.MjSpec` with the robot on flat ground, with its servo gains. Raises ModelError."""
-    import mujoco  # The import is local because it is slow.
+    """Build a new `mujoco.MjSpec` of the scene: the robot on flat ground, with its servo gains.
+
+    A ModelError is raised if the file of a user's robot has changed and is not valid any more.
+    """
+    import mujoco  # Imported here because commands that only print their help would otherwise wait for MuJoCo.
 
     if robot.imported:
         modified = robot.mjcf.stat().st_mtime_ns if robot.mjcf.is_file() else 0
-        spec = _attach_to_scene(robot, modified).copy()  # The copy compiles to exactly the same numbers.
+        spec = _attach_to_scene(robot, modified).copy()  # The cached scene must not change; its copy compiles equally.
     else:
         spec = mujoco.MjSpec.from_file(str(robot.mjcf))
     for actuator, stiffness, damping in zip(spec.actuators, robot.servo_stiffness, robot.servo_damping, strict=True):
@@ -56,16 +64,16 @@ def build_spec(robot: RobotParameters) -> Any:
 
 @lru_cache(maxsize=16)
 def _attach_to_scene(robot: RobotParameters, modified: int) -> Any:
-    """Attach a user's robot to SimpleQuad's scene. This takes up to half a second.
+    """Make a scene in which a user's robot replaces SimpleQuad. This takes up to half a second.
 
-    The order of the steps matters, because elements lose the ids of the compiled model when the specification changes.
+    The order of the steps matters, because elements lose the ids of the compiled model when the `MjSpec` changes.
 
     Args:
-        robot: Parameters of an imported robot; robots that differ only in servo gains are equal.
+        robot: Parameters of an imported robot. Robots that differ only in servo gains share one cached scene.
         modified: Modification time of the robot's model file, ns; it is part of the cache's key.
 
     Returns:
-        Specification of the scene; its servos have no gains yet.
+        The `mujoco.MjSpec` of the scene; `build_spec` sets the gains of its servos.
     """
     import mujoco
 
@@ -102,7 +110,14 @@ def _attach_to_scene(robot: RobotParameters, modified: int) -> Any:
 
 
 def _add_imu_and_cameras(attached: AttachedModel, scene: Any) -> None:
-    """Add SimpleQuad's IMU, cameras and lights to the trunk, with distances scaled to the robot."""
+    """Add SimpleQuad's IMU, cameras and lights to the trunk of a user's robot.
+
+    The distances of cameras and lights from the trunk are scaled by the size of the robot.
+
+    Args:
+        attached: The user's model; its `spec` is changed.
+        scene: The `mujoco.MjSpec` of SimpleQuad's scene.
+    """
     robot = attached.robot
     trunk = attached.root
     imu = {"type": 2, "pos": np.zeros(3), "size": np.full(3, _IMU_SIZE), "rgba": (0.0, 0.0, 0.0, 0.0)}
@@ -120,7 +135,14 @@ def _add_imu_and_cameras(attached: AttachedModel, scene: Any) -> None:
 
 
 def _replace_simple_quad(attached: AttachedModel, scene: Any) -> None:
-    """Replace SimpleQuad in the scene by the robot. Options and sizes of the scene do not change."""
+    """Replace SimpleQuad in its scene by a user's robot.
+
+    The physics options, visual settings and memory sizes of the scene do not change.
+
+    Args:
+        attached: The user's model, ready for the attachment.
+        scene: The `mujoco.MjSpec` of SimpleQuad's scene, which is changed.
+    """
     spec = attached.spec
     scene.delete(scene.body("base_link"))
     delete_elements(scene, "actuators", "sensors", "keys")
@@ -132,7 +154,10 @@ def _replace_simple_quad(attached: AttachedModel, scene: Any) -> None:
 
 
 def _remove_prefixes(scene: Any) -> None:
-    """Remove the prefixes of renamed elements from the element names and the collision rules."""
+    """Remove the prefixes from the names of renamed elements in the `mujoco.MjSpec` `scene`.
+
+    The names in the collision rules are changed in the same way.
+    """
     elements = (*scene.bodies, *scene.joints, *scene.geoms, *scene.sites, *scene.cameras, *scene.lights)
     for element in elements:
         element.name = scene_name(element.name)
@@ -143,9 +168,13 @@ def _remove_prefixes(scene: Any) -> None:
 
 
 def _add_position_actuators(scene: Any, robot: RobotParameters) -> None:
-    """Add a position servo for each joint, in the order of the joints.
+    """Add a position servo for each joint of the robot, in the order of the joints.
 
-    The control range is the range of the joint, and the force range is the rated torque.
+    The targets are limited to the joint limits, the torques to ± the rated torque. `build_spec` sets the gains.
+
+    Args:
+        scene: The `mujoco.MjSpec` of the scene with the robot, which is changed.
+        robot: Parameters of the robot.
     """
     import mujoco
 
@@ -162,15 +191,15 @@ def _add_position_actuators(scene: Any, robot: RobotParameters) -> None:
 def _add_sensors(
     scene: Any, robot: RobotParameters, sensors: list[dict[str, Any]], measured_parts: dict[str, list[Any]]
 ) -> None:
-    """Add SimpleQuad's sensors, except its joint sensors.
+    """Add SimpleQuad's sensors to a user's robot, except the joint sensors.
 
-    `qpos` and `qvel` contain the readings of joint sensors.
+    Joint sensors are not needed, because the simulation reads joint angles and speeds from `qpos` and `qvel`.
 
     Args:
-        scene: Specification with the robot.
+        scene: The `mujoco.MjSpec` of the scene with the robot, which is changed.
         robot: Parameters of the robot.
-        sensors: Fields of SimpleQuad's sensors.
-        measured_parts: Name of a part with contact sensors -> its bodies and geoms, see `contact_parts`.
+        sensors: Name of a field -> its value, for each of SimpleQuad's sensors.
+        measured_parts: Name of a part with contact sensors, such as `fl_calf` -> its bodies and geoms.
     """
     import mujoco
 
@@ -190,7 +219,13 @@ def _add_sensors(
 
 
 def _add_contact_sensors(scene: Any, sensor: dict[str, Any], parts: list[Any]) -> None:
-    """Add a contact sensor, with the fields of `sensor`, to each body or geom of `parts`."""
+    """Add a contact sensor to each body or geom of one part of the robot.
+
+    Args:
+        scene: The `mujoco.MjSpec` of the scene, which is changed.
+        sensor: Name of a field -> its value, of SimpleQuad's contact sensor on the same part.
+        parts: Bodies and geoms of `scene` that form the part; a second sensor gets a name that ends in `_2`.
+    """
     import mujoco
 
     for number, part in enumerate(parts):
@@ -200,7 +235,14 @@ def _add_contact_sensors(scene: Any, sensor: dict[str, Any], parts: list[Any]) -
 
 
 def _set_home_pose(scene: Any, robot: RobotParameters) -> None:
-    """Add the keyframe of the home pose, and place the trunk so that straight legs reach the ground."""
+    """Add the keyframe `home`, in which the robot stands in its home pose.
+
+    In `qpos0`, the trunk is placed so that straight legs reach the ground.
+
+    Args:
+        scene: The `mujoco.MjSpec` of the scene with the robot, which is changed.
+        robot: Parameters of the robot.
+    """
     qpos = (0.0, 0.0, robot.home_height, 1.0, 0.0, 0.0, 0.0, *robot.home_pose)
     scene.add_key(name="home", qpos=qpos, ctrl=robot.home_pose)
     scene.body("base_link").pos = (0.0, 0.0, robot.leg_length + robot.foot_radius)

@@ -1,4 +1,7 @@
-"""Geometry of a compiled model's geoms: bounding boxes, surface points, spheres and masks."""
+"""Geometry of the geoms of a compiled model: bounding boxes, surface points and end spheres.
+
+Further functions return masks: boolean arrays that select bodies or geoms.
+"""
 
 from collections.abc import Iterable
 from typing import Any
@@ -10,23 +13,33 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 GROUND_BIT = 1 << 30
-"""Bit in `contype` of the geoms that collide with the ground, and in `conaffinity` of the ground.
+"""Collision bit in `contype` of geoms that collide with the ground, and in `conaffinity` of the ground.
 
-With this bit the geoms collide with the ground, independent of the bits in the user's model. The self-collisions of the
-robot do not change.
+With this bit the geoms collide with the ground, independent of the collision bits in the user's model. It does not
+change the self-collisions of the robot.
 """
 _SIGNS = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)], indexing="ij"), axis=-1).reshape(-1, 3)
 """Signs of the coordinates of a box's corners relative to its centre, (8, 3)."""
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
+"""Angles of the points on a circle that approximates a round surface, (96,), rad."""
 _CIRCLE = np.stack((np.cos(_ANGLES), np.sin(_ANGLES)), axis=1)
 """Points of the unit circle, (96, 2)."""
 _HEIGHTS = np.sin(np.linspace(-0.5, 0.5, 25) * np.pi)
+"""Heights of the circles of latitude on the unit sphere, from pole to pole, (25,)."""
 _SPHERE = np.concatenate([np.insert(np.sqrt(max(0.0, 1.0 - z * z)) * _CIRCLE, 2, z, axis=1) for z in _HEIGHTS])
 """Points of the unit sphere on circles of latitude, including the poles, (k, 3)."""
 
 
 def descendant_mask(model: Any, body: int) -> Bools:
-    """Return the mask of the body with id `body` and all bodies below it in `model`, (nbody,)."""
+    """Return a mask, (nbody,), that is True for a body and all bodies below it in the kinematic tree.
+
+    Args:
+        model: Compiled `mujoco.MjModel`.
+        body: Id of the body.
+
+    Returns:
+        Boolean mask, (nbody,).
+    """
     mask = np.zeros(model.nbody, bool)
     mask[body] = True
     for each in range(body + 1, model.nbody):  # The id of a parent is smaller than the ids of its children.
@@ -35,28 +48,36 @@ def descendant_mask(model: Any, body: int) -> Bools:
 
 
 def welded_bodies(model: Any, body: int) -> list[int]:
-    """Return the ids of `body` and of all bodies welded to it in `model`; `body` is the first."""
+    """Return the ids of the body `body` and of all bodies that cannot move relative to it in `model`.
+
+    Args:
+        model: Compiled `mujoco.MjModel`.
+        body: Id of the body.
+
+    Returns:
+        Ids of the bodies; `body` is the first.
+    """
     same = np.flatnonzero(model.body_weldid == model.body_weldid[body])
     return [body, *(int(each) for each in same if each != body)]
 
 
 def collision_mask(model: Any) -> Bools:
-    """Return the mask of the geoms with a bit in `contype` or `conaffinity`, (ngeom,)."""
+    """Return a mask, (ngeom,), that is True for geoms with a collision bit in `contype` or `conaffinity`."""
     return np.asarray((model.geom_contype | model.geom_conaffinity) != 0)
 
 
 def ground_collision_mask(model: Any, root: int) -> Bools:
-    """Find the geoms of the robot that collide with the ground.
+    """Find the geoms of a user's robot that collide with the ground.
 
-    These are the geoms with a bit in `contype` or `conaffinity`, and the geoms in an explicit pair with a geom that
-    does not belong to the robot.
+    These are the geoms with a collision bit in `contype` or `conaffinity`, and the geoms in an explicit pair with a
+    geom that does not belong to the robot.
 
     Args:
-        model: Compiled model.
-        root: Id of the robot's root body.
+        model: Compiled `mujoco.MjModel` of the user's file.
+        root: Id of the robot's root body, which has the free joint.
 
     Returns:
-        Mask of the geoms, (ngeom,).
+        Mask that is True for these geoms, (ngeom,).
     """
     is_robot_geom = descendant_mask(model, root)[model.geom_bodyid]
     mask = is_robot_geom & collision_mask(model)
@@ -70,9 +91,9 @@ def geom_ids(model: Any, bodies: Iterable[int], among: Bools | None = None) -> l
     """Return the ids of the geoms of some bodies.
 
     Args:
-        model: Compiled model.
+        model: Compiled `mujoco.MjModel`.
         bodies: Ids of the bodies.
-        among: Mask of the geoms to choose from, (ngeom,); None to choose from all geoms.
+        among: Mask of the geoms that may be returned, (ngeom,); None for all geoms.
 
     Returns:
         Ids of the geoms, in ascending order.
@@ -85,13 +106,13 @@ def bounding_box(model: Any, geom: int) -> tuple[Floats, Floats, Floats]:
     """Return the bounding box of a geom, aligned with the axes of the geom.
 
     Args:
-        model: Compiled model.
+        model: Compiled `mujoco.MjModel`.
         geom: Id of the geom.
 
     Returns:
-        centre: Centre of the box, body frame, (3,), m.
+        centre: Centre of the box, frame of the geom's body, (3,), m.
         half_sizes: Half lengths of the box along the axes of the geom, (3,), m.
-        rotation: Rotation from the geom frame to the body frame, (3, 3).
+        rotation: Rotation from the frame of the geom to the frame of its body, (3, 3).
     """
     rotation = rotation_matrix(model.geom_quat[geom])
     centre, half_sizes = model.geom_aabb[geom].reshape(2, 3)
@@ -99,7 +120,15 @@ def bounding_box(model: Any, geom: int) -> tuple[Floats, Floats, Floats]:
 
 
 def box_corners(model: Any, geom: int) -> Floats:
-    """Return the corners of the bounding box of the geom with id `geom` in `model`, body frame, (8, 3), m."""
+    """Return the corners of the bounding box of a geom, frame of the geom's body, (8, 3), m.
+
+    Args:
+        model: Compiled `mujoco.MjModel`.
+        geom: Id of the geom.
+
+    Returns:
+        The corners, (8, 3), m.
+    """
     centre, half_sizes, rotation = bounding_box(model, geom)
     corners: Floats = centre + (_SIGNS * half_sizes) @ rotation.T
     return corners
@@ -109,11 +138,11 @@ def end_spheres(model: Any, geom: int) -> list[tuple[Floats, float]]:
     """Return the sphere of a sphere geom, or the two end spheres of a capsule geom.
 
     Args:
-        model: Compiled model.
+        model: Compiled `mujoco.MjModel`.
         geom: Id of the geom.
 
     Returns:
-        Centre, body frame, (3,), m, and radius, m, of each sphere; an empty list for other shapes.
+        Centre, frame of the geom's body, (3,), m, and radius, m, of each sphere; an empty list for other shapes.
     """
     import mujoco
 
@@ -129,16 +158,16 @@ def end_spheres(model: Any, geom: int) -> list[tuple[Floats, float]]:
 
 
 def surface_points(model: Any, geom: int) -> Floats:
-    """Return points on the surface of a geom; their convex hull is the geom, or the convex hull of a mesh.
+    """Return points on the surface of a geom; the convex hull of the points is the collision shape.
 
-    The hull is accurate to half a per cent for a curved shape.
+    For a mesh, the points are its vertices. For a curved shape, the hull is accurate to half a per cent.
 
     Args:
-        model: Compiled model.
+        model: Compiled `mujoco.MjModel`.
         geom: Id of the geom.
 
     Returns:
-        Points, body frame, (k, 3), m.
+        Points, frame of the geom's body, (k, 3), m.
     """
     import mujoco
 
@@ -161,14 +190,14 @@ def surface_points(model: Any, geom: int) -> Floats:
 
 
 def rounded_hull(model: Any, geom: int) -> tuple[Floats, float]:
-    """Represent a geom as the convex hull of balls of one radius.
+    """Represent a geom as the convex hull of balls of one radius; the radius is 0 for shapes with corners.
 
     Args:
-        model: Compiled model.
+        model: Compiled `mujoco.MjModel`.
         geom: Id of the geom.
 
     Returns:
-        points: Centres of the balls, body frame, (k, 3), m.
+        points: Centres of the balls, frame of the geom's body, (k, 3), m.
         radius: Radius of the balls, m; 0 unless the geom is a sphere or a capsule.
     """
     if ends := end_spheres(model, geom):
@@ -177,7 +206,7 @@ def rounded_hull(model: Any, geom: int) -> tuple[Floats, float]:
 
 
 def rotation_matrix(quaternion: Any) -> Floats:
-    """Return the rotation matrix, (3, 3), of a quaternion (w, x, y, z)."""
+    """Return the rotation matrix, (3, 3), of a unit quaternion (w, x, y, z), (4,)."""
     import mujoco
 
     flat = np.zeros(9)

@@ -25,33 +25,45 @@ _UNITS = {
     (1.5, 1.0): ("N·m·s",),
     (0.0, -2.0): ("1/N²",),
 }
-"""Exponents of leg length and mass -> units of values that scale with these exponents."""
-_EXPONENTS = {unit: exponents for exponents, units in _UNITS.items() for unit in units}
-"""Unit -> exponents of leg length and mass."""
-LATERAL_LENGTH = "m wide"
-"""Unit of distances between left and right feet, in m.
+"""Exponents of leg length and mass -> units of the parameters that scale with (leg length)^a · (mass)^b.
 
-The difference between this distance and the distance between the thigh joints scales with the leg length.
+The key is the pair (a, b). For example, times in s scale with the square root of the leg length.
+"""
+_EXPONENTS = {unit: exponents for exponents, units in _UNITS.items() for unit in units}
+"""Unit of a parameter -> exponents of leg length and mass with which the parameter scales between robots."""
+LATERAL_LENGTH = "m wide"
+"""Unit that marks a distance between left and right feet, in m, when it is scaled to another robot.
+
+The distance between the thigh joints is replaced by its value for the other robot; the rest of the distance scales with
+the leg length.
 """
 LONGITUDINAL_LENGTH = "m long"
-"""Unit of distances between fore and hind feet, in m; they are scaled in the same way as `LATERAL_LENGTH`."""
-HIP_HEIGHT = "m high"
-"""Unit of heights of the hips above the feet, in m; they scale with the hip height in the home pose."""
-KNEE_SIGN_SUFFIX = " ahead"
-"""Suffix of the unit of values that depend on the bend direction of the knees.
+"""Unit that marks a distance between fore and hind feet, in m, when it is scaled to another robot.
 
-These values are negated for a robot with knees that bend forward, and 0 if two knees bend forward and two backward.
+The distance between the thigh joints is replaced by its value for the other robot; the rest of the distance scales with
+the leg length.
+"""
+HIP_HEIGHT = "m high"
+"""Unit that marks a height of the hips above the feet, in m, when it is scaled to another robot.
+
+It scales with the hip height in the home pose instead of the leg length.
+"""
+KNEE_SIGN_SUFFIX = " ahead"
+"""Suffix of the unit of a forward quantity with a sign that depends on the direction in which the knees bend.
+
+The quantity is negated for a robot with knees that bend opposite to SimpleQuad's, which bend backward. It is 0 for a
+robot with two knees that bend forward and two that bend backward.
 """
 
 
 def scale_factor(robot: Robot, unit: str) -> float:
-    """Compute the factor that scales values with a unit from SimpleQuad to a robot.
+    """Compute the factor from a parameter that was chosen for SimpleQuad to its value for another robot.
 
-    An unknown unit raises KeyError.
+    The factor follows from dynamic similarity: equal Froude numbers at equal gravity. An unknown unit raises KeyError.
 
     Args:
-        robot: The robot.
-        unit: Unit of the values, such as "m/s" or "N·m"; "" for angles and ratios.
+        robot: The other robot.
+        unit: Unit of the parameter, such as "m/s" or "N·m"; "" for angles and ratios.
 
     Returns:
         Factor on SimpleQuad's value; 1 for SimpleQuad itself, and for angles and ratios.
@@ -63,13 +75,13 @@ def scale_factor(robot: Robot, unit: str) -> float:
 
 
 def scaled_servo_gains(robot: Robot) -> tuple[float, float]:
-    """Scale SimpleQuad's servo gains to a robot.
+    """Scale SimpleQuad's servo gains to another robot by leg length and mass.
 
     Args:
-        robot: The robot.
+        robot: The other robot.
 
     Returns:
-        stiffness: Gain on the joint angle, N·m/rad.
+        stiffness: Gain on the joint angle error, N·m/rad.
         damping: Gain on the joint speed, N·m·s/rad.
     """
     stiffness, damping = SIMPLE_QUAD.stiff_servo[:, 0].tolist()
@@ -77,19 +89,19 @@ def scaled_servo_gains(robot: Robot) -> tuple[float, float]:
 
 
 def scale_to_robot(robot: Robot, value: float, unit: str) -> float:
-    """Scale a value that was chosen for SimpleQuad to a robot.
+    """Scale a parameter that was chosen for SimpleQuad, such as a gait's step height, to another robot.
 
     Args:
-        robot: The robot.
-        value: Value for SimpleQuad.
-        unit: Unit of the value. `LATERAL_LENGTH`, `LONGITUDINAL_LENGTH`, `HIP_HEIGHT` and units that end in
-            `KNEE_SIGN_SUFFIX` are also valid.
+        robot: The other robot.
+        value: The parameter for SimpleQuad.
+        unit: Unit of the parameter, such as "m/s". `LATERAL_LENGTH`, `LONGITUDINAL_LENGTH`, `HIP_HEIGHT` and units that
+            end in `KNEE_SIGN_SUFFIX` are also valid.
 
     Returns:
-        Value for the robot.
+        The parameter for the other robot, in the same unit.
     """
     if robot == SIMPLE_QUAD:
-        return value  # Return the exact value, because the computation below could round it.
+        return value  # The computation below could round the value.
     if unit in (LATERAL_LENGTH, LONGITUDINAL_LENGTH):
         return _thigh_distance(robot, unit) + scale_factor(robot, "m") * (value - _thigh_distance(SIMPLE_QUAD, unit))
     if unit == HIP_HEIGHT:
@@ -99,9 +111,14 @@ def scale_to_robot(robot: Robot, value: float, unit: str) -> float:
 
 
 def _thigh_distance(robot: Robot, unit: str) -> float:
-    """Return the mean distance between thigh joints, m.
+    """Return the mean distance between the thigh joints of opposite legs, m.
 
-    It is measured between left and right legs for the unit `LATERAL_LENGTH`, else between fore and hind legs.
+    Args:
+        robot: The robot.
+        unit: `LATERAL_LENGTH` for the distance between left and right legs, else between fore and hind legs.
+
+    Returns:
+        The distance, m.
     """
     ahead, left = map(float, np.abs(robot.hip_positions[:, :2]).mean(axis=0))
     return 2.0 * (left + robot.hip_offset) if unit == LATERAL_LENGTH else 2.0 * ahead

@@ -1,11 +1,12 @@
-"""Detection of trunk and legs of a quadruped in a compiled model, by tree and joint axes.
+"""Detection of the trunk and the legs of a user's robot in its compiled model.
 
-Names and order of bodies and joints do not matter. The robot is the body with the free joint, and all bodies below it.
-The trunk is the body from which all legs hang: the body with the free joint, or a body welded to it. A leg is a chain
-of three hinges below the trunk: the first about the trunk's x axis, the others about the leg's y axis.
+They are found by the kinematic tree and the joint axes; names and order of bodies and joints do not matter. The robot
+is the body with the free joint, and all bodies below it. The trunk is the body from which all legs hang: the body with
+the free joint, or a body welded to it. A leg is a chain of three hinges below the trunk: the first about the trunk's x
+axis, the others about the leg's y axis.
 
-The robot's convention of joint angles: angles are zero with the legs straight down, hips turn about +x, thighs and
-calves about +y. Signs and offsets of the joints in `Leg` convert the model's angles to this convention.
+This package measures joint angles from the pose with the legs straight down; hips turn about +x, thighs and calves
+about +y. The signs and offsets in `Leg` convert the joint angles of the user's model to these angles.
 """
 
 import re
@@ -36,43 +37,58 @@ from quad_env.robots.shapes import (
 )
 
 LEGS = 4
+"""Number of legs of a robot."""
 JOINTS_PER_LEG = 3
+"""Number of joints of a leg: hip, thigh and calf."""
 LINKS = ("hip", "thigh", "calf")
+"""Names of the links of a leg, and of the joints that move them, from the trunk to the foot."""
 LEG_WORDS = {word: words[:2] for words in ("fl lf", "fr rf", "hl rl lh bl", "hr rr rh br") for word in words.split()}
-"""Word of a joint's name -> leg; only words that mean the same leg in all models."""
-LINK_WORDS = {"hip": "01", "haa": "0", "abad": "0", "thigh": "1", "hfe": "1", "calf": "2", "knee": "2", "kfe": "2"}
-"""Word of a joint's name -> possible positions in the leg, digits counted from the trunk.
+"""Word of a joint's name -> the leg that it means: fl, fr, hl or hr (f: front, h: hind, l: left, r: right).
 
-The word hip has two positions, because some makers use it for the thigh joint, too.
+It contains only words that mean the same leg in all models.
+"""
+LINK_WORDS = {"hip": "01", "haa": "0", "abad": "0", "thigh": "1", "hfe": "1", "calf": "2", "knee": "2", "kfe": "2"}
+"""Word of a joint's name -> digits of the joints that it can mean: 0 for hip, 1 for thigh, 2 for calf.
+
+The word `hip` has two digits, because some makers use it for the thigh joint, too.
 """
 MIN_BEND_ANGLE = 0.1
-"""Smallest distance of the middle of a calf's range from zero that shows the bend direction of the knee, rad."""
+"""Angle of a calf, rad, from which its sign shows the direction in which the knee bends.
+
+The angle is the middle between the limits of the calf joint; it is zero with a straight leg.
+"""
 _PARALLEL_COSINE = 0.999
-"""Smallest cosine of the angle between two axes that are considered parallel."""
+"""Cosine of the angle between two joint axes from which the axes are considered parallel."""
 _LENGTH_TOLERANCE = 0.02
-"""Largest difference between lengths of a robot's legs, as a fraction of the leg length."""
+"""Largest valid difference between the dimensions of a robot's legs, as a fraction of the leg length.
+
+The controllers use the same dimensions for all legs.
+"""
 _MIN_LINK_LENGTH = 1e-3
-"""Smallest valid length of a thigh or calf, m."""
+"""Smallest valid length of a thigh or a calf, m; a shorter link is an error in the model."""
 
 
 class ModelError(ValueError):
-    """Error of a model that is not a quadruped with four legs of three hinges; the message is one line."""
+    """Error about a user's model that cannot be used as a quadruped; the message is one line."""
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A leg in the compiled model; made by `detect_structure`."""
+    """Joints, lengths and foot of a leg in a compiled model; made by `detect_structure`."""
 
     name: str
-    """Name of the leg by the position of its hip: fl, fr, hl or hr."""
+    """Name of the leg by the position of its hip: fl, fr, hl or hr (f: front, h: hind, l: left, r: right)."""
     joints: tuple[int, int, int]
-    """Ids of the hip, thigh and calf joints in the model."""
+    """Ids of the hip, thigh and calf joints in the compiled model."""
     signs: Floats
-    """Signs of the model's joint axes relative to the robot's convention, +1 or -1, (3,)."""
+    """Direction of the hip, thigh and calf axes in the model, (3,).
+
+    It is +1 if the hip turns about +x, or the thigh or calf about +y, and -1 for the opposite direction.
+    """
     joint_offsets: Floats
-    """Joint angles in the robot's convention at the model's `qpos0`, (3,), rad."""
+    """Hip, thigh and calf angles in the pose `qpos0`, measured from the leg straight down, (3,), rad."""
     hip: Floats
-    """Point on the hip's axis at the x position of the thigh joint, base frame, (3,), m."""
+    """Position of the hip joint: point on the hip's axis at the x of the thigh joint, base frame, (3,), m."""
     hip_offset: float
     """Lateral distance from the hip joint to the plane in which the leg bends, positive outward, m."""
     thigh_length: float
@@ -80,77 +96,90 @@ class Leg:
     calf_length: float
     """Distance from the calf joint to the centre of the foot, m."""
     foot: Foot
-    """Foot of the leg; its points are in the base frame with the leg straight down."""
+    """Foot of the leg. Its points are in the base frame with the leg straight down, not in the body frame."""
 
 
 @dataclass(frozen=True)
 class RobotStructure:
-    """Trunk, legs and colliding geoms of the quadruped in a compiled model; made by `detect_structure`."""
+    """Trunk, legs and colliding geoms of a user's robot in its compiled model; made by `detect_structure`."""
 
     root: int
-    """Id of the body with the free joint."""
+    """Id of the robot's root body, which has the free joint, in the compiled model."""
     trunk: int
-    """Id of the body from which the legs hang: the root, or a body welded to the root."""
+    """Id of the body from which the legs hang: the root body, or a body welded to it."""
     is_robot_body: Bools
-    """Mask of the robot's bodies: the root and all bodies below it, (nbody,)."""
+    """Mask that is True for the robot's bodies: the root body and all bodies below it, (nbody,)."""
     collides_with_ground: Bools
-    """Mask of the robot's geoms that collide with the ground, (ngeom,)."""
+    """Mask that is True for the robot's geoms that collide with the ground, (ngeom,)."""
     body_positions: Floats
-    """Positions of the bodies at `qpos0`, base frame, (nbody, 3), m."""
+    """Positions of all bodies of the model in the pose `qpos0`, base frame, (nbody, 3), m."""
     body_rotations: Floats
-    """Rotations from the body frames to the base frame at `qpos0`, (nbody, 3, 3)."""
+    """Rotations from the frames of all bodies to the base frame in the pose `qpos0`, (nbody, 3, 3)."""
     legs: tuple[Leg, ...]
-    """Legs in the order of the model."""
+    """The four legs, in the order of their joints in the model."""
     locked_joints: tuple[str, ...] = ()
-    """Names of the joints that belong to no leg and were removed from the model, see `locked_joints`."""
+    """Names of the joints that belong to no leg, such as joints of an arm; they were removed from the model."""
     carried_bodies: frozenset[int] = frozenset()
-    """Ids of the bodies that the locked joints moved before the joints were removed."""
+    """Ids of the bodies that the locked joints moved before these joints were removed."""
     omission_lines: tuple[tuple[str, str], ...] = ()
-    """Report of the parts of the file that the robot lacks: heading and text of each line, see `omissions`."""
+    """Report to the user about the parts of the file that the robot lacks: heading and text of each line."""
 
     @property
     def bodies(self) -> list[int]:
-        """Ids of all bodies of the robot, including bodies welded to the trunk."""
+        """Ids of all bodies of the robot in the compiled model, in ascending order."""
         return [int(body) for body in np.flatnonzero(self.is_robot_body)]
 
     @property
     def joints(self) -> list[int]:
-        """Ids of the twelve leg joints, in the order of `legs`."""
+        """Ids of the twelve leg joints in the compiled model: hip, thigh and calf of each leg of `legs`."""
         return [joint for leg in self.legs for joint in leg.joints]
 
     @cached_property
     def signs(self) -> Floats:
-        """Signs of the model's joint axes relative to the robot's convention, +1 or -1, (12,)."""
+        """Directions of the leg joints' axes in the model, (12,).
+
+        It is +1 if a hip turns about +x, or a thigh or calf about +y, and -1 for the opposite direction.
+        """
         return np.concatenate([leg.signs for leg in self.legs])
 
     @cached_property
     def joint_offsets(self) -> Floats:
-        """Joint angles in the robot's convention at the model's `qpos0`, (12,), rad."""
+        """Leg joint angles in the pose `qpos0` of the model, measured from straight legs, (12,), rad."""
         return np.concatenate([leg.joint_offsets for leg in self.legs])
 
     def trunk_collides(self, model: Any) -> bool:
-        """Return True if the trunk, or a body welded to the trunk in the file, collides with the ground."""
+        """Return True if the trunk, or a body welded to the trunk in the file, collides with the ground.
+
+        Args:
+            model: Compiled `mujoco.MjModel` with this structure.
+
+        Returns:
+            False if no geom of these bodies collides with the ground.
+        """
         return bool(geom_ids(model, self._trunk_bodies(model), self.collides_with_ground))
 
     def _trunk_bodies(self, model: Any) -> list[int]:
-        """Return the ids of the trunk and of the bodies welded to it in the file; locked parts are left out."""
+        """Return the ids of the trunk and of the bodies that are welded to it in the user's file.
+
+        Bodies that are welded to it only because their joint was locked, such as an arm, are left out.
+        """
         return [body for body in welded_bodies(model, self.trunk) if body not in self.carried_bodies]
 
     def trunk_box(self, model: Any) -> tuple[Floats, Floats]:
         """Compute the bounding box of the trunk, aligned with the axes of the base frame.
 
-        The box encloses the first of these sets of geoms that is not empty:
+        The box encloses the first set of geoms in this list that is not empty:
         1. the trunk's geoms that collide with the ground,
         2. the geoms that collide with the ground, of the trunk and the bodies welded to it,
         3. all geoms of the trunk,
         4. all geoms of the trunk and the bodies welded to it.
 
         Args:
-            model: Compiled model.
+            model: Compiled `mujoco.MjModel` with this structure.
 
         Returns:
             centre: Centre of the box, base frame, (3,), m.
-            size: Full lengths of the box, (3,), m.
+            size: Full lengths of the box along x, y and z, (3,), m.
 
         Raises:
             ModelError: The trunk has no geom.
@@ -172,10 +201,10 @@ class RobotStructure:
         return 0.5 * (low + high), high - low
 
     def limits(self, model: Any) -> tuple[Floats, Floats]:
-        """Return the joint limits in the robot's convention; ±π for joints without limits.
+        """Return the limits of the leg joints, measured from straight legs; ±π for joints without limits.
 
         Args:
-            model: Compiled model.
+            model: Compiled `mujoco.MjModel` with this structure.
 
         Returns:
             lower: Lower limits, (12,), rad.
@@ -197,7 +226,7 @@ def detect_structure(mujoco: Any, model: Any) -> RobotStructure:
         model: Compiled `mujoco.MjModel`.
 
     Returns:
-        The structure; its `locked_joints`, `carried_bodies` and `omission_lines` are empty.
+        Trunk, legs and colliding geoms. `locked_joints`, `carried_bodies` and `omission_lines` are empty.
     """
     root = find_root_body(mujoco, model)
     chains = _find_chains(mujoco, model, root)
@@ -228,7 +257,7 @@ def _name(part: Any) -> str:
 
 
 def find_root_body(mujoco: Any, model: Any) -> int:
-    """Find the robot's root body: the body with a free joint that has most joints below it.
+    """Find the robot's root body: among the bodies with a free joint, the one with most joints below it.
 
     Other objects with a free joint, such as crates and balls, have no joints below them.
 
@@ -240,7 +269,7 @@ def find_root_body(mujoco: Any, model: Any) -> int:
         Id of the root body.
 
     Raises:
-        ModelError: There is no free joint, or several bodies have the most joints.
+        ModelError: There is no free joint, or several bodies with a free joint have the same number of joints.
     """
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     if not len(free):
@@ -256,9 +285,10 @@ def find_root_body(mujoco: Any, model: Any) -> int:
 
 
 def _free_joint_remedy(model: Any) -> str:
-    """Return the remedy for a model without a free joint.
+    """Return the remedy for a model without a free joint, for the error message.
 
-    Its trunk is fixed to the world, or moves by other joints, or the legs hang from the world.
+    The remedy depends on the fault: the trunk is fixed to the world, or it moves by other joints (such as three slides
+    of a planar robot), or the legs hang from the world.
     """
     firsts = [int(body) for body in np.flatnonzero(model.body_parentid == 0)[1:]]
     counts = {body: int(descendant_mask(model, body)[model.jnt_bodyid].sum()) for body in firsts}
@@ -273,7 +303,7 @@ def _free_joint_remedy(model: Any) -> str:
         )
     root_joints: list[int] = []
     body = root
-    while True:  # Follow nested bodies, because the joints of a planar root may belong to several of them.
+    while True:  # The joints that move a planar trunk may belong to several nested bodies, so all are visited.
         start = int(model.body_jntadr[body])
         root_joints += range(start, start + int(model.body_jntnum[body]))
         below = [each for each in np.flatnonzero(model.body_parentid == body) if each != body]
@@ -289,7 +319,10 @@ def _free_joint_remedy(model: Any) -> str:
 
 
 def _joints_below(model: Any, body: int) -> Bools:
-    """Return the mask of the joints of all bodies below `body`, (njnt,)."""
+    """Return a mask, (njnt,), that is True for the joints of all bodies below the body `body` in `model`.
+
+    The joints of `body` itself are excluded.
+    """
     below = descendant_mask(model, body)
     below[body] = False
     return np.asarray(below[model.jnt_bodyid])
@@ -298,12 +331,14 @@ def _joints_below(model: Any, body: int) -> Bools:
 def find_branches(model: Any, trunk: int) -> dict[int, list[int]]:
     """Find the branches of the kinematic tree that start at the trunk or at a body welded to the trunk.
 
+    Legs are branches; an arm or a head with joints is one, too.
+
     Args:
-        model: Compiled model.
+        model: Compiled `mujoco.MjModel`.
         trunk: Id of the trunk's body.
 
     Returns:
-        Id of the first body of a branch -> ids of the joints in this branch, in the order of the model.
+        Id of the first body of a branch -> ids of all joints in this branch, in the order of the model.
     """
     branches: dict[int, list[int]] = {}
     fixed = welded_bodies(model, trunk)
@@ -316,9 +351,18 @@ def find_branches(model: Any, trunk: int) -> dict[int, list[int]]:
 
 
 def _find_chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
-    """Return the dictionary: id of the first body of a leg -> ids of its three hinges, hip first.
+    """Find the four legs below the trunk as chains of three hinges.
 
-    Raises ModelError unless the branches below the trunk are four chains of three hinges.
+    Args:
+        mujoco: The package `mujoco`.
+        model: Compiled `mujoco.MjModel`.
+        trunk: Id of the trunk's body.
+
+    Returns:
+        Id of the first body of a leg -> ids of its three hinges, hip first.
+
+    Raises:
+        ModelError: The branches below the trunk are not four chains of three hinges with names.
     """
     chains = find_branches(model, trunk)
     joints = [joint for chain in chains.values() for joint in chain]
@@ -340,65 +384,86 @@ def _find_chains(mujoco: Any, model: Any, trunk: int) -> dict[int, list[int]]:
 
 
 def is_hip_axis(axis: Floats) -> bool:
-    """Return True if a joint axis, base frame, (3,), is parallel to the trunk's x axis, as a hip's."""
+    """Return True if a joint axis is parallel to the trunk's x axis, as the axis of a hip joint must be.
+
+    `axis` is a unit vector in the base frame, (3,).
+    """
     return bool(abs(axis[0]) >= _PARALLEL_COSINE)
 
 
 def are_lateral_axes(thigh: Floats, calf: Floats) -> bool:
-    """Return True if the axes of thigh and calf are parallel and normal to the x axis.
-
-    The axes are unit vectors, base frame, (3,) each.
+    """Return True if two joint axes are parallel and perpendicular to x, as thigh and calf axes must be.
 
     Args:
-        thigh: Unit vector of the thigh's axis, base frame, (3,).
-        calf: Unit vector of the calf's axis, base frame, (3,).
+        thigh: Axis of the thigh joint, unit vector, base frame, (3,).
+        calf: Axis of the calf joint, unit vector, base frame, (3,).
 
     Returns:
-        True if they are.
+        True if both conditions hold.
     """
     return bool(abs(thigh @ calf) >= _PARALLEL_COSINE and abs(thigh[0]) <= 1.0 - _PARALLEL_COSINE)
 
 
 class _Chain(NamedTuple):
-    """Hip, thigh and calf joints of a leg at `qpos0`; made by `_read_chain`."""
+    """Positions and axes of the hip, thigh and calf joints of a leg in the pose `qpos0`; made by `_read_chain`."""
 
     joints: list[int]
-    """Ids of the hip, thigh and calf joints."""
+    """Ids of the hip, thigh and calf joints in the compiled model."""
     names: list[str]
+    """Names of the hip, thigh and calf joints, quoted for error messages."""
     anchors: list[Floats]
-    """Positions of the joints, base frame, (3,) each, m."""
+    """Positions of the hip, thigh and calf joints, base frame, (3,) each, m."""
     axes: list[Floats]
-    """Unit vectors of the joint axes, base frame, (3,) each."""
+    """Unit vectors of the hip, thigh and calf axes, base frame, (3,) each."""
     signs: Floats
-    """Signs of the axes relative to the robot's convention, +1 or -1, (3,)."""
+    """Directions of the hip, thigh and calf axes, (3,).
+
+    It is +1 if the hip turns about +x, or the thigh or calf about +y, and -1 for the opposite direction.
+    """
     leg_rotation: Floats
-    """Rotation from the base frame to the leg frame, x forward and y along the thigh's axis, (3, 3)."""
+    """Rotation from the base frame to the leg frame, (3, 3): x forward, y along the thigh's axis to the left."""
 
 
 class _LegVectors(NamedTuple):
-    """Vectors between the joints and the foot of a leg at `qpos0`, leg frame, (3,) each, m."""
+    """Vectors between the joints and the foot of a leg in the pose `qpos0`.
+
+    They are in the leg frame: x forward, y along the thigh's axis to the left.
+    """
 
     hip_to_thigh: Floats
-    """Vector from the hip joint to the thigh joint."""
+    """Vector from the hip joint to the thigh joint, leg frame, (3,), m."""
     thigh_to_knee: Floats
-    """Vector from the thigh joint to the calf joint."""
+    """Vector from the thigh joint to the calf joint, leg frame, (3,), m."""
     knee_to_foot: Floats
-    """Vector from the calf joint to the centre of the foot."""
+    """Vector from the calf joint to the centre of the foot, leg frame, (3,), m."""
 
     @property
     def lengths(self) -> list[float]:
-        """Lengths of thigh and calf in the plane in which the leg bends, m."""
+        """Length of the thigh, then length of the calf, in the plane in which the leg bends, m."""
         return [float(np.hypot(link[0], link[2])) for link in (self.thigh_to_knee, self.knee_to_foot)]
 
     @property
     def pitches(self) -> tuple[float, float]:
-        """Pitch angles of thigh and calf about the leg's y axis, zero for straight down, rad."""
+        """Pitch angle of the thigh, then of the calf, about the leg's y axis, zero for straight down, rad."""
         thigh, calf = (float(np.arctan2(-link[0], -link[2])) for link in (self.thigh_to_knee, self.knee_to_foot))
         return thigh, calf
 
 
 def _read_chain(model: Any, data: Any, trunk: int, joints: list[int]) -> _Chain:
-    """Read positions and axes of a leg's joints. Raises ModelError if the axes do not form a leg."""
+    """Read the positions and axes of a leg's joints in the pose `qpos0`.
+
+    Args:
+        model: Compiled `mujoco.MjModel`.
+        data: `mujoco.MjData` with the kinematics of the pose `qpos0`.
+        trunk: Id of the trunk's body.
+        joints: Ids of the hip, thigh and calf joints.
+
+    Returns:
+        The joints of the leg.
+
+    Raises:
+        ModelError: The hip does not turn about x, or thigh and calf do not both turn about the leg's y axis.
+    """
     base = data.xmat[trunk].reshape(3, 3)
     anchors = [(data.xanchor[joint] - data.xpos[trunk]) @ base for joint in joints]
     hip, thigh, calf = (data.xaxis[joint] @ base for joint in joints)
@@ -417,17 +482,17 @@ def _read_chain(model: Any, data: Any, trunk: int, joints: list[int]) -> _Chain:
 
 
 def _find_sole(model: Any, data: Any, chain: _Chain, collides: Bools) -> tuple[Foot, list[int]]:
-    """Find the foot of the straight leg.
+    """Find the foot of a leg as if the leg pointed straight down, see `find_foot`.
 
     Args:
-        model: Compiled model.
-        data: State with the kinematics of `qpos0`.
+        model: Compiled `mujoco.MjModel`.
+        data: `mujoco.MjData` with the kinematics of the pose `qpos0`.
         chain: Joints of the leg.
         collides: Mask of the geoms that collide with the ground, (ngeom,).
 
     Returns:
-        foot: The lowest geoms of the last link.
-        candidates: Ids of all geoms of the last link that collide with the ground.
+        foot: The foot, which consists of the lowest geoms of the leg's last link.
+        candidates: Ids of all geoms of the leg's last link that collide with the ground.
 
     Raises:
         ModelError: No geom of the last link collides with the ground, or all of these geoms lie at the knee.
@@ -446,7 +511,17 @@ def _find_sole(model: Any, data: Any, chain: _Chain, collides: Bools) -> tuple[F
 
 
 def _check_lengths(vectors: _LegVectors, names: list[str]) -> None:
-    """Raise ModelError if a link has no length, or if the thigh joint is above or below the hip's axis."""
+    """Check that both links of a leg have a length, and that the thigh joint is level with the hip's axis.
+
+    The kinematics of this package have no vertical offset between hip joint and thigh joint.
+
+    Args:
+        vectors: Vectors between the joints and the foot of the leg.
+        names: Names of the leg's joints, for the error message.
+
+    Raises:
+        ModelError: One of the two conditions is not met.
+    """
     lengths = vectors.lengths
     if min(lengths) < _MIN_LINK_LENGTH:
         raise ModelError(f"a link below joint {names[1]} has no length")
@@ -456,11 +531,11 @@ def _check_lengths(vectors: _LegVectors, names: list[str]) -> None:
 
 
 def _measure_leg(model: Any, data: Any, trunk: int, collides: Bools, joints: list[int]) -> Leg:
-    """Measure the lengths, signs, offsets and foot of a leg. Raises ModelError for an invalid leg.
+    """Measure the lengths, joint axes, joint offsets and foot of a leg. Raises ModelError for an invalid leg.
 
     Args:
-        model: Compiled model.
-        data: State with the kinematics of `qpos0`.
+        model: Compiled `mujoco.MjModel`.
+        data: `mujoco.MjData` with the kinematics of the pose `qpos0`.
         trunk: Id of the trunk's body.
         collides: Mask of the geoms that collide with the ground, (ngeom,).
         joints: Ids of the leg's hinges, hip first.
@@ -491,13 +566,24 @@ def _measure_leg(model: Any, data: Any, trunk: int, collides: Bools, joints: lis
 
 
 def _leg_vectors(chain: _Chain, foot_position: Floats) -> _LegVectors:
-    """Return the vectors between the joints of a leg and its foot at `foot_position`, base frame, (3,), m."""
+    """Return the vectors between the joints of a leg and its foot in the pose `qpos0`, leg frame.
+
+    Args:
+        chain: Joints of the leg.
+        foot_position: Position of the foot's centre, base frame, (3,), m.
+
+    Returns:
+        The vectors.
+    """
     hip, thigh, knee = chain.anchors
     return _LegVectors(*(chain.leg_rotation @ link for link in (thigh - hip, knee - thigh, foot_position - knee)))
 
 
 def _joint_offsets(chain: _Chain, vectors: _LegVectors) -> Floats:
-    """Return the joint angles in the robot's convention at `qpos0`, (3,), rad, in [-π, π]."""
+    """Return the hip, thigh and calf angles of a leg in the pose `qpos0`, (3,), rad, in [-π, π].
+
+    The angles are measured from the leg straight down, about +x for the hip, about +y for thigh and calf.
+    """
     lateral = chain.leg_rotation[1]
     thigh_pitch, calf_pitch = vectors.pitches
     offsets = np.array([np.arctan2(lateral[2], lateral[1]), thigh_pitch, calf_pitch - thigh_pitch])
@@ -506,18 +592,20 @@ def _joint_offsets(chain: _Chain, vectors: _LegVectors) -> Floats:
 
 
 def _straighten_foot(data: Any, base: Floats, chain: _Chain, foot: Foot, calf_pitch: float) -> tuple[Floats, Floats]:
-    """Rotate the points of a foot to the base frame with the leg straight down, and drop redundant points.
+    """Rotate the points of a foot to the base frame with the leg straight down; drop redundant points.
+
+    A point is redundant if it cannot be the lowest point of the foot.
 
     Args:
-        data: State with the kinematics of `qpos0`.
+        data: `mujoco.MjData` with the kinematics of the pose `qpos0`.
         base: Rotation from the base frame to the world frame, (3, 3).
         chain: Joints of the leg.
         foot: The foot, with its points in the frame of its body.
-        calf_pitch: Pitch angle of the calf at `qpos0`, zero for straight down, rad.
+        calf_pitch: Pitch angle of the calf in the pose `qpos0`, zero for straight down, rad.
 
     Returns:
         points: Points from the centre of the foot, base frame with the leg straight down, (k, 3), m.
-        radii: Radii about the points, (k,), m.
+        radii: Radii of the balls about the points, (k,), m.
     """
     body_rotation = data.xmat[foot.body].reshape(3, 3)
     sin, cos = np.sin(calf_pitch), np.cos(calf_pitch)
@@ -527,9 +615,19 @@ def _straighten_foot(data: Any, base: Floats, chain: _Chain, foot: Foot, calf_pi
 
 
 def _tilts(model: Any, joints: list[int], signs: Floats, offsets: Floats) -> tuple[float, float]:
-    """Return the smallest and largest tilt of a shin in a stance, rad.
+    """Estimate the range of tilts that a shin has while the robot stands.
 
-    The tilt is the angle about the knee axis, zero for straight down.
+    The tilt is the angle about the axis of the calf joint in the model, zero for straight down. In the direction in
+    which the knee bends, the range covers the tilt in the model's keyframes, within the bounds of `StanceTilts`.
+
+    Args:
+        model: Compiled `mujoco.MjModel`.
+        joints: Ids of the hip, thigh and calf joints.
+        signs: Directions of the joint axes, +1 or -1, see `Leg.signs`, (3,).
+        offsets: Joint angles in the pose `qpos0`, see `Leg.joint_offsets`, (3,), rad.
+
+    Returns:
+        Smallest and largest tilt, rad.
     """
     qpos = model.jnt_qposadr[joints]
     angles = offsets + signs * (model.key_qpos[:, qpos] - model.qpos0[qpos])
@@ -544,10 +642,10 @@ def bend_direction(model: Any, joint: int, sign: float, offset: float) -> float:
     """Infer the bend direction of a knee from the limits of the calf joint.
 
     Args:
-        model: Compiled model.
+        model: Compiled `mujoco.MjModel`.
         joint: Id of the calf joint.
-        sign: Sign of the joint's axis, see `Leg.signs`.
-        offset: Angle of the joint at `qpos0` in the robot's convention, rad.
+        sign: +1 if the calf joint turns about the leg's +y axis, -1 for the opposite direction.
+        offset: Angle of the calf joint in the pose `qpos0`, zero with a straight leg, rad.
 
     Returns:
         -1 if the knee bends backward, 1 if it bends forward, 0 if the limits do not show the direction.
@@ -559,9 +657,16 @@ def bend_direction(model: Any, joint: int, sign: float, offset: float) -> float:
 
 
 def _name_legs(legs: list[Leg]) -> tuple[Leg, ...]:
-    """Name the legs by the positions of their hips, and make the hip offsets positive outward.
+    """Name the legs by the positions of their hips (fl, fr, hl, hr), and make hip offsets positive outward.
 
-    Raises ModelError unless the hips are at four corners around the trunk's origin.
+    Args:
+        legs: The four legs without names, with hip offsets that are positive to the left.
+
+    Returns:
+        The legs in the same order.
+
+    Raises:
+        ModelError: The hips are not at four corners around the origin of the base frame.
     """
     ahead, left = np.array([leg.hip[:2] for leg in legs]).T
     named = tuple(

@@ -1,8 +1,8 @@
-"""Ranges of the joint torques of a user's model, as MuJoCo adds and clamps actuator forces.
+"""Ranges of the joint torques that the actuators of a user's model can apply, by MuJoCo's rules.
 
 The torques of all actuators of a joint are added. An actuator acts on one joint, or through a fixed tendon on several
-joints. A torque is unknown if the force has no limit, or if the lever of the actuator depends on the pose. The latter
-holds for actuators of sites, slider-cranks and spatial tendons.
+joints. The range of a torque is unknown if the actuator's force has no limit, or if the actuator's lever arm depends on
+the pose. The latter holds for actuators of sites, slider-cranks and spatial tendons.
 """
 
 from collections.abc import Sequence
@@ -13,23 +13,23 @@ import numpy as np
 from quad_env.robots.shapes import Bools, Floats
 
 UNKNOWN = (-np.inf, np.inf)
-"""Range of a torque or force that the model does not limit."""
+"""Range of a torque, N·m, or force, N, that the model does not limit: from minus infinity to infinity."""
 NUM_POSES = 4
 """Number of random poses in which `_moved_joints` searches for the joints that an actuator moves."""
 _POSE_STD = 0.3
-"""Standard deviation of the joint angles in the random poses, rad."""
+"""Standard deviation of the random steps of the joint angles between the poses of `_moved_joints`, rad."""
 
 
 def torque_ranges(model: Any, joints: Sequence[int]) -> Floats:
-    """Compute the ranges of the torques that the actuators of a model can apply to hinges.
+    """Compute the ranges of the torques that the actuators of a user's model can apply to hinges.
 
     Args:
-        model: Compiled `mujoco.MjModel`.
+        model: Compiled `mujoco.MjModel` of the user's file.
         joints: Ids of k hinges.
 
     Returns:
         Smallest and largest torque of each hinge, (k, 2), N·m. They are infinite if the model does not limit the
-        torque, or if the hinge has no actuator and no limit.
+        torque, or if the hinge has neither an actuator nor a torque limit.
     """
     import mujoco
 
@@ -44,27 +44,43 @@ def torque_ranges(model: Any, joints: Sequence[int]) -> Floats:
 
 
 class _JointTotals(NamedTuple):
-    """Sums of the actuator torques on each joint of a model."""
+    """Sums of the torques that all actuators of a model can apply to each joint; filled actuator by actuator."""
 
     ranges: Floats
-    """Smallest and largest torque of each joint, (njnt, 2), N·m."""
+    """Smallest and largest sum of the torques on each joint, (njnt, 2), N·m."""
     is_driven: Bools
-    """Mask of the joints with an actuator, (njnt,)."""
+    """Mask that is True for the joints with at least one actuator, (njnt,)."""
 
     def add(self, joint: int, torque: Floats) -> None:
-        """Add the range `torque`, (2,), N·m, of an actuator to the joint with id `joint`."""
+        """Add the torque range of one actuator to the sum of a joint.
+
+        Args:
+            joint: Id of the joint.
+            torque: Smallest and largest torque of the actuator, (2,), N·m.
+        """
         self.ranges[joint] += torque
         self.is_driven[joint] = True
 
 
 _TendonForces = dict[int, list[tuple[float, Floats]]]
-"""Id of a tendon -> gear ratio, and range of the force before the gear, of each actuator of the tendon."""
+"""Id of a tendon -> gear ratio and force range of each actuator that pulls on the tendon.
+
+The range is the smallest and largest force before the gear ratio is applied, (2,), N or N·m.
+"""
 
 
 def _add_actuators(mujoco: Any, model: Any, totals: _JointTotals) -> _TendonForces:
-    """Add the torques of actuators of joints, and return the forces of actuators of fixed tendons.
+    """Add the torques of the actuators that act on joints, and collect the forces on fixed tendons.
 
-    The torque of a joint becomes unknown if an actuator with a pose-dependent lever moves the joint.
+    The torque of a joint becomes unknown if an actuator with a pose-dependent lever arm moves the joint.
+
+    Args:
+        mujoco: The package `mujoco`.
+        model: Compiled `mujoco.MjModel`.
+        totals: Sums of the torques on each joint, which are changed.
+
+    Returns:
+        Forces of the actuators of each fixed tendon, for `_add_tendons`.
     """
     kinds = mujoco.mjtTrn
     tendon_forces: _TendonForces = {}
@@ -84,7 +100,13 @@ def _add_actuators(mujoco: Any, model: Any, totals: _JointTotals) -> _TendonForc
 
 
 def _add_tendons(model: Any, totals: _JointTotals, tendon_forces: _TendonForces) -> None:
-    """Add the torques that fixed tendons apply to their joints."""
+    """Add the torques that fixed tendons apply to their joints.
+
+    Args:
+        model: Compiled `mujoco.MjModel`.
+        totals: Sums of the torques on each joint, which are changed.
+        tendon_forces: Forces of the actuators of each fixed tendon.
+    """
     for tendon, forces in tendon_forces.items():
         limits = model.tendon_actfrcrange[tendon] if model.tendon_actfrclimited[tendon] else None
         tension = _tension_range(forces, limits)
@@ -94,11 +116,12 @@ def _add_tendons(model: Any, totals: _JointTotals, tendon_forces: _TendonForces)
 
 
 def _tension_range(actuators: Sequence[tuple[float, Floats]], limits: Floats | None) -> Floats:
-    """Compute the range of the force along a tendon.
+    """Compute the range of the force that the actuators of a tendon apply along the tendon.
 
     Args:
-        actuators: Gear ratio, and range of the force before the gear, of each actuator of the tendon.
-        limits: Limits of the sum of the forces before the gears; None if the tendon has no limits.
+        actuators: Gear ratio, and range of the force before the gear, (2,), of each actuator of the tendon.
+        limits: Smallest and largest sum of the actuator forces before the gears, (2,); None if the tendon does not
+            limit the sum.
 
     Returns:
         Smallest and largest force along the tendon, (2,), N or N·m.
@@ -113,13 +136,14 @@ def _tension_range(actuators: Sequence[tuple[float, Floats]], limits: Floats | N
 
 
 def _max_tension(actuators: Sequence[tuple[float, Floats]], limits: Floats) -> float:
-    """Compute the largest force along a tendon with a limited sum of actuator forces.
+    """Compute the largest force along a tendon that limits the sum of its actuator forces.
 
-    The force of the actuator with the smallest gear ratio is reduced first, because this costs least.
+    All forces start at the end of their range that pulls most. Until the sum is within its limits, the force of the
+    actuator with the smallest gear ratio is changed first, because this reduces the force along the tendon least.
 
     Args:
-        actuators: Gear ratio, and range of the force before the gear, of each actuator.
-        limits: Limits of the sum of the forces before the gears, (2,).
+        actuators: Gear ratio, and range of the force before the gear, (2,), of each actuator of the tendon.
+        limits: Smallest and largest sum of the forces before the gears, (2,).
 
     Returns:
         Largest sum of gear ratios times forces, N or N·m.
@@ -140,15 +164,26 @@ def _gear(model: Any, actuator: int) -> float:
 
 
 def _scale_range(factor: float, force: Floats) -> Floats:
-    """Multiply the range of a force by a factor; return the lower end first. Zero times infinity is zero."""
-    with np.errstate(over="ignore"):  # An overflow gives infinity, which means that the range is unknown.
+    """Multiply the range of a force, (2,), by a factor, and return the lower end first.
+
+    Zero times infinity is zero here, because a gear ratio of zero transmits no force.
+    """
+    with np.errstate(over="ignore"):  # An overflow gives infinity, which correctly means that the range is unknown.
         return np.sort(factor * force) if factor else np.zeros(2)
 
 
 def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
-    """Return the range of an actuator's force before the gear, (2,), N or N·m.
+    """Return the smallest and largest force of an actuator before its gear ratio is applied, (2,), N or N·m.
 
-    The range is infinite if the force has no limit.
+    They are infinite if the model does not limit the force.
+
+    Args:
+        mujoco: The package `mujoco`.
+        model: Compiled `mujoco.MjModel`.
+        actuator: Id of the actuator.
+
+    Returns:
+        The range, (2,).
     """
     if model.opt.disableactuator & (1 << int(model.actuator_group[actuator])):
         return np.zeros(2)
@@ -173,7 +208,19 @@ def _force_range(mujoco: Any, model: Any, actuator: int) -> Floats:
 
 
 def _input_range(mujoco: Any, model: Any, actuator: int) -> Floats:
-    """Return the range of the control or activation that an actuator's gain multiplies, (2,)."""
+    """Return the range of an actuator's input, (2,): of its control or, if it has one, its activation.
+
+    The force of the actuator is the input times its gain, plus its bias. The range is infinite if the input is not
+    limited.
+
+    Args:
+        mujoco: The package `mujoco`.
+        model: Compiled `mujoco.MjModel`.
+        actuator: Id of the actuator.
+
+    Returns:
+        Smallest and largest input, (2,).
+    """
     kinds = mujoco.mjtDyn
     kind = int(model.actuator_dyntype[actuator])
     control = int(model.actuator_ctrladr[actuator])
@@ -187,7 +234,16 @@ def _input_range(mujoco: Any, model: Any, actuator: int) -> Floats:
 
 
 def _moved_joints(mujoco: Any, model: Any, actuator: int) -> list[int]:
-    """Return the ids of the joints that an actuator moves in at least one of NUM_POSES random poses."""
+    """Return the ids of the joints on which an actuator has a lever arm in at least one of several random poses.
+
+    Args:
+        mujoco: The package `mujoco`.
+        model: Compiled `mujoco.MjModel`.
+        actuator: Id of the actuator.
+
+    Returns:
+        Ids of the joints, in ascending order.
+    """
     data = mujoco.MjData(model)
     rng = np.random.default_rng(0)
     first = int(model.actuator_outadr[actuator])

@@ -1,6 +1,6 @@
-"""Detection of inertias that are implausible for the mass and size of a link.
+"""Detection of inertias in a user's model that are implausible for the mass and size of a link.
 
-They are most often placeholders, such as ixx = 1000 for a link of 0.15 kg.
+They are most often placeholders, such as ixx = 1000 kg·m² for a link of 0.15 kg.
 """
 
 from typing import Any, NamedTuple
@@ -13,28 +13,35 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.shapes import Floats, box_corners, descendant_mask, geom_ids, rotation_matrix, welded_bodies
 
 MAX_INERTIA_RATIO = 10.0
-"""Largest plausible ratio of a link's moment of inertia to its mass times squared reach.
+"""Largest plausible moment of inertia of a link, divided by its mass times the square of its reach.
 
-A point mass at the farthest point of the link has 1. The links of the robots of the `robots` extra have at most 0.9.
+The reach is the distance from the centre of mass to the farthest point of the link; a point mass there has the ratio 1.
+The links of the robots of the installation extra `robots` have at most 0.9.
 """
 MAX_ARMATURE_RATIO = 0.1
-"""Largest plausible ratio of a joint's armature to the robot's mass times squared leg length.
+"""Largest plausible armature of a joint, divided by the robot's mass times the square of its leg length.
 
-The robots of the `robots` extra have at most 0.014.
+The robots of the installation extra `robots` have at most 0.014.
 """
 _MIN_REACH = 0.1
-"""Smallest reach that is assumed for a link, as a fraction of the leg length; it applies to links without shapes."""
+"""Smallest distance from a link's centre of mass to its farthest point, as a fraction of the leg length.
+
+It is assumed for links with smaller shapes or no shapes.
+"""
 _NEGLIGIBLE = 5e-3
-"""Moment of inertia that does not affect the motion, as a fraction of the robot's mass times squared leg length."""
+"""Moment of inertia up to which no warning is given, divided by the robot's mass times squared leg length.
+
+Smaller moments do not affect the motion, even if they are implausible.
+"""
 
 
 class UnlikelyInertia(NamedTuple):
-    """Implausible inertia of a link; made by `find_unlikely_inertias`."""
+    """Link of a robot with an implausibly large moment of inertia; made by `find_unlikely_inertias`."""
 
     body: int
-    """Id of the link's body in the robot's model."""
+    """Id of the link's body in the robot's compiled model."""
     name: str
-    """Name of the link in the user's file, or in the scene if the file has no name."""
+    """Name of the link in the user's file, or in our scene if the link has no name in the file."""
     moment: float
     """Largest principal moment of inertia of the link, kg·m²."""
     mass: float
@@ -44,7 +51,7 @@ class UnlikelyInertia(NamedTuple):
 
     @property
     def max_moment(self) -> float:
-        """Moment of inertia of a point mass with the link's mass, at its reach, kg·m²."""
+        """Largest plausible moment of inertia, kg·m²: the link's mass as a point mass at its farthest point."""
         return self.mass * self.reach**2
 
 
@@ -65,7 +72,7 @@ def find_unlikely_inertias(robot: Robot) -> list[UnlikelyInertia]:
 
 
 def find_unlikely_armatures(robot: Robot) -> list[int]:
-    """Return the ids of the joints with an armature above the limit by MAX_ARMATURE_RATIO."""
+    """Return the ids of the joints with an implausibly large armature, see MAX_ARMATURE_RATIO."""
     model = robot.model
     limit = MAX_ARMATURE_RATIO * robot.mass * robot.leg_length**2
     return [int(joint) for joint in model.dof_jntid[model.dof_armature > limit]]
@@ -74,8 +81,8 @@ def find_unlikely_armatures(robot: Robot) -> list[int]:
 def _reach(model: Any, body: int) -> float:
     """Return the distance from a body's centre of mass to the farthest point of its rigid assembly, m.
 
-    The assembly is the body and all bodies welded to it, with their shapes and the origins of their child bodies. It is
-    used because in many files one link has the mass, and links welded to it have the shapes.
+    The rigid assembly is the body and all bodies welded to it, with their shapes and the origins of their child bodies.
+    It is used because in many files one link has the mass, and links that are welded to it have the shapes.
     """
     points: list[Floats] = []
     for each in welded_bodies(model, body):
@@ -87,7 +94,16 @@ def _reach(model: Any, body: int) -> float:
 
 
 def _in_assembly(model: Any, body: int, points: Floats) -> Floats:
-    """Transform points from a body's frame to the frame of its assembly's first body, (..., 3), m."""
+    """Transform points from the frame of a body to the frame of the first body that it is welded to.
+
+    Args:
+        model: Compiled `mujoco.MjModel`.
+        body: Id of the body.
+        points: Points, frame of the body, (..., 3), m.
+
+    Returns:
+        The points, frame of the topmost body of the same rigid assembly, (..., 3), m.
+    """
     first = int(model.body_weldid[body])
     while body != first:
         points = model.body_pos[body] + points @ rotation_matrix(model.body_quat[body]).T
@@ -96,5 +112,5 @@ def _in_assembly(model: Any, body: int, points: Floats) -> Floats:
 
 
 def _name(model: Any, body: int) -> str:
-    """Return the scene name of a body without prefixes."""
+    """Return the name of the body with id `body` in the scene `model`, without the prefixes of imported parts."""
     return str(model.body(body).name).removeprefix(ATTACH_PREFIX).removeprefix(RENAMED_PREFIX)

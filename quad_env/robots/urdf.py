@@ -1,4 +1,4 @@
-"""Loading of URDF files into MuJoCo; meshes are searched in ROS packages and next to the URDF."""
+"""Loading of URDF files into MuJoCo; mesh files are searched in ROS packages and next to the URDF."""
 
 import re
 from pathlib import Path
@@ -12,25 +12,27 @@ from quad_env.robots.structure import ModelError
 MESH_SUFFIXES = (".stl", ".obj", ".msh")
 """Endings of the mesh files that MuJoCo can read from a URDF."""
 MIN_LINK_INERTIA = 1e-12
-"""Smallest moment of inertia of a link that is kept, kg·m².
+"""Smallest moment of inertia of a link in a URDF that is kept, kg·m².
 
-Smaller moments are set to 0. Converters write them for links that are only frames, and MuJoCo refuses them.
+Inertias with only smaller moments are set to 0. Converters write them for links that are only frames, and MuJoCo
+refuses them.
 """
 _PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.*)")
+"""Pattern of a mesh name with a ROS package: name of the package, and path of the file in the package."""
 
 
 def load_urdf(mujoco: Any, path: Path) -> Any:
-    """Load a URDF. The root link gets a free joint if the model has none.
+    """Load a URDF as a `mujoco.MjSpec`. The root link gets a free joint if the URDF has none.
 
-    Visual shapes are left out if their mesh is missing or MuJoCo cannot read it. A collision mesh with the same fault
-    raises ModelError.
+    A visual shape is left out if its mesh file is missing or has a format that MuJoCo cannot read. A collision shape
+    with this fault raises ModelError.
 
     Args:
         mujoco: The package `mujoco`.
         path: The URDF file.
 
     Returns:
-        The `mujoco.MjSpec` of the model.
+        The `mujoco.MjSpec` of the robot.
 
     Raises:
         ModelError: The file is no valid XML.
@@ -53,7 +55,14 @@ def load_urdf(mujoco: Any, path: Path) -> Any:
 
 
 def _set_compiler_options(robot: ElementTree.Element) -> ElementTree.Element:
-    """Set MuJoCo's compiler options to keep shapes, links and inertias; return the compiler element."""
+    """Set compiler options in a URDF so that MuJoCo keeps its visual shapes, fixed links and inertias.
+
+    Args:
+        robot: Root element of the URDF, which is changed.
+
+    Returns:
+        The element `compiler` with all compiler options.
+    """
     extension = robot.find("mujoco")
     extension = ElementTree.SubElement(robot, "mujoco") if extension is None else extension
     compiler = extension.find("compiler")
@@ -64,7 +73,16 @@ def _set_compiler_options(robot: ElementTree.Element) -> ElementTree.Element:
 
 
 def _remove_unreadable_visuals(robot: ElementTree.Element, path: Path, folder: str) -> list[str]:
-    """Remove visual shapes with unreadable or missing meshes; return the names of the missing meshes."""
+    """Remove visual shapes from a URDF if their mesh file is missing or unreadable for MuJoCo.
+
+    Args:
+        robot: Root element of the URDF, which is changed.
+        path: The URDF file.
+        folder: Value of the compiler option `meshdir` in the URDF.
+
+    Returns:
+        Names of the missing mesh files.
+    """
     missing: list[str] = []
     for link in robot.iter("link"):
         for visual in link.findall("visual"):
@@ -81,21 +99,24 @@ def _remove_unreadable_visuals(robot: ElementTree.Element, path: Path, folder: s
 
 
 def _zero_tiny_inertias(robot: ElementTree.Element) -> None:
-    """Set an inertia to 0 if all of its moments are below `MIN_LINK_INERTIA`."""
+    """Set each inertia in a URDF to 0 if all of its moments are below `MIN_LINK_INERTIA`.
+
+    `robot` is the root element of the URDF, which is changed.
+    """
     for inertia in robot.iter("inertia"):
         if all(abs(float(moment)) < MIN_LINK_INERTIA for moment in inertia.attrib.values()):
             inertia.attrib.update(dict.fromkeys(inertia.attrib, "0"))
 
 
 def _number_meshes(robot: ElementTree.Element, path: Path, folder: str) -> dict[str, Path]:
-    """Replace the file names of the meshes by numbers.
+    """Replace the file names of the meshes in a URDF by unique numbers such as `3.stl`.
 
     This is needed because MuJoCo considers two files with the same name in different folders as the same file.
 
     Args:
-        robot: Root element of the URDF.
+        robot: Root element of the URDF, which is changed.
         path: The URDF file.
-        folder: Value of `meshdir` in the URDF.
+        folder: Value of the compiler option `meshdir` in the URDF.
 
     Returns:
         New name of a mesh -> path of its file.
@@ -110,7 +131,16 @@ def _number_meshes(robot: ElementTree.Element, path: Path, folder: str) -> dict[
 
 
 def _mesh_exists(path: Path, folder: str, name: str) -> bool:
-    """Return True if the mesh file `name` of a URDF exists, see `_find_mesh`."""
+    """Return True if a mesh file that a URDF names exists, see `_find_mesh`.
+
+    Args:
+        path: The URDF file.
+        folder: Value of the compiler option `meshdir` in the URDF.
+        name: Name of the mesh file in the URDF.
+
+    Returns:
+        False if the file is missing or MuJoCo cannot read its format.
+    """
     try:
         _find_mesh(path, folder, name)
     except ModelError:
@@ -123,11 +153,11 @@ def _is_readable(name: str) -> bool:
 
 
 def _find_mesh(path: Path, folder: str, name: str) -> Path:
-    """Find the file of a mesh, in the ROS package of its URDF or next to the URDF.
+    """Find the file of a mesh, in the ROS package that the URDF names, or next to the URDF.
 
     Args:
         path: The URDF file.
-        folder: Value of `meshdir` in the URDF.
+        folder: Value of the compiler option `meshdir` in the URDF.
         name: Name of the mesh in the URDF, such as `package://robot/meshes/thigh.stl`.
 
     Returns:

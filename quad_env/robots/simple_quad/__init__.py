@@ -1,8 +1,8 @@
-"""SimpleQuad, the robot of the source article."""
+"""SimpleQuad, the simple quadruped of the article on which this benchmark is based."""
 
 from quad_env.robots.parameters import SIMPLE_QUAD_PARAMETERS
 from quad_env.robots.robot import Robot
 
 SIMPLE_QUAD = Robot(**SIMPLE_QUAD_PARAMETERS.by_name)
 JOINT_NAMES = SIMPLE_QUAD.joint_names
-"""Names of SimpleQuad's joints, in the order of the actions."""
+"""Names of SimpleQuad's twelve joints, in the order of the actions and of the joint angles."""
