@@ -17,7 +17,7 @@ from policies.base import PolicyError
 from policies.external.readers.drafts import IncompleteSpecError
 from policies.external.readers.isaac_terms import incomplete_remarks, make_term, observed_order
 from policies.external.readers.joint_orders import JointNames
-from policies.external.readers.settings import WRITE_TOML, FileSettings, load_settings, matches
+from policies.external.readers.settings import WRITE_TOML, FileSettings, joint_name_matches, load_settings
 from policies.external.spec import Numbers, PolicySpec, SpecTerm
 from quad_env.files.text import brief
 
@@ -210,7 +210,7 @@ def _parse_actuator_gains(actuators: FileSettings, joints: JointNames, kind: str
         matching = [
             actuator
             for _, actuator in actuators.sections()
-            if any(matches(pattern, joint) for pattern in actuator.texts("joint_names_expr"))
+            if any(joint_name_matches(pattern, joint) for pattern in actuator.texts("joint_names_expr"))
         ]
         if not matching:
             raise PolicyError(f"no actuator in {actuators.file.name} has the joint {joint}")

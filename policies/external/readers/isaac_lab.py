@@ -12,7 +12,7 @@ from policies.base import PolicyError
 from policies.external.readers.io_descriptor import joint_order
 from policies.external.readers.isaac_terms import history_length, incomplete_remarks, make_term, observed_order
 from policies.external.readers.joint_orders import FAMILIES, JointNames, names_by_kind
-from policies.external.readers.settings import WRITE_TOML, FileSettings, load_settings, matches
+from policies.external.readers.settings import WRITE_TOML, FileSettings, joint_name_matches, load_settings
 from policies.external.spec import HeightGrid, Numbers, PolicySpec, Range, SpecTerm
 
 _ACTUATOR_JOINTS = "joint_names_expr"
@@ -78,7 +78,7 @@ def _known_robot_joints(robot: FileSettings) -> JointNames | None:
 
 def _has_matches(patterns: list[str], names: JointNames) -> bool:
     """Return True if each pattern matches at least one of the names."""
-    return all(any(matches(pattern, name) for name in names) for pattern in patterns)
+    return all(any(joint_name_matches(pattern, name) for name in names) for pattern in patterns)
 
 
 def _select_joints(settings: FileSettings, asset_joints: JointNames | None) -> JointNames:
@@ -98,8 +98,10 @@ def _select_joints(settings: FileSettings, asset_joints: JointNames | None) -> J
         fault = f"unknown order of the joints; known: {known}, in PhysX"
         raise PolicyError(fault, f"add the run's IO descriptor (io_descriptors/*.yaml), or {WRITE_TOML}")
     if keeps_order:
-        return tuple(dict.fromkeys(name for pattern in patterns for name in asset_joints if matches(pattern, name)))
-    return tuple(name for name in asset_joints if any(matches(pattern, name) for pattern in patterns))
+        return tuple(
+            dict.fromkeys(name for pattern in patterns for name in asset_joints if joint_name_matches(pattern, name))
+        )
+    return tuple(name for name in asset_joints if any(joint_name_matches(pattern, name) for pattern in patterns))
 
 
 def _parse_offset(action: FileSettings, joints: JointNames) -> Numbers | None:
@@ -168,7 +170,7 @@ def _parse_gain(robot: FileSettings, joint: str, kind: str) -> float:
     Raises PolicyError if no actuator has the joint.
     """
     for _, actuator in robot.section("actuators").sections():
-        if any(matches(pattern, joint) for pattern in actuator.texts(_ACTUATOR_JOINTS)):
+        if any(joint_name_matches(pattern, joint) for pattern in actuator.texts(_ACTUATOR_JOINTS)):
             return actuator.joint_values(kind, (joint,))[0]
     raise PolicyError(f"no actuator in {robot.file.name} has the joint {joint}")
 

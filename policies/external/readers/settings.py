@@ -199,7 +199,7 @@ class FileSettings:
         Raises:
             PolicyError: Several keys match, or no key matches and `optional` is False.
         """
-        patterns = [str(key) for key in self.values if matches(str(key), joint)]
+        patterns = [str(key) for key in self.values if joint_name_matches(str(key), joint)]
         if len(patterns) == 1 or (optional and not patterns):
             return "".join(patterns)
         several = " and ".join(patterns) or "nothing"
@@ -236,7 +236,7 @@ class FileSettings:
         raise PolicyError(f"{name} must be {expected}, not {brief(self.find(key))}")
 
 
-def matches(pattern: str, name: str) -> bool:
+def joint_name_matches(pattern: str, name: str) -> bool:
     """Return True if a regular expression matches a whole name; the time is bounded for all expressions.
 
     Args:

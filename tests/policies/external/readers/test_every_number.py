@@ -11,13 +11,13 @@ from policies.external.spec import HeightGrid, PolicySpec, SpecTerm
 pytest.importorskip("yaml")
 
 from tests.policies.external.readers import files
-from tests.policies.external.readers.files import MOTORS, OF, network, of, written
+from tests.policies.external.readers.files import JOINT_VALUES, MOTORS, joint_values, network, write_settings
 
 
 def described(folder: Path, settings: Any, name: str = "settings.yaml") -> PolicySpec:
     network(folder, "policy.pt")
     network(folder)
-    found = read(written(folder / name, settings))
+    found = read(write_settings(folder / name, settings))
     assert found is not None
     return found
 
@@ -41,7 +41,7 @@ def test_of_legged_gym(tmp_path: Path) -> None:
     assert found.action_scale == pytest.approx((0.3,) * 12)
     assert found.stiffness == (20.0, 30.0, 40.0) * 4
     assert found.damping == (0.6, 0.7, 0.8) * 4
-    assert found.default_position == tuple(OF[joint] for joint in found.joints)
+    assert found.default_position == tuple(JOINT_VALUES[joint] for joint in found.joints)
     grid = HeightGrid((-0.1, 0.0, 0.1), (0.0, 0.2), x_first=False, offset=0.5)
     assert found.terms == (
         SpecTerm("linear_velocity", (2.1,)),
@@ -78,17 +78,17 @@ def test_of_rl_sar(tmp_path: Path) -> None:
     own |= {"clip_obs": 90.0, "ang_vel_scale": 0.26, "dof_pos_scale": 1.1, "dof_vel_scale": 0.06}
     own |= {"commands_scale": [2.1, 2.2, 0.27], "lin_vel_scale": 2.3, "observations": ["lin_vel", *own["observations"]]}
     own |= {"clip_actions_lower": [-30.0] * 12, "clip_actions_upper": [50.0] * 12}
-    own |= {"rl_kd": of(MOTORS, 0.3), "default_dof_pos": of(MOTORS, 0.7)}
+    own |= {"rl_kd": joint_values(MOTORS, 0.3), "default_dof_pos": joint_values(MOTORS, 0.7)}
     base["go2"] |= {"dt": 0.004, "decimation": 5, "clip_obs": 1.0, "rl_kd": [9.0] * 12}
-    written(tmp_path / "go2/base.yaml", base)
+    write_settings(tmp_path / "go2/base.yaml", base)
     network(tmp_path, "go2/robot_lab/policy.pt")
     found = described(tmp_path, config, "go2/robot_lab/config.yaml")
     assert found.control_rate == pytest.approx(50.0)
     assert (found.action_clip, found.observation_clip) == ((-30.0, 50.0), 90.0)
-    assert found.stiffness == tuple(of(MOTORS, 20.0))
-    assert found.damping == tuple(of(MOTORS, 0.3))
-    assert found.action_scale == tuple(of(MOTORS, 0.25))
-    assert found.default_position == tuple(of(MOTORS, 0.7))
+    assert found.stiffness == tuple(joint_values(MOTORS, 20.0))
+    assert found.damping == tuple(joint_values(MOTORS, 0.3))
+    assert found.action_scale == tuple(joint_values(MOTORS, 0.25))
+    assert found.default_position == tuple(joint_values(MOTORS, 0.7))
     assert found.terms == (
         SpecTerm("linear_velocity", (2.3,), history=3),
         SpecTerm("command", (2.1, 2.2, 0.27), history=3),
@@ -107,16 +107,16 @@ def test_of_unitree_s_deploy(tmp_path: Path) -> None:
         settings["observations"][name] |= {"scale": 0.1 + 0.1 * number, "clip": [-1.0 - number, 2.0 + number]}
     action = settings["actions"]["JointPositionAction"]
     joints = tuple(MOTORS[each] for each in ids)
-    action |= {"offset": of(joints, 0.9), "clip": [[-each, 2.0 * each] for each in of(joints)]}
+    action |= {"offset": joint_values(joints, 0.9), "clip": [[-each, 2.0 * each] for each in joint_values(joints)]}
     settings |= {"step_dt": 0.025}
     found = described(tmp_path, settings, "params/deploy.yaml")
     assert found.control_rate == pytest.approx(40.0)
-    assert found.action_offset == tuple(of(joints, 0.9))
-    assert found.default_position == tuple(of(joints))
-    assert found.action_scale == tuple(of(joints, 0.25))
-    assert found.stiffness == tuple(of(joints, 20.0))
-    assert found.damping == tuple(of(joints, 0.5))
-    assert found.target_clip == tuple((-each, 2.0 * each) for each in of(joints))
+    assert found.action_offset == tuple(joint_values(joints, 0.9))
+    assert found.default_position == tuple(joint_values(joints))
+    assert found.action_scale == tuple(joint_values(joints, 0.25))
+    assert found.stiffness == tuple(joint_values(joints, 20.0))
+    assert found.damping == tuple(joint_values(joints, 0.5))
+    assert found.target_clip == tuple((-each, 2.0 * each) for each in joint_values(joints))
     scales = [term.scale[0] for term in found.terms]
     assert scales == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
     assert [term.clip for term in found.terms] == [(-1.0 - each, 2.0 + each) for each in range(6)]
@@ -134,7 +134,7 @@ def test_of_isaac_lab(tmp_path: Path) -> None:
         "offset": {".*_hip_joint": 0.1, ".*_thigh_joint": 0.2, ".*_calf_joint": 0.3},
     }
     action |= {"clip": {".*_hip_joint": [-1.0, 2.0], ".*_thigh_joint": [-3.0, 4.0], ".*_calf_joint": [-5.0, 6.0]}}
-    written(tmp_path / "params/agent.yaml", {"clip_actions": 7.0})
+    write_settings(tmp_path / "params/agent.yaml", {"clip_actions": 7.0})
     found = described(tmp_path, settings, "params/env.yaml")
     assert found.control_rate == pytest.approx(50.0)
     assert found.action_offset == (0.1,) * 4 + (0.2,) * 4 + (0.3,) * 4

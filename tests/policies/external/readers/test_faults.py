@@ -17,7 +17,7 @@ pytest.importorskip("yaml")
 pytest.importorskip("onnx")
 
 from tests.policies.external.readers import files
-from tests.policies.external.readers.files import MOTORS, network, written
+from tests.policies.external.readers.files import MOTORS, network, write_settings
 
 
 def refusal(file: Path) -> str:
@@ -56,12 +56,12 @@ DEPLOY = [
     (path("observations/height_scan", {"params": {}}), "the observation term height_scan is not known; write a TOML"),
     (path("observations/gait_phase", {"params": {}}), "has no `observations.gait_phase.params.period`"),
     (path("observations/base_ang_vel/scale", [1.0] * 4), "`scale` must be 1 or 3 numbers"),
-    (path("observations/joint_pos_rel/params", {"asset_cfg": {"joint_ids": files.permuted(3)}}), "several orders"),
+    (path("observations/joint_pos_rel/params", {"asset_cfg": {"joint_ids": files.permutation(3)}}), "several orders"),
 ]
 ENV = [
     (path("scene/robot", None), "env.yaml has no `scene.robot`"),
     (path("scene/robot/actuators/hips/stiffness", None), "has no `scene.robot.actuators.hips.stiffness`"),
-    (path("scene/robot/actuators/others", None), "no actuator in env.yaml has the joint FL_thigh_joint"),
+    (path("scene/robot/actuators/legs", None), "no actuator in env.yaml has the joint FL_thigh_joint"),
     (path("scene/robot/init_state/joint_pos/.*_hip_joint", 0.2), "has .*L_hip_joint and .*_hip_joint for FL_hip_joint"),
     (
         path("scene/robot/init_state/joint_pos/knee", 0.2),
@@ -130,32 +130,32 @@ def cases(table: list[Any]) -> Any:
 
 @cases(DEPLOY)
 def test_a_faulty_deploy_yaml(tmp_path: Path, change: Callable[..., None], line: str) -> None:
-    change(found := files.deploy(files.permuted(0)))
+    change(found := files.deploy(files.permutation(0)))
     network(tmp_path)
-    assert line in refusal(written(tmp_path / "params/deploy.yaml", found))
+    assert line in refusal(write_settings(tmp_path / "params/deploy.yaml", found))
 
 
 @cases(ENV)
 def test_a_faulty_env_yaml(tmp_path: Path, change: Callable[..., None], line: str) -> None:
     change(found := files.env())
     network(tmp_path)
-    assert line in refusal(written(tmp_path / "params/env.yaml", found))
+    assert line in refusal(write_settings(tmp_path / "params/env.yaml", found))
 
 
 @cases(RL_SAR)
 def test_a_faulty_rl_sar_file(tmp_path: Path, change: Callable[..., None], line: str) -> None:
-    config, base = files.rl_sar(files.permuted(0))
+    config, base = files.rl_sar(files.permutation(0))
     change(config["go2/robot_lab"])
-    written(tmp_path / "go2/base.yaml", base)
+    write_settings(tmp_path / "go2/base.yaml", base)
     network(tmp_path, "go2/robot_lab/policy.pt")
-    assert line in refusal(written(tmp_path / "go2/robot_lab/config.yaml", config))
+    assert line in refusal(write_settings(tmp_path / "go2/robot_lab/config.yaml", config))
 
 
 @cases(LEGGED_GYM)
 def test_faulty_settings_of_legged_gym(tmp_path: Path, change: Callable[..., None], line: str) -> None:
     change(found := files.legged_gym())
     network(tmp_path)
-    assert line in refusal(written(tmp_path / "settings.yaml", found))
+    assert line in refusal(write_settings(tmp_path / "settings.yaml", found))
 
 
 @cases(MJLAB)
@@ -173,7 +173,7 @@ def test_weights_in_another_file_are_not_read(tmp_path: Path) -> None:
 
 
 def test_a_network_with_weights_elsewhere_or_other_joints_is_refused_with_its_settings(tmp_path: Path) -> None:
-    file = written(tmp_path / "params/deploy.yaml", files.deploy(list(range(12))))
+    file = write_settings(tmp_path / "params/deploy.yaml", files.deploy(list(range(12))))
     net = network(tmp_path)
     files.onnx_file(net, {}, outside=True)
     assert "the weights of policy.onnx lie in another file" in refusal(file)
@@ -184,7 +184,7 @@ def test_a_network_with_weights_elsewhere_or_other_joints_is_refused_with_its_se
 
 
 def test_a_network_that_is_missing_or_one_of_several_is_asked_for(tmp_path: Path) -> None:
-    file = written(tmp_path / "params/deploy.yaml", files.deploy(files.permuted(0)))
+    file = write_settings(tmp_path / "params/deploy.yaml", files.deploy(files.permutation(0)))
     assert "no network for deploy.yaml" in refusal(file)
     network(tmp_path, "a.onnx")
     network(tmp_path, "b.onnx")
@@ -245,7 +245,9 @@ def places(settings: dict[str, Any], above: tuple[str, ...] = ()) -> list[tuple[
 ODD = [None, "x", [], {}, -1, 0, 1e300, [[]], True, {"a": {}}, [None] * 12, ["x"] * 12, 10**400, ["("], [2, 1]]
 
 
-@pytest.mark.parametrize(("file", "settings"), [("d.yaml", files.deploy(files.permuted(0))), ("e.yaml", files.env())])
+@pytest.mark.parametrize(
+    ("file", "settings"), [("d.yaml", files.deploy(files.permutation(0))), ("e.yaml", files.env())]
+)
 def test_any_value_of_any_key_is_understood_or_refused(tmp_path: Path, file: str, settings: dict[str, Any]) -> None:
     network(tmp_path)
     rng, keys = np.random.default_rng(0), places(settings)
@@ -255,4 +257,4 @@ def test_any_value_of_any_key_is_understood_or_refused(tmp_path: Path, file: str
             inner = inner[key]
         inner[keys[number][-1]] = ODD[rng.integers(len(ODD))]
         with suppress(PolicyError):
-            read(written(tmp_path / file, changed))
+            read(write_settings(tmp_path / file, changed))

@@ -13,7 +13,15 @@ pytest.importorskip("yaml")
 pytest.importorskip("onnx")
 
 from tests.policies.external.readers import files
-from tests.policies.external.readers.files import ISAAC, MOTORS, OF, network, of, permuted, written
+from tests.policies.external.readers.files import (
+    ISAAC,
+    JOINT_VALUES,
+    MOTORS,
+    joint_values,
+    network,
+    permutation,
+    write_settings,
+)
 
 
 def described(file: Path) -> PolicySpec:
@@ -28,43 +36,50 @@ def described(file: Path) -> PolicySpec:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_unitree_gains_are_by_motor_and_all_else_by_joint(tmp_path: Path, seed: int) -> None:
-    found = files.deploy(ids := permuted(seed))
-    found["observations"]["joint_vel_rel"] |= {"scale": of(MOTORS), "clip": [-10.0, 10.0], "history_length": 3}
-    found["actions"]["JointPositionAction"] |= {"offset": None, "clip": [[-each, each] for each in of(MOTORS)]}
-    policy = described(written(tmp_path / "params/deploy.yaml", found)) if network(tmp_path) else None
+    found = files.deploy(ids := permutation(seed))
+    found["observations"]["joint_vel_rel"] |= {
+        "scale": joint_values(MOTORS),
+        "clip": [-10.0, 10.0],
+        "history_length": 3,
+    }
+    found["actions"]["JointPositionAction"] |= {
+        "offset": None,
+        "clip": [[-each, each] for each in joint_values(MOTORS)],
+    }
+    policy = described(write_settings(tmp_path / "params/deploy.yaml", found)) if network(tmp_path) else None
     joints = tuple(MOTORS[each] for each in ids)
     assert policy is not None
     assert policy.network == tmp_path / "exported/policy.onnx"
     assert policy.joints == joints
-    assert policy.stiffness == tuple(of(joints, 20.0))
-    assert policy.damping == tuple(of(joints, 0.5))
-    assert policy.default_position == tuple(of(joints))
-    assert policy.action_scale == tuple(of(joints, 0.25))
+    assert policy.stiffness == tuple(joint_values(joints, 20.0))
+    assert policy.damping == tuple(joint_values(joints, 0.5))
+    assert policy.default_position == tuple(joint_values(joints))
+    assert policy.action_scale == tuple(joint_values(joints, 0.25))
     assert policy.action_offset == (0.0,) * 12
-    assert policy.target_clip == tuple((-each, each) for each in of(MOTORS))
+    assert policy.target_clip == tuple((-each, each) for each in joint_values(MOTORS))
     assert policy.control_rate == pytest.approx(50)
     names = [term.name for term in policy.terms]
     assert names[:3] == ["angular_velocity", "projected_gravity", "command"]
     assert names[3:] == ["joint_position", "joint_velocity", "previous_action"]
-    assert policy.terms[4] == SpecTerm("joint_velocity", tuple(of(MOTORS)), (-10.0, 10.0), 3)
+    assert policy.terms[4] == SpecTerm("joint_velocity", tuple(joint_values(MOTORS)), (-10.0, 10.0), 3)
     assert (policy.history_layout, policy.history_newest, policy.history_start) == ("term", "last", "first")
 
 
 def test_unitree_actions_and_observations_may_have_other_orders(tmp_path: Path) -> None:
     found = files.deploy(list(range(12)))
-    found["actions"]["JointPositionAction"]["joint_ids"] = order = permuted(1)
+    found["actions"]["JointPositionAction"]["joint_ids"] = order = permutation(1)
     for name in ("joint_pos_rel", "joint_vel_rel"):
-        found["observations"][name]["params"] = {"asset_cfg": {"joint_ids": permuted(2)}}
+        found["observations"][name]["params"] = {"asset_cfg": {"joint_ids": permutation(2)}}
     network(tmp_path, "policy.onnx")
-    policy = described(written(tmp_path / "deploy.yaml", found))
+    policy = described(write_settings(tmp_path / "deploy.yaml", found))
     assert policy.joints == tuple(MOTORS[each] for each in order)
-    assert policy.stiffness == tuple(of(policy.joints, 20.0))
-    assert policy.default_position == tuple(of(policy.joints))
-    assert policy.observed_joints == tuple(MOTORS[each] for each in permuted(2))
+    assert policy.stiffness == tuple(joint_values(policy.joints, 20.0))
+    assert policy.default_position == tuple(joint_values(policy.joints))
+    assert policy.observed_joints == tuple(MOTORS[each] for each in permutation(2))
 
 
 def test_unitree_history_by_time_scales_before_clips_and_a_gait_clock(tmp_path: Path) -> None:
-    found = files.deploy(permuted(0))
+    found = files.deploy(permutation(0))
     for term in found["observations"].values():
         term["history_length"] = 4
     found["observations"]["base_ang_vel"] |= {"scale": [0.25] * 3, "clip": [-1.0, 1.0]}
@@ -72,7 +87,7 @@ def test_unitree_history_by_time_scales_before_clips_and_a_gait_clock(tmp_path: 
     found["observations"] |= {"use_gym_history": True, "scale_first": True}
     network(tmp_path)
     policy = described(
-        written(tmp_path / "params/deploy.yaml", {**found, "observations": {"obs": found["observations"]}})
+        write_settings(tmp_path / "params/deploy.yaml", {**found, "observations": {"obs": found["observations"]}})
     )
     assert policy.history_layout == "time"
     assert policy.terms[0] == SpecTerm("angular_velocity", (0.25,), (-4.0, 4.0), 4)
@@ -93,17 +108,17 @@ def test_unitree_history_by_time_scales_before_clips_and_a_gait_clock(tmp_path: 
 def test_a_clock_stops_at_small_commands_where_the_file_says_so(
     tmp_path: Path, name: str, params: dict[str, Any], threshold: float
 ) -> None:
-    found = files.deploy(permuted(0))
+    found = files.deploy(permutation(0))
     found["observations"][name] = {"params": params, "clip": None, "scale": None, "history_length": 1}
     network(tmp_path)
-    policy = described(written(tmp_path / "params/deploy.yaml", found))
+    policy = described(write_settings(tmp_path / "params/deploy.yaml", found))
     assert policy.terms[-1] == SpecTerm("gait_clock", clock=2.0, zero_below=threshold)
     assert any("`zero_below = 0.1` in a TOML" in remark for remark in policy.remarks) is (threshold == 0.0)
 
 
 def test_isaac_lab_joints_are_by_kind_and_gains_by_expression(tmp_path: Path) -> None:
     network(tmp_path)
-    policy = described(written(tmp_path / "params/env.yaml", files.env()))
+    policy = described(write_settings(tmp_path / "params/env.yaml", files.env()))
     assert policy.joints == ISAAC
     assert policy.stiffness == (20.0,) * 4 + (30.0,) * 4 + (40.0,) * 4
     assert policy.damping == (0.5,) * 4 + (1.0,) * 8
@@ -120,8 +135,8 @@ def test_isaac_lab_keeps_an_order_that_names_give(tmp_path: Path) -> None:
     found["observations"]["policy"]["history_length"] = 5
     network(tmp_path)
     network(tmp_path, "exported/policy.pt")
-    written(tmp_path / "params/agent.yaml", {"clip_actions": 6.0})
-    policy = described(written(tmp_path / "params/env.yaml", found))
+    write_settings(tmp_path / "params/agent.yaml", {"clip_actions": 6.0})
+    policy = described(write_settings(tmp_path / "params/env.yaml", found))
     assert (policy.joints, policy.observed_joints) == (MOTORS, ISAAC)
     assert policy.target_clip == ((-9.0, 9.0),) * 12
     assert policy.action_clip == (-6.0, 6.0)
@@ -130,13 +145,13 @@ def test_isaac_lab_keeps_an_order_that_names_give(tmp_path: Path) -> None:
     assert {term.history for term in policy.terms} == {5}
     assert policy.network.name == "policy.onnx"
     found["actions"]["joint_pos"]["preserve_order"] = False
-    assert described(written(tmp_path / "params/env.yaml", found)).joints == ISAAC
+    assert described(write_settings(tmp_path / "params/env.yaml", found)).joints == ISAAC
 
 
 def test_isaac_sims_samples_have_their_network_next_to_them_by_name(tmp_path: Path) -> None:
     found = network(tmp_path, "dog_policy.pt")
     network(tmp_path, "cat_policy.pt")
-    assert described(written(tmp_path / "dog_env.yaml", files.env())).network == found
+    assert described(write_settings(tmp_path / "dog_env.yaml", files.env())).network == found
 
 
 def test_isaac_lab_height_scan_has_the_grid_of_its_sensor(tmp_path: Path) -> None:
@@ -146,14 +161,14 @@ def test_isaac_lab_height_scan_has_the_grid_of_its_sensor(tmp_path: Path) -> Non
     pattern = {"resolution": 0.1, "size": [0.2, 0.4], "ordering": "xy"}
     found["scene"]["scanner"] = {"ray_alignment": "yaw", "pattern_cfg": pattern, "offset": {"pos": [0.5, 0.0, 20.0]}}
     network(tmp_path)
-    (*_, term) = described(written(tmp_path / "params/env.yaml", found)).terms
+    (*_, term) = described(write_settings(tmp_path / "params/env.yaml", found)).terms
     assert term.grid == HeightGrid((0.4, 0.5, 0.6), (-0.2, -0.1, 0.0, 0.1, 0.2), x_first=True, offset=0.5)
     assert (term.scale, term.clip, term.width) == ((5.0,), (-1.0, 1.0), 15)
 
 
 def test_tuples_and_slices_of_python_are_read_as_data(tmp_path: Path) -> None:
     network(tmp_path)
-    file = written(tmp_path / "params/env.yaml", files.env())
+    file = write_settings(tmp_path / "params/env.yaml", files.env())
     plain = read(file)
     text = file.read_text()
     text = text.replace(
@@ -166,14 +181,14 @@ def test_tuples_and_slices_of_python_are_read_as_data(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_rl_sar_joints_are_the_bases_motors_by_the_mapping(tmp_path: Path, seed: int) -> None:
-    config, base = files.rl_sar(permuted(seed))
-    written(tmp_path / "go2/base.yaml", base)
+    config, base = files.rl_sar(permutation(seed))
+    write_settings(tmp_path / "go2/base.yaml", base)
     network(tmp_path, "go2/robot_lab/policy.pt")
-    policy = described(written(tmp_path / "go2/robot_lab/config.yaml", config))
-    joints = tuple(MOTORS[each] for each in permuted(seed))
+    policy = described(write_settings(tmp_path / "go2/robot_lab/config.yaml", config))
+    joints = tuple(MOTORS[each] for each in permutation(seed))
     assert policy.joints == joints
-    assert policy.stiffness == tuple(of(joints, 20.0))
-    assert policy.default_position == tuple(of(joints))
+    assert policy.stiffness == tuple(joint_values(joints, 20.0))
+    assert policy.default_position == tuple(joint_values(joints))
     assert policy.control_rate == pytest.approx(50)
     assert policy.terms[0] == SpecTerm("command", (2.0, 2.0, 0.25), history=3)
     assert (policy.action_clip, policy.observation_clip) == ((-50.0, 50.0), 100.0)
@@ -187,7 +202,7 @@ def test_an_rl_sar_file_without_base_names_the_joints_in_the_policys_order(tmp_p
     own |= {"joint_controller_names": [name.replace("_joint", "_controller") for name in ISAAC], "dt": 0.005}
     own |= {"decimation": 4, "observations_history": [2, 1, 0], "observations_history_priority": "term"}
     network(tmp_path, "policy.pt")
-    policy = described(written(tmp_path / "config.yaml", config))
+    policy = described(write_settings(tmp_path / "config.yaml", config))
     assert policy.joints == ISAAC
     assert (policy.history_layout, policy.history_newest) == ("term", "last")
 
@@ -208,16 +223,16 @@ def rl_sar_before_v2_3(reduction: float = 1.0, framework: str = "isaacgym") -> d
 def test_a_history_of_rl_sar_before_v2_3_is_walked_through_from_its_end(tmp_path: Path) -> None:
     network(tmp_path, "policy.pt")
     settings = rl_sar_before_v2_3()
-    policy = described(written(tmp_path / "config.yaml", settings))
+    policy = described(write_settings(tmp_path / "config.yaml", settings))
     assert (policy.history_newest, policy.terms[0].history) == ("first", 6)
     assert policy.action_scale == (0.25,) * 12
     settings["go2_isaacgym"]["observations_history"].reverse()
-    assert described(written(tmp_path / "config.yaml", settings)).history_newest == "last"
+    assert described(write_settings(tmp_path / "config.yaml", settings)).history_newest == "last"
 
 
 def test_hips_of_rl_sar_before_v2_3_are_reduced_and_shown_so(tmp_path: Path) -> None:
     network(tmp_path, "policy.pt")
-    policy = described(written(tmp_path / "config.yaml", rl_sar_before_v2_3(0.5)))
+    policy = described(write_settings(tmp_path / "config.yaml", rl_sar_before_v2_3(0.5)))
     assert policy.action_scale == (0.125, 0.25, 0.25) * 4
     assert policy.terms[-1] == SpecTerm("previous_action", (0.5, 1.0, 1.0) * 4, history=6)
     assert policy.terms[3] == SpecTerm("joint_position", history=6)
@@ -226,22 +241,22 @@ def test_hips_of_rl_sar_before_v2_3_are_reduced_and_shown_so(tmp_path: Path) -> 
 def test_joints_of_rl_sar_before_v2_3_are_transposed_for_isaac_sim(tmp_path: Path) -> None:
     network(tmp_path, "policy.pt")
     settings = rl_sar_before_v2_3(framework="isaacsim")
-    policy = described(written(tmp_path / "config.yaml", settings))
+    policy = described(write_settings(tmp_path / "config.yaml", settings))
     by_kind = tuple(f"{leg}_{kind}" for kind in files.KINDS for leg in files.LEGS)
     assert policy.joints == by_kind
-    assert policy.default_position == tuple(of(by_kind))
-    assert policy.stiffness == tuple(of(by_kind, 20.0))
+    assert policy.default_position == tuple(joint_values(by_kind))
+    assert policy.stiffness == tuple(joint_values(by_kind, 20.0))
 
 
 def test_keys_of_both_ages_of_rl_sar_are_read_as_the_newer_or_refused(tmp_path: Path) -> None:
-    config, base = files.rl_sar(permuted(0))
-    written(tmp_path / "go2/base.yaml", base)
+    config, base = files.rl_sar(permutation(0))
+    write_settings(tmp_path / "go2/base.yaml", base)
     network(tmp_path, "go2/robot_lab/policy.pt")
     config["go2/robot_lab"]["hip_scale_reduction"] = 1.0
-    assert described(written(tmp_path / "go2/robot_lab/config.yaml", config)).history_newest == "first"
+    assert described(write_settings(tmp_path / "go2/robot_lab/config.yaml", config)).history_newest == "first"
     config["go2/robot_lab"]["hip_scale_reduction"] = 0.5
     with pytest.raises(PolicyError, match=r"hip_scale_reduction.* in `action_scale`, joint by joint"):
-        read(written(tmp_path / "go2/robot_lab/config.yaml", config))
+        read(write_settings(tmp_path / "go2/robot_lab/config.yaml", config))
 
 
 @pytest.mark.parametrize("suffix", [".yaml", ".json"])
@@ -249,9 +264,9 @@ def test_legged_gym_joints_are_in_isaac_gyms_order(tmp_path: Path, suffix: str) 
     network(tmp_path, "exported/policies/policy_1.pt")
     found = files.legged_gym()
     found["terrain"]["measure_heights"], found["env"]["num_observations"] = True, 48 + 6
-    policy = described(written(tmp_path / f"settings{suffix}", found))
+    policy = described(write_settings(tmp_path / f"settings{suffix}", found))
     assert policy.joints == tuple(f"{leg}_{kind}" for leg in ("FL", "FR", "RL", "RR") for kind in files.KINDS)
-    assert policy.default_position == tuple(OF[name] for name in policy.joints)
+    assert policy.default_position == tuple(JOINT_VALUES[name] for name in policy.joints)
     assert policy.stiffness == (20.0, 30.0, 40.0) * 4
     assert policy.terms[0] == SpecTerm("linear_velocity", (2.0,))
     assert policy.terms[3] == SpecTerm("command", (2.0, 2.0, 0.25))
@@ -265,7 +280,7 @@ def test_legged_gyms_gains_are_those_of_the_last_key_in_the_joints_name(tmp_path
     found = files.legged_gym()
     found["control"]["stiffness"] = {"joint": 20.0, "calf_joint": 40.0, "RL_calf": 60.0}
     found["control"]["damping"] = {"RL_calf": 3.0, "calf_joint": 1.0, "joint": 0.5}
-    policy = described(written(tmp_path / "settings.json", found))
+    policy = described(write_settings(tmp_path / "settings.json", found))
     expected = {name: (40.0, 1.0) if "calf" in name else (20.0, 0.5) for name in policy.joints}
     expected["RL_calf_joint"] = (60.0, 3.0)
     assert dict(zip(policy.joints, zip(policy.stiffness, policy.damping, strict=True), strict=True)) == expected
@@ -276,7 +291,7 @@ def test_himloco_shows_six_steps_the_newest_first_and_scales_hips_less(tmp_path:
     found["env"] = {"num_observations": 270, "num_one_step_observations": 45}
     found["control"]["hip_reduction"] = 0.5
     network(tmp_path, "policy.pt")
-    policy = described(written(tmp_path / "settings.yaml", found))
+    policy = described(write_settings(tmp_path / "settings.yaml", found))
     assert policy.terms[0] == SpecTerm("command", (2.0, 2.0, 0.25), history=6)
     assert (policy.history_layout, policy.history_newest, policy.history_start) == ("time", "first", "zero")
     assert policy.action_scale == (0.125, 0.25, 0.25) * 4
@@ -288,18 +303,18 @@ def test_either_key_of_legged_gym_s_offspring_scales_hips_less(tmp_path: Path, k
     found = files.legged_gym()
     found["control"] |= {key: 0.4}
     network(tmp_path, "policy.pt")
-    policy = described(written(tmp_path / "settings.yaml", found))
+    policy = described(write_settings(tmp_path / "settings.yaml", found))
     assert policy.action_scale == pytest.approx((0.1, 0.25, 0.25) * 4)
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_mjlab_metadata_is_in_the_order_of_its_joints(tmp_path: Path, seed: int) -> None:
-    names = tuple(MOTORS[each] for each in permuted(seed))
+    names = tuple(MOTORS[each] for each in permutation(seed))
     policy = described(files.onnx_file(tmp_path / "policy.onnx", files.mjlab(names)))
     assert policy.joints == names
-    assert policy.stiffness == tuple(of(names, 20.0))
-    assert policy.damping == policy.default_position == tuple(of(names))
-    assert policy.action_scale == tuple(of(names, 2.0))
+    assert policy.stiffness == tuple(joint_values(names, 20.0))
+    assert policy.damping == policy.default_position == tuple(joint_values(names))
+    assert policy.action_scale == tuple(joint_values(names, 2.0))
     assert policy.terms[3] == SpecTerm("joint_position")
     assert (policy.control_rate, policy.width) == (50.0, 48)
 

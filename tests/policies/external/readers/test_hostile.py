@@ -32,7 +32,7 @@ import onnx
 import yaml
 
 from tests.policies.external.readers import files
-from tests.policies.external.readers.files import network, written
+from tests.policies.external.readers.files import network, write_settings
 
 PATIENCE = 5.0
 """Processor time for any file, s."""
@@ -154,7 +154,7 @@ def test_no_pattern_takes_long(tmp_path: Path, pattern: str) -> None:
     assert time.process_time() - began < PATIENCE
     network(tmp_path)
     changed = replaced(files.env(), "scene/robot/init_state/joint_pos", {pattern: -1.5})
-    refusal(written(tmp_path / "params/env.yaml", changed))
+    refusal(write_settings(tmp_path / "params/env.yaml", changed))
 
 
 @pytest.mark.parametrize(
@@ -225,8 +225,8 @@ def test_keys_that_merge_others_may_replace_them(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ['"５"', "'1_0'", "1_0", "1:30", "0x1g", "' 1'", "'1e3_0'", "１"])
 def test_texts_that_only_python_takes_for_numbers_are_none(tmp_path: Path, text: str) -> None:
     network(tmp_path)
-    plain = yaml.safe_dump(replaced(files.deploy(files.permuted(0)), "step_dt", "PLACE"), sort_keys=False)
-    file = written(tmp_path / "params/deploy.yaml", {})
+    plain = yaml.safe_dump(replaced(files.deploy(files.permutation(0)), "step_dt", "PLACE"), sort_keys=False)
+    file = write_settings(tmp_path / "params/deploy.yaml", {})
     file.write_text(plain.replace("PLACE", text, 1), encoding="utf-8")
     assert "`step_dt` in deploy.yaml must be a number" in refusal(file)
 
@@ -258,7 +258,7 @@ IMPLAUSIBLE = [
 @pytest.mark.parametrize(("keys", "value", "line"), IMPLAUSIBLE)
 def test_numbers_beyond_any_robot_are_named(tmp_path: Path, keys: str, value: Any, line: str) -> None:
     network(tmp_path)
-    assert line in refusal(written(tmp_path / "settings.yaml", replaced(files.legged_gym(), keys, value)))
+    assert line in refusal(write_settings(tmp_path / "settings.yaml", replaced(files.legged_gym(), keys, value)))
 
 
 def test_an_observation_has_a_largest_width(tmp_path: Path) -> None:
@@ -330,7 +330,7 @@ def test_a_file_of_many_slow_patterns_is_given_up(tmp_path: Path, monkeypatch: p
     network(tmp_path)
     patterns = {f"(.*){{1000}}{'(.*)*' * 30}.{{{number % 5}}}(x|.{{{number}}}|.*)": 0.0 for number in range(2000)}
     changed = replaced(files.env(), "scene/robot/init_state/joint_pos", patterns)
-    file = written(tmp_path / "params/env.yaml", changed)
+    file = write_settings(tmp_path / "params/env.yaml", changed)
     began = time.process_time()
     with pytest.raises(PolicyError, match="it takes more than 1 s of processor time") as error:
         resolve_reference(file, trust=False)
@@ -340,9 +340,9 @@ def test_a_file_of_many_slow_patterns_is_given_up(tmp_path: Path, monkeypatch: p
 
 def test_long_values_make_no_long_lines(tmp_path: Path) -> None:
     network(tmp_path, "go2/robot_lab/policy.pt")
-    config = files.rl_sar(files.permuted(1))[0]["go2/robot_lab"] | {"observations": ["a" * 5000]}
-    file = written(tmp_path / "go2/robot_lab/config.yaml", {"go2/robot_lab": config})
-    written(tmp_path / "go2/base.yaml", files.rl_sar(files.permuted(1))[1])
+    config = files.rl_sar(files.permutation(1))[0]["go2/robot_lab"] | {"observations": ["a" * 5000]}
+    file = write_settings(tmp_path / "go2/robot_lab/config.yaml", {"go2/robot_lab": config})
+    write_settings(tmp_path / "go2/base.yaml", files.rl_sar(files.permutation(1))[1])
     assert len(refusal(file)) < 600
     toml = tmp_path / "policy.toml"
     toml.write_text(f'network = "policy.pt"\ncontrol_rate = {"9" * 4000}\njoints = []\ndefault_position = 0\n')
