@@ -1,1 +1,1 @@
-"""Studies that measure the numbers in the documentation of the project, and writers of their pages."""
+"""Commands that measure the numbers in the project's documentation, and write them into its pages."""

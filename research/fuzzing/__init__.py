@@ -1,1 +1,4 @@
-"""Fuzzing of the readers of other people's files, by structured mutations of valid files."""
+"""Fuzzing: tests of the functions that read files of users and other projects with faulty files.
+
+The faulty files are made by random changes of valid files.
+"""

@@ -1,4 +1,4 @@
-"""Table of the fuzzed formats: each has a writer of mutated files and a reader."""
+"""Table of the fuzzed file formats: functions that write mutated files, and functions that read them."""
 
 from policies.base import PolicyError
 from quad_env.robots.simple_quad import SIMPLE_QUAD
@@ -21,6 +21,9 @@ FORMATS: dict[str, tuple[Write, Read]] = {
     "urdf": (xml_writer(SIMPLE_QUAD.mjcf.with_suffix(".urdf"), "robot.urdf"), readers.read_robot),
     "terrain": (writers.write_terrain, readers.read_terrain),
 }
-"""Name of a format -> function that writes a mutated file, and function that reads the file."""
+"""Name of a file format -> function that writes a randomly changed file, and function that reads the file."""
 OWN_ERRORS = (PolicyError, ValueError, OSError)
-"""Exceptions that a reader may raise for a faulty file, including `ModelError`, a ValueError."""
+"""Exceptions with which a reader of the project may refuse a faulty file; any other exception is a finding.
+
+`ModelError` is included, because it is a subclass of ValueError.
+"""

@@ -1,4 +1,4 @@
-"""Random mutations of a valid file: of nested values, of XML elements, and of bytes."""
+"""Random changes of the content of a valid file: of nested values, of XML elements, and of bytes."""
 
 import copy
 import math
@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 Tree = Any
-"""Nested dictionaries and lists that contain texts, numbers and None, as in a YAML file."""
+"""Content of a settings file: nested dictionaries and lists with texts, numbers and None, as in YAML."""
 ODD_VALUES: tuple[Any, ...] = (
     *(None, True, False, 0, 1, -1, 0.0, 1e-300, 1e300, 1e9, -1e9, 1e-9, math.nan, math.inf, 10**30, 10**400),
     *("", "x", "1_0", "５", "1:30", "nan", "1e400", "x" * 5000, "((a*)*)*!", "(", "../..", "/dev/zero", "\x1b[31m"),
@@ -26,7 +26,7 @@ ODD_VALUES: tuple[Any, ...] = (
         [[0, 1]] * 12,
     ),
 )
-"""Values of several types that replace a valid value."""
+"""Values of several types that replace valid values in a settings file."""
 ODD_TEXTS = (
     "",
     "x",
@@ -44,7 +44,7 @@ ODD_TEXTS = (
     "９",
     "a" * 3000,
 )
-"""Texts that replace the value of an XML attribute."""
+"""Texts that replace valid values of XML attributes."""
 ODD_BYTES = (
     b"\x00",
     b"\xff",
@@ -60,13 +60,20 @@ ODD_BYTES = (
     b"9" * 400,
     b"(" * 3000,
 )
-"""Byte sequences that are inserted into a file."""
+"""Byte sequences that are inserted at random places of a file."""
 _SCALES = (0.0, -1.0, 0.1, 10.0, 1e3, 1e6, 1e12)
-"""Factors on a number that is changed."""
+"""Factors for random changes of a number: the number is multiplied by one of them."""
 
 
 def list_entries(tree: Tree) -> list[tuple[Any, Any]]:
-    """Return the places of all values in a tree, each as its dictionary or list and its key or index."""
+    """List all values in a tree of dictionaries and lists, so that each can be changed in place.
+
+    Args:
+        tree: Nested dictionaries and lists.
+
+    Returns:
+        For each value: the dictionary or list that contains the value, and its key or index there.
+    """
     entries = []
     waiting = [tree]
     while waiting:
@@ -79,10 +86,10 @@ def list_entries(tree: Tree) -> list[tuple[Any, Any]]:
 
 
 def mutate_tree(tree: Tree, rng: np.random.Generator, count: int = 1) -> Tree:
-    """Return a copy of a tree with random changes at random places.
+    """Return a copy of a tree of settings, in which random values or keys are changed, removed or moved.
 
     Args:
-        tree: Valid values.
+        tree: Nested dictionaries and lists with valid values.
         rng: Random generator.
         count: Number of changes.
 
@@ -120,10 +127,10 @@ def mutate_tree(tree: Tree, rng: np.random.Generator, count: int = 1) -> Tree:
 
 
 def mutate_bytes(content: bytes, rng: np.random.Generator, count: int = 1) -> bytes:
-    """Return a copy of `content` in which some bytes are changed, removed, inserted, repeated or cut off.
+    """Return a copy of a file's content in which random bytes are changed, removed, inserted or repeated.
 
     Args:
-        content: Valid bytes.
+        content: Valid content of a file.
         rng: Random generator.
         count: Number of changes.
 
@@ -191,7 +198,15 @@ def mutate_xml(root: ElementTree.Element, rng: np.random.Generator, count: int =
 
 
 def _with_odd_number(text: str, rng: np.random.Generator) -> str:
-    """Return a text of numbers, separated by spaces, in which one number is replaced."""
+    """Replace one number in a text of numbers that spaces separate, as in an XML attribute.
+
+    Args:
+        text: Numbers as text.
+        rng: Random generator.
+
+    Returns:
+        The text, in which one number is scaled by a random factor, or one word is replaced by an odd text.
+    """
     words = text.split() or [""]
     index = int(rng.integers(len(words)))
     try:
@@ -202,5 +217,5 @@ def _with_odd_number(text: str, rng: np.random.Generator) -> str:
 
 
 def _parent(root: ElementTree.Element, element: ElementTree.Element) -> ElementTree.Element:
-    """Return the parent of an element; the root itself if the element is the root."""
+    """Return the parent of an XML element in the tree of `root`; the root is its own parent."""
     return next((candidate for candidate in root.iter() if element in list(candidate)), root)

@@ -1,4 +1,7 @@
-"""Readers of the fuzzed formats, with checks that the robot, policy or terrain in a file is plausible."""
+"""Functions that read the fuzzed files, and check that the robot, policy or terrain is plausible.
+
+Each function raises one of `formats.OWN_ERRORS` for a faulty file, and AbsurdError for an implausible result.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -19,20 +22,23 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.scenarios.terrain import HeightField
 
 Read = Callable[[Path], None]
-"""Function that reads a file.
+"""Function that reads the file or folder at a path, and checks the result.
 
-It raises one of `formats.OWN_ERRORS` if the file has a fault, and AbsurdError if the result is implausible.
+It raises one of `formats.OWN_ERRORS` if the file is faulty, and AbsurdError if the result is implausible.
 """
 MAX_ADAPTED_WIDTH = 10_000_000
-"""Limit on observation width times longest history, below which `read_spec` makes an adapter."""
+"""Largest size of the observation history for which `read_spec` also creates an observation adapter.
+
+The size is the number of values in an observation times the longest history of a term, in steps.
+"""
 
 
 class AbsurdError(AssertionError):
-    """Raised if a robot, policy or terrain is implausible although its file was read without an error."""
+    """Raised if a file was read without an error, but its robot, policy or terrain is implausible."""
 
 
 def read_spec(file: Path) -> None:
-    """Read a specification and adapt it to a robot. Raises AbsurdError if it is implausible."""
+    """Read the specification of a policy and adapt it to SimpleQuad; raise AbsurdError if implausible."""
     spec = readers.read(file)
     if spec is None:
         return
@@ -44,7 +50,7 @@ def read_spec(file: Path) -> None:
 
 
 def _check_spec(spec: PolicySpec) -> None:
-    """Raise AbsurdError if gains, scales, control rate or observation width are implausible for a robot."""
+    """Raise AbsurdError if servo gains, action scale, control rate or observation width are implausible."""
     numbers = np.concatenate([np.ravel(getattr(spec, name)) for name in ("stiffness", "damping", "action_scale")])
     if not (np.isfinite(numbers).all() and np.abs(numbers).max() <= 1e4 and 1.0 <= spec.control_rate <= 1e4):
         raise AbsurdError(f"a description with gains up to {np.abs(numbers).max():g} at {spec.control_rate:g} Hz")
@@ -53,7 +59,7 @@ def _check_spec(spec: PolicySpec) -> None:
 
 
 def read_onnx(file: Path) -> None:
-    """Read an ONNX file and call its network once. Raises PolicyError if the call fails."""
+    """Read an ONNX file and call its network once; raise PolicyError if the call fails."""
     readers.read(file)
     policy = onnx_file.load_onnx(PolicyReference(file), SIMPLE_QUAD)
     act: Any = policy()  # type: ignore[operator]
@@ -64,25 +70,26 @@ def read_onnx(file: Path) -> None:
 
 
 def read_bundle(folder: Path) -> None:
-    """Load a bundle (policy folder). Raises AbsurdError if the correction's limit is implausible."""
+    """Load a bundle (trained policy's folder); raise AbsurdError if its correction limit is implausible."""
     policy = bundle.load(folder)
     if not (np.isfinite(policy.authority).all() and policy.authority.min() >= 0.0 and policy.authority.max() <= np.pi):
         raise AbsurdError(f"an authority of {policy.authority}")
 
 
 def read_sb3(file: Path) -> None:
-    """Resolve the reference to a Stable-Baselines3 model.
+    """Try to load a model of Stable-Baselines3 without the permission of the user (option --trust).
 
-    Raises AbsurdError if the model is accepted without --trust.
+    Raises AbsurdError if the model is accepted, because its file can contain hidden code.
     """
     resolve_reference(file, trust=False)
     raise AbsurdError("a model of Stable-Baselines3 is taken without --trust")
 
 
 def read_robot(file: Path) -> None:
-    """Read a robot from a model file.
+    """Read a robot from an MJCF or URDF file.
 
-    Raises AbsurdError if a number is not finite, or if the robot is implausible and no warning is given.
+    Raises AbsurdError if a number of the robot is not finite, or if mass, leg length or torque are implausible and
+    `find_warnings` gives no warning.
     """
     robot = Robot.from_mjcf(file)
     model = robot.model
@@ -100,7 +107,7 @@ def read_robot(file: Path) -> None:
 
 
 def read_terrain(file: Path) -> None:
-    """Read a terrain. Raises AbsurdError if a height is not finite."""
+    """Read a terrain with a height field from a TOML file; raise AbsurdError if a height is not finite."""
     terrain = HeightField.from_toml(file)
     if not np.isfinite([terrain.heights.min_height, terrain.heights.span]).all():
         raise AbsurdError("heights that are not finite")

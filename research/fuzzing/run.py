@@ -35,21 +35,21 @@ from research.fuzzing.formats import FORMATS, OWN_ERRORS
 from research.fuzzing.readers import AbsurdError
 
 HANG_TIME = 10.0
-"""Maximum time of a case, s; time spent waiting for a processor does not count."""
+"""Maximum duration of a case, s; the time in which the process waits for a processor does not count."""
 MAX_MEMORY = 2**30
-"""Maximum memory that a case may use, bytes."""
+"""Maximum additional memory that a case may use, bytes; a case that uses more is a finding."""
 PACKAGES = "quad_env", "policies", "evaluate", "train", "live", "research"
-"""Folders that contain the project's own code."""
+"""Names of the project's packages; an exception that is raised in one of them is not from a library."""
 MAX_LINE = 3000
-"""Maximum number of characters of an error message."""
+"""Maximum length of an error message, characters; a longer message is a finding."""
 POLL_PERIOD = 0.2
-"""Time between two checks of the run time of a case, s."""
+"""Time between two checks of the duration of a running case, s."""
 REPORT_PERIOD = 10.0
-"""Time between two lines of progress, s."""
+"""Time between two printed lines about the progress, s."""
 READ = "read"
-"""Kind of a result: the file was read and the content is plausible."""
+"""Kind of a case result: the file was read, and its content is plausible."""
 REFUSED = "refused"
-"""Kind of a result: the file was refused with an error of one line."""
+"""Kind of a case result: the file was refused with an error message of one line."""
 
 
 @dataclass(frozen=True)
@@ -57,33 +57,43 @@ class FuzzOptions:
     """Fuzz the readers of a format."""
 
     format: Annotated[str, tyro.conf.Positional]
-    """Format: one of those that `python -m research fuzz list` prints, or all."""
+    """Name of a file format, as `python -m research fuzz list` prints it, or `all` for all formats."""
     minutes: float = 1.0
-    """Time for each format (min, from 0.01)."""
+    """Duration of the test of each format, min, at least 0.01."""
     cases: int = 0
-    """Cases of each format (count); 0 is as many as there is time for."""
+    """Number of cases of each format; 0 for no limit except the time."""
     first: int = 0
-    """Number of the first case (whole number from 0)."""
+    """Number of the first case, a whole number >= 0."""
     seed: int = 0
-    """Seed of the cases (whole number from 0)."""
+    """Seed of the random changes, a whole number >= 0."""
     keep: Path | None = None
-    """Folder for the files with findings."""
+    """Folder to which the files of cases with findings are written."""
 
 
 @dataclass(frozen=True)
 class CaseResult:
-    """Result of a case; `run_case` makes it."""
+    """Result of a case (one mutated file that was read), made by `run_case` or by the parent process."""
 
     number: int
-    """Number of the case."""
+    """Number of the case, which with the seed determines the random changes of the file."""
     kind: str
-    """READ, REFUSED, or a finding: traceback, absurd, not one line, memory, hang, end of the process."""
+    """READ, REFUSED, or the name of a finding: traceback, absurd, not one line, memory, hang, end of the process."""
     detail: str = ""
     """Details of a finding; empty for READ and REFUSED."""
 
 
 def main(options: FuzzOptions) -> int:
-    """Run the cases and print the findings. Returns the exit code: 1 if there are findings, else 0."""
+    """Run the command `fuzz`: run the cases and print the findings.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code: 1 if there are findings, otherwise 0.
+
+    Raises:
+        UsageError: An option is invalid.
+    """
     check_numbers(options, {"minutes": (0.01, 1e5), "cases": (0, 10**9), "first": (0, 10**9), "seed": (0, 2**31)})
     if options.format == "list":
         print("\n".join(FORMATS))
@@ -98,7 +108,16 @@ def main(options: FuzzOptions) -> int:
 
 
 def _fuzz(name: str, options: FuzzOptions, interrupt: Interrupt) -> int:
-    """Fuzz one format and return the number of findings."""
+    """Run the cases of one format, and print each new finding.
+
+    Args:
+        name: Name of the format.
+        options: Options of the command.
+        interrupt: State of Ctrl-C, after which no further case is run.
+
+    Returns:
+        Number of cases with a finding.
+    """
     counts = Counter[str]()
     seen = set[tuple[str, str]]()
     end = time.monotonic() + 60.0 * options.minutes
@@ -124,7 +143,7 @@ def _summarize(counts: Counter[str]) -> str:
 
 
 def _keep_files(name: str, options: FuzzOptions, number: int) -> None:
-    """Write the files of a case into a subfolder of `options.keep`, unless this is None."""
+    """Write the mutated files of a case into a subfolder of `options.keep`; do nothing if this is None."""
     if options.keep is not None:
         folder = options.keep / f"{name}-{options.seed}-{number}"
         folder.mkdir(parents=True, exist_ok=True)
@@ -136,11 +155,11 @@ def _make_generator(seed: int, number: int) -> np.random.Generator:
 
 
 def run_case(name: str, seed: int, number: int) -> CaseResult:
-    """Run one case in this process.
+    """Run one case in this process: write a mutated file, read it, and classify the result.
 
     Args:
         name: Name of the format.
-        seed: Seed of the cases.
+        seed: Seed of the random changes.
         number: Number of the case.
 
     Returns:
@@ -172,16 +191,16 @@ def run_case(name: str, seed: int, number: int) -> CaseResult:
 
 
 def _is_ours(error: Exception) -> bool:
-    """Return True if the project's own code raised the error, False if a library raised it."""
+    """Return True if the code of this project raised the exception, False if a library raised it."""
     frames = traceback.extract_tb(error.__traceback__)
     clone = Path(__file__).parents[2]
     raised = Path(frames[-1].filename)
-    # The packages are checked one by one because the clone may also contain libraries, in a `.venv`.
+    # The packages are checked one by one, because the folder of the project may also contain libraries, in `.venv`.
     return any(raised.is_relative_to(clone / package) for package in PACKAGES)
 
 
 def _peak_memory() -> int:
-    """Return the peak memory of this process so far, bytes; 0 on Windows."""
+    """Return the largest memory that this process has used so far, bytes; 0 on Windows."""
     if sys.platform == "win32":
         return 0
     import resource
@@ -190,9 +209,9 @@ def _peak_memory() -> int:
 
 
 def _run_cases(name: str, options: FuzzOptions) -> Iterator[CaseResult]:
-    """Yield the results of cases with rising numbers; the cases run in a subprocess.
+    """Run cases in a subprocess and yield their results, without end, from the case `options.first` on.
 
-    A subprocess that hangs or ends is replaced by a new subprocess.
+    If the subprocess hangs or ends, the case is a finding, and a new subprocess continues with the next case.
     """
     context: Any = multiprocessing.get_context("spawn")
     number = options.first
@@ -202,7 +221,7 @@ def _run_cases(name: str, options: FuzzOptions) -> Iterator[CaseResult]:
         process.start()
         child_end.close()
         try:
-            parent_end.recv()  # waits until the subprocess has imported all modules
+            parent_end.recv()  # The first message means that the subprocess has imported all modules.
             while True:
                 yield _receive_result(parent_end, process)
                 number += 1
@@ -219,9 +238,19 @@ def _run_cases(name: str, options: FuzzOptions) -> Iterator[CaseResult]:
 
 
 def _receive_result(parent_end: Connection, process: Any) -> CaseResult:
-    """Return the result of the next case.
+    """Wait for the result of the case that the subprocess runs.
 
-    Raises EOFError if the subprocess has ended, and TimeoutError if the case takes longer than HANG_TIME.
+    The call raises EOFError if the subprocess has ended.
+
+    Args:
+        parent_end: Connection to the subprocess.
+        process: The subprocess.
+
+    Returns:
+        Result of the case.
+
+    Raises:
+        TimeoutError: The case takes longer than HANG_TIME.
     """
     clock = RunClock(process.pid)
     while not parent_end.poll(POLL_PERIOD):
@@ -232,7 +261,14 @@ def _receive_result(parent_end: Connection, process: Any) -> CaseResult:
 
 
 def _serve_cases(child_end: Connection, name: str, seed: int, number: int) -> None:
-    """Run the cases from `number` on and send each result; the subprocess runs this function."""
+    """Run cases and send their results; this is the main function of the subprocess.
+
+    Args:
+        child_end: Connection to the parent process.
+        name: Name of the format.
+        seed: Seed of the random changes.
+        number: Number of the first case.
+    """
     child_end.send(None)
     while True:
         child_end.send(run_case(name, seed, number))

@@ -1,13 +1,13 @@
-"""Valid contents of files in the fuzzed formats, as nested dictionaries and lists."""
+"""Valid contents of the fuzzed settings files before random changes, as dictionaries and lists."""
 
 _LEGS = ("FR", "FL", "RR", "RL")
 _KINDS = ("hip_joint", "thigh_joint", "calf_joint")
 JOINTS = [f"{leg}_{kind}" for leg in _LEGS for kind in _KINDS]
-"""Joint names in the order of Unitree's motors."""
+"""Joint names in the motor order of Unitree robots: FR, FL, RR, RL, each with hip, thigh and calf."""
 
 
 def joint_ramp(factor: float) -> list[float]:
-    """Return twelve different values, one per joint, that rise from `factor` to nearly twice as much."""
+    """Return twelve different values, one per joint, from `factor` in steps of `factor` / 16."""
     return [factor * (1.0 + number / 16) for number in range(12)]
 
 
@@ -30,7 +30,7 @@ LEGGED_GYM = {
     },
     "sim": {"dt": 0.005},
 }
-"""Content of a settings file of legged_gym."""
+"""Valid content of a settings file of the training framework legged_gym."""
 ISAAC_LAB = {
     "sim": {"dt": 0.005},
     "decimation": 4,
@@ -83,7 +83,7 @@ ISAAC_LAB = {
     },
     "commands": {"base_velocity": {"class_type": "isaaclab.envs.mdp:UniformVelocityCommand"}},
 }
-"""Content of Isaac Lab's `params/env.yaml`."""
+"""Valid content of the file `params/env.yaml` that the training framework Isaac Lab writes."""
 UNITREE = {
     "joint_ids_map": [3, 0, 9, 6, 4, 1, 10, 7, 5, 2, 11, 8],
     "step_dt": 0.02,
@@ -103,7 +103,7 @@ UNITREE = {
         "gait_phase": {"params": {"period": 0.5}, "clip": None, "scale": None, "history_length": 1},
     },
 }
-"""Content of Unitree's `deploy.yaml`."""
+"""Valid content of the file `deploy.yaml`, with which Unitree's software runs a trained policy."""
 RL_SAR = (
     {
         "go2/lab": {
@@ -127,7 +127,7 @@ RL_SAR = (
     },
     {"go2": {"dt": 0.005, "decimation": 4, "num_of_dofs": 12, "joint_names": JOINTS}},
 )
-"""Contents of rl_sar's `config.yaml` and `base.yaml`."""
+"""Valid contents of the files `config.yaml` and `base.yaml` of the deployment software rl_sar."""
 MJLAB = {
     "joint_names": ",".join(JOINTS),
     "joint_stiffness": ",".join(["20.000"] * 12),
@@ -139,7 +139,7 @@ MJLAB = {
     "observation_terms_history_length": ",".join(["1"] * 7),
     "action_scale": ",".join(["0.250"] * 12),
 }
-"""Metadata that mjlab's exporter writes into an ONNX file."""
+"""Valid metadata of an ONNX file, as the exporter of the training framework mjlab writes them: name -> text."""
 TOML = {
     "network": "exported/policy.onnx",
     "control_rate": 50,
@@ -158,6 +158,6 @@ TOML = {
         {"name": "height_scan", "grid": {"x": [-0.1, 0.0, 0.1], "y": [0.0, 0.1], "offset": 0.5}},
     ],
 }
-"""Content of a specification in this project's own TOML format."""
+"""Valid specification of a policy in the TOML format of this project."""
 TERRAIN = {"file": "hill.npy", "size": [8.0, 6.0], "height": 0.4, "start": [0.0, 0.0]}
-"""Content of a TOML file of a terrain with a height field."""
+"""Valid content of a TOML file that describes a terrain with a height field."""

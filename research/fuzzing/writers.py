@@ -1,4 +1,4 @@
-"""Writers of files with random changes of values or bytes; each writes into an empty folder."""
+"""Functions that write valid files with random changes of values or bytes into an empty folder."""
 
 import io
 import json
@@ -19,31 +19,31 @@ from research.fuzzing.mutations import mutate_bytes, mutate_tree, mutate_xml
 
 Rng = np.random.Generator
 Write = Callable[[Path, Rng], Path]
-"""Function that writes a mutated file into an empty folder and returns its path."""
+"""Function that takes an empty folder and a random generator, writes a mutated file and returns its path."""
 BYTES_SHARE = 0.2
-"""Fraction of the files in which bytes are changed."""
+"""Probability that random bytes of a file are changed."""
 METADATA_BYTES_SHARE = 0.5
-"""Fraction of the ONNX files of mjlab in which bytes of a metadata entry are changed."""
+"""Fraction of the ONNX files of mjlab in which random bytes of one metadata text are changed."""
 ARRAY_SHARE = 0.4
-"""Fraction of the terrains in which bytes of the header of the height array are changed."""
+"""Fraction of the terrains in which random bytes in the header of the file with the heights are changed."""
 MAX_METADATA = 5000
-"""Maximum number of characters of a mutated metadata entry."""
+"""Maximum length of a metadata text in an ONNX file before changes of its bytes, characters."""
 _NPY_HEADER = 128
-"""Size of the header of an .npy file, bytes."""
+"""Size of the header of a NumPy file (.npy), bytes."""
 _OPERATORS = ("Identity", "RandomNormalLike", "Loop", "Gemm", "Tanh", "Shape", "NoSuch", "Reshape", "Tile", "Exp")
-"""Names of operators that replace the operator of a node; `NoSuch` does not exist in ONNX."""
+"""Names of ONNX operators that replace the operator of a network node; `NoSuch` does not exist in ONNX."""
 
 
 def settings_writer(tree: Any, name: str, network: str = "exported/policy.onnx") -> Write:
-    """Return a function that writes a mutated text file of values, and an empty network file.
+    """Return a function that writes a settings file with random changes, and an empty network file.
 
     Args:
-        tree: Valid values.
-        name: Path of the text file, relative to the folder; the suffix determines the format.
-        network: Path of the network, relative to the folder.
+        tree: Valid content of the settings file.
+        name: Path of the settings file relative to the folder; the suffix determines the format.
+        network: Path of the network file relative to the folder.
 
     Returns:
-        Writer of mutated files.
+        Function that writes the files into a folder and returns the path of the settings file.
     """
 
     def write(folder: Path, rng: Rng) -> Path:
@@ -61,14 +61,14 @@ def settings_writer(tree: Any, name: str, network: str = "exported/policy.onnx")
 
 
 def xml_writer(source: Path, name: str) -> Write:
-    """Return a function that writes a mutated XML file.
+    """Return a function that writes an XML file with random changes.
 
     Args:
         source: Valid XML file.
-        name: Path of the mutated file, relative to the folder.
+        name: Path of the changed file relative to the folder.
 
     Returns:
-        Writer of mutated files.
+        Function that writes the file into a folder and returns its path.
     """
 
     def write(folder: Path, rng: Rng) -> Path:
@@ -84,9 +84,17 @@ def xml_writer(source: Path, name: str) -> Write:
 
 
 def write_rl_sar(folder: Path, rng: Rng) -> Path:
-    """Write rl_sar's `config.yaml` and `base.yaml` into `folder`, one changed at random with `rng`."""
+    """Write the files `config.yaml` and `base.yaml` of rl_sar, one of them with random changes.
+
+    Args:
+        folder: Empty folder.
+        rng: Random generator.
+
+    Returns:
+        Path of `config.yaml`.
+    """
     config, base = samples.RL_SAR
-    changed_file = int(rng.integers(3))  # 0: config.yaml, else base.yaml
+    changed_file = int(rng.integers(3))  # 0: config.yaml; 1 and 2: base.yaml
     file = settings_writer(config, "go2/lab/config.yaml", "go2/lab/policy.onnx")(folder, rng)
     if changed_file:
         file.write_bytes(_to_text(config, ".yaml"))
@@ -97,7 +105,15 @@ def write_rl_sar(folder: Path, rng: Rng) -> Path:
 
 
 def write_mjlab(folder: Path, rng: Rng) -> Path:
-    """Write an ONNX file with mjlab's metadata into `folder`, changed at random with `rng`."""
+    """Write an ONNX file with the metadata of mjlab, with random changes of the metadata.
+
+    Args:
+        folder: Empty folder.
+        rng: Random generator.
+
+    Returns:
+        Path of the ONNX file.
+    """
     tree = mutate_tree(samples.MJLAB, rng, _change_count(rng))
     metadata = {str(key): str(value)[:MAX_METADATA] for key, value in tree.items()}
     if rng.random() < METADATA_BYTES_SHARE:
@@ -107,7 +123,15 @@ def write_mjlab(folder: Path, rng: Rng) -> Path:
 
 
 def write_onnx(folder: Path, rng: Rng) -> Path:
-    """Write an ONNX file into `folder`, with a graph that is changed at random with `rng`."""
+    """Write an ONNX file with random changes of its network graph.
+
+    Args:
+        folder: Empty folder.
+        rng: Random generator.
+
+    Returns:
+        Path of the ONNX file.
+    """
     model = _make_network({})
     for _ in range(_change_count(rng)):
         _mutate_graph(model.graph, rng)
@@ -115,13 +139,13 @@ def write_onnx(folder: Path, rng: Rng) -> Path:
 
 
 def _write_content(content: bytes, file: Path, rng: Rng) -> Path:
-    """Write `content` into `file`, with random changes of bytes in a fraction BYTES_SHARE of the files."""
+    """Write `content` into a file, with random byte changes with the probability BYTES_SHARE."""
     file.write_bytes(mutate_bytes(content, rng) if rng.random() < BYTES_SHARE else content)
     return file
 
 
 def _make_network(metadata: dict[str, str]) -> Any:
-    """Return an ONNX model with one layer, 48 inputs and 12 outputs, and with metadata."""
+    """Return a valid ONNX model with 48 inputs, one layer and 12 outputs; `metadata` is name -> text."""
     onnx = import_package("onnx")
     kind = onnx.TensorProto.FLOAT
     weights = onnx.numpy_helper.from_array(np.full((48, 12), 0.01, np.float32), "weights")
@@ -140,7 +164,7 @@ def _make_network(metadata: dict[str, str]) -> Any:
 
 
 def _mutate_graph(graph: Any, rng: Rng) -> None:
-    """Randomly change a node, the inputs or outputs, or the weights of an ONNX graph, in place."""
+    """Make one random change of a node, the inputs or outputs, or the weights of an ONNX graph, in place."""
     node = graph.node[rng.integers(len(graph.node))]
     match int(rng.integers(9)):
         case 0:
@@ -172,7 +196,15 @@ def _has_shape(graph: Any) -> bool:
 
 
 def write_bundle(folder: Path, rng: Rng) -> Path:
-    """Write a copy of the residual policy's bundle into `folder`, one file changed at random with `rng`."""
+    """Write a copy of the folder of the shipped residual policy, with random changes of one file.
+
+    Args:
+        folder: Empty folder.
+        rng: Random generator.
+
+    Returns:
+        Path of the copied folder.
+    """
     shutil.copytree(MODELS / "residual", folder / "policy")
     file = folder / "policy" / (bundle.WEIGHTS if rng.random() < BYTES_SHARE else bundle.DESCRIPTION)
     if file.name == bundle.WEIGHTS or rng.random() < BYTES_SHARE:
@@ -184,7 +216,15 @@ def write_bundle(folder: Path, rng: Rng) -> Path:
 
 
 def write_sb3(folder: Path, rng: Rng) -> Path:
-    """Write an archive like a Stable-Baselines3 model into `folder`, changed at random with `rng`."""
+    """Write a ZIP archive like a model of Stable-Baselines3, with random changes.
+
+    Args:
+        folder: Empty folder.
+        rng: Random generator.
+
+    Returns:
+        Path of the archive.
+    """
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w") as archive:
         archive.writestr("data", json.dumps(mutate_tree({"policy_class": "x", "observation_space": {"n": 48}}, rng)))
@@ -195,7 +235,15 @@ def write_sb3(folder: Path, rng: Rng) -> Path:
 
 
 def write_terrain(folder: Path, rng: Rng) -> Path:
-    """Write a terrain and its array of heights into `folder`, changed at random with `rng`."""
+    """Write the TOML file of a terrain and the NumPy file with its heights, with random changes.
+
+    Args:
+        folder: Empty folder.
+        rng: Random generator.
+
+    Returns:
+        Path of the TOML file.
+    """
     content = io.BytesIO()
     np.save(content, rng.random((20, 30)))
     array = content.getvalue()
@@ -206,12 +254,12 @@ def write_terrain(folder: Path, rng: Rng) -> Path:
 
 
 def _change_count(rng: Rng) -> int:
-    """Return the number of changes of a file, drawn at random."""
+    """Draw the number of random changes of a file: 1 (probability one half), 2 or 4."""
     return int(rng.choice([1, 1, 2, 4]))
 
 
 def _to_text(tree: Any, suffix: str) -> bytes:
-    """Format values as JSON, TOML or YAML; the suffix of the file determines the format."""
+    """Format nested values as JSON, TOML or YAML in UTF-8; the file suffix determines the format."""
     if suffix == ".json":
         return json.dumps(tree).encode()
     if suffix == ".toml":
@@ -220,7 +268,7 @@ def _to_text(tree: Any, suffix: str) -> bytes:
 
 
 def _to_toml(value: Any) -> str:
-    """Format a value as TOML, including infinities and NaN."""
+    """Format a value as TOML text, also if it is infinite or NaN; None becomes an empty text."""
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{json.dumps(str(key))} = {_to_toml(each)}" for key, each in value.items()) + " }"
     if isinstance(value, list):

@@ -1,1 +1,1 @@
-"""Writers of the tables and figures in the README and in docs."""
+"""Programs that write the tables and plots of results in the README and in the pages of docs."""

@@ -1,4 +1,7 @@
-"""Generated blocks of Markdown files: the lines between `<!-- NAME -->` and `<!-- /NAME -->`."""
+"""Generated blocks of Markdown pages: the lines between `<!-- NAME -->` and `<!-- /NAME -->`.
+
+A study replaces the lines of its block when it is run again; the text outside of the block stays unchanged.
+"""
 
 from pathlib import Path
 
@@ -7,14 +10,14 @@ from quad_env.files.reading import read_bytes
 from quad_env.files.writing import write_atomically
 
 RESULTS = "results"
-"""Name of the block with the main results of a file."""
+"""Name of the generated block with the main results of a page."""
 
 
 def insert_block(text: str, lines: list[str], marker: str = RESULTS) -> str:
-    """Replace the lines of a block.
+    """Replace the lines of a generated block in the text of a Markdown page.
 
     Args:
-        text: Text of a Markdown file.
+        text: Text of the page.
         lines: New lines of the block.
         marker: Name of the block.
 
@@ -22,7 +25,7 @@ def insert_block(text: str, lines: list[str], marker: str = RESULTS) -> str:
         The text with the new lines between the markers of the block.
 
     Raises:
-        UsageError: The text has no block of that name.
+        UsageError: The page has no block of that name.
     """
     begin = f"<!-- {marker} -->"
     end = f"<!-- /{marker} -->"
@@ -34,7 +37,7 @@ def insert_block(text: str, lines: list[str], marker: str = RESULTS) -> str:
 
 
 def read_page(page: Path, *places: str) -> str:
-    """Read a Markdown page and check that it has the given blocks.
+    """Read a Markdown page, and check that it has the generated blocks of the given names.
 
     Args:
         page: File of the page.
@@ -44,7 +47,7 @@ def read_page(page: Path, *places: str) -> str:
         The text of the page.
 
     Raises:
-        UsageError: The file cannot be read, or a block is missing.
+        UsageError: The page cannot be read, or a block is missing.
     """
     try:
         text = read_bytes(page).decode()
@@ -56,6 +59,12 @@ def read_page(page: Path, *places: str) -> str:
 
 
 def write_block(page: Path | None, lines: list[str], marker: str = RESULTS) -> None:
-    """Write `lines` into the block `marker` of the file `page`; do nothing if `page` is None."""
+    """Replace the lines of a generated block in the file of a Markdown page.
+
+    Args:
+        page: File of the page; None to do nothing.
+        lines: New lines of the block.
+        marker: Name of the block.
+    """
     if page is not None:
         write_atomically(page, insert_block(read_page(page), lines, marker).encode())

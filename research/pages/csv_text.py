@@ -1,6 +1,6 @@
-"""Tables as CSV: one line per row.
+"""Conversion of result tables to CSV text, with one line per row of the table.
 
-Numbers have six significant digits. The cells of unknown values are empty.
+Numbers have six significant digits. The cell of an unknown value is empty.
 """
 
 import csv
@@ -11,9 +11,13 @@ from typing import Any
 
 
 def to_csv(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """Format `rows` as a CSV file in UTF-8.
+    """Format the rows of a table as the content of a CSV file in UTF-8.
 
-    The columns are the keys of all rows, in the order of first use.
+    Args:
+        rows: Rows of the table: name of the column -> value. A row may lack columns, which stay empty.
+
+    Returns:
+        Content of the file, with the columns in the order in which they first appear in the rows.
     """
     columns = list(dict.fromkeys(name for row in rows for name in row))
     text = io.StringIO()
@@ -24,9 +28,15 @@ def to_csv(rows: Sequence[Mapping[str, Any]]) -> bytes:
 
 
 def flatten_entry(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Flatten an entry of a results.json to a row: name of the column -> value.
+    """Convert a nested dictionary of results to the row of a table.
 
-    An interval `x_ci` becomes two columns, `x_low` and `x_high`. Other lists and dictionaries are left out.
+    Args:
+        entry: Results of one policy or comparison, as in results.json: name -> value. A confidence interval `x_ci` is a
+            list of two numbers.
+
+    Returns:
+        Name of the column -> value. An interval becomes two columns, `x_low` and `x_high`. Other lists and dictionaries
+        are left out.
     """
     row: dict[str, Any] = {}
     for name, value in entry.items():
@@ -39,7 +49,7 @@ def flatten_entry(entry: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _cell(value: Any) -> Any:
-    """Format a value for CSV: floats with six significant digits, and None and NaN as an empty cell."""
+    """Format the value of a cell for CSV: a float has six significant digits, None and NaN are empty."""
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.6g}"
     return "" if value is None else value

@@ -1,4 +1,4 @@
-"""Reads a results.json of `python -m evaluate`, and makes tables and figures for README and docs."""
+"""Reader of an evaluation's results.json, and writers of tables and plots for README and docs."""
 
 import io
 import math
@@ -35,27 +35,34 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FLAT = "flat"
-"""Name of the scenario on which the success of a policy without a score is reported."""
+"""Name of the scenario on flat ground, on which the success of a policy that has no score is reported."""
 SCORE_WORDS = (
     "The score is the mean success over the axes, each axis and each of its severities alike; its interval counts "
     "episodes, each with all of its scenarios. p is not corrected. The hardware score is that of the scenarios with "
     "the robot's hardware profile."
 )
-"""Explanation above the table of scores."""
+"""Text above the table of scores, which explains the scores."""
 ALT = "Share of the episodes that succeed, of each policy on each axis at its severities, in per cent"
-"""Alternative text of the figure of success."""
+"""Alternative text (for screen readers) of the plot of success on every disturbance axis."""
 HARDWARE_SCORES = "hardware_scores"
-"""Key of a results.json for the scores with the robot's hardware profile."""
+"""Key in results.json of the scores of the scenarios with the robot's hardware profile."""
 KINDS = "scores", HARDWARE_SCORES
-"""Keys of a results.json for the scores without and with the robot's hardware profile."""
+"""Keys in results.json of the scores without and with the robot's hardware profile."""
 _KEYS = "policies", "scores", "baseline", "breaking_points", "versions", "episodes", "seed"
-"""Required keys of a results.json."""
+"""Keys that results.json must have."""
 
 
 def read_results(path: Path) -> dict[str, Any]:
-    """Read a results.json, with NaN for null.
+    """Read the results of an evaluation from its file results.json.
 
-    Raises UsageError if the file is missing, if its evaluation is unfinished, or if it has no scores.
+    Args:
+        path: Path of the file.
+
+    Returns:
+        Content of the file, with NaN instead of null.
+
+    Raises:
+        UsageError: The file is missing or invalid, the evaluation is unfinished, or there are no scores.
     """
     if not path.exists():
         raise UsageError(f"there is no {path}; `python -m evaluate --out {path.parent}` makes it")
@@ -75,29 +82,27 @@ def read_results(path: Path) -> dict[str, Any]:
 
 
 def scores_of(results: dict[str, Any], kind: str = "scores") -> list[Score]:
-    """Return the scores under the key `kind` of `results`, the highest first.
-
-    The list is empty if the results have no such scores.
+    """Return the scores of all policies in an evaluation, the highest first.
 
     Args:
-        results: Contents of a results.json.
-        kind: Key of the scores.
+        results: Content of results.json.
+        kind: Key of the scores in results.json, one of KINDS.
 
     Returns:
-        The scores.
+        One score per policy; empty if the evaluation has no scores of this kind.
     """
     return [Score(**score) for score in results.get(kind, ())]
 
 
 def scenarios_of(results: dict[str, Any]) -> list[str]:
-    """Return the names of the scenarios of an evaluation, in the order of the evaluation."""
+    """Return the names of all scenarios in the content of results.json, in their order."""
     return list(dict.fromkeys(name for policy in results["policies"].values() for name in policy["scenarios"]))
 
 
 def made_by(results: dict[str, Any]) -> str:
-    """Return a line of Markdown with the command that produced the results, and the versions.
+    """Return a line of Markdown with the command that produced the results, and with software versions.
 
-    Options with default values are left out of the command.
+    The command does not show options with default values.
     """
     provenance = results.get("provenance", {})
     versions = results["versions"]
@@ -117,9 +122,9 @@ def made_by(results: dict[str, Any]) -> str:
 
 
 def overview_lines(results: dict[str, Any]) -> list[str]:
-    """Return the lines of a Markdown table of scores and effort, with one row per policy and a caption.
+    """Return the lines of a Markdown table of scores and effort, one row per policy, and its caption.
 
-    The caption also states the success on flat ground of the policies without a score.
+    The caption also states the success on flat ground of the policies that have no score.
     """
     scores = {score.policy: share(score.score, score.ci) for score in scores_of(results)}
     hardware_scores = {score.policy: share(score.score, score.ci) for score in scores_of(results, HARDWARE_SCORES)}
@@ -140,7 +145,7 @@ def overview_lines(results: dict[str, Any]) -> list[str]:
 
 
 def _overview_heads() -> dict[str, str]:
-    """Return the headings of the table of `overview_lines`: name of the column -> heading."""
+    """Return the column headings of the table in `overview_lines`: name of the column -> heading."""
     heads = {
         "policy": "policy",
         "about": "controller",
@@ -151,21 +156,33 @@ def _overview_heads() -> dict[str, str]:
 
 
 def _effort_cells(effort: Mapping[str, float]) -> dict[str, str]:
-    """Return the main measures of effort as text: name of the measure -> cell. A missing value is a dash."""
+    """Format the main effort measures of a policy, for example the cost of transport, as cells of a table.
+
+    Args:
+        effort: Name of an effort measure -> value.
+
+    Returns:
+        Name of the measure -> text of the cell; a dash if the value is missing.
+    """
     return {name: format_effort(name, effort.get(name, math.nan)) for name in MAIN_EFFORT_TITLES}
 
 
 def _overview_caption(results: dict[str, Any], effort_note: str) -> str:
-    """Return the caption of the table of `overview_lines`; `effort_note` describes the columns of effort."""
+    """Return the caption of the table in `overview_lines`; `effort_note` describes the effort columns."""
     count = with_count(results["episodes"], "episode")
     axes = len(scores_of(results)[0].axes)
     return f"Success: mean over {axes} axes of disturbance, {count} at each severity{effort_note}."
 
 
 def _with_text_column(lines: list[str], heads: dict[str, str]) -> list[str]:
-    """Return the `lines` of a Markdown table with the second column, `about`, aligned to the left.
+    """Align the column with the description of the policy to the left, in the lines of a Markdown table.
 
-    The lines are returned unchanged if `heads` has no column `about`.
+    Args:
+        lines: Lines of the table, with the description in the second column, `about`.
+        heads: Name of the column -> heading.
+
+    Returns:
+        The changed lines; the same lines if the table has no column `about`.
     """
     if "about" not in heads:
         return lines
@@ -173,10 +190,10 @@ def _with_text_column(lines: list[str], heads: dict[str, str]) -> list[str]:
 
 
 def _on_flat_ground(cells_by_policy: dict[str, Any]) -> str:
-    """Return a sentence for each policy on flat ground: its success there, and its description.
+    """Return a sentence about the success on flat ground for each policy that has no score.
 
     Args:
-        cells_by_policy: Policy without a score -> scenario -> results on that scenario.
+        cells_by_policy: Policy that has no score -> scenario -> results on that scenario.
 
     Returns:
         The sentences; empty if no policy was evaluated on flat ground.
@@ -190,10 +207,10 @@ def _on_flat_ground(cells_by_policy: dict[str, Any]) -> str:
 
 
 def robots_table(results: Sequence[dict[str, Any]]) -> list[str]:
-    """Return the lines of the table of other robots, with one row per robot and one column per policy.
+    """Return the lines of the Markdown table of scores on several robots, with one row per robot.
 
-    The columns are the policies that were evaluated on all robots. A robot has a second row if it was also evaluated
-    with its hardware profile.
+    A robot has a second row if it was also evaluated with its hardware profile. The table has one column for each
+    policy that was evaluated on all robots.
     """
     scores_by_robot = [{score.policy: score for score in scores_of(entry)} for entry in results]
     policies = [name for name in scores_by_robot[0] if all(name in scores for scores in scores_by_robot)]
@@ -210,12 +227,12 @@ def robots_table(results: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _score_texts(scores: Mapping[str, Score], policies: Sequence[str]) -> dict[str, str]:
-    """Return the scores of the given policies as text: policy -> cell. A missing score is a dash."""
+    """Format scores of policies as table cells: policy -> text; a dash if the score is missing."""
     return {name: share(scores[name].score, scores[name].ci) if name in scores else ABSENT for name in policies}
 
 
 def robot_of(results: dict[str, Any]) -> Robot:
-    """Return the robot of an evaluation. Raises UsageError if the robot cannot be loaded on this computer."""
+    """Load the robot of an evaluation; raise UsageError if it cannot be loaded on this machine."""
     name = results.get("provenance", {}).get("hardware", {}).get("robot", HardwareConfig.robot)
     return parse_robot_option(name, "the results' robot").robot_model
 
@@ -226,13 +243,13 @@ def score_table(
     display_names: Mapping[str, str] | None = None,
     hardware_scores: Sequence[Score] = (),
 ) -> list[str]:
-    """Create the table of scores and of their differences from the baseline.
+    """Create the Markdown table of the scores, and of their differences from a baseline policy.
 
     Args:
-        scores: Scores without the robot's hardware profile.
+        scores: Scores of the scenarios without the robot's hardware profile, one per policy.
         baseline: Name of the policy from which the differences are computed.
-        display_names: Policy -> name that the table shows instead of the policy's own.
-        hardware_scores: Scores with the hardware profile, which are shown in the columns on the right.
+        display_names: Policy -> text that the table shows instead of the policy's name.
+        hardware_scores: Scores of the scenarios with the hardware profile, for additional columns on the right.
 
     Returns:
         Lines of Markdown.
@@ -254,7 +271,16 @@ def score_table(
 
 
 def _score_cells(score: Score, baseline: str, name: str) -> dict[str, str]:
-    """Return the cells of a score and of its difference from the baseline: name of the column -> text."""
+    """Format a score, and its difference from the score of the baseline, as cells of a table.
+
+    Args:
+        score: Score of a policy.
+        baseline: Name of the baseline policy.
+        name: Name of the column of the score.
+
+    Returns:
+        Name of the column -> text.
+    """
     percent_score = points_with(score.score, score.ci)
     difference = points_with(score.difference, score.difference_ci)
     difference_text = f"{difference.value} [{difference.interval}], {p_value(score.p_value)}"
@@ -265,12 +291,12 @@ def _score_cells(score: Score, baseline: str, name: str) -> dict[str, str]:
 
 
 def draw_figures(results: dict[str, Any], picture: Path) -> None:
-    """Draw the figures of an evaluation as PNG files.
+    """Draw the plots of an evaluation as PNG files: success on every axis, and the Pareto front.
 
     Args:
-        results: Results of the evaluation.
-        picture: File NAME.png for the success of every policy on every axis. The Pareto front, if there is one, is
-            written to NAME_pareto.png.
+        results: Content of results.json.
+        picture: File NAME.png for the success of every policy on every disturbance axis. The Pareto front of success
+            and cost of transport is written to NAME_pareto.png if the evaluation has one.
     """
     front = results.get("pareto", {"front": ()})
     with drawing.plot_settings():
@@ -285,16 +311,14 @@ def draw_figures(results: dict[str, Any], picture: Path) -> None:
 
 
 def picture_links(results: dict[str, Any], path: str) -> str:
-    """Return Markdown links to the figures of `results`.
-
-    `path` is the path from the page to the first figure.
+    """Return Markdown that shows the plots of an evaluation, which `draw_figures` has drawn.
 
     Args:
-        results: Contents of a results.json.
-        path: Path from the page to the first figure.
+        results: Content of results.json.
+        path: Path from the page to the plot of success, NAME.png.
 
     Returns:
-        The links.
+        Markdown for the plot of success, and for the Pareto front if the evaluation has one.
     """
     has_front = bool(results.get("pareto", {}).get("front"))
     front = f" ![{pareto.ALT}]({path.removesuffix('.png')}_pareto.png)" if has_front else ""
@@ -302,7 +326,7 @@ def picture_links(results: dict[str, Any], path: str) -> str:
 
 
 def figure_to_png(figure: "Figure") -> bytes:
-    """Encode a figure as a PNG with a white background."""
+    """Encode a Matplotlib figure as a PNG image with a white background."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=160, facecolor="white", metadata={"Software": None})
     return buffer.getvalue()

@@ -27,7 +27,7 @@ from research.pages.csv_text import flatten_entry, to_csv
 from research.pages.policy_list import PolicyList
 
 SCENARIOS = "flat", "push", "rough", "noise:3", "latency:3"
-"""Default scenarios of a leaderboard."""
+"""Names of the scenarios on which a leaderboard compares the policies by default."""
 
 
 @dataclass(frozen=True)
@@ -35,29 +35,39 @@ class LeaderboardOptions:
     """Policies to compare, and where their results go."""
 
     list: Annotated[Path, tyro.conf.Positional]
-    """TOML file, for example docs/leaderboard/go1.toml."""
+    """TOML file with the list of policies, for example docs/leaderboard/go1.toml."""
     files: Path = Path("results/policies")
-    """Folder of the published policies' files: clones of their repositories, or the downloads of --fetch."""
+    """Folder with the files of published policies: clones of their repositories, or downloads by --fetch."""
     fetch: Flag = False
-    """Download the files that are not there."""
+    """Download the files of published policies that are missing."""
     trust: Flag = False
-    """Load policies from files that can hide code."""
+    """Load policies from files that can contain hidden code."""
     reference: str | None = None
-    """Policy to compare the others with; by default our policy with the highest mean success."""
+    """Policy with which all policies are compared; by default our policy with the highest mean success."""
     scenarios: tuple[str, ...] = SCENARIOS
-    """Scenarios, as of `python -m evaluate`."""
+    """Names of the scenarios, as for `python -m evaluate`."""
     episodes: int = 24
-    """Episodes of each policy on each scenario (count)."""
+    """Number of episodes of each policy on each scenario."""
     threads: int = available_cores()
-    """Simulating processes (count). No result depends on it."""
+    """Number of processes that simulate; the results do not depend on it."""
     runs: Path = Path("results/leaderboard")
-    """Folder of the evaluations."""
+    """Folder in which the evaluation of each policy is stored."""
     out: Path | None = None
-    """Page, with CSV files in results/ next to it; by default docs/leaderboard_NAME.md for the list NAME.toml."""
+    """Markdown page to write; CSV files go to results/ next to it; default: docs/leaderboard_NAME.md for NAME.toml."""
 
 
 def main(options: LeaderboardOptions) -> int:
-    """Evaluate the policies, write the page and CSV files, and return the exit code. Raises UsageError."""
+    """Run the command `leaderboard`: evaluate the policies, and write the page and CSV files.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+
+    Raises:
+        UsageError: An option or a policy is invalid, or a file is missing.
+    """
     policies = policy_list.read_list(options.list)
     if options.reference not in (None, *policies.names):
         raise UsageError(f"--reference: {options.reference} is not in the list: {', '.join(policies.names)}")
@@ -87,7 +97,7 @@ def main(options: LeaderboardOptions) -> int:
 
 
 def _made_by(options: LeaderboardOptions, results: Results) -> str:
-    """Return a line of Markdown with the command that produced the page, and the versions."""
+    """Return a line of Markdown with the command that produced the page, and with software versions."""
     words = ["python -m research leaderboard", options.list.as_posix()]
     defaults = LeaderboardOptions(options.list)
     for name in ("reference", "scenarios", "episodes"):
@@ -98,9 +108,21 @@ def _made_by(options: LeaderboardOptions, results: Results) -> str:
 
 
 def _plan(name: str, policy: str, policies: PolicyList, options: LeaderboardOptions) -> Plan:
-    """Create and check the plan to evaluate one policy. Raises UsageError.
+    """Create and check the plan of the evaluation of one policy.
 
-    The plan resumes an evaluation of the policy that was started earlier.
+    If an evaluation of this policy was started earlier, the plan continues it.
+
+    Args:
+        name: Name of the policy on the leaderboard.
+        policy: Policy as in the option `--policies` of `python -m evaluate`.
+        policies: List of policies.
+        options: Options of the command.
+
+    Returns:
+        The plan, which can be executed.
+
+    Raises:
+        UsageError: The plan is invalid.
     """
     out = options.runs / options.list.stem / re.sub(r"[^\w.-]+", "_", name)
     servo = ""
@@ -125,9 +147,9 @@ def _plan(name: str, policy: str, policies: PolicyList, options: LeaderboardOpti
 
 
 def _run(plan: Plan) -> Run:
-    """Run the evaluation of a plan if it is not finished, and return it.
+    """Run the evaluation of a plan unless it is finished, and return the stored evaluation.
 
-    Raises UsageError, and KeyboardInterrupt after Ctrl-C.
+    Raises UsageError if it cannot be run, and KeyboardInterrupt after Ctrl-C.
     """
     out = plan.options.out
     if not plan.options.resume or not read_run(out).complete:
@@ -139,12 +161,12 @@ def _results(runs: Mapping[str, Run], ours: Sequence[str], reference: str | None
     """Compare all policies with a reference policy.
 
     Args:
-        runs: Policy -> its finished evaluation.
+        runs: Name of a policy -> finished evaluation of this policy.
         ours: Names of the policies of this project.
         reference: Name of the reference policy. None for the policy in `ours` with the highest mean success.
 
     Returns:
-        Results of all policies, as of one evaluation.
+        Results of all policies, in the form of a single evaluation.
     """
     first = next(iter(runs.values())).manifest
     cells = [replace(cell, policy=name) for name, run in runs.items() for cell in run.cells]

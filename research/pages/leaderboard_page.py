@@ -20,13 +20,13 @@ from research.pages.markdown import IN_A_LINE, table
 from research.pages.policy_list import PolicyList
 
 COMPARED = SUCCESS_RATE, "velocity_error"
-"""Names of the metrics for which the page shows differences from the reference policy."""
+"""Metrics (keys of `Comparison.metric`) for which the page shows differences from the reference policy."""
 COST = "cost_of_transport"
-"""Name of the measure cost of transport."""
+"""Name of the effort measure 'cost of transport', as a key of results."""
 
 
 def mean_success(results: Results) -> dict[str, float]:
-    """Return a dictionary: policy -> mean success rate over the scenarios, the highest first."""
+    """Return a dictionary: policy -> mean success rate over all scenarios, 0 to 1, the highest first."""
     rates = {
         policy: float(
             np.mean([summary.success_rate for (_, name), summary in results.summaries.items() if name == policy])
@@ -40,10 +40,10 @@ def render_page(results: Results, policy_list: PolicyList, robots: Mapping[str, 
     """Render the page of a leaderboard.
 
     Args:
-        results: Results of all policies.
-        policy_list: List of the policies.
-        robots: Policy -> robot with the servo gains of that policy.
-        made_by: Line with the command that makes the page, and the versions.
+        results: Results of all policies on all scenarios.
+        policy_list: List of the policies of the leaderboard.
+        robots: Name of a policy -> robot with the servo gains that the policy uses.
+        made_by: Line with the command that makes the page, and with software versions.
 
     Returns:
         Text of the page, Markdown.
@@ -73,7 +73,16 @@ def render_page(results: Results, policy_list: PolicyList, robots: Mapping[str, 
 
 
 def _overview(results: Results, robots: Mapping[str, Robot], policies: Sequence[str]) -> Iterator[str]:
-    """Yield the lines of the first table: servo gains, success on every scenario, and effort."""
+    """Yield the lines of the first table of the page: servo gains, success on every scenario, and effort.
+
+    Args:
+        results: Results of all policies on all scenarios.
+        robots: Name of a policy -> robot with the servo gains that the policy uses.
+        policies: Names of the policies, in the order of the rows.
+
+    Yields:
+        Lines of Markdown.
+    """
     scores = {score.policy: share(score.score, score.ci) for score in results.scores}
     effort_on = cost_scenario(results.scenarios) or results.scenarios[0]
     rows = []
@@ -90,15 +99,21 @@ def _overview(results: Results, robots: Mapping[str, Robot], policies: Sequence[
 
 
 def format_gains(robot: Robot) -> str:
-    """Format the different stiffnesses and dampings of a robot's servos, for example `20, 40; 1, 2`."""
+    """Format the stiffnesses, N·m/rad, and dampings, N·m·s/rad, of a robot's servos, as in `20, 40; 1, 2`."""
     gains = (np.ravel(robot.servo_stiffness), np.ravel(robot.servo_damping))
     return "; ".join(", ".join(dict.fromkeys(f"{value:.4g}" for value in values)) for values in gains)
 
 
 def _scenario(results: Results, scenario: str, policies: Sequence[str]) -> Iterator[str]:
-    """Yield the lines of the table of a scenario: results of every policy, and differences.
+    """Yield the lines of the table of a scenario: results, and differences from the reference policy.
 
-    The differences are from the reference policy.
+    Args:
+        results: Results of all policies on all scenarios.
+        scenario: Name of the scenario.
+        policies: Names of the policies, in the order of the rows.
+
+    Yields:
+        Lines of Markdown.
     """
     cells = {cell.policy: cell for cell in results.cells if cell.scenario.name == scenario}
     differences = {
@@ -120,15 +135,15 @@ def _scenario(results: Results, scenario: str, policies: Sequence[str]) -> Itera
 
 
 def _difference(comparison: Comparison | None) -> str:
-    """Format a difference from the reference policy with its interval.
+    """Format the difference of a policy from the reference policy, with its 95 % interval.
 
     A difference of the success rate is followed by the result of the test.
 
     Args:
-        comparison: Comparison with the reference; None for the reference itself.
+        comparison: Comparison of the policy with the reference policy; None for the reference policy itself.
 
     Returns:
-        The text; a dash for the reference itself.
+        The text; a dash for the reference policy itself.
     """
     if comparison is None:
         return ABSENT
@@ -142,9 +157,9 @@ def _difference(comparison: Comparison | None) -> str:
 
 
 def _sources(policy_list: PolicyList) -> Iterator[str]:
-    """Yield the lines of the table of the published policies' files: link and SHA-256.
+    """Yield the lines of the table of the published policies' files, with link and SHA-256 hash.
 
-    There are no lines if no policy is published.
+    The generator is empty if the list has no published policy.
     """
     rows = [
         {ROW_LABEL: policy.name, "file": f"[{path}]({policy.url(path)})", "sha256": f"`{sha256}`"}

@@ -1,4 +1,4 @@
-"""Tables in Markdown."""
+"""Formatting of Markdown tables."""
 
 from collections.abc import Iterable, Mapping
 
@@ -7,7 +7,7 @@ from evaluate.measures.catalogue import BY_NAME
 from evaluate.report.headings import TITLES
 
 IN_A_LINE = {metric: TITLES[metric] + (f", {BY_NAME[metric].unit}" if metric in ERRORS else "") for metric in METRICS}
-"""Name of the metric -> heading of its column, with the unit, on one line."""
+"""Name of a metric -> heading of its table column, with the unit, on one line."""
 
 
 def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]]) -> str:
@@ -15,7 +15,7 @@ def table(heads: Mapping[str, str], rows: Iterable[Mapping[str, str]]) -> str:
 
     Args:
         heads: Name of the column -> heading. The first column is left-aligned, all others are right-aligned.
-        rows: Rows of the table, each a dictionary: name of the column -> text of the cell.
+        rows: Rows of the table; each row is a dictionary: name of the column -> text of the cell.
 
     Returns:
         The table as text.

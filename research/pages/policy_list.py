@@ -23,74 +23,72 @@ from quad_env.files.text import format_exception
 from quad_env.files.writing import write_atomically
 
 _SOURCE = re.compile(r"https://[\w.-]+(/[\w-][\w.-]*){2}")
-"""Pattern of the URL of a repository."""
+"""Pattern of a repository URL: https://HOST/OWNER/REPOSITORY."""
 _SHA256 = re.compile("[0-9a-f]{64}")
-"""Pattern of a SHA-256 hash."""
+"""Pattern of a SHA-256 hash, 64 hexadecimal digits."""
 _OUTSIDE = re.compile(r"[\\:]|^/|(^|/)\.\.(/|$)")
-"""Pattern of a path that may point outside of its folder."""
+"""Pattern of a path that may point outside of its folder, and so is refused."""
 _DOWNLOAD_TIMEOUT = 60.0
-"""Timeout of a download, s."""
+"""Time without an answer of the server after which a download fails, s."""
 
 
 @dataclass(frozen=True)
 class PublishedPolicy:
-    """Published policy of another project."""
+    """Published policy of another project, which a leaderboard compares with policies of this project."""
 
     name: str
     """Name of the policy in tables."""
     source: str
     """URL of the repository of the policy, on GitHub or Hugging Face."""
     revision: str
-    """Commit of the repository."""
+    """Commit of the repository from which the files are taken."""
     policy: str
-    """Path of the file that describes the policy.
+    """Path of the file that describes the policy: its network, observations and actions.
 
-    The path is a key of `files`, or a file in the folder of the list. A file of the list's folder is copied into the
-    folder of the first entry of `files`."""
+    The path is a key of `files`, or the path of a file in the folder of the policy list. A file in the folder of the
+    list is copied into the folder of the first file in `files`."""
     files: Mapping[str, str]
-    """Path of a file in the repository -> SHA-256 of the file."""
+    """Path of a file in the repository -> SHA-256 hash of the file."""
 
     def url(self, path: str) -> str:
-        """Return the URL of the file `path` at the revision, on GitHub or Hugging Face."""
+        """Return the URL of the repository's file `path` at the commit `revision`."""
         raw = "resolve" if self.source.startswith("https://huggingface.co/") else "raw"
         return f"{self.source}/{raw}/{self.revision}/{urllib.parse.quote(path)}"
 
     def place(self, folder: Path, path: str) -> Path:
-        """Return the path of the repository's file `path` in a `folder` of downloads.
-
-        The path is FOLDER/OWNER/REPOSITORY/PATH.
+        """Return the local path of a file of the repository.
 
         Args:
-            folder: Folder of downloads.
+            folder: Folder with the files of published policies.
             path: Path of the file in its repository.
 
         Returns:
-            The path.
+            The path FOLDER/OWNER/REPOSITORY/PATH.
         """
         return folder.joinpath(*PurePosixPath(self.source).parts[-2:], path)
 
 
 @dataclass(frozen=True)
 class PolicyList:
-    """List of policies for one robot, made by `read_list`."""
+    """List of the policies that a leaderboard compares on one robot, made by `read_list`."""
 
     robot: str
-    """Robot of all policies, as in the option `--robot` of `python -m evaluate`."""
+    """Name or path of the robot of all policies, as in the option `--robot` of `python -m evaluate`."""
     ours: Sequence[str]
     """Policies of this project, as in the option `--policies` of `python -m evaluate`.
 
-    An entry may end with servo gains as in the option `--servo`, for example "trot at 35/0.5"."""
+    A policy may be followed by servo gains as in the option `--servo`, for example "trot at 35/0.5"."""
     published: tuple[PublishedPolicy, ...] = ()
     """Published policies of other projects."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all policies; the policies of this project come first."""
+        """Names of all policies in the list; the policies of this project come first."""
         return (*self.ours, *(policy.name for policy in self.published))
 
 
 def read_list(path: Path) -> PolicyList:
-    """Read and check the list of policies in a TOML file. Raises UsageError with a message of one line."""
+    """Read and check a list of policies in a TOML file; raise UsageError if it is missing or invalid."""
     try:
         content = tomllib.loads(read_bytes(path).decode())
         published = tuple(PublishedPolicy(**entry) for entry in content.pop("published", ()))
@@ -107,7 +105,8 @@ def read_list(path: Path) -> PolicyList:
 def _check(policy_list: PolicyList) -> None:
     """Check a list of policies.
 
-    Raises ValueError for an empty list, equal names, an invalid source or hash, or a path that may leave its folder.
+    Raises ValueError if the list is empty or has equal names, if a source or a hash is invalid, or if a path may point
+    outside of its folder.
     """
     if not policy_list.names or len(set(policy_list.names)) < len(policy_list.names):
         raise ValueError("it names no policy, or one twice")
@@ -119,16 +118,16 @@ def _check(policy_list: PolicyList) -> None:
 
 
 def resolve_references(policy_list: PolicyList, file: Path, folder: Path, *, fetch: bool = False) -> dict[str, str]:
-    """Find the files of all policies, and check their hashes.
+    """Find the files of all policies in a list, and check the hashes of the files.
 
     Args:
         policy_list: List of policies.
         file: File of the list.
         folder: Folder with the files of the published policies.
-        fetch: True: download missing files. False: print their names on stderr and raise UsageError.
+        fetch: True to download missing files. False to print their URLs on stderr and raise UsageError.
 
     Returns:
-        Name of the policy -> policy as in the option `--policies` of `python -m evaluate`.
+        Name of a policy -> reference to it, as in the option `--policies` of `python -m evaluate`.
 
     Raises:
         UsageError: A file is missing or has another hash.
@@ -150,10 +149,10 @@ def _missing(published: PublishedPolicy, folder: Path, *, fetch: bool) -> Iterat
     Args:
         published: Published policy.
         folder: Folder with the files of the published policies.
-        fetch: True: download missing files and yield nothing.
+        fetch: True to download missing files and yield nothing.
 
     Yields:
-        The file, with the URL and the path for a download.
+        Text about a missing file, with its URL and the path to which it must be downloaded.
 
     Raises:
         UsageError: A file has a wrong hash, or cannot be read or downloaded.
@@ -171,7 +170,17 @@ def _missing(published: PublishedPolicy, folder: Path, *, fetch: bool) -> Iterat
 
 
 def _check_or_download(published: PublishedPolicy, place: Path, url: str, sha256: str) -> None:
-    """Check the hash of the file `place`; download the file from `url` first if it is missing."""
+    """Check the hash of a file of a published policy; download the file first if it is missing.
+
+    Args:
+        published: Published policy.
+        place: Local path of the file.
+        url: URL of the file.
+        sha256: Expected SHA-256 hash, hexadecimal.
+
+    Raises:
+        UsageError: The file has another hash.
+    """
     exists = place.exists()
     content = read_bytes(place) if exists else _fetched(url)
     digest = hashlib.sha256(content).hexdigest()
@@ -184,7 +193,7 @@ def _check_or_download(published: PublishedPolicy, place: Path, url: str, sha256
 
 
 def _fetched(url: str) -> bytes:
-    """Download a URL and return the content. Raises OSError if the content is too large."""
+    """Download a URL and return its content; raise OSError if the content exceeds MAX_TEXT_SIZE bytes."""
     with urllib.request.urlopen(url, timeout=_DOWNLOAD_TIMEOUT) as reply:
         content: bytes = reply.read(MAX_TEXT_SIZE + 1)
     if len(content) > MAX_TEXT_SIZE:
@@ -193,15 +202,18 @@ def _fetched(url: str) -> bytes:
 
 
 def _described(published: PublishedPolicy, lists: Path, folder: Path) -> Path:
-    """Return the path of the file that describes a published policy.
+    """Return the local path of the file that describes a published policy.
+
+    If the repository of the policy has no description, the description in the folder of the policy list is copied to
+    the policy's files.
 
     Args:
         published: Published policy.
-        lists: Folder of the list, with descriptions that the repository does not have. They are copied to `folder`.
+        lists: Folder of the policy list.
         folder: Folder with the files of the published policies.
 
     Returns:
-        Path in `folder`.
+        Path of the description in `folder`.
 
     Raises:
         UsageError: The description cannot be copied.

@@ -15,7 +15,7 @@ from research.pages import evaluations
 from research.pages.blocks import insert_block, read_page
 
 ROBOTS = "robots"
-"""Name of the block with the table of other robots."""
+"""Name of the generated block with the table of scores on other robots."""
 
 
 @dataclass(frozen=True)
@@ -23,17 +23,24 @@ class ReadmeOptions:
     """Write the results into the README."""
 
     results: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation/results.json")
-    """results.json of an evaluation."""
+    """File results.json of an evaluation."""
     readme: Path = Path("README.md")
-    """File with the lines `<!-- results -->` and `<!-- /results -->`, between which they go."""
+    """Markdown file; the results are written between `<!-- results -->` and `<!-- /results -->`."""
     picture: Path = Path("docs/results/evaluation.png")
-    """PNG of the success of every policy on every axis, to be shown."""
+    """PNG file with the success of every policy on every axis, which the README shows."""
     robots: tuple[Path, ...] = ()
-    """results.json of evaluations of other robots, a row each, for the place `<!-- robots -->`."""
+    """Files results.json of evaluations of other robots, for the table at `<!-- robots -->`."""
 
 
 def main(options: ReadmeOptions) -> int:
-    """Write the results into the README, and return the exit code. Raises UsageError."""
+    """Run the command `readme`: write the results into the README.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+    """
     text = read_page(options.readme)
     results = evaluations.read_results(options.results)
     results_of_robots = [evaluations.read_results(path) for path in options.robots]

@@ -25,7 +25,7 @@ TABLES = {
     "_hardware_scores": "scores with the robot's hardware profile",
     "_breaking_points": "severities at which half of the episodes fail",
 }
-"""Suffix of the name of a CSV file -> description of its content."""
+"""Suffix of a CSV file's name -> description of the file's content, which the page shows as a link."""
 
 
 @dataclass(frozen=True)
@@ -35,15 +35,25 @@ class ResultsOptions:
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional] = tuple(
         Path("results") / name for name in ("evaluation", "go1", "go2")
     )
-    """Folders of evaluations; the last part of each path is the name of its files."""
+    """Folders of evaluations; the last part of a path is the name of its CSV files and plots."""
     out: Path = Path("docs/results")
-    """Folder of the CSV files and figures."""
+    """Folder to which the CSV files and plots are written."""
     pages: tuple[Path, ...] = (Path("docs/results.md"), Path("docs/robots.md"))
-    """Pages that have a place for one of the evaluations."""
+    """Markdown pages that have a generated block for one of the evaluations."""
 
 
 def main(options: ResultsOptions) -> int:
-    """Write the CSV files, the figures and the pages, and return the exit code. Raises UsageError."""
+    """Run the command `results`: write CSV files, plots and pages of all evaluations.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+
+    Raises:
+        UsageError: An option is invalid, or an evaluation or a page cannot be read.
+    """
     names = [folder.resolve().name for folder in options.folders]
     if not names or len(set(names)) < len(names):
         raise UsageError("name at least one folder, and no two that are called alike")
@@ -68,7 +78,14 @@ def main(options: ResultsOptions) -> int:
 
 
 def csv_tables(results: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
-    """Return the content of all CSV files: suffix of the file's name -> rows, each column -> value."""
+    """Convert the results of an evaluation to the tables of the CSV files.
+
+    Args:
+        results: Content of results.json.
+
+    Returns:
+        Suffix of a CSV file's name, a key of TABLES -> rows of the file; a row is name of the column -> value.
+    """
     cells = [
         {"scenario": scenario, "policy": policy, **flatten_entry(cell.get("effort", {})), **flatten_entry(cell)}
         for policy, entry in results["policies"].items()
@@ -84,12 +101,12 @@ def csv_tables(results: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
 
 
 def markdown_lines(name: str, results: dict[str, Any], folder: str) -> list[str]:
-    """Create the text of the block of an evaluation in a page.
+    """Create the lines of the generated block of an evaluation: scores, plots, links and command.
 
     Args:
-        name: Name of the evaluation, with which the names of its files begin.
-        results: Results of the evaluation.
-        folder: Path from the page to the folder of the files.
+        name: Name of the evaluation, with which the names of its CSV files and plots begin.
+        results: Content of results.json.
+        folder: Path from the page to the folder with the CSV files and plots.
 
     Returns:
         Lines of Markdown.

@@ -20,9 +20,9 @@ from research.pages.csv_text import to_csv
 from research.pages.markdown import table
 
 PLACE = "simulators"
-"""Name of the block with the table in the page."""
+"""Name of the page's generated block that contains the comparison of the simulators."""
 ERROR = "mean_velocity_error"
-"""Name of the error metric that is compared."""
+"""Name of the metric that is compared between the simulators: the mean velocity error, m/s."""
 
 
 @dataclass(frozen=True)
@@ -30,17 +30,27 @@ class SimulatorsOptions:
     """Compare two runs of the same episodes, each in a simulator of its own."""
 
     a: Annotated[Path, tyro.conf.Positional]
-    """Folder of `python -m evaluate`, for example with --simulator mujoco."""
+    """Folder of an evaluation in the first simulator, for example with --simulator mujoco."""
     b: Annotated[Path, tyro.conf.Positional]
-    """Folder of the same scenarios, policies and seed, for example with --simulator drake."""
+    """Folder of the same evaluation in the second simulator, for example with --simulator drake."""
     page: Path | None = None
-    """Markdown file with the lines <!-- simulators --> and <!-- /simulators -->, between which the table goes."""
+    """Markdown file; the table is written between <!-- simulators --> and <!-- /simulators -->."""
     table: Path | None = None
-    """CSV file for the figures."""
+    """CSV file for the compared values."""
 
 
 def main(options: SimulatorsOptions) -> int:
-    """Print and write the table of both runs, and return the exit code. Raises UsageError."""
+    """Run the command `simulators`: print and write the comparison of two evaluations.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+
+    Raises:
+        UsageError: The evaluations have no finished episodes in common.
+    """
     a, b = read_rows(options.a), read_rows(options.b)
     names = [manifest.hardware.simulator for manifest, _ in (a, b)]
     rows = list(_rows(a, b))
@@ -55,14 +65,14 @@ def main(options: SimulatorsOptions) -> int:
 
 
 def _rows(a: StoredRun, b: StoredRun) -> Iterator[dict[str, str | float | int]]:
-    """Yield a row for each cell, one policy on one scenario, that both runs have.
+    """Yield a row for each policy on each scenario that both evaluations have.
 
     Args:
-        a: Run in the first simulator.
-        b: Run in the second simulator.
+        a: Stored evaluation in the first simulator.
+        b: Stored evaluation in the second simulator.
 
     Yields:
-        Name of the column -> value, computed from the episodes that both runs have.
+        Name of the column -> value, computed from the episodes that both evaluations have.
     """
     for match in match_runs([(policy, policy) for policy in a[0].policies], a, b):
         means = {contrast.metric: (contrast.a, contrast.b) for contrast in match.contrasts}
@@ -82,12 +92,12 @@ def _rows(a: StoredRun, b: StoredRun) -> Iterator[dict[str, str | float | int]]:
 
 
 def _sides(name: str, figures: Sequence[float]) -> dict[str, float]:
-    """Return the columns of one quantity in the runs A and B: `name_a` -> value, `name_b` -> value."""
+    """Return two columns for a quantity in evaluations A and B: `name_a` -> value, `name_b` -> value."""
     return {f"{name}_{side}": figure for side, figure in zip("ab", figures, strict=True)}
 
 
 def _heads(names: list[str]) -> dict[str, str]:
-    """Return the headings of the table: column -> heading; `names` are the simulators of the runs A and B."""
+    """Return the table headings: column -> heading; `names` are the simulators of evaluations A and B."""
     a, b = names
     return {
         "cell": "scenario, policy",
@@ -99,7 +109,7 @@ def _heads(names: list[str]) -> dict[str, str]:
 
 
 def _format_row(row: dict[str, str | float | int]) -> dict[str, str]:
-    """Format a row of `_rows` for the Markdown table: column -> text."""
+    """Format a row from `_rows` for the Markdown table: name of the column -> text."""
     difference = estimate(float(row["difference"]), (float(row["low"]), float(row["high"])))
     return {
         "cell": f"{row['scenario']}, `{row['policy']}`",
@@ -111,5 +121,14 @@ def _format_row(row: dict[str, str | float | int]) -> dict[str, str]:
 
 
 def _format_pair(row: dict[str, str | float | int], name: str, decimals: int) -> str:
-    """Format the values of one quantity in the runs A and B, separated by a comma."""
+    """Format the values of one quantity in the evaluations A and B as text, separated by a comma.
+
+    Args:
+        row: Row from `_rows`.
+        name: Name of the quantity: the columns are `name_a` and `name_b`.
+        decimals: Number of decimals.
+
+    Returns:
+        The text.
+    """
     return ", ".join(number(float(row[f"{name}_{side}"]), decimals) for side in "ab")

@@ -1,1 +1,1 @@
-"""Calibration of the confidence intervals and tests: error rates on data with a known truth."""
+"""Calibration of the evaluation's confidence intervals and tests: error rates on synthetic data."""

@@ -23,9 +23,9 @@ LIMITS = {
     "fall_probabilities": (0.001, 0.999),
     "seed": (0, 2**31),
 }
-"""Name of the option -> smallest and largest valid value."""
+"""Name of an option -> smallest and largest valid value."""
 PLACE = "settled"
-"""Name of the block with the table of runs until settled in the page."""
+"""Name of the page's generated block that contains the table of evaluations with `--until settled`."""
 
 
 @dataclass(frozen=True)
@@ -33,24 +33,34 @@ class CalibrationOptions:
     """Rows to repeat, and the number of repetitions."""
 
     sets: int = 2000
-    """Data sets of each row (count)."""
+    """Number of synthetic data sets for each check."""
     episodes: tuple[int, ...] = (64, 128)
-    """Episodes of a data set (counts)."""
+    """Numbers of episodes in a data set; each check is repeated for each number."""
     fall_probabilities: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
-    """Fall probabilities of the made-up policies."""
+    """Fall probabilities of the synthetic policies, 0 to 1."""
     runs: int = 1000
-    """Runs until settled of each row (count)."""
+    """Number of simulated evaluations with `--until settled` for each set of scenarios."""
     only: str = ""
-    """Part of the names of the rows to run; all, if empty."""
+    """Run only the checks with this text in their name; all checks if empty."""
     seed: int = 0
-    """Seed of the data sets, >= 0."""
+    """Seed of the synthetic data sets, >= 0."""
     page: Path | None = None
-    """Markdown file with the lines `<!-- settled -->` and `<!-- /settled -->`, between which the table of runs until
-    settled goes."""
+    """Markdown file; the table of evaluations with `--until settled` is written between `<!-- settled -->` and
+    `<!-- /settled -->`."""
 
 
 def main(options: CalibrationOptions) -> int:
-    """Run the checks, print their error rates, and return the exit code. Raises UsageError."""
+    """Run the command `calibration`: run the checks and print their error rates.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+
+    Raises:
+        UsageError: An option is invalid.
+    """
     if not options.episodes or not options.fall_probabilities:
         raise UsageError("--episodes and --fall-probabilities must each have at least one value")
     check_numbers(options, LIMITS)
@@ -71,7 +81,7 @@ def main(options: CalibrationOptions) -> int:
 
 
 def _run(rows: list[CalibrationCheck], options: CalibrationOptions) -> None:
-    """Run the checks in `rows`, and print the result of each check as soon as it is complete."""
+    """Run the checks in `rows`, and print the rate of each check as soon as it is known."""
     standard_error = 100.0 * np.sqrt(0.05 * 0.95 / options.sets)
     print(f"share of {options.sets} data sets, %; its standard error is {standard_error:.1f}")
     head = "interval holds the truth, or test claims a difference"
@@ -89,5 +99,5 @@ def _run(rows: list[CalibrationCheck], options: CalibrationOptions) -> None:
 
 
 def _percent(value: float) -> str:
-    """Format a fraction in per cent; return an empty text for NaN."""
+    """Format a fraction, 0 to 1, in per cent with one decimal; NaN gives an empty text."""
     return "" if np.isnan(value) else f"{100 * value:.1f}"

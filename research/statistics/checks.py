@@ -1,6 +1,7 @@
-"""Checks of intervals and tests on synthetic data sets, with bounds on the rate of positive results.
+"""Checks of confidence intervals and significance tests on synthetic data sets with a known truth.
 
-A result is positive if an interval contains the true value, or if a test is significant.
+A check repeats one interval or test on many data sets. The result on a data set is positive if the interval contains
+the true value, or if the test is significant. The rate of positive results must be within bounds.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -22,24 +23,30 @@ from evaluate.statistics.significance import mcnemar, sign_flip_test
 from research.statistics.synthetic import FallCurve, SyntheticAxis, SyntheticEpisodes, make_episodes, mean_error
 
 COVERAGE_BOUNDS = (0.93, 0.97)
-"""Bounds of the coverage: the fraction of the 95 % intervals that contain the true value."""
+"""Lower and upper bound of the coverage: the fraction of the 95 % intervals that contain the true value."""
 TYPE_I_ERROR_BOUNDS = (0.04, 0.06)
-"""Bounds of the fraction of tests at the 5 % level that are significant although there is no difference."""
-DISCRETE_TEST_BOUNDS = (0.0, 0.06)
-"""Bounds of the fraction of significant tests of counts if there is no difference.
+"""Lower and upper bound of the type I error rate of tests at the 5 % level.
 
-The p-value of counts has few possible values. It may skip values near 5 %, and then fewer than 5 % of the tests are
-significant."""
+The type I error rate is the fraction of significant tests if the compared policies do not differ.
+"""
+DISCRETE_TEST_BOUNDS = (0.0, 0.06)
+"""Lower and upper bound of the type I error rate of tests of counts, for example of numbers of falls.
+
+The lower bound is 0, because the p-value of counts has only few possible values. If none of them is close to 5 %, fewer
+than 5 % of the tests are significant."""
 FALL_RATIO = 0.8
-"""Fall probability of the second policy, divided by the fall probability of the first policy."""
+"""Fall probability of the second policy of a pair, divided by the fall probability of the first policy."""
 MIN_COVERAGE_BOUNDS = (0.93, 1.0)
-"""Bounds of the coverage of 95 % intervals that are allowed to be wider than necessary."""
+"""Lower and upper bound of the coverage of 95 % intervals that may be wider than necessary."""
 PUSHES = (20.0, 35.0, 50.0, 65.0, 80.0, 100.0)
-"""Severities of a synthetic axis of pushes, N·s."""
+"""Severities of the synthetic disturbance axis 'push': impulses, N·s."""
 HALF = (FallCurve(0.495, 25.0, 20.0), FallCurve(0.01, 49.5, 90.0), FallCurve(0.495, 60.0, 60.0))
-"""Curves with a total fall probability of exactly one half at one of the severities."""
+"""Fall curves of three kinds of episodes; their sum is exactly one half at one of the axis's severities."""
 STRETCH = (FallCurve(0.45, 30.0, 12.0), FallCurve(0.55, 75.0, 12.0))
-"""Curves with a total fall probability that is almost constant, below one half, over a range of severities."""
+"""Fall curves of two kinds of episodes.
+
+Their sum, the fall probability, is almost constant and below one half over a range of severities.
+"""
 AXES = {
     "": SyntheticAxis(PUSHES, (FallCurve(1.0, 55.0, 4.0),)),
     ", a sixth falls anyway": SyntheticAxis(PUSHES, (FallCurve(1 / 6, 0.0), FallCurve(5 / 6, 55.0, 6.0))),
@@ -50,32 +57,43 @@ AXES = {
     ", an edge": SyntheticAxis(PUSHES, (FallCurve(0.1, 0.0), FallCurve(0.8, 57.0, 100.0), FallCurve(0.1, np.inf))),
     ", two fifths never fall": SyntheticAxis(PUSHES, (FallCurve(0.6, 45.0, 6.0), FallCurve(0.4, np.inf))),
 }
-"""Suffix of the name of a check -> synthetic axis: logistic curves, and shapes that a logistic model cannot fit."""
+"""Suffix of a check's name -> synthetic disturbance axis, on which breaking points are estimated.
+
+The fall probability is a logistic curve, or a curve that a logistic model cannot fit.
+"""
 
 CheckFunction = Callable[[np.random.Generator], bool]
-"""Function that draws one data set and returns True if the interval or test has a positive result on it."""
+"""Function that draws one data set with a random generator, and returns True if the result is positive."""
 
 
 @dataclass(frozen=True)
 class CalibrationCheck:
-    """Check of an interval or test, which is repeated on many data sets."""
+    """Check of a confidence interval or test, which `rejection_rate` repeats on many data sets."""
 
     name: str
-    """Name of the check, printed in its row."""
+    """Name of the check, which is printed with its rate."""
     count: int
     """Number of episodes in a data set."""
     fall_probability: float
-    """Fall probability of the first policy; NaN in a check with several severities, which have no common value."""
+    """Fall probability of the first policy; NaN in a check of breaking points, which has several severities."""
     outcome: CheckFunction
-    """Function that returns the result on one data set."""
+    """Function that draws one data set and returns True if the result is positive."""
     bounds: Interval
-    """Bounds within which the rate of positive results must be."""
+    """Lower and upper bound of the rate of positive results, 0 to 1."""
     expected: float = 0.95
-    """Expected rate of positive results; NaN if it is not known."""
+    """Theoretical rate of positive results, 0 to 1; NaN if it is unknown."""
 
 
 def coverage_checks(count: int, fall_probability: float) -> Iterator[CalibrationCheck]:
-    """Yield the checks of the coverage of intervals, for `count` episodes at a `fall_probability`."""
+    """Yield the checks of the coverage of confidence intervals.
+
+    Args:
+        count: Number of episodes in a data set.
+        fall_probability: Fall probability of the first policy.
+
+    Yields:
+        One check for each kind of interval.
+    """
     rules: dict[str, CheckFunction] = {
         "Wilson, falls": partial(_fall_rate, count, fall_probability),
         "BCa bootstrap, mean error": partial(_mean, count, fall_probability),
@@ -87,23 +105,21 @@ def coverage_checks(count: int, fall_probability: float) -> Iterator[Calibration
 
 
 def breaking_checks(count: int) -> Iterator[CalibrationCheck]:
-    """Yield the checks of the coverage of the intervals of breaking points, for `count` episodes."""
+    """Yield the checks of the coverage of breaking-point intervals, with `count` episodes per severity."""
     for name, axis in AXES.items():
         outcome = partial(_breaking_point, count, axis)
         yield CalibrationCheck(f"breaking point{name}", count, np.nan, outcome, MIN_COVERAGE_BOUNDS, np.nan)
 
 
 def null_checks(count: int, fall_probability: float) -> Iterator[CalibrationCheck]:
-    """Yield the checks of tests on policies without a difference.
-
-    Each data set has `count` episodes of policies with the same `fall_probability`.
+    """Yield the checks of the type I error rate of tests, on pairs of policies that do not differ.
 
     Args:
-        count: Episodes of each policy in a data set.
-        fall_probability: Probability that an episode ends in a fall.
+        count: Number of episodes of each policy in a data set.
+        fall_probability: Fall probability of both policies.
 
     Yields:
-        The checks.
+        One check for each kind of test.
     """
     rules: dict[str, tuple[CheckFunction, Interval, float]] = {
         "sign flips, exchangeable pairs": (
@@ -127,11 +143,11 @@ def rejection_rate(check: CalibrationCheck, sets: int, seed: int) -> float:
 
     Args:
         check: Check of an interval or test.
-        sets: Number of data sets, each drawn with a separate random generator.
+        sets: Number of data sets; each is drawn with a separate random generator.
         seed: Seed of the data sets.
 
     Returns:
-        The fraction of the data sets with a positive result.
+        Fraction of the data sets on which the interval contains the true value or the test is significant.
     """
     return float(np.mean([check.outcome(np.random.default_rng([seed, number])) for number in range(sets)]))
 
@@ -143,9 +159,16 @@ def _within(interval: Interval, truth: float) -> bool:
 def _make_episodes(
     generator: np.random.Generator, count: int, fall_probability: float, *ratios: float
 ) -> SyntheticEpisodes:
-    """Draw the episodes of a policy with a `fall_probability`, and of one more policy per ratio.
+    """Draw synthetic episodes of a first policy, and of one more policy for each ratio.
 
-    The fall probability of a further policy is its ratio times `fall_probability`.
+    Args:
+        generator: Random generator.
+        count: Number of episodes of each policy.
+        fall_probability: Fall probability of the first policy.
+        *ratios: Fall probability of each further policy, divided by the fall probability of the first policy.
+
+    Returns:
+        Falls and velocity errors of all policies on the same episodes.
     """
     return make_episodes(generator, (fall_probability, *(ratio * fall_probability for ratio in ratios)), count)
 
@@ -186,10 +209,10 @@ def _mcnemar(count: int, fall_probability: float, generator: np.random.Generator
 
 
 def _randomized_mcnemar(count: int, fall_probability: float, generator: np.random.Generator) -> bool:
-    """Return True if a randomised McNemar test is significant.
+    """Draw a data set, and return True if a randomised McNemar test of the falls is significant.
 
-    The p-value counts a random fraction of the probability of the observed outcome, so that the test has exactly the
-    nominal error rate at every level.
+    The p-value includes a random fraction of the probability of the observed outcome. Therefore the type I error rate
+    of the test is exactly its significance level.
     """
     a, b = _make_episodes(generator, count, fall_probability, 1.0).fell
     rarer = min(int((a & ~b).sum()), int((b & ~a).sum()))
@@ -201,11 +224,11 @@ def _randomized_mcnemar(count: int, fall_probability: float, generator: np.rando
 
 @cache
 def _mcnemar_p_value(only_a: int, discordant: int) -> float:
-    """Return the p-value of McNemar's test from counts.
+    """Return the p-value of McNemar's test, which compares the fall rates of two policies.
 
     Args:
-        only_a: Number of discordant pairs in which only policy a fell.
-        discordant: Number of discordant pairs, in which exactly one of the two policies fell.
+        only_a: Number of episodes in which only the first policy fell.
+        discordant: Number of episodes in which exactly one of the two policies fell.
 
     Returns:
         The p-value.
@@ -215,7 +238,7 @@ def _mcnemar_p_value(only_a: int, discordant: int) -> float:
 
 
 def all_checks(counts: Sequence[int], fall_probabilities: Sequence[float]) -> Iterator[CalibrationCheck]:
-    """Yield all checks, for each combination of an episode count and a fall probability.
+    """Yield all checks for each combination of a number of episodes and a fall probability.
 
     Args:
         counts: Numbers of episodes in a data set.

@@ -1,7 +1,7 @@
-"""Simulation of `evaluate --until settled` with known scores: false claims and episode counts.
+"""Simulation of `evaluate --until settled` with synthetic policies: false claims and episode counts.
 
-The sequential test adds episodes until all adjacent policies of the ranking are distinguished or unlikely to be. A
-battery is a set of scenarios.
+With this option an evaluation adds episodes until a sequential test distinguishes all adjacent policies of the ranking,
+or is unlikely to distinguish them. Here the true scores are known. A battery is a set of scenarios.
 """
 
 from collections.abc import Sequence
@@ -19,34 +19,34 @@ from quad_env.cli.format import number
 from research.pages import markdown
 
 MAX_EPISODES = 96
-"""Maximum number of episodes of a run."""
+"""Maximum number of episodes of a simulated evaluation."""
 VARIANCE_SHARES = {"episode": 0.02, "scenario": 0.4, "policy": 0.01, "own": 0.57}
-"""Source of the variance of an outcome -> fraction of the variance.
+"""Source of the variance of an episode's outcome -> fraction of the variance; the fractions add up to 1.
 
-The sources are the episode, the combination of episode and scenario, the combination of episode and policy, and the
-independent rest."""
+The sources are the episode (`episode`), the combination of episode and scenario (`scenario`), the combination of
+episode and policy (`policy`), and an independent rest (`own`)."""
 EASIEST_SUCCESS = 0.9
-"""Success rate of the worst policy on the easiest scenario.
+"""True success rate of the worst policy on the easiest scenario.
 
-The success rates on the other scenarios are evenly spaced down to HARDEST_SUCCESS."""
+The success rates of this policy on the other scenarios are evenly spaced down to HARDEST_SUCCESS."""
 HARDEST_SUCCESS = 0.05
-"""Success rate of the worst policy on the hardest scenario."""
+"""True success rate of the worst policy on the hardest scenario."""
 FIXED_PLANS = tuple(range(4, MAX_EPISODES + 1, 2))
-"""Numbers of episodes of the plans of fixed size, with which runs until settled are compared."""
+"""Numbers of episodes of evaluations of fixed size, with which `--until settled` is compared."""
 
 
 @dataclass(frozen=True)
 class Battery:
-    """Synthetic policies with known scores on a number of scenarios."""
+    """Set of scenarios, with synthetic policies that have known scores on these scenarios."""
 
     points: tuple[float, ...]
-    """Score of each policy minus the score of the worst policy, percentage points."""
+    """True score of each policy minus the true score of the worst policy, percentage points."""
     scenarios: int
     """Number of scenarios."""
 
     @property
     def name(self) -> str:
-        """Name of the row of the battery in the table: its policies and scenarios."""
+        """Name of the battery in the table: number and spacing of the policies, and number of scenarios."""
         gaps = [high - low for low, high in pairwise(sorted(set(self.points)))]
         if not gaps:
             spacing = "alike"
@@ -57,14 +57,14 @@ class Battery:
         return f"settled: {len(self.points)} policies {spacing}, {self.scenarios} scenarios"
 
     def values(self, generator: np.random.Generator, count: int = MAX_EPISODES) -> dict[str, Floats]:
-        """Draw the success of each policy in each episode.
+        """Draw the success rates of all policies in random episodes.
 
         Args:
             generator: Random generator.
             count: Number of episodes.
 
         Returns:
-            Index of the policy, as text -> fraction of the scenarios on which the policy succeeds, (count,).
+            Index of a policy, as text -> fraction of the scenarios on which it succeeds in each episode, (count,).
         """
         from scipy.special import ndtri
 
@@ -85,35 +85,39 @@ BATTERIES = tuple(
     for points in ((0, 0), (0, 5), (0, 0, 0, 0, 0, 0), (0, 0, 5, 5, 10, 10))
     for scenarios in (4, 12, 51)
 )
-"""Batteries of two and of six policies, which are equal or 5 points apart, on 4, 12 and 51 scenarios."""
+"""Batteries with two and six policies on 4, 12 and 51 scenarios.
+
+The policies have equal scores, or scores that are 5 percentage points apart.
+"""
 
 
 @dataclass(frozen=True)
 class SequentialRunResult:
-    """Result of a simulated run until settled, made by `simulate_run`."""
+    """Result of a simulated evaluation with `--until settled`, made by `simulate_run`."""
 
     episodes: int
-    """Number of episodes after which the run stopped."""
+    """Number of episodes after which the evaluation stopped."""
     has_false_claim: bool
-    """True if the run claims a difference between adjacent policies that are equal or have the opposite order."""
+    """True if the evaluation claims a false difference: the true scores are equal or have the opposite order."""
     has_found_all: bool
-    """True if the run distinguishes all adjacent policies that are different."""
+    """True if the evaluation distinguishes all adjacent policies of the ranking that have different true scores."""
     fixed: tuple[bool, ...]
-    """For each plan of FIXED_PLANS, True if a run of that size distinguishes all adjacent policies that are different.
-    """
+    """True for each number of episodes in FIXED_PLANS with which an evaluation of fixed size distinguishes all adjacent
+    policies that have different true scores."""
 
 
 def simulate_run(battery: Battery, generator: np.random.Generator) -> SequentialRunResult:
-    """Simulate a run of `evaluate --until settled` on a `battery`, with outcomes drawn by a `generator`.
+    """Simulate one evaluation with `--until settled`.
 
-    The adjacent policies are compared at each look (interim analysis) of the sequential test, until the run may stop.
+    The sequential test compares adjacent policies of the ranking at each of its interim analyses, until the evaluation
+    may stop.
 
     Args:
-        battery: Battery of scenarios with their fall curves.
-        generator: Random generator of the outcomes.
+        battery: Scenarios and synthetic policies.
+        generator: Random generator of the outcomes of episodes.
 
     Returns:
-        The result of the run.
+        The result of the evaluation, and of evaluations of fixed size on the same outcomes.
     """
     values = battery.values(generator)
     fixed = tuple(_found_by_fixed(battery, values, count) for count in FIXED_PLANS)
@@ -133,15 +137,16 @@ def simulate_run(battery: Battery, generator: np.random.Generator) -> Sequential
 
 
 def _found_by_fixed(battery: Battery, values: dict[str, Floats], count: int) -> bool:
-    """Return True if a plan of fixed size distinguishes all adjacent policies that are different.
+    """Return True if an evaluation of fixed size distinguishes all adjacent policies that differ.
 
     Args:
-        battery: Policies and scenarios.
-        values: Index of the policy, as text -> fraction of the scenarios on which it succeeds, per episode.
-        count: Number of episodes of the plan, after which Bonferroni-corrected paired t-tests are made.
+        battery: Scenarios and synthetic policies.
+        values: Index of a policy, as text -> fraction of the scenarios on which it succeeds in each episode.
+        count: Number of episodes, after which adjacent policies are compared by paired t-tests with the Bonferroni
+            correction.
 
     Returns:
-        True if all differences are found in the right order.
+        True if all true differences are significant and have the right sign.
     """
     from scipy.special import stdtr
 
@@ -158,17 +163,17 @@ def _found_by_fixed(battery: Battery, values: dict[str, Floats], count: int) -> 
 
 
 def simulate_runs(battery: Battery, runs: int, seed: int) -> dict[str, float]:
-    """Simulate runs until settled, and plans of fixed size on the same data.
+    """Simulate many evaluations with `--until settled`, and evaluations of fixed size on the same data.
 
     Args:
-        battery: Policies and scenarios.
-        runs: Number of runs.
-        seed: Seed of the runs.
+        battery: Scenarios and synthetic policies.
+        runs: Number of simulated evaluations.
+        seed: Seed of the simulated evaluations.
 
     Returns:
-        `wrong`: fraction of the runs with a false claim. `found`: fraction of the runs that find all differences.
-        `episodes`: mean number of episodes. `fixed`: number of episodes of the smallest fixed plan that finds all
-        differences as often. Values that do not exist are NaN.
+        Dictionary: `wrong`, fraction of the evaluations with a false claim; `found`, fraction of the evaluations that
+        find all differences; `episodes`, mean number of episodes; `fixed`, number of episodes of the smallest
+        evaluation of fixed size that finds all differences as often. `found` and `fixed` are NaN if there are no differences.
     """
     results = [simulate_run(battery, np.random.default_rng([seed, number])) for number in range(runs)]
     power = np.mean([result.has_found_all for result in results])
@@ -185,12 +190,12 @@ def simulate_runs(battery: Battery, runs: int, seed: int) -> dict[str, float]:
 
 
 def markdown_table(batteries: Sequence[Battery], runs: int, seed: int) -> list[str]:
-    """Create the table of the results of `simulate_runs` on several batteries.
+    """Create the Markdown table of the results of `simulate_runs`, with one row per battery.
 
     Args:
-        batteries: Batteries, one for each row of the table.
-        runs: Number of runs of each battery.
-        seed: Seed of the runs.
+        batteries: Batteries of scenarios and synthetic policies.
+        runs: Number of simulated evaluations for each battery.
+        seed: Seed of the simulated evaluations.
 
     Returns:
         Lines of Markdown.

@@ -13,31 +13,31 @@ import numpy as np
 from evaluate.statistics.intervals import Bools, Floats
 
 CAP = 2.0
-"""Velocity error after a fall, m/s."""
+"""Velocity error that is counted after a fall, m/s."""
 TRACKING_SHAPE = 6.0
-"""Shape parameter of the gamma distribution of the velocity error without a fall."""
+"""Shape parameter, dimensionless, of the gamma distribution of the velocity error before a fall."""
 TRACKING_SCALE = 0.05
-"""Scale parameter of the gamma distribution of the velocity error without a fall, m/s."""
+"""Scale parameter of the gamma distribution of the velocity error before a fall, m/s."""
 EARLIEST_FALL = 0.1
-"""Time of the earliest fall, as a fraction of the episode."""
+"""Earliest time of a fall, as a fraction of the episode's duration."""
 SHARED_VARIANCE = 0.5
-"""Fraction of the variance of an episode that all policies have in common."""
+"""Fraction of the variance of an episode's outcome that is common to all policies."""
 
 
 @dataclass(frozen=True)
 class SyntheticEpisodes:
-    """Outcomes of several policies on the same n episodes, made by `make_episodes`."""
+    """Synthetic outcomes of several policies on the same n episodes, made by `make_episodes`."""
 
     fell: Bools
-    """True for episodes with a fall, (policies, n)."""
+    """True if the policy falls in the episode, (policies, n)."""
     error: Floats
-    """Mean velocity error of each episode, (policies, n), m/s."""
+    """Mean velocity error of each policy in each episode, (policies, n), m/s."""
 
 
 def make_episodes(
     generator: np.random.Generator, fall_probabilities: tuple[float, ...], count: int
 ) -> SyntheticEpisodes:
-    """Draw episodes of several policies; the outcomes of the policies in an episode are correlated.
+    """Draw synthetic outcomes of several policies; outcomes in the same episode are correlated.
 
     Args:
         generator: Random generator.
@@ -56,9 +56,15 @@ def make_episodes(
 
 
 def _correlated_uniforms(generator: np.random.Generator, rows: int, count: int) -> Floats:
-    """Draw numbers with a uniform distribution on 0 … 1, (rows, count).
+    """Draw numbers with a uniform distribution on 0 … 1; numbers in the same column are correlated.
 
-    Numbers in the same column are correlated.
+    Args:
+        generator: Random generator.
+        rows: Number of rows, for example policies.
+        count: Number of columns, for example episodes.
+
+    Returns:
+        The numbers, (rows, count).
     """
     from scipy.special import ndtr
 
@@ -68,7 +74,7 @@ def _correlated_uniforms(generator: np.random.Generator, rows: int, count: int) 
 
 
 def mean_error(fall_probability: float) -> float:
-    """Return the expected velocity error of an episode of a policy with a `fall_probability`, m/s."""
+    """Compute the expected velocity error, m/s, of an episode with the given probability of a fall."""
     tracking = TRACKING_SHAPE * TRACKING_SCALE
     upright = (1.0 + EARLIEST_FALL) / 2.0
     return (1.0 - fall_probability) * tracking + fall_probability * (upright * tracking + (1.0 - upright) * CAP)
@@ -76,42 +82,43 @@ def mean_error(fall_probability: float) -> float:
 
 @dataclass(frozen=True)
 class FallCurve:
-    """Kind of episodes with a fall probability that is a logistic function of ln(severity)."""
+    """Fall probability of one kind of episodes: a logistic function of the logarithm of the severity."""
 
     share: float
-    """Fraction of all episodes that are of this kind."""
+    """Fraction of all episodes that are of this kind, 0 to 1."""
     median: float
     """Severity at which half of the episodes of this kind fall.
 
-    If a larger severity is harder, 0 means that all of them fall at every severity, and infinity that none falls."""
+    On an axis on which a larger severity is harder, a median of 0 means that all of these episodes fall at every
+    severity. A median of infinity means that none of these episodes falls."""
     steepness: float = 1.0
-    """Slope parameter of the logistic function of ln(severity)."""
+    """Slope of the logistic function: factor of ln(severity / median), dimensionless."""
 
 
 @dataclass(frozen=True)
 class SyntheticAxis:
-    """Synthetic axis of disturbance with a known fall probability: a sum of logistic curves."""
+    """Synthetic disturbance axis with a known fall probability: a sum of logistic curves of the severity."""
 
     severities: tuple[float, ...]
-    """Severities, from the mildest to the hardest."""
+    """Severities of the axis, from the mildest to the hardest."""
     kinds: tuple[FallCurve, ...]
-    """Kinds of episodes, with a curve of the fall probability for each."""
+    """Kinds of episodes, each with a curve of the fall probability."""
 
     @property
     def direction(self) -> float:
-        """Sign of the axis: 1 if a larger severity is harder, -1 if a smaller severity is harder."""
+        """Direction of the axis: 1 if a larger severity is harder, -1 if a smaller severity is harder."""
         return 1.0 if self.severities[-1] > self.severities[0] else -1.0
 
     @property
     def breaking_point(self) -> float:
-        """True severity at which half of the episodes fall."""
+        """True breaking point: severity at which half of all episodes fall."""
         from scipy.optimize import brentq
 
         ends = np.log((min(self.severities) / 10.0, max(self.severities) * 10.0))
         return float(np.exp(brentq(lambda x: self.probability(np.exp(x)) - 0.5, *ends)))
 
     def probability(self, severities: Floats) -> Floats:
-        """Return the probability of a fall at each of the `severities`."""
+        """Compute the fall probability of an episode at each of the given severities, same shape."""
         from scipy.special import expit
 
         with np.errstate(divide="ignore"):
@@ -122,16 +129,16 @@ class SyntheticAxis:
         return np.asarray(np.sum(curves, axis=0))
 
     def falls(self, generator: np.random.Generator, count: int) -> Bools:
-        """Draw the falls of `count` episodes at each severity, (severities, count), bool.
+        """Draw the outcomes of `count` episodes at each severity of the axis.
 
-        The outcomes of an episode at different severities are correlated.
+        The outcomes of the same episode at different severities are correlated.
 
         Args:
             generator: Random generator.
             count: Number of episodes.
 
         Returns:
-            True for a fall, (severities, count).
+            True if the robot falls, (severities, count).
         """
         uniforms = _correlated_uniforms(generator, len(self.severities), count)
         return np.asarray(uniforms < self.probability(np.array(self.severities))[:, None])
