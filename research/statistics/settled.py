@@ -173,7 +173,8 @@ def simulate_runs(battery: Battery, runs: int, seed: int) -> dict[str, float]:
     Returns:
         Dictionary: `wrong`, fraction of the evaluations with a false claim; `found`, fraction of the evaluations that
         find all differences; `episodes`, mean number of episodes; `fixed`, number of episodes of the smallest
-        evaluation of fixed size that finds all differences as often. `found` and `fixed` are NaN if there are no differences.
+        evaluation of fixed size that finds all differences as often. `found` and `fixed` are NaN if the policies do not
+        differ.
     """
     results = [simulate_run(battery, np.random.default_rng([seed, number])) for number in range(runs)]
     power = np.mean([result.has_found_all for result in results])

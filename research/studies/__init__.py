@@ -1,1 +1,1 @@
-"""Studies in simulation; each study answers one question by measurements."""
+"""Studies by simulation: each module measures the answer to one question about robots or controllers."""

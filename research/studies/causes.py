@@ -39,25 +39,29 @@ class CausesOptions:
     """Compare the rules of causes with episodes made to fail, or with a person's reading of films."""
 
     table: Path = Path("docs/results/causes.csv")
-    """CSV file: episodes made for each cause, and the causes that the rules give them."""
+    """CSV file for the causes that the rules find in episodes that were made to fail for a known cause."""
     page: Path = Path("docs/causes.md")
-    """Page with places for that table, the thresholds and the reading."""
+    """Markdown page with generated blocks for this table, the thresholds, and a person's judgement."""
     films: Path | None = None
-    """Folder for strips of failures to be read; only these and the key next to the folder are written."""
+    """Folder for images of failed episodes, which a person judges; nothing else except `key.csv` is written."""
     run: Path = Path("results/evaluation")
-    """Folder of the run with the failures to film."""
+    """Folder of the evaluation with the failed episodes."""
     count: int = 30
-    """Strips (count)."""
+    """Number of images of failed episodes."""
     reading: Path | None = None
-    """CSV file of a person's reading, columns `film` and `cause`; with `--key` its table is written into the page."""
+    """CSV file with the causes that a person sees in the images, columns `film` and `cause`."""
     key: Path = Path("key.csv")
-    """Causes of these films by the rules, as written by `--films`."""
+    """CSV file with the causes that the rules find for these images, written by `--films`."""
 
 
 def main(options: CausesOptions) -> int:
-    """Draw strips, compare a reading, or check the rules, as the options say, and return the exit code.
+    """Run the command `causes`: draw failed episodes, compare a person's judgement, or test the rules.
 
-    Raises UsageError.
+    Args:
+        options: Options of the command, which select one of the three tasks.
+
+    Returns:
+        Exit code of the process.
     """
     check_numbers(options, {"count": (1, 999)})
     if options.films is not None:
@@ -78,10 +82,11 @@ def main(options: CausesOptions) -> int:
 
 
 def count_causes() -> Iterator[dict[str, Any]]:
-    """Yield a row for each cause of failure: name of the column -> value.
+    """Simulate episodes that fail for a known cause, and count the causes that the rules find.
 
-    A row is about the episodes that were made to fail for the cause. It has the number of these episodes to which the
-    rules assign each cause.
+    Yields:
+        Row of the table for one known cause: name of the column -> value. Among the columns is, for each cause, the
+        number of episodes for which the rules find this cause.
     """
     for made_for in CAUSES:
         runs = (case.run() for case in CASES if case.cause == made_for)
@@ -100,7 +105,7 @@ def count_causes() -> Iterator[dict[str, Any]]:
 
 
 def diagnose_failures(episodes: Episodes) -> Iterator[tuple[EpisodeSignals, Verdict]]:
-    """Yield the signals of each failed episode, and its cause of failure by the rules."""
+    """Yield the signals of each failed episode, and the cause of failure that the rules find."""
     measures = measure(episodes)
     for number in np.flatnonzero(measures.outcome != SUCCEEDED).tolist():
         assert episodes.scenario is not None
@@ -109,14 +114,14 @@ def diagnose_failures(episodes: Episodes) -> Iterator[tuple[EpisodeSignals, Verd
 
 
 def draw_strips(options: CausesOptions, folder: Path) -> int:
-    """Draw strips of failed episodes of a run, at most one for each policy and scenario.
+    """Draw strips of failed episodes of an evaluation, at most one for each policy and scenario.
 
-    A strip is an image with frames and signals of an episode. Of three strips, two show a fall, and one shows a failure
-    without a fall. Raises UsageError if the folder cannot be written.
+    A strip is an image with frames and plotted signals of an episode. Of three strips, two show a fall, and one shows a
+    failure without a fall. Raises UsageError if the folder cannot be written.
 
     Args:
         options: Options of the command.
-        folder: Folder for the strips. The causes by the rules are written to key.csv next to the folder.
+        folder: Folder for the strips. The causes that the rules find are written to key.csv next to the folder.
 
     Returns:
         The exit code, 0.
@@ -141,13 +146,13 @@ def draw_strips(options: CausesOptions, folder: Path) -> int:
 def _draw_failure(
     cell: PolicyScenarioResult, candidates: NDArray[np.int64], generator: np.random.Generator, path: Path
 ) -> dict[str, Any]:
-    """Draw the strip of one failed episode, and return its row of key.csv.
+    """Draw the strip of a random failed episode, and return the row of key.csv about this episode.
 
     Args:
         cell: Stored episodes of one policy on one scenario.
-        candidates: Indices of the episodes from which one is drawn at random.
+        candidates: Indices of the failed episodes, from which one is drawn at random, (k,).
         generator: Random generator.
-        path: File of the strip.
+        path: Image file to write.
 
     Returns:
         Name of the column -> value.
@@ -169,17 +174,17 @@ def _draw_failure(
 
 
 def compare_reading(options: CausesOptions, reading: Path) -> int:
-    """Write the confusion table of the causes by the rules and by a person, and return the exit code.
+    """Write the confusion matrix of the causes that the rules find and the causes that a person sees.
 
     Args:
         options: Options of the command.
         reading: CSV file with the causes that the person has seen in the strips.
 
     Returns:
-        The exit code, 0.
+        Exit code, 0.
 
     Raises:
-        UsageError: The reading and the key have different strips, or the reading has an unknown cause.
+        UsageError: The CSV files of the person and of the rules have different strips, or a cause is unknown.
     """
     try:
         key = _read_csv(options.key)
@@ -198,12 +203,12 @@ def compare_reading(options: CausesOptions, reading: Path) -> int:
 
 
 def _read_csv(path: Path) -> list[dict[str, str]]:
-    """Read the rows of a CSV file, each a dictionary: column -> text."""
+    """Read the rows of a CSV file; each row is a dictionary: name of the column -> text."""
     return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
 
 
 def _agreement(films: Sequence[Mapping[str, str]]) -> str:
-    """Describe in a sentence how often the rules and the person agree on the cause."""
+    """Return a sentence about the number of episodes for which rules and person name the same cause."""
     agrees = [row["cause"] == row["read"] for row in films]
     certain_agrees = [row["cause"] == row["read"] for row in films if row["certain"] == "True"]
     return (
@@ -213,9 +218,9 @@ def _agreement(films: Sequence[Mapping[str, str]]) -> str:
 
 
 def _confusion_table(films: Sequence[Mapping[str, str]]) -> str:
-    """Create the Markdown table of films, by cause of the rules (rows) and of the person (columns).
+    """Create the confusion matrix as a Markdown table: numbers of episodes by cause.
 
-    Empty rows and columns are left out.
+    A row is a cause that the rules find; a column is a cause that the person sees. Empty rows and columns are left out.
     """
     counts = Counter((row["cause"], row["read"]) for row in films)
     columns = [cause for cause in CAUSES if any(cause == read for _, read in counts)]

@@ -42,21 +42,24 @@ from quad_env.sensing.suite import sensor_suite
 from research.pages.blocks import RESULTS, read_page, write_block
 
 SETTLING = 100
-"""Number of control steps at the start of an episode that are ignored."""
+"""Number of control steps at the start of an episode in which errors are not measured."""
 NEES_DIMENSION = 5
-"""Number of entries of the error vector in NEES (normalised estimation error squared): tilt (2) and velocity (3)."""
+"""Dimension of the error vector of the NEES: two tilt errors and three velocity errors.
+
+NEES is the normalised estimation error squared, a measure of the consistency of a filter's covariance.
+"""
 FORWARD = (0.5, 1.0)
-"""Range of the commanded forward velocity, m/s."""
+"""Range from which the forward velocity command of the walks is drawn, m/s."""
 YAW_RATE = (-1.2, 1.2)
-"""Range of the commanded yaw rate, rad/s."""
+"""Range from which the yaw rate command of the walks is drawn, rad/s."""
 PUSHES = "pushes"
-"""Name of the block with the errors after pushes in the page."""
+"""Name of the page's generated block that contains the errors after pushes."""
 ROBOTS = ("simple_quad", "go1", "go2")
-"""Names of the robots in the table of errors after pushes."""
+"""Names of the robots for which the errors after pushes are measured."""
 WINDOWS = ((-50, 0), (0, 10), (10, 20), (20, 30), (30, 50), (50, 100), (100, 200))
-"""Time windows in which errors are averaged: start and end relative to the start of a push, control steps."""
+"""Time windows in which errors are averaged: start and end, control steps after the start of a push."""
 _LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "threads": (1, 256)}
-"""Name of the option -> smallest and largest valid value."""
+"""Name of an option -> smallest and largest valid value."""
 
 
 @dataclass(frozen=True)
@@ -64,44 +67,54 @@ class EstimationOptions:
     """Measure the estimators."""
 
     table: Literal["walks", "pushes"] = "walks"
-    """Errors on walks, or after pushes of 35 N·s, scaled to the robot."""
+    """Measured errors: on undisturbed walks, or after pushes of 35 N·s scaled to the robot."""
     policy: str = "trot"
-    """Policy that walks: a name or a folder, as for python -m evaluate."""
+    """Name or folder of the policy that walks, as for python -m evaluate."""
     sensors: str = "typical"
-    """Sensors on walks, one of quad_env.SENSORS: ideal or typical."""
+    """Sensors on undisturbed walks, one of quad_env.SENSORS: ideal or typical."""
     episodes: int = 32
-    """Episodes of 10 s in each row (count)."""
+    """Number of episodes of 10 s for each row of the table."""
     seed: int = 0
     """Seed of the episodes, >= 0."""
     seeds: Literal["search", "validation", "evaluation"] = "validation"
-    """Family of seeds."""
+    """Purpose of the seeds; seeds of different purposes are disjoint."""
     ground: int = 1
-    """Field of random ground: 0 for evaluations, 1 for validations, 2 for searches."""
+    """Seed of the random rough ground: 0 for evaluation, 1 for validation, 2 for search."""
     threads: int = 1
-    """Threads of the simulation."""
+    """Number of threads of the simulation."""
     page: Path | None = None
-    """File with the lines <!-- results --> and <!-- /results -->, or pushes, between which the table goes."""
+    """Markdown file; the table is written between <!-- results --> and <!-- /results --> (or pushes)."""
 
 
 class EstimationErrors(NamedTuple):
-    """Errors (true minus estimated) of one estimator in n episodes. Entries after a fall are NaN.
+    """Errors (true minus estimated) of one estimator in n episodes; values after a fall are NaN.
 
-    The sensor readings are delayed. An estimate is compared with the true state at the time of the readings from which
-    it was made.
+    The sensor readings are delayed. Therefore an estimate is compared with the true state at the time at which its
+    readings were measured.
     """
 
     tilt: Floats
-    """Error of roll and pitch at the time of the readings, (steps, n, 2), rad."""
+    """Error of estimated roll and pitch at the time of the sensor readings, (steps, n, 2), rad."""
     velocity: Floats
-    """Error of the velocity at the time of the readings, base frame, (steps, n, 3), m/s."""
+    """Error of the estimated trunk velocity at the time of the sensor readings, base frame, (steps, n, 3), m/s."""
     observed_velocity: Floats
-    """Error of the velocity in the observation at the current time, base frame, (steps, n, 3), m/s."""
+    """Error of the trunk velocity in the observation at the time of the action, base frame, (steps, n, 3), m/s."""
     nees: Floats
-    """NEES, (steps, n); NaN if the estimator has no covariance."""
+    """Normalised estimation error squared, (steps, n), dimensionless; NaN if the estimator has no covariance."""
 
 
 def main(options: EstimationOptions) -> int:
-    """Measure the errors, print and write the table, and return the exit code. Raises UsageError."""
+    """Run the command `estimation`: measure the errors of the estimators, and print and write the table.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+
+    Raises:
+        UsageError: An option is invalid.
+    """
     check_numbers(options, _LIMITS)
     try:
         check_hardware(HardwareConfig(sensors=options.sensors, estimator=ESTIMATORS[-1]))
@@ -112,7 +125,7 @@ def main(options: EstimationOptions) -> int:
         read_page(options.page, marker)
     table = walk_table if options.table == "walks" else push_table
     lines = []
-    for line in table(options):  # each row is printed immediately, because a row takes minutes
+    for line in table(options):  # printed immediately, because each row takes minutes
         print(line, flush=True)
         lines.append(line)
     write_block(options.page, lines, marker)
@@ -120,7 +133,7 @@ def main(options: EstimationOptions) -> int:
 
 
 def walk_table(options: EstimationOptions) -> Iterator[str]:
-    """Yield the lines of the Markdown table of errors on walks, with one row per scenario and estimator."""
+    """Yield the lines of the Markdown table of errors on walks, one row per scenario and estimator."""
     columns = ("walk", "estimator", "velocity, m/s", "shown", "of it level", "roll, pitch, °", "NEES", "steps within")
     yield f"| {' | '.join(columns)} |"
     yield "|---" * len(columns) + "|"
@@ -135,7 +148,7 @@ def walk_table(options: EstimationOptions) -> Iterator[str]:
 
 
 def _walk_cells(errors: EstimationErrors) -> tuple[str, ...]:
-    """Format the errors in one row of `walk_table`, one text per column."""
+    """Format the errors of one estimator as the cells of a row in `walk_table`, one text per column."""
     roll = np.degrees(rms(errors.tilt[..., :1]))
     pitch = np.degrees(rms(errors.tilt[..., 1:]))
     velocities = (rms(errors.velocity), rms(errors.observed_velocity), rms(errors.observed_velocity[..., :2]))
@@ -143,9 +156,13 @@ def _walk_cells(errors: EstimationErrors) -> tuple[str, ...]:
 
 
 def walk_scenarios(ground: int) -> dict[str, Scenario]:
-    """Return the scenarios of the walks: name in the table -> scenario.
+    """Create the scenarios of the undisturbed walks.
 
-    `ground` is the terrain seed of the rough ground.
+    Args:
+        ground: Seed of the random rough ground.
+
+    Returns:
+        Name in the table -> scenario.
     """
     ranges: dict[str, Any] = {"forward": FORWARD, "lateral": (0.0, 0.0), "yaw_rate": YAW_RATE, "zero_fraction": 0.0}
     flat, rough = (
@@ -159,9 +176,10 @@ def walk_scenarios(ground: int) -> dict[str, Scenario]:
 
 
 def push_table(options: EstimationOptions) -> Iterator[str]:
-    """Yield the lines of the table of velocity errors after pushes, a row per robot and estimator.
+    """Yield the lines of the Markdown table of velocity errors after pushes.
 
-    Each cell has two errors: of the estimate at the time of the readings, and of the observation.
+    There is one row per robot and estimator. Each cell has two errors: the error of the estimate at the time of the
+    sensor readings, and the error of the velocity in the observation.
     """
     before, *after = WINDOWS
     times = [f"{-before[0] / 100:g} s before", *(f"{start / 100:g} to {end / 100:g} s" for start, end in after)]
@@ -180,7 +198,7 @@ def push_table(options: EstimationOptions) -> Iterator[str]:
 
 
 def _push_cells(observer: "EstimationErrorObserver") -> list[str]:
-    """Format the errors in one row of `push_table`, one text per time window."""
+    """Format the errors of one estimator as the cells of a row in `push_table`, one text per time window."""
     errors = observer.errors(observer.falls.step)
     at_readings = error_after_push(errors.velocity, observer.pushes)
     in_observation = error_after_push(errors.observed_velocity, observer.pushes)
@@ -188,10 +206,10 @@ def _push_cells(observer: "EstimationErrorObserver") -> list[str]:
 
 
 def error_after_push(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
-    """Compute the RMS error in each of the time windows WINDOWS, over all pushes.
+    """Compute the root mean square (RMS) error in each of the time windows WINDOWS, over all pushes.
 
     Args:
-        vectors: Errors from control step SETTLING on, (steps, n, 3); NaN after a fall.
+        vectors: Error vectors of n robots from control step SETTLING on, (steps, n, 3); NaN after a fall.
         pushes: Control steps at which the k pushes of each robot begin, (n, k).
 
     Returns:
@@ -208,7 +226,7 @@ def error_after_push(vectors: Floats, pushes: NDArray[np.int64]) -> list[float]:
 
 
 def estimate_errors(options: EstimationOptions, scenario: Scenario, estimator: str) -> EstimationErrors:
-    """Measure the errors of an estimator on a scenario.
+    """Simulate walks on a scenario, and measure the errors of an estimator.
 
     Args:
         options: Options of the command.
@@ -216,7 +234,7 @@ def estimate_errors(options: EstimationOptions, scenario: Scenario, estimator: s
         estimator: Name of the estimator.
 
     Returns:
-        The errors in all episodes.
+        Errors at all control steps of all episodes.
     """
     hardware = HardwareConfig(sensors=options.sensors, estimator=estimator)
     observer = _observe_walks(options, scenario, hardware)
@@ -226,7 +244,16 @@ def estimate_errors(options: EstimationOptions, scenario: Scenario, estimator: s
 def _observe_walks(
     options: EstimationOptions, scenario: Scenario, hardware: HardwareConfig
 ) -> "EstimationErrorObserver":
-    """Simulate the walks of the options on a scenario, and return the observer of the errors."""
+    """Simulate walks on a scenario, and record the errors of the estimator.
+
+    Args:
+        options: Options of the command: policy, seeds and number of episodes.
+        scenario: Scenario of the walks.
+        hardware: Robot, sensors and estimator.
+
+    Returns:
+        Observer with the recorded errors.
+    """
     on_hardware_profile = hardware.actuator != IDEAL.actuator
     policy = hardware.policy(options.policy, on_hardware_profile=on_hardware_profile)
     suite = sensor_suite(hardware.sensors)
@@ -240,14 +267,14 @@ def _observe_walks(
 
 
 def rms(vectors: Floats) -> float:
-    """Return the root mean square of the lengths of `vectors`, (…, k); NaN vectors are ignored."""
+    """Return the root mean square of the lengths of vectors, (…, k); vectors with NaN are ignored."""
     return float(np.sqrt(np.nanmean((vectors**2).sum(axis=-1))))
 
 
 def nees_bounds(runs: int) -> tuple[float, float]:
-    """Return the lower and upper bound of the 95 % band of the mean NEES over `runs` episodes.
+    """Return the bounds within which the mean NEES over `runs` episodes lies with 95 % probability.
 
-    The band is for an estimator with a correct covariance.
+    The bounds hold for an estimator with a correct covariance; they are quantiles of the χ² distribution.
     """
     from scipy.stats import chi2
 
@@ -256,14 +283,14 @@ def nees_bounds(runs: int) -> tuple[float, float]:
 
 
 def consistency(nees: Floats) -> tuple[str, str]:
-    """Format the consistency of an estimator: mean NEES, and how often it lies in the 95 % band.
+    """Describe the consistency of an estimator's covariance by its NEES.
 
     Args:
-        nees: NEES of n episodes, (steps, n); NaN if the estimator has no covariance.
+        nees: Normalised estimation error squared of n episodes, (steps, n); NaN if the estimator has no covariance.
 
     Returns:
-        Mean of NEES, and the fraction of the control steps with a mean over the episodes within the 95 % band. Dashes
-        if the estimator has no covariance.
+        Two texts: the mean of the NEES, and the fraction of the control steps at which the mean over the episodes is
+        within the 95 % bounds. Both are dashes if the estimator has no covariance.
     """
     if np.isnan(nees).all():
         return ABSENT, ABSENT
@@ -273,10 +300,10 @@ def consistency(nees: Floats) -> tuple[str, str]:
 
 
 class EstimationErrorObserver:
-    """Observer of a rollout that records the errors of the estimates and of the observation.
+    """Observer of a rollout that records the errors of an estimator and of the observed velocity.
 
     Args:
-        delay_steps: Delay of the estimates: age of the readings, control steps.
+        delay_steps: Age of the sensor readings from which an estimate is made, control steps.
         falls: Recorder of the falls in the same rollout.
     """
 
@@ -286,7 +313,7 @@ class EstimationErrorObserver:
         self._rows: list[tuple[Floats, ...]] = []
 
     def __call__(self, step: Step) -> None:
-        """Record the errors after a control step."""
+        """Record the errors of the estimates after a control step of all robots."""
         count = len(step.observation)
         state = step.env.simulation.state((np.zeros(count),) * 3)
         estimator = step.env.estimator
@@ -307,9 +334,13 @@ class EstimationErrorObserver:
         self._rows.append((tilt_error, velocity_error, velocity - estimator.velocity, nees))
 
     def errors(self, fall_step: NDArray[np.int64]) -> EstimationErrors:
-        """Return the recorded errors; `fall_step` is the control step of each robot's fall, (n,).
+        """Return the recorded errors, with NaN after a fall.
 
-        Errors after a fall are NaN.
+        Args:
+            fall_step: Control step of each robot's fall, (n,); the number of steps if it did not fall.
+
+        Returns:
+            Errors from control step SETTLING on.
         """
         errors = EstimationErrors._make(np.array(column) for column in zip(*self._rows, strict=True))
         has_fallen = np.arange(SETTLING, SETTLING + len(errors.nees))[:, None] >= fall_step
@@ -319,9 +350,13 @@ class EstimationErrorObserver:
 
 
 def roll_pitch(gravity: Floats) -> Floats:
-    """Compute roll and pitch, (…, 2), rad, from unit vectors of `gravity`, base frame, (…, 3).
+    """Compute roll and pitch angles of the trunk from the direction of gravity.
 
-    Roll is positive if the left side is up. Pitch is positive if the nose is down.
+    Args:
+        gravity: Unit vectors in the direction of gravity, base frame, (…, 3).
+
+    Returns:
+        Roll and pitch, (…, 2), rad. Roll is positive if the left side is up. Pitch is positive if the front is down.
     """
     frame = level_frame(np.moveaxis(gravity, -1, 0))
     return np.stack((frame.roll, frame.pitch), axis=-1)
@@ -330,18 +365,19 @@ def roll_pitch(gravity: Floats) -> Floats:
 def normalized_error_squared(
     gravity: Floats, rotation_error: Floats, velocity_error: Floats, covariance: Floats
 ) -> Floats:
-    """Compute the NEES of tilt and velocity, eᵀ P⁻¹ e with error e and covariance P.
+    """Compute the normalised estimation error squared eᵀ P⁻¹ e, with the error e and its covariance P.
 
-    The tilt error has two entries, along two axes normal to gravity, because a rotation about gravity is no tilt.
+    The error e has five components: the tilt error about two axes normal to gravity, because a rotation about gravity
+    is no tilt, and the velocity error.
 
     Args:
         gravity: Estimated direction of gravity, base frame, unit vectors, (n, 3).
         rotation_error: Rotation vector from the estimated to the true gravity, base frame, (n, 3), rad.
         velocity_error: True minus estimated velocity, base frame, (n, 3), m/s.
-        covariance: Covariance of the error state of the estimator, (n, k, k).
+        covariance: Covariance of the error state of the Kalman filter, (n, k, k).
 
     Returns:
-        NEES, (n,).
+        NEES of n robots, (n,), dimensionless.
     """
     across = np.cross(gravity, (1.0, 0.0, 0.0))
     across /= np.linalg.norm(across, axis=-1, keepdims=True)

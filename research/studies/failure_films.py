@@ -1,4 +1,4 @@
-"""Strips of failed episodes, for a person who judges the cause: frames above plots of signals."""
+"""Strips of failed episodes: frames above plotted signals, from which a person judges the cause."""
 
 import io
 from collections.abc import Iterator, Sequence
@@ -32,22 +32,23 @@ CURVES = {
     "torque_share": "torque of each leg, share of its limit",
     "given": "tilt, velocity, yaw rate as given",
 }
-"""Name of the signal -> title of its plot below the frames."""
+"""Name of a recorded signal -> title of the signal's plot below the frames."""
 LEAD_TIME = 0.6
-"""Shortest time between the start of a strip and the onset of a fall, s."""
+"""Minimum time between the start of a strip and the onset of the fall, s."""
 
 
 def frame_range(record: EpisodeSignals, measures: Measures, earlier: float) -> slice:
-    """Select the control steps that a strip shows.
+    """Select the control steps of a failed episode that a strip shows.
 
     Args:
-        record: Signals of the episode.
-        measures: Measures of the episode.
-        earlier: Additional time before a fall, s. The time varies, so that the length of the strip does not reveal the
-            onset of the fall.
+        record: Signals of the failed episode.
+        measures: Measures of the failed episode.
+        earlier: Additional time before a fall, s. The caller varies it, so that the length of the strip does not reveal
+            the onset of the fall.
 
     Returns:
-        Control steps around the fall; if there is no fall, of the command interval with the worst tracking.
+        Control steps before and during the fall. If there is no fall, the control steps of the interval of constant
+        command in which the robot tracks the command worst.
     """
     if not record.fell:
         return record.episodes.intervals.settled[worst_interval(measures, record.number)]
@@ -55,11 +56,11 @@ def frame_range(record: EpisodeSignals, measures: Measures, earlier: float) -> s
 
 
 def draw_strip(policy: Policy, record: EpisodeSignals, part: slice) -> Image.Image:
-    """Draw the strip of a part of an episode.
+    """Simulate a failed episode again, and draw the strip of some of its control steps.
 
     Args:
-        policy: Policy of the episode.
-        record: Signals of the episode.
+        policy: Policy that controlled the robot in the episode.
+        record: Signals of the failed episode.
         part: Control steps that the strip shows.
 
     Returns:
@@ -70,7 +71,7 @@ def draw_strip(policy: Policy, record: EpisodeSignals, part: slice) -> Image.Ima
 
 
 def stack_images(*images: Image.Image) -> Image.Image:
-    """Stack images of equal width vertically, the first at the top."""
+    """Stack images of equal width vertically, with the first image at the top."""
     stack = Image.new("RGB", (images[0].width, sum(image.height for image in images)))
     top = 0
     for image in images:
@@ -80,7 +81,7 @@ def stack_images(*images: Image.Image) -> Image.Image:
 
 
 def _text(lines: Sequence[str], width: int, size: int = 14) -> Image.Image:
-    """Draw lines of text on a dark bar; `width` and font `size` are in pixels."""
+    """Draw lines of text on a dark bar of the given width, pixels, with the font size `size`, pixels."""
     text = Text(size)
     bar = Image.new("RGB", (width, text.height(len(lines))), DARK)
     for index, line in enumerate(lines):
@@ -89,7 +90,15 @@ def _text(lines: Sequence[str], width: int, size: int = 14) -> Image.Image:
 
 
 def _title(record: EpisodeSignals, part: slice) -> tuple[str, str]:
-    """Return the two lines of the title: description of the scenario, and of the end of the episode."""
+    """Return the title of a strip.
+
+    Args:
+        record: Signals of the failed episode.
+        part: Control steps that the strip shows.
+
+    Returns:
+        Two lines of text: description of the scenario, and description of the end of the episode.
+    """
     scenario = record.scenario
     axis = AXES[scenario.axis]
     profile = " Real motors, delays, sensors, and an estimator." if scenario.hardware else ""
@@ -99,7 +108,16 @@ def _title(record: EpisodeSignals, part: slice) -> tuple[str, str]:
 
 
 def _frames(policy: Policy, record: EpisodeSignals, part: slice) -> Iterator[Image.Image]:
-    """Render the robot at evenly spaced times of the part, each frame with a caption of time and marks."""
+    """Simulate a failed episode again, and render the robot at COUNT evenly spaced times.
+
+    Args:
+        policy: Policy that controlled the robot in the episode.
+        record: Signals of the failed episode.
+        part: Control steps that the strip shows.
+
+    Yields:
+        Frames; the caption of a frame has the time, and words for a fall, a push or a leg contact.
+    """
     numbers = np.linspace(max(1, part.start), part.stop, COUNT).round().astype(int).tolist()
     seed = int(record.episodes.seeds[record.number])
     labelled_policy = LabelledPolicy(policy.name, policy)
@@ -117,7 +135,16 @@ def _frames(policy: Policy, record: EpisodeSignals, part: slice) -> Iterator[Ima
 
 
 def _curves(record: EpisodeSignals, part: slice, width: int) -> Image.Image:
-    """Draw the plots of the signals over the part of the episode that the strip shows."""
+    """Draw the plots of the signals over the time that the strip shows.
+
+    Args:
+        record: Signals of the failed episode.
+        part: Control steps that the strip shows.
+        width: Width of the image, pixels.
+
+    Returns:
+        Image with one plot per signal of CURVES, side by side.
+    """
     from matplotlib.figure import Figure
 
     part = slice(part.start, min(part.stop, record.end))

@@ -1,4 +1,7 @@
-"""Episodes that are made to fail for a known cause: two cases of six episodes for each cause."""
+"""Episodes that are made to fail for a known cause, to test the rules that find causes of failure.
+
+There are two cases of six episodes for each cause.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -23,12 +26,14 @@ Rows = NDArray[np.float32]
 
 
 class PerturbedPolicy(Policy):
-    """Policy with a perturbed observation or action, or with a failure of the policy itself.
+    """Wrapper of a policy that perturbs its observation or its action, or marks it as failed.
 
     Args:
         policy: Policy that is perturbed.
-        observation_transform: Function from the true observation to the observation that the policy receives.
-        action_transform: Function from the action of the policy and the true observation to the executed action.
+        observation_transform: Function that takes the true observation, (n, k), and returns the observation that the
+            policy receives, (n, k).
+        action_transform: Function that takes the policy's joint targets, (n, 12), rad, and the true observation,
+            (n, k), and returns the executed joint targets, (n, 12), rad.
         failing: Number of control steps after which the policy is marked as failed.
     """
 
@@ -66,18 +71,18 @@ class FailureCase:
     """Six episodes that are made to fail for a known cause."""
 
     cause: str
-    """True cause of the failures, in the words of the rules of causes."""
+    """Name of the true cause of the failures, one of `evaluate.causes.rules.CAUSES`."""
     policy: Callable[[], Policy]
-    """Function that makes the policy."""
+    """Function without arguments that creates the policy."""
     scenario: Scenario
     steps: int = 150
-    """Length of an episode, control steps."""
+    """Duration of an episode, control steps."""
     hardware: HardwareConfig = IDEAL
     chosen: tuple[int, ...] = tuple(range(6))
-    """Indices of the validation seeds with which the episodes fail."""
+    """Indices into the sequence of validation seeds; the episodes with these six seeds fail for the cause."""
 
     def run(self, after_falls: bool = False) -> Episodes:
-        """Simulate and record the episodes. If `after_falls` is True, an episode continues after a fall."""
+        """Simulate and record the six episodes; if `after_falls` is True, an episode continues after a fall."""
         seeds = episode_seeds("validation", 0, 96)[list(self.chosen)]
         policy = self.policy()
         recorder = rollout.EpisodeRecorder(policy, seeds, self.steps)
@@ -102,13 +107,21 @@ def _make_trot(**parameters: float) -> Callable[[], Policy]:
 
 
 def _slower(rows: Rows) -> Rows:
-    """Return observations with half the commanded velocity, so that the robot walks too slowly."""
+    """Halve the commanded velocity in observations, (n, k), in place, so that the robot walks too slowly."""
     rows[:, -3:] *= 0.5
     return rows
 
 
 def _toppling(actions: Actions, observation: Rows) -> Actions:
-    """Return actions that move hips and thighs so that a lean of the trunk grows."""
+    """Change joint targets so that the legs push a leaning trunk further over, until it falls.
+
+    Args:
+        actions: Joint targets of the policy, (n, 12), rad.
+        observation: True observation, (n, k).
+
+    Returns:
+        Joint targets, (n, 12), rad, with a feedback of the wrong sign from gravity direction to hips and thighs.
+    """
     lean = -6.0 * observation[:, [1, 0, 0]] * (1.0, 1.0, 0.0)
     return actions + np.tile(lean, 4).astype(np.float32)
 
@@ -120,23 +133,26 @@ def _make_scenario(speed: float | tuple[float, float] = 0.5, **settings: Any) ->
 
 
 ALONG = StartNoise(yaw=0.0)
-"""Start noise without a random heading, so that the robot faces the stairs."""
+"""Random initial state with the heading 0, so that the robot faces the stairs."""
 CURVES = CommandRanges((1.2, 1.5), (-0.3, 0.3), (-1.2, 1.2), 0.0, 2.0)
-"""Fast commands with turns. The command changes every 2 s."""
+"""Ranges of fast commands with turns, from which a new command is drawn every 2 s."""
 TILTED_IMU: Any = SensorSuite(imu=Imu(rotation=(0.0, 0.7, 0.0)))
-"""Sensors with an IMU that is rotated by 0.7 rad about the y axis of the trunk, which the estimator does not know."""
+"""Sensors with a wrongly mounted IMU: it is rotated by 0.7 rad about the y axis of the trunk.
+
+The estimator assumes an IMU that is not rotated.
+"""
 STAIRS_15_CM = Stairs(0.15)
-"""Stairs with a step height of 0.15 m."""
+"""Terrain of stairs with a step height of 0.15 m."""
 ICE = Ground(0.05)
 """Ground with a friction coefficient of 0.05."""
 WEAK_MOTORS = Motors(10.0)
 """Motors with a torque limit of 10 N·m, a tenth of the rated torque."""
 LONG_LATENCY = Latency(0.08, 0.08)
-"""Delays of actions and of observations, 0.08 s each."""
+"""Delays of 0.08 s for the actions and 0.08 s for the observations."""
 LONG_DROPOUTS = Dropouts(4, 0.95, (0.1, 4.0))
 STAIRS_UP = _make_scenario(0.8, terrain=STAIRS_15_CM, start=ALONG)
 LYING = _make_scenario(start=AnyPose())
-"""Scenario in which the robots start in a random pose, also upside down."""
+"""Scenario in which the robots start lying in a random pose, some of them upside down."""
 CASES = (
     FailureCase(rules.TRIP, _make_policy("robust"), _make_scenario(0.8, terrain=Stairs(0.2), start=ALONG), 120),
     FailureCase(rules.TRIP, _make_policy("end_to_end"), STAIRS_UP, 160, chosen=(3, 4, 5, 10, 11, 12)),
@@ -185,4 +201,4 @@ CASES = (
     FailureCase(rules.UNCLEAR, _make_policy("trot"), LYING, chosen=(0, 1, 2, 5, 6, 8)),
     FailureCase(rules.UNCLEAR, _make_policy("residual"), LYING, chosen=(0, 1, 2, 5, 6, 8)),
 )
-"""Cases of all causes: two cases, and so twelve episodes, for each cause."""
+"""Cases for all causes of failure: two cases, with six episodes each, for every cause."""

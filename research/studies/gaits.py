@@ -49,36 +49,39 @@ from research.pages.markdown import table
 from research.studies.failure_films import stack_images
 
 FILM_STEPS = range(400, 600, 2)
-"""Control steps, counted from 0, after which frames are rendered. The gait diagram covers the same time."""
+"""Control steps, counted from 0, after which frames are rendered; the gait diagram shows the same time."""
 FRAME_STRIDE = 3
-"""Distance between two frames of the film, rendered frames."""
+"""Every third rendered frame is a frame of the film."""
 FRAMES = 8
-"""Number of frames in the picture of a stride."""
+"""Number of frames that show one stride in the picture of a walk."""
 SIZE = (400, 300)
 """Width and height of a rendered frame, pixels."""
 SKY = 50
-"""Height that is cut off at the top of a rendered frame, pixels."""
+"""Height of the sky, which is cut off at the top of a rendered frame, pixels."""
 SAMPLES = 2
-"""Reduction factor of the width and height of frames in the film of several walks."""
+"""Factor of the reduction in width and height of frames in the README's film of several walks."""
 SMALL = (160, 100)
-"""Width and height of a frame in all other pictures, pixels."""
+"""Width and height of a frame in the picture and the film of a single walk, pixels."""
 QUALITY = 20
-"""WebP quality of the films, from 0 to 100."""
+"""Quality of the WebP encoding of the films, from 0 to 100; a larger value gives larger files."""
 LETTERS = 13
-"""Font size in the film of several walks, pixels."""
+"""Font size of robot and policy in the README's film of several walks, pixels."""
 README_FILM_POLICIES = (
     *product(("simple_quad",), ("trot_feedback", "mpc_wbc", "residual", "robust")),
     *product(("go1", "go2"), ("trot_feedback", "mpc_wbc")),
 )
-"""Robot and policy of each walk in the film of the README. The film is written if the pages name all of the walks."""
+"""Name of the robot and name of the policy of each walk in the film of the README.
+
+The film is written only if the pages name all of these walks.
+"""
 COLUMNS = 4
-"""Number of walks in each row of the README's film."""
+"""Number of walks side by side in the README's film of several walks."""
 FIGURES = "step_rate", "duty_factor", "flight", "trunk_height", "cost_of_transport"
-"""Names of the measures in the table of a block."""
+"""Names of the gait and effort measures in the table of each block."""
 Key = tuple[str, str]
-"""Names of robot and policy, as in the first line of a block."""
+"""Name of a robot and name of a policy, as in the first line of a generated block for gaits."""
 PLACE = re.compile(r"(?<=<!-- gaits )(\S+) (.+?)( -->\n).*?(?=<!-- /gaits -->)", re.DOTALL)
-"""Pattern of a block for gaits in a page."""
+"""Pattern of a generated block for gaits in a page: robot, policies, end of the first line, content."""
 
 
 @dataclass(frozen=True)
@@ -86,15 +89,24 @@ class GaitsOptions:
     """Record a steady walk of each controller, and draw it into the pages that name it."""
 
     pages: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
-    """Markdown files with blocks for gaits; by default all of docs and models."""
+    """Markdown files with generated blocks for gaits; by default all pages in docs and models."""
     out: Path = Path("docs/gaits")
-    """Folder of the pictures; next to it goes walking.webp, the README's."""
+    """Folder for the pictures; the README's film walking.webp is written next to this folder."""
 
 
 def main(options: GaitsOptions) -> int:
-    """Simulate and draw the walks, write pictures and pages, and return the exit code.
+    """Run the command `gaits`: draw the walks that the pages name, and write pictures and pages.
 
-    Raises UsageError, PolicyError or OSError before the first walk is drawn.
+    A missing page, robot, policy or scenario raises UsageError, PolicyError or OSError before the first walk is drawn.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+
+    Raises:
+        UsageError: No page has a block for gaits.
     """
     pages = options.pages or sorted((*Path("docs").glob("*.md"), *Path("models").rglob("*.md")))
     texts = {page: text for page in pages if PLACE.search(text := read_page(page))}
@@ -118,15 +130,15 @@ def main(options: GaitsOptions) -> int:
 def _draw_walks(
     walks: Mapping[Key, FilmSpec], folder: Path
 ) -> tuple[dict[Key, dict[str, str]], dict[Key, list[Image.Image]]]:
-    """Draw all walks in parallel.
+    """Simulate and draw all walks in parallel processes.
 
     Args:
-        walks: Robot and policy -> specification of the walk.
-        folder: Folder of the pictures.
+        walks: Names of robot and policy -> specification of the walk.
+        folder: Folder for the pictures.
 
     Returns:
-        Two dictionaries with the keys of `walks`. The first has the measures of each walk, as text by column. The
-        second has the images of each walk for the film of several walks.
+        figures: Names of robot and policy -> gait and effort measures of the walk, each name of a column -> text.
+        films: Names of robot and policy -> images of the walk for the README's film of several walks.
     """
     with ProcessPoolExecutor(available_cores(), get_context("spawn")) as pool:
         results = pool.map(draw_walk, walks.values(), repeat(folder))
@@ -137,9 +149,17 @@ def _draw_walks(
 
 
 def _walk(robot: str, name: str) -> FilmSpec:
-    """Create the specification of a walk. Raises UsageError or PolicyError.
+    """Create the specification of a walk; raise UsageError or PolicyError if a name is unknown.
 
-    `name` is POLICY or POLICY@SCENARIO.
+    Args:
+        robot: Name of the robot.
+        name: POLICY for a walk on the scenario `steady`, or POLICY@SCENARIO.
+
+    Returns:
+        Specification of the walk: policy, scenario, seed and duration.
+
+    Raises:
+        UsageError: The robot or the scenario is unknown.
     """
     hardware = parse_robot_option(robot, "a place for gaits")
     policy, _, scenario_name = name.partition("@")
@@ -159,16 +179,17 @@ def _walk(robot: str, name: str) -> FilmSpec:
 
 
 def draw_walk(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.Image]]:
-    """Simulate and draw a walk, and write the pictures NAME.webp and NAME_film.webp.
+    """Simulate and draw a walk, and write the picture NAME.webp and the film NAME_film.webp.
 
-    If the robot falls, the last frame is repeated.
+    If the robot falls, the last frame is repeated in the film.
 
     Args:
         walk: Specification of the walk.
-        folder: Folder of the pictures.
+        folder: Folder for the picture and the film.
 
     Returns:
-        Measures of the whole walk, as text by column, and the images for the film of several walks.
+        figures: Gait and effort measures of the whole walk: name of the column -> text.
+        images: Images of the walk for the README's film of several walks.
     """
     images, episodes = _render_walk(walk)
     film = images[::FRAME_STRIDE]
@@ -184,9 +205,14 @@ def draw_walk(walk: FilmSpec, folder: Path) -> tuple[dict[str, str], list[Image.
 
 
 def _render_walk(walk: FilmSpec) -> tuple[list[Image.Image], Episodes]:
-    """Simulate a walk, and return frames and the record of the episode.
+    """Simulate a walk, and render a frame after each control step in FILM_STEPS.
 
-    There is one frame after each control step in FILM_STEPS.
+    Args:
+        walk: Specification of the walk.
+
+    Returns:
+        images: Rendered frames.
+        episodes: Record of the simulated episode.
     """
     (policy,) = walk.policies
     with closing(EpisodeView(policy, walk, RenderOptions(SIZE, camera=None))) as view:
@@ -196,7 +222,15 @@ def _render_walk(walk: FilmSpec) -> tuple[list[Image.Image], Episodes]:
 
 
 def _still(images: Sequence[Image.Image], episodes: Episodes) -> bytes:
-    """Return the picture of a walk as WebP: the gait diagram above the frames of one stride."""
+    """Draw the picture of a walk: the gait diagram above the frames of one stride.
+
+    Args:
+        images: Rendered frames of the walk.
+        episodes: Record of the simulated episode.
+
+    Returns:
+        Picture encoded as WebP.
+    """
     is_upright = np.arange(FILM_STEPS.start, FILM_STEPS.stop) < episodes.fall_step[0]
     contact = episodes.foot_contact[FILM_STEPS.start : FILM_STEPS.stop, 0] & is_upright[:, None]
     times = np.linspace(*find_stride(contact), FRAMES, endpoint=False)
@@ -209,24 +243,24 @@ def _still(images: Sequence[Image.Image], episodes: Episodes) -> bytes:
 
 
 def _frame(view: EpisodeView) -> Image.Image:
-    """Render the robot, and cut off the sky."""
+    """Render the robot after the latest control step, and cut off the sky at the top of the frame."""
     return view.picture().crop((0, SKY, *SIZE))
 
 
 def _film(images: Sequence[Image.Image]) -> bytes:
-    """Encode images as an animated WebP that plays in real time."""
+    """Encode frames of a film as an animated WebP image that plays in real time."""
     return encode_animation(images, "webp", FRAME_STRIDE * FILM_STEPS.step * CONTROL_PERIOD, quality=QUALITY)
 
 
 def find_stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
-    """Find a stride: two successive touch-downs of the same foot.
+    """Find one stride in a walk: the time between two successive touch-downs of the same foot.
 
     Args:
         contact: True for feet in contact, (steps, feet).
 
     Returns:
-        Start and end of the stride, indices into `contact`. The stride is of the first foot with two touch-downs. If no
-        foot has two, the result is the whole range of `contact`.
+        Start and end of the stride, indices of control steps in `contact`. The first foot that has two touch-downs is
+        used. If there is no foot with two touch-downs, the result is the whole range of `contact`.
     """
     stance = debounce(contact, round(MIN_SWING_TIME / CONTROL_PERIOD))
     for foot_stance in stance.T:
@@ -239,16 +273,16 @@ def find_stride(contact: NDArray[np.bool_]) -> tuple[int, int]:
 def draw_gait_diagram(
     contact: NDArray[np.bool_], chosen: Sequence[int], legs: Sequence[str], width: int
 ) -> Image.Image:
-    """Draw the gait diagram: one row per foot, filled during contact, with a mark at each frame.
+    """Draw the gait diagram of a walk: one row per foot, which is filled while the foot is in contact.
 
     Args:
         contact: True for feet in contact, (steps, feet).
-        chosen: Indices into FILM_STEPS of the frames that are marked.
-        legs: Names of the legs.
+        chosen: Indices into FILM_STEPS of the frames below the diagram; their times are marked by triangles.
+        legs: Names of the legs, in the order of the feet.
         width: Width of the image, pixels.
 
     Returns:
-        The image.
+        Image with the diagram over the time of FILM_STEPS.
     """
     times = np.array((FILM_STEPS.start, FILM_STEPS.stop)) * CONTROL_PERIOD
     bottom = len(legs) - 0.5
@@ -269,16 +303,16 @@ def draw_gait_diagram(
 def _filled(
     walks: Mapping[Key, FilmSpec], figures: Mapping[Key, dict[str, str]], folder: str, block: re.Match[str]
 ) -> str:
-    """Return the text of a block for gaits, with the tables of measures and pictures.
+    """Return the new text of a generated block for gaits, with tables of measures and of pictures.
 
     Args:
-        walks: Robot and policy -> specification of the walk.
-        figures: Robot and policy -> measures of the walk, as text by column.
+        walks: Names of robot and policy -> specification of the walk.
+        figures: Names of robot and policy -> measures of the walk, each name of a column -> text.
         folder: Path from the page to the folder of the pictures.
-        block: Match of PLACE in the page.
+        block: Match of the pattern PLACE in the page.
 
     Returns:
-        The new text of the match.
+        Text that replaces the match.
     """
     heads = {ROW_LABEL: "controller", "speed": "speed, m/s"}
     heads |= {name: ", ".join(filter(None, EFFORT_TITLES[name])) for name in FIGURES}
@@ -290,7 +324,17 @@ def _filled(
 
 
 def _picture_row(walk: FilmSpec, robot: str, name: str, folder: str) -> dict[str, str]:
-    """Return the row of a walk in the table of pictures: name of the column -> Markdown."""
+    """Return the row of a walk in the table of pictures.
+
+    Args:
+        walk: Specification of the walk.
+        robot: Name of the robot.
+        name: POLICY or POLICY@SCENARIO, as in the page.
+        folder: Path from the page to the folder of the pictures.
+
+    Returns:
+        Name of the column -> Markdown.
+    """
     scenario_note = "" if walk.scenario == STEADY else f" on `{walk.scenario.name}`"
     file = f"{folder}/{walk.title}"
     return {

@@ -17,48 +17,63 @@ from quad_env.seeding import episode_seeds
 from research.studies.recovery import is_standing
 
 SETTLING = 0.8
-"""Time from the start of an episode to the request of the jump, s."""
+"""Time in an episode at which the jump is requested, s; until then the robot settles."""
 WATCHED = 3.5
 """Duration of an episode, s."""
 REQUIRED_RISE = 0.15
-"""Smallest rise of the trunk in a successful jump, m."""
+"""Minimum rise of the trunk centre above the home pose in a successful jump, m."""
 
 
 @dataclass(frozen=True)
 class JumpOptions:
-    """Measure the jump."""
+    """Options of the measurement of jumps."""
 
     robots: int = 256
-    """Robots (count), each with start noise of its own."""
+    """Number of robots; each has a different random initial state."""
     seed: int = 0
-    """Seed of the starts, >= 0."""
+    """Seed of the initial states, >= 0."""
 
 
 @dataclass(frozen=True)
 class JumpResult:
-    """Result of the jumps of n robots."""
+    """Result of the jumps of n robots, made by `run_jump`."""
 
     rise: Floats
-    """Largest height of each trunk centre above the home pose, (n,), m."""
+    """Largest height of each robot's trunk centre above the home pose, (n,), m."""
     stands: NDArray[np.bool_]
-    """True for robots that stand at the end of the episode, see `research.studies.recovery.is_standing`, (n,)."""
+    """True for robots that stand at the end of the episode by `research.studies.recovery.is_standing`, (n,)."""
     peak_torque: float
-    """Largest joint torque of all robots at the end of any control step, N·m."""
+    """Largest absolute joint torque over all robots, joints and control steps, N·m."""
     rated_torque: float
-    """Rated torque of the joints of the robot, N·m."""
+    """Rated torque of the robot's joints, N·m, for comparison with `peak_torque`."""
     diverged: int
-    """Number of robots with a diverged simulation."""
+    """Number of robots with a diverged simulation (numerically unstable state)."""
 
 
 def main(options: JumpOptions) -> int:
-    """Measure the jumps, print the result, and return the exit code."""
+    """Run the command `jump`: simulate jumps and print the result.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+    """
     check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
     print(format_result(run_jump(Behaviour(follow=False), episode_seeds("evaluation", options.seed, options.robots))))
     return 0
 
 
 def run_jump(policy: Behaviour, seeds: NDArray[np.int64]) -> JumpResult:
-    """Simulate a jump of the `policy` on flat ground, with one robot for each of the `seeds`."""
+    """Simulate one jump of each robot on flat ground.
+
+    Args:
+        policy: Policy that jumps on request.
+        seeds: Seed of the initial state of each robot, (n,).
+
+    Returns:
+        Heights, final states and torques of the n robots.
+    """
     robot = policy.robot
     period = policy.control_period
     peak_height = np.zeros(len(seeds))
@@ -81,7 +96,7 @@ def run_jump(policy: Behaviour, seeds: NDArray[np.int64]) -> JumpResult:
 
 
 def format_result(outcome: JumpResult) -> str:
-    """Format the result as lines of text."""
+    """Format the result of jumps as lines of text."""
     done = outcome.stands & (outcome.rise >= REQUIRED_RISE)
     return (
         f"rose {REQUIRED_RISE:g} m or more and landed standing: {done.sum()} of {len(done)}\n"

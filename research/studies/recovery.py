@@ -22,54 +22,71 @@ from quad_env.cli.format import points_with
 from quad_env.seeding import episode_seeds
 
 STANDING_TILT = np.deg2rad(10.0)
-"""Largest tilt of a robot that counts as standing, rad."""
+"""Largest angle between trunk and vertical at which a robot counts as standing, rad."""
 STANDING_HEIGHT = 0.45
-"""Smallest height of the trunk centre above the terrain of a robot that counts as standing, m."""
+"""Smallest height of the trunk centre above the terrain at which a robot counts as standing, m."""
 STANDING_SPEED = 0.3
-"""Largest velocity of a robot that counts as standing, for each component in the base frame, m/s or rad/s."""
+"""Largest velocity at which a robot counts as standing.
+
+It limits each component of linear velocity, m/s, and angular velocity, rad/s, in the base frame.
+"""
 LYING = replace(SCENARIOS["flat"], name="lying", start=AnyPose())
-"""Scenario on flat ground in which the robots start in a random pose."""
+"""Scenario in which the robots start in a random pose on flat ground, as after a fall."""
 TIME_ALLOWED = 5.0
-"""Time in which a robot must get up, s."""
+"""Time within which a robot must stand up to count as recovered, s."""
 WATCHED = 6.0
 """Duration of an episode, s.
 
-The episode is longer than TIME_ALLOWED, so that a robot that falls again after it has stood up does not count."""
+The episode is longer than TIME_ALLOWED, so that a robot that stands up and falls again does not count as recovered."""
 
 
 @dataclass(frozen=True)
 class RecoveryResult:
-    """Result of the recoveries of n robots."""
+    """Result of the recoveries of n robots, made by `run_recovery`."""
 
     standing_since: Floats
-    """Time from which each robot stands until the end, (n,), s; infinite if the robot does not stand at the end."""
+    """Time at which each robot begins to stand until the end, (n,), s; infinite if it does not stand at the end."""
     peak_torque: float
-    """Largest joint torque of all robots at the end of any control step, N·m."""
+    """Largest absolute joint torque over all robots, joints and control steps, N·m."""
     diverged: int
-    """Number of robots with a diverged simulation."""
+    """Number of robots with a diverged simulation (numerically unstable state)."""
 
 
 @dataclass(frozen=True)
 class RecoveryOptions:
-    """Measure the recovery from falls."""
+    """Options of the measurement of recoveries from falls."""
 
     robots: int = 1000
-    """Robots (count), each with a random start of its own."""
+    """Number of robots; each has a different random initial state."""
     seed: int = 0
-    """Seed of the starts, >= 0."""
+    """Seed of the initial states, >= 0."""
     seeds: Literal["search", "validation", "evaluation"] = "evaluation"
-    """Family of seeds; the keyframes were searched on "search"."""
+    """Purpose of the seeds; the recovery motion was optimised with "search" seeds."""
 
 
 def main(options: RecoveryOptions) -> int:
-    """Measure the recoveries, print the result, and return the exit code."""
+    """Run the command `recovery`: simulate recoveries and print the result.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+    """
     check_numbers(options, {"robots": (1, 65_536), "seed": (0, 2**31)})
     print(format_result(run_recovery(episode_seeds(options.seeds, options.seed, options.robots))))
     return 0
 
 
 def run_recovery(seeds: NDArray[np.int64]) -> RecoveryResult:
-    """Simulate the recovery of one robot for each seed. The policy starts in its recovery state."""
+    """Simulate the recovery of robots from random poses on flat ground.
+
+    Args:
+        seeds: Seed of the initial state of each robot, (n,).
+
+    Returns:
+        Times, torques and divergences of the n robots.
+    """
     standing_since = np.full(len(seeds), np.inf)
     peak_torque = 0.0
     diverged = np.zeros(len(seeds), np.bool_)
@@ -88,13 +105,13 @@ def run_recovery(seeds: NDArray[np.int64]) -> RecoveryResult:
 
 
 def is_standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDArray[np.bool_]:
-    """Return a mask of the robots that stand: upright, with the trunk high enough, and almost still.
+    """Return a mask of the robots that stand: upright, with the trunk high enough, and almost at rest.
 
-    A diverged robot does not stand, although the simulation shows it in the home pose.
+    A robot with a diverged simulation does not count as standing, although the simulation shows it in the home pose.
 
     Args:
-        observation: Observation of the true state, (n, k).
-        infos: Infos of the environment.
+        observation: Observations of the true states of n robots, (n, k).
+        infos: Infos of the environment after the same control step.
 
     Returns:
         True for robots that stand, (n,).
@@ -106,7 +123,7 @@ def is_standing(observation: NDArray[np.float32], infos: dict[str, Any]) -> NDAr
 
 
 def format_result(outcome: RecoveryResult) -> str:
-    """Format the result as lines of text."""
+    """Format the result of recoveries as lines of text."""
     stands = outcome.standing_since <= TIME_ALLOWED
     share = points_with(float(stands.mean()), wilson_interval(int(stands.sum()), len(stands)))
     times = outcome.standing_since[stands]

@@ -32,28 +32,28 @@ from quad_env.seeding import episode_seeds
 from research.pages.csv_text import to_csv
 
 SPEEDS = (1.0, 4.6)
-"""Initial speeds, m/s. The second is the speed change of SimpleQuad by a push of 65 N·s."""
+"""Initial speeds of the sliding bodies, m/s; a push of 65 N·s changes SimpleQuad's speed by the second value."""
 BRIEF = 0.05
-"""Duration of the first phase of braking, over which the initial deceleration is averaged, s."""
+"""Time after the start of sliding over which the initial deceleration is averaged, s."""
 
 
 @dataclass(frozen=True)
 class ContactSetting:
-    """Changes of the project's default contact settings and pushes."""
+    """Changes of the project's default contact parameters, and of the duration of pushes."""
 
     options: Mapping[str, float] = field(default_factory=dict)
-    """Name of a field of MuJoCo's `mjOption` -> value."""
+    """Changed simulation options: field of MuJoCo's `mjOption` -> value."""
     solref: tuple[float, float] | None = None
-    """MuJoCo's `solref` of all geoms; None for no change."""
+    """MuJoCo's `solref` of all geoms: time constant, s, and damping ratio, or negative values; None: unchanged."""
     friction: float | None = None
-    """Coefficient of sliding friction of all geoms; None for no change."""
+    """Coefficient of sliding friction of all geoms; None: unchanged."""
     push: float = 0.1
-    """Duration of the pushes, s. The impulse of a push does not change with the duration."""
+    """Duration of the pushes, s; the impulse of a push is the same for all durations."""
     exact: bool = False
-    """True: exact Coulomb friction instead of the friction of MuJoCo."""
+    """True for exact Coulomb friction; False for the friction model of MuJoCo, a convex relaxation."""
 
     def apply(self, spec: Any) -> Any:
-        """Apply the changes of the contact settings to a model specification in place, and return it."""
+        """Apply the changes to the specification of a MuJoCo model in place, and return the specification."""
         for name, value in self.options.items():
             setattr(spec.option, name, value)
         for geom in spec.geoms:
@@ -65,7 +65,7 @@ class ContactSetting:
 
 
 _NEWTON = {"solver": mujoco.mjtSolver.mjSOL_NEWTON, "iterations": 100}
-"""Name of a field of MuJoCo's `mjOption` -> value, for the Newton solver."""
+"""Simulation options of the Newton solver: field of MuJoCo's `mjOption` -> value."""
 SETTINGS = {
     "today": ContactSetting(),
     "time step 1 ms": ContactSetting({"timestep": 0.001}),
@@ -84,7 +84,7 @@ SETTINGS = {
     "push over 0.3 s": ContactSetting(push=0.3),
     "push over 0.5 s": ContactSetting(push=0.5),
 }
-"""Name of the setting -> changes."""
+"""Compared contact settings: name of the setting -> changes of the default parameters."""
 
 
 @dataclass(frozen=True)
@@ -92,21 +92,31 @@ class SlidingOptions:
     """Measure lift, braking and falls by settings of the contact."""
 
     settings: tuple[str, ...] = tuple(SETTINGS)
-    """Names of settings."""
+    """Names of the contact settings to compare."""
     policy: str = "trot"
-    """Policy that walks."""
+    """Name of the policy that walks."""
     scenarios: tuple[str, ...] = ("flat", "push=65")
-    """Scenarios on which it does."""
+    """Names of the scenarios on which the policy walks."""
     episodes: int = 24
-    """Search episodes of 10 s on each (count)."""
+    """Number of search episodes of 10 s on each scenario."""
     seed: int = 38
     """Seed of the search episodes, >= 0."""
     table: Path = Path("docs/results/sliding.csv")
-    """CSV file to write."""
+    """CSV file for the results."""
 
 
 def main(options: SlidingOptions) -> int:
-    """Measure all settings, print and write the results, and return the exit code. Raises UsageError."""
+    """Run the command `sliding`: measure all contact settings, and print and write the results.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+
+    Raises:
+        UsageError: A setting is unknown.
+    """
     check_numbers(options, {"episodes": (1, 4096), "seed": (0, 2**31)})
     if unknown := set(options.settings) - set(SETTINGS):
         raise UsageError(f"--settings: there is no {', '.join(sorted(unknown))}; valid: {'; '.join(SETTINGS)}")
@@ -126,10 +136,10 @@ def measure_sliding(setting: ContactSetting) -> dict[str, float]:
     The ball has the radius of a foot and a quarter of the mass of the robot.
 
     Args:
-        setting: Contact settings.
+        setting: Contact setting.
 
     Returns:
-        Name of the column -> value, for both bodies at each of SPEEDS.
+        Name of the column, with body, quantity, unit and initial speed -> value.
     """
     ball = setting.apply(ball_spec(SIMPLE_QUAD)).compile()
     robot = setting.apply(build_spec(SIMPLE_QUAD)).compile()
@@ -145,25 +155,27 @@ def measure_sliding(setting: ContactSetting) -> dict[str, float]:
 
 
 def simulate_slide(model: Any, speed: float, seconds: float, exact: bool) -> tuple[float, float, float]:
-    """Simulate a body that slides on the ground.
+    """Simulate a body (ball or robot) that slides on the ground, and measure its lift and deceleration.
 
     Args:
-        model: Compiled model of the body.
+        model: Compiled MuJoCo model of the body.
         speed: Initial speed, m/s.
         seconds: Duration of the simulation, s.
-        exact: True: exact Coulomb friction instead of the friction of MuJoCo.
+        exact: True for exact Coulomb friction, False for the friction model of MuJoCo.
 
     Returns:
-        Lift: largest height of the lowest foot above the ground, mm. Initial braking: mean deceleration of the centre
-        of mass over the first 50 ms. Total braking: mean deceleration until a twentieth of the speed is left or the
-        simulation ends. The unit of both decelerations is µg, friction coefficient times gravity.
+        lift: Largest height of the lowest foot above the ground, mm.
+        initial_braking: Mean deceleration of the centre of mass over the first 50 ms. The unit of both decelerations is
+            µg, friction coefficient times gravity, which is the deceleration by Coulomb friction.
+        total_braking: Mean deceleration of the centre of mass until the speed is a twentieth of the initial speed, or
+            until the end of the simulation.
     """
     data = mujoco.MjData(model)
     timestep = model.opt.timestep
     feet = model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
-    if model.nkey:  # only the robot has a keyframe, its home pose
+    if model.nkey:  # because only the robot has a keyframe, the home pose
         mujoco.mj_resetDataKeyframe(model, data, 0)
-    _step(model, data, False, 0.5)  # until the body rests on the ground
+    _step(model, data, False, 0.5)  # so that the body rests on the ground
     data.qvel[0] += speed
     heights = []
     speeds = []
@@ -173,16 +185,16 @@ def simulate_slide(model: Any, speed: float, seconds: float, exact: bool) -> tup
         speeds.append(data.subtree_linvel[0, 0])
     slow_steps = np.flatnonzero(np.array(speeds) < 0.05 * speed)
     stop_step = slow_steps[0] + 1 if slow_steps.size else len(speeds)
-    speed_unit = model.geom("ground").friction[0] * GRAVITY * timestep  # loss of speed per time step at µg
+    speed_unit = model.geom("ground").friction[0] * GRAVITY * timestep  # loss of speed per step at µg, m/s
     braking = [float((speed - speeds[end - 1]) / (end * speed_unit)) for end in (round(BRIEF / timestep), stop_step)]
     return 1e3 * max(heights), braking[0], braking[1]
 
 
 def ball_spec(robot: Robot) -> Any:
-    """Create the model specification of a ball that slides on the robot's ground without rotation.
+    """Create the MuJoCo model specification of a ball that slides without rotation, on the robot's ground.
 
-    The ball has the radius of a foot of the robot. The mass of the ball is the mass of the robot divided by the number
-    of legs.
+    The ball has radius and contact parameters of a foot of the robot. Its mass is the mass of the robot divided by the
+    number of legs.
     """
     robot_spec = build_spec(robot)
     ground = robot_spec.geom("ground")
@@ -199,14 +211,14 @@ def ball_spec(robot: Robot) -> Any:
 
 
 def evaluate_walks(setting: ContactSetting, options: SlidingOptions) -> dict[str, float]:
-    """Evaluate the policy of `options` with a contact `setting`.
+    """Let a policy walk with a contact setting, and count successes and falls.
 
     Args:
         setting: Contact setting.
-        options: Options of the command, with the policy.
+        options: Options of the command: policy, scenarios and episodes.
 
     Returns:
-        Name of the column -> success rate or number of falls.
+        Name of the column -> success rate, 0 to 1, or number of falls on a scenario.
     """
     seeds = episode_seeds("search", options.seed, options.episodes)
     figures: dict[str, float] = {}
@@ -227,12 +239,22 @@ def evaluate_walks(setting: ContactSetting, options: SlidingOptions) -> dict[str
 
 
 def _contact_parameters(geom: Any) -> dict[str, Any]:
-    """Return the contact parameters of a geom: name of MuJoCo's geom attribute -> value."""
+    """Return contact parameters of a geom, to copy them to another geom: name of the attribute -> value."""
     return {"condim": 3, "friction": geom.friction, "solref": geom.solref}
 
 
 def _step(model: Any, data: Any, exact: bool, seconds: float | None = None) -> Any:
-    """Simulate one time step, or `seconds` (s) if given, in place, and return `data`."""
+    """Simulate a model in place.
+
+    Args:
+        model: Compiled MuJoCo model.
+        data: `mujoco.MjData` of the model, which is changed.
+        exact: True for exact Coulomb friction, False for the friction model of MuJoCo.
+        seconds: Simulated time, s; None for one time step.
+
+    Returns:
+        The changed `data`.
+    """
     mujoco.set_mjcb_control(_coulomb if exact else None)
     try:
         mujoco.mj_step(model, data, round((seconds or model.opt.timestep) / model.opt.timestep))
@@ -242,7 +264,14 @@ def _step(model: Any, data: Any, exact: bool, seconds: float | None = None) -> A
 
 
 def _exact_step(batch: Batch, ids: Any = None, nstep: int = 1, stage: int = 0) -> None:
-    """Replace `Batch.step` by steps with exact Coulomb friction."""
+    """Simulate the robots of a batch with exact Coulomb friction; this function replaces `Batch.step`.
+
+    Args:
+        batch: Batch of simulations, which is changed in place.
+        ids: Indices of the robots to simulate; None for all robots.
+        nstep: Number of time steps.
+        stage: Not used; the argument exists because `Batch.step` has it.
+    """
     data = mujoco.MjData(batch.model)
     state = mujoco.mjtState.mjSTATE_INTEGRATION
     for robot in range(batch.nsim) if ids is None else ids:
@@ -253,10 +282,15 @@ def _exact_step(batch: Batch, ids: Any = None, nstep: int = 1, stage: int = 0) -
 
 
 def _coulomb(model: Any, data: Any) -> None:
-    """Apply the correction of de Saxcé, which makes the friction exact; a control callback of MuJoCo.
+    """Make the friction of all contacts exact Coulomb friction, by the correction of de Saxcé.
 
-    MuJoCo calls the function between its velocity and acceleration stages. The correction uses the acceleration of the
-    last step.
+    This is a control callback: MuJoCo calls it between the velocity stage and the acceleration stage of a time step.
+    The normal reference acceleration of each contact is reduced by the friction coefficient times the tangential
+    residual, which is computed from the acceleration of the last time step.
+
+    Args:
+        model: Compiled MuJoCo model.
+        data: `mujoco.MjData` of the model, which is changed in place.
     """
     touching = data.contact.efc_address >= 0
     normal = data.contact.efc_address[touching]

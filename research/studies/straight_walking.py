@@ -32,9 +32,9 @@ from research.pages.blocks import RESULTS, read_page, write_block
 from research.pages.csv_text import flatten_entry, to_csv
 
 GROUNDS = {"flat": "level", "push": "pushed", "rough": "uneven"}
-"""Name of the scenario -> name of its ground in the tables."""
+"""Name of a scenario -> word for the scenario in the tables."""
 LIMITS = {"episodes": (2, 65_536), "seed": (0, 2**63 - 1), "threads": (1, 256), "speeds": (0.01, 10.0)}
-"""Name of the option -> smallest and largest valid value."""
+"""Name of an option -> smallest and largest valid value."""
 
 
 @dataclass(frozen=True)
@@ -42,25 +42,35 @@ class StraightWalkingOptions:
     """Compare policies in walking straight ahead."""
 
     robot: str = "go1"
-    """Robot of every policy: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
+    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
     policies: tuple[str, ...] = ("trot", "trot_feedback", "mpc_wbc", "residual")
-    """Names or folders of policies."""
+    """Names or folders of the compared policies."""
     speeds: tuple[float, ...] = (0.3, 0.6, 0.9)
-    """Commanded speeds, m/s of SimpleQuad; the robot's are as fast for its size."""
+    """Commanded speeds of SimpleQuad, m/s; another robot gets the speed of the same Froude number."""
     episodes: int = 64
-    """Episodes of 10 s of each policy, speed and ground (count)."""
+    """Number of episodes of 10 s for each policy, speed and ground."""
     seed: int = 0
     """Seed of the episodes, >= 0."""
     table: Path = Path("results/straight_walking.csv")
-    """CSV file to write."""
+    """CSV file for the results."""
     page: Path | None = None
-    """Markdown file with the lines `<!-- results -->` and `<!-- /results -->`, between which a short table goes."""
+    """Markdown file; a short table is written between `<!-- results -->` and `<!-- /results -->`."""
     threads: int = 2
-    """Processes that simulate side by side (count). No outcome depends on it."""
+    """Number of processes that simulate; the results do not depend on it."""
 
 
 def main(options: StraightWalkingOptions) -> int:
-    """Evaluate the policies, print and write the results, and return the exit code. Raises UsageError."""
+    """Run the command `straight-walking`: evaluate the policies, and print and write the results.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+
+    Raises:
+        UsageError: An option is invalid.
+    """
     check_numbers(options, LIMITS)
     hardware = parse_robot_option(options.robot)
     if options.page is not None:
@@ -80,14 +90,15 @@ def main(options: StraightWalkingOptions) -> int:
 
 
 def walk_scenarios(robot: Robot, speeds: Sequence[float]) -> list[Scenario]:
-    """Create scenarios of walks straight ahead, one for each ground and speed.
+    """Create scenarios in which the robot walks straight ahead, one for each ground and speed.
 
     Args:
         robot: Robot that walks.
-        speeds: Speeds of SimpleQuad, m/s. The speeds of another robot have the same Froude numbers.
+        speeds: Commanded speeds of SimpleQuad, m/s. They are scaled to `robot` so that the Froude number, velocity
+            squared over gravity and leg length, is the same.
 
     Returns:
-        Scenarios with different names.
+        The scenarios; each has a different name.
     """
     walks = []
     grounds = [scenario(name, robot) for name in GROUNDS]
@@ -113,8 +124,8 @@ def evaluate_rows(
         compared: Policies to evaluate.
 
     Returns:
-        A row for each walk and policy: name of the column -> value. The columns are the fields of `Summary`, and the
-        bounds of their 95 % intervals.
+        Row for each walk and policy: name of the column -> value. The columns are the fields of
+        `evaluate.analysis.summary.Summary`, and the bounds of their 95 % intervals.
     """
     seeds = evaluation_seeds(options.seed, options.episodes)
     settings = RunSettings(1, lambda *_: None, executor=process_pool(options.threads), hardware=hardware)
@@ -134,12 +145,12 @@ def evaluate_rows(
 
 
 def markdown_lines(options: StraightWalkingOptions, robot: Robot, table: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Create the table of success and cost of transport, with a row per walk and a column per policy.
+    """Create the Markdown table of success and cost of transport, one row per walk, one column per policy.
 
     Args:
         options: Options of the command.
         robot: Robot that walks.
-        table: Rows of `evaluate_rows`.
+        table: Rows from `evaluate_rows`.
 
     Returns:
         Lines of Markdown.

@@ -23,9 +23,9 @@ from quad_env.robots.robot import Robot
 from research.pages.csv_text import to_csv
 
 STEPS = 0.002, 0.001, 0.0005
-"""Physics time steps, s. The first is the default, with which all other results of the project are computed."""
+"""Compared physics time steps, s; the first is the default, which all other results of the project use."""
 MEANS = (*(name for name in EFFORT if name != "cost_of_transport"), "mechanical_power", "mean_velocity_error")
-"""Names of the measures that are averaged over the episodes."""
+"""Names of the effort and error measures that are averaged over the episodes."""
 
 
 @dataclass(frozen=True)
@@ -33,18 +33,18 @@ class TimeStepOptions:
     """Write the effort of policies at each physics step as a CSV file."""
 
     policies: tuple[str, ...] = ("document_repaired", *WALKING_POLICIES, "mpc_wbc")
-    """Names or folders of policies."""
+    """Names or folders of the policies that are measured."""
     scenarios: tuple[str, ...] = ("steady", "flat")
-    """Scenarios."""
+    """Names of the scenarios."""
     episodes: int = 12
-    """Episodes of each policy on each scenario at each physics step (count)."""
+    """Number of episodes of each policy on each scenario with each physics time step."""
     table: Path = Path("results/time_step.csv")
-    """CSV file for the figures."""
+    """CSV file for the results."""
 
 
 @dataclass(frozen=True)
 class _SteppedHardwareConfig(HardwareConfig):
-    """Ideal hardware that is simulated with a given physics time step."""
+    """Robot with ideal motors and sensors, which is simulated with a given physics time step."""
 
     timestep: float = STEPS[0]
     """Physics time step, s."""
@@ -54,7 +54,14 @@ class _SteppedHardwareConfig(HardwareConfig):
 
 
 def main(options: TimeStepOptions) -> int:
-    """Run the episodes, print and write the table, and return the exit code. Raises UsageError."""
+    """Run the command `time-step`: simulate the episodes, and print and write the results.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+    """
     check_numbers(options, {"episodes": (1, 4096)})
     table = list(measure_effort(options))
     write_atomically(options.table, to_csv(table))
@@ -63,9 +70,14 @@ def main(options: TimeStepOptions) -> int:
 
 
 def measure_effort(options: TimeStepOptions) -> Iterator[dict[str, Any]]:
-    """Yield a row for each policy, scenario and physics time step: name of the column -> value.
+    """Measure success, cost of transport and effort for each policy, scenario and physics time step.
 
-    A row has the success rate, the cost of transport, and the means of the other measures over the episodes.
+    Args:
+        options: Options of the command.
+
+    Yields:
+        Row of the table: name of the column -> value. A row has the success rate, the cost of transport of all episodes
+        together, and the means of the other measures over the episodes.
     """
     seeds = evaluation_seeds(0, options.episodes)
     for scenario, name, step in product(options.scenarios, options.policies, STEPS):

@@ -1,1 +1,1 @@
-"""Training studies, learning curves, parameter search, and publication of trained policies."""
+"""Commands about training: ablations, learning curves, parameter search and publication of policies."""

@@ -30,7 +30,7 @@ from train.run_folder import METRICS_FILE, VALIDATIONS_FILE, has_checkpoint, ste
 from train.run_record import differences, load_config
 
 DEFAULT = "default"
-"""Name of the variant that is the default command without changes."""
+"""Name of the variant that trains with the default options; all other variants are compared with it."""
 VARIANTS: Mapping[str, str] = {
     DEFAULT: "",
     "base: trot": "--base trot",
@@ -51,9 +51,9 @@ VARIANTS: Mapping[str, str] = {
     "fewer robots, smaller minibatches": "--ppo.envs 512 --ppo.minibatch 2048",
     "no curriculum": "--curriculum 1",
 }
-"""Name of the variant -> options that it adds to the default command."""
+"""Name of a variant of the training -> command-line options that it adds to the default command."""
 VALIDATED_ON = DEFAULTS["residual"].complete_validation.scenarios
-"""Validation scenarios of all variants: the training scenarios of the default command."""
+"""Scenarios on which all variants are validated: the training scenarios of the default command."""
 
 
 @dataclass(frozen=True)
@@ -61,23 +61,33 @@ class AblationsOptions:
     """Variants to compare, and the numbers of steps, seeds and episodes."""
 
     variants: tuple[str, ...] = tuple(VARIANTS)
-    """Names of the variants."""
+    """Names of the variants of the training that are compared."""
     steps: int = parameter(1_000_000, limits=(1, 10**12 - 1))
-    """Steps of each run."""
+    """Number of training steps of each training run."""
     seeds: int = parameter(5, limits=(2, 1000))
-    """Training seeds of each variant, from 0 on."""
+    """Number of training seeds of each variant; the seeds are 0, 1, …."""
     episodes: int = parameter(24, limits=(1, 100_000))
-    """Validation episodes of each scenario."""
+    """Number of validation episodes on each scenario."""
     threads: int = parameter(2, limits=(1, 256))
-    """Threads of the simulation."""
+    """Number of threads of the simulation."""
     out: Path = Path("runs/ablations")
-    """Folder of the runs; finished ones of the same settings are kept."""
+    """Folder of the training runs; finished runs with the same settings are not repeated."""
     table: Path = Path("docs/results/ablations.csv")
-    """CSV file to write; the figure goes next to it, as a PNG of the same name."""
+    """CSV file for the results; the plot is written next to it, as a PNG file of the same name."""
 
 
 def main(options: AblationsOptions) -> int:
-    """Train the missing runs, write the table and the figure, and return the exit code. Raises UsageError."""
+    """Run the command `ablations`: train the missing runs, and write table and plot of the results.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+
+    Raises:
+        UsageError: A variant is unknown, or another option is invalid.
+    """
     check_numbers(options, limits_of(options))
     if unknown := [name for name in options.variants if name not in VARIANTS]:
         raise UsageError(f"--variants: unknown {unknown[0]!r}; valid: {', '.join(map(repr, VARIANTS))}")
@@ -98,7 +108,7 @@ def main(options: AblationsOptions) -> int:
 
 
 def make_config(options: AblationsOptions, name: str, seed: int) -> TrainConfig:
-    """Create the training settings of one run.
+    """Create the training settings of one variant and one seed.
 
     Args:
         options: Options of the command.
@@ -106,7 +116,7 @@ def make_config(options: AblationsOptions, name: str, seed: int) -> TrainConfig:
         seed: Training seed.
 
     Returns:
-        The settings, with the folder of the run.
+        Training settings, including the folder of the training run.
     """
     arguments = f"{VARIANTS[name]} --steps {options.steps} --seed {seed} --threads {options.threads}".split()
     arguments += ["--validation.interval", "0", "--validation.episodes", str(options.episodes)]
@@ -116,7 +126,14 @@ def make_config(options: AblationsOptions, name: str, seed: int) -> TrainConfig:
 
 
 def train_missing(run: TrainConfig) -> None:
-    """Train the missing part of a run. Raises UsageError if the folder has a run with other settings."""
+    """Train a run, or continue it if it is unfinished; do nothing if it is finished.
+
+    Args:
+        run: Training settings, including the folder of the run.
+
+    Raises:
+        UsageError: The folder contains a run with other settings.
+    """
     from train.run import train
 
     resume = has_checkpoint(run.folder)
@@ -127,10 +144,14 @@ def train_missing(run: TrainConfig) -> None:
 
 
 def read_results(run: TrainConfig) -> dict[str, float]:
-    """Return the results of a finished run: name -> value.
+    """Read the results of a finished training run.
 
-    `success` is the success rate of the last validation, %. `flat_velocity_error` is the velocity error on the scenario
-    `flat:2`, m/s. `minutes` is the training time, min.
+    Args:
+        run: Training settings, including the folder of the run.
+
+    Returns:
+        Dictionary: `success`, success rate of the last validation, %; `flat_velocity_error`, velocity error on the
+        scenario `flat:2` in this validation, m/s; `minutes`, training time, min.
     """
     last = json.loads(read_bytes(run.folder / VALIDATIONS_FILE))["validations"][-1]
     metrics = json.loads(read_bytes(run.folder / METRICS_FILE, MAX_DATA_SIZE).splitlines()[-1])
@@ -142,13 +163,14 @@ def read_results(run: TrainConfig) -> dict[str, float]:
 
 
 def make_rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dict[str, Any]]:
-    """Create the rows of the table, one for each variant: name of the column -> value.
+    """Create the rows of the table of results, one row per variant.
 
     Args:
-        variants: Name of the variant -> results of `read_results` for each seed.
+        variants: Name of a variant -> results from `read_results` for each seed.
 
     Returns:
-        Rows with the success rate of each seed, and the difference of the mean success rate from the default variant.
+        Rows: name of the column -> value. A row has the success rate of each seed, and the mean success rate minus the
+        mean success rate of the default variant.
     """
     success = {name: np.array([run["success"] for run in runs]) for name, runs in variants.items()}
     rows = []
@@ -169,23 +191,35 @@ def make_rows(variants: Mapping[str, Sequence[Mapping[str, float]]]) -> list[dic
 
 
 def _difference(a: Floats, b: Floats) -> dict[str, float]:
-    """Return the mean of `a` minus the mean of `b`, with the interval of Welch's t-test, as columns.
+    """Compute the difference of the mean success of two variants, with the interval of Welch's t-test.
 
-    A bootstrap is not used, because its interval is too narrow with five seeds.
+    A bootstrap interval is not used, because it is too narrow with five seeds.
+
+    Args:
+        a: Success rate of the first variant with each seed, (seeds,), %.
+        b: Success rate of the second variant with each seed, (seeds,), %.
+
+    Returns:
+        Name of the column -> value, percentage points; without bounds if all values of both variants are equal.
     """
     from scipy.stats import ttest_ind
 
     difference = {"minus_default_points": float(a.mean() - b.mean())}
     if np.ptp(a) == np.ptp(b) == 0.0:
         return difference
-    with warnings.catch_warnings():  # because SciPy warns if all seeds of a variant have the same result
+    with warnings.catch_warnings():  # because SciPy warns if all seeds have the same result
         warnings.simplefilter("ignore", RuntimeWarning)
         low, high = ttest_ind(a, b, equal_var=False).confidence_interval(CONFIDENCE)
     return difference | {"low": float(low), "high": float(high)}
 
 
 def draw_differences(table: Sequence[Mapping[str, Any]], picture: Path) -> None:
-    """Draw the difference of each variant in `table` from the default variant, as the PNG `picture`."""
+    """Plot the difference in success of each variant from the default variant, with its interval.
+
+    Args:
+        table: Rows from `make_rows`.
+        picture: PNG file to write.
+    """
     rows = [row for row in table if row.get("minus_default_points") is not None]
     left = 0.2 + max(map(drawing.text_width, (row["variant"] for row in rows)), default=0.0)
     with drawing.plot_settings():

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_LABEL_LENGTH = 48
-"""Largest length of the settings in a label, characters."""
+"""Maximum length of the settings in the label of a curve, characters."""
 
 
 @dataclass(frozen=True)
@@ -37,15 +37,22 @@ class CurvesOptions:
     """Draw learning curves."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Folders of training runs, finished or not, for example runs/residual-*."""
+    """Folders of finished or unfinished training runs, for example runs/residual-*."""
     out: Path = Path("results/learning_curves.svg")
-    """Picture to write, an .svg, .png or .pdf; replaced if it is there."""
+    """Plot to write, an .svg, .png or .pdf file; an existing file is replaced."""
 
 
 def main(options: CurvesOptions) -> int:
-    """Write the plot of the curves, print the last point of each curve, and return the exit code.
+    """Run the command `curves`: plot the learning curves, and print the last point of each curve.
 
-    Raises UsageError or OSError.
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+
+    Raises:
+        UsageError: An option is invalid, or no run has a validation.
     """
     if options.out.suffix not in DATE_METADATA:
         raise UsageError(f"--out must end in {', '.join(DATE_METADATA)}, unlike {options.out}")
@@ -71,44 +78,58 @@ def main(options: CurvesOptions) -> int:
 
 @dataclass(frozen=True)
 class RunCurve:
-    """Learning curve of one run, made by `read_curve`."""
+    """Learning curve of one training run, made by `read_curve`."""
 
     folder: Path
-    """Folder of the run."""
+    """Folder of the training run."""
     settings: Mapping[str, Any]
-    """Name of the option -> value, for all settings except the seed."""
+    """Training settings except the seed: name of the option -> value."""
     seed: int
     """Training seed."""
     steps: Floats
-    """Number of training steps at each of the k validations, (k,)."""
+    """Number of training steps before each of the k validations, (k,)."""
     figures: Floats
-    """Success rate (0 … 1) and cost of transport of the k validations, (2, k). A cost that is not recorded is NaN."""
+    """Results of the k validations, (2, k): success rate, 0 to 1, and cost of transport.
+
+    The cost of transport is NaN if it was not recorded.
+    """
 
 
 @dataclass(frozen=True)
 class SeedBand:
-    """Curves of runs with the same settings and different seeds, made by `group_by_seed`."""
+    """Group of training runs with the same settings and different seeds, made by `group_by_seed`."""
 
     label: str
-    """Label of the curve in the legend."""
+    """Label of the group in the legend of the plot."""
     runs: tuple[RunCurve, ...]
-    """Curves of the runs, one for each seed."""
+    """Learning curves of the training runs, one for each seed."""
 
     @property
     def steps(self) -> Floats:
-        """Numbers of training steps at which all runs of the group were validated, (k,)."""
+        """Numbers of training steps, (k,), at which all training runs of the group were validated."""
         return reduce(np.intersect1d, [run.steps for run in self.runs])
 
     def over_seeds(self) -> tuple[Floats, Floats, Floats]:
-        """Return mean, minimum and maximum over the seeds of success rate and cost of transport, each (2, k)."""
+        """Compute mean, minimum and maximum over the seeds, at the numbers of steps in `steps`.
+
+        Returns:
+            Three arrays, mean, minimum and maximum, each (2, k): success rate, 0 to 1, and cost of transport.
+        """
         figures = np.array([run.figures[:, np.isin(run.steps, self.steps)] for run in self.runs])
         return figures.mean(axis=0), figures.min(axis=0), figures.max(axis=0)
 
 
 def read_curve(folder: Path) -> RunCurve:
-    """Read the learning curve of the run in `folder`, also of a run of an older version.
+    """Read the learning curve of a training run, which may be of an older version of this project.
 
-    Raises UsageError if the folder has no run, or if the validations are damaged.
+    Args:
+        folder: Folder of the training run.
+
+    Returns:
+        The learning curve; it is empty if the run has no validation yet.
+
+    Raises:
+        UsageError: The folder contains no training run, or the file of the validations is damaged.
     """
     settings = dict(flatten(load_settings(folder)))
     path = folder / VALIDATIONS_FILE
@@ -122,9 +143,16 @@ def read_curve(folder: Path) -> RunCurve:
 
 
 def group_by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
-    """Group the runs that differ only in their seed.
+    """Group the training runs that differ only in their seed.
 
-    Raises UsageError if two runs of a group have the same seed.
+    Args:
+        runs: Learning curves of all training runs.
+
+    Returns:
+        One group for each combination of settings, with a label for the legend.
+
+    Raises:
+        UsageError: Two training runs of a group have the same seed.
     """
     groups = dict[str, list[RunCurve]]()
     for run in runs:
@@ -138,9 +166,16 @@ def group_by_seed(runs: Sequence[RunCurve]) -> list[SeedBand]:
 
 
 def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
-    """Return the label of a group of runs: values of the given options, and the seeds.
+    """Return the label of a group of training runs, for example `base trot (5 seeds)`.
 
-    If the values are too long, the label has the folder of the first run instead.
+    If the values of the options are too long, the label has the folder of the first training run instead.
+
+    Args:
+        runs: Learning curves of the group.
+        options: Names of the options that the label shows with their values.
+
+    Returns:
+        The label.
     """
     settings = ", ".join(f"{name} {to_words(runs[0].settings.get(name))}" for name in options)
     seeds = f"{len(runs)} seeds" if len(runs) > 1 else f"seed {runs[0].seed}"
@@ -148,7 +183,14 @@ def _label(runs: Sequence[RunCurve], options: Sequence[str]) -> str:
 
 
 def draw_bands(bands: Sequence[SeedBand]) -> "Figure":
-    """Draw the learning curves: success, and in a panel below it cost of transport if any run has it."""
+    """Plot the learning curves: success, and in a second panel the cost of transport if it was recorded.
+
+    Args:
+        bands: Groups of training runs, each with a curve in its own colour.
+
+    Returns:
+        The Matplotlib figure.
+    """
     all_figures = np.concatenate([run.figures for band in bands for run in band.runs], axis=1)
     figure, panels = make_axes(all_figures, "", len(bands))
     marks = list(MARKS)
@@ -163,14 +205,14 @@ def draw_bands(bands: Sequence[SeedBand]) -> "Figure":
 
 
 def _draw_band(axes: "Axes", band: SeedBand, row: int, colour: str, mark: str) -> None:
-    """Draw a group of runs: the mean over the seeds, their range as a band, and each run as a thin line.
+    """Plot a group of training runs: mean over the seeds, range of the seeds as a band, and each run.
 
     Args:
-        axes: Axes of the panel.
-        band: Group of runs.
-        row: Index of the panel, and row of the data: 0 for success, 1 for cost of transport.
+        axes: Matplotlib axes of the panel.
+        band: Group of training runs.
+        row: Index of the plotted quantity: 0 for success, 1 for cost of transport.
         colour: Colour of lines and band.
-        mark: Marker of the mean.
+        mark: Matplotlib marker of the points of the mean.
     """
     mean, low, high = (PANELS[row][1] * figures[row] for figures in band.over_seeds())
     axes.fill_between(band.steps, low, high, color=colour, alpha=0.18, linewidth=0)

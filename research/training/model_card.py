@@ -1,4 +1,4 @@
-"""Text of MODEL.md, the model card of a policy: description, training, comparison with a baseline."""
+"""Text of MODEL.md, the model card of a trained policy: description, training and results."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,40 +18,40 @@ from train.config import POSES, TrainConfig
 from train.run_record import training_command
 
 CARD_METRICS = (FALL_RATE, "velocity_error", "yaw_rate_error")
-"""Names of the metrics for which a cell of the table has the values of both baseline and policy."""
+"""Metrics for which a cell of the results table has two values: of the baseline and of the trained policy."""
 
 
 @dataclass(frozen=True)
 class TrainedRun:
-    """Finished training run, with the facts that the model card states."""
+    """Finished training run, with the facts about it that the model card states."""
 
     label: str
-    """Name of the run as a policy of the evaluation: its folder."""
+    """Folder of the training run as text, which is the name of its policy in the evaluation."""
     config: TrainConfig
     """Training settings."""
     minutes: float
-    """Training time, validation included, min."""
+    """Duration of the training including validations, min."""
     git_revision: str
-    """Git revision of the code with which the run was trained."""
+    """Git revision of the code that trained the policy."""
     bundle: Path
-    """Folder of the policy bundle of the best validation."""
+    """Folder with the policy of the best validation (policy.json and policy.safetensors)."""
     command_then: str | None = None
-    """Training command at `git_revision`; None if it is the same as the current command."""
+    """Training command in the options of `git_revision`; None if the command of this version is the same."""
 
     @property
     def baseline(self) -> str:
-        """Name of the baseline of the comparison: the base policy, or `trot` if the base policy does not walk."""
+        """Name of the baseline policy of the comparison: the base policy, or `trot` if the base does not walk."""
         return "trot" if self.config.base in POSES else self.config.base
 
 
 def model_card(name: str, runs: list[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """Return the text of the MODEL.md of a policy.
+    """Return the text of MODEL.md, the model card of a trained policy.
 
     Args:
         name: Name of the shipped policy.
-        runs: All evaluated runs.
-        shipped: Run with the policy that is shipped.
-        results: Results of the evaluation of the runs and of the baseline.
+        runs: All evaluated training runs.
+        shipped: Training run of the shipped policy.
+        results: Results of the evaluation of all training runs and of the baseline.
 
     Returns:
         Text of the file, Markdown.
@@ -87,7 +87,7 @@ Success is by the rule `{results.versions["success_rule"]}`; every step after a 
 
 
 def training_section(run: TrainedRun) -> str:
-    """Return the section on the training of a run: command, settings, training time and git revision."""
+    """Return the section of the model card on the training: command, settings, duration and Git revision."""
     config = run.config
     return f"""## Training
 
@@ -100,7 +100,7 @@ evaluation uses. {describe_origin(run)}"""
 
 
 def describe_origin(run: TrainedRun) -> str:
-    """Describe the git revision at which a run was trained, and the training command at that revision."""
+    """Describe in words the Git revision that trained the policy, and its training command."""
     present_command = training_command(run.config)
     original_command = run.command_then or present_command
     is_unchanged = original_command == present_command
@@ -112,29 +112,29 @@ def describe_origin(run: TrainedRun) -> str:
 
 
 def describe_correction(config: TrainConfig) -> str:
-    """Describe the correction by the policy: base policy, rate and largest correction."""
+    """Describe in words the correction by the policy: base policy, rate, Hz, and largest correction, rad."""
     rate = 1.0 / (CONTROL_PERIOD * config.ppo.hold)
     authority = f"{config.joint_authority:g} rad a joint, {config.hip_authority:g} rad at the hips"
     return f"corrects `{config.base}` at {rate:g} Hz by at most {authority}"
 
 
 def describe_mixture(config: TrainConfig) -> str:
-    """Describe the training scenarios, each with the percentage of the robots that train on it."""
+    """Describe in words the training scenarios, each with the percentage of the robots that train on it."""
     total = sum(share for _, share in config.mixture)
     return ", ".join(f"{share / total:.0%} {name}" for name, share in config.mixture if share)
 
 
 def results_table(display_name: str, runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results) -> str:
-    """Create the table of all runs of one kind of policy and the baseline, with a row per scenario.
+    """Create the results table of one kind of policy and the baseline, with one row per scenario.
 
     Args:
         display_name: Name of the policy in the table.
-        runs: Runs of the policy, one for each seed.
-        shipped: Run with the policy that is shipped.
-        results: Results of the evaluation.
+        runs: Training runs of this kind of policy, one for each seed.
+        shipped: Training run of the shipped policy.
+        results: Results of the evaluation of all training runs and of the baseline.
 
     Returns:
-        The table, Markdown.
+        Markdown table.
     """
     first, *others = sorted(runs, key=lambda run: run is not shipped)
     base = shipped.baseline
@@ -150,34 +150,35 @@ def results_table(display_name: str, runs: Sequence[TrainedRun], shipped: Traine
 def scores_table(
     display_names: Mapping[str, str], runs: Sequence[TrainedRun], shipped: TrainedRun, results: Results
 ) -> str:
-    """Create the table of the scores of the baseline and of each run, with the highest score first.
+    """Create the table of the scores of the baseline and of each training run, the highest score first.
 
     Args:
         display_names: Kind of policy -> name of the policy in the table.
-        runs: Evaluated runs.
-        shipped: Run with the policy that is shipped.
-        results: Results of the evaluation.
+        runs: Evaluated training runs.
+        shipped: Training run of the shipped policy.
+        results: Results of the evaluation of all training runs and of the baseline.
 
     Returns:
-        The table, Markdown; an empty text if there are no scores.
+        Markdown table; an empty text if there are no scores.
     """
     labels = {run.label: f"{display_names[run.config.policy]} {format_seed(run, shipped)}" for run in runs}
-    # A score over a single axis is left out, because the table of results has the same number.
+    # The score over a single disturbance axis is left out, because the results table has the same number.
     scored = [score for score in results.scores if len(score.axes) != 1]
     return "\n".join(score_table(scored, shipped.baseline, labels)) if scored else ""
 
 
 def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results) -> dict[str, str]:
-    """Return a row of `results_table`: name of the column -> text.
+    """Create one row of `results_table`.
 
     Args:
-        scenario: Scenario of the row.
-        base: Name of the baseline.
-        runs: Runs of the policy. Of all runs except the first only the success is shown.
-        results: Results of the evaluation.
+        scenario: Name of the scenario of the row.
+        base: Name of the baseline policy.
+        runs: Training runs of one kind of policy. Only the first run is shown with all metrics; the row shows only the
+            success of the further runs.
+        results: Results of the evaluation of all training runs and of the baseline.
 
     Returns:
-        The cells of the row.
+        Name of the column -> text of the cell.
     """
     before = results.summaries[scenario, base]
     after, *other_seeds = (results.summaries[scenario, run.label] for run in runs)
@@ -198,12 +199,23 @@ def _row(scenario: str, base: str, runs: Sequence[TrainedRun], results: Results)
 
 
 def _figure(summary: Summary, metric: str) -> str:
-    """Format the value of a metric. For the fall rate the text is the number of falls."""
+    """Format the value of a metric of one policy on one scenario; for the fall rate, the number of falls."""
     return str(summary.falls) if metric == FALL_RATE else number(getattr(summary, metric))
 
 
 def _baseline_difference(base: str, scenario: str, run: TrainedRun, metric: str, results: Results) -> Comparison:
-    """Return the comparison of a run with the baseline `base`, by one metric on one scenario."""
+    """Return the comparison of a trained policy with the baseline, by one metric on one scenario.
+
+    Args:
+        base: Name of the baseline policy.
+        scenario: Name of the scenario.
+        run: Training run of the policy.
+        metric: Name of the metric.
+        results: Results of the evaluation of all training runs and of the baseline.
+
+    Returns:
+        The comparison, policy minus baseline.
+    """
     key = (scenario, run.label, base, metric)
     return next(
         comparison
@@ -213,16 +225,16 @@ def _baseline_difference(base: str, scenario: str, run: TrainedRun, metric: str,
 
 
 def significant_scenarios(shipped: TrainedRun, results: Results) -> str:
-    """Return Markdown lists of scenarios on which the `shipped` policy is better, worse, or weak.
+    """List the scenarios on which the shipped policy is better or worse than the baseline, or weak.
 
-    Better and worse are significant differences from the baseline. Weak is a success rate below one half.
+    "Better" and "worse" mean a significant difference from the baseline. "Weak" means a success rate below one half.
 
     Args:
-        shipped: Name of the shipped policy.
-        results: Results of the evaluation.
+        shipped: Training run of the shipped policy.
+        results: Results of the evaluation of all training runs and of the baseline.
 
     Returns:
-        The lists.
+        Lists of names of scenarios, Markdown.
     """
     base = shipped.baseline
     more_successes = _significant_names(shipped, results, SUCCESS_RATE, 1.0)
@@ -239,16 +251,16 @@ def significant_scenarios(shipped: TrainedRun, results: Results) -> str:
 
 
 def _significant_names(shipped: TrainedRun, results: Results, metric: str, sign: float) -> str:
-    """Return the names and the number of the scenarios with a significant difference from the baseline.
+    """List the scenarios on which the shipped policy differs significantly from the baseline.
 
     Args:
-        shipped: Run with the policy that is shipped.
-        results: Results of the evaluation.
+        shipped: Training run of the shipped policy.
+        results: Results of the evaluation of all training runs and of the baseline.
         metric: Name of the compared metric.
-        sign: Sign of the difference, policy minus baseline: 1 or -1.
+        sign: Sign of the difference, policy minus baseline, of the listed scenarios: 1 or -1.
 
     Returns:
-        The text.
+        Text with the names and the number of the scenarios.
     """
     names = []
     for scenario in results.scenarios:
@@ -259,11 +271,11 @@ def _significant_names(shipped: TrainedRun, results: Results, metric: str, sign:
 
 
 def format_difference(comparison: Comparison) -> str:
-    """Format a difference and its p-value, which is corrected for the number of comparisons."""
+    """Format the difference of two policies and its p-value, corrected by Holm for multiple comparisons."""
     digits = points if comparison.metric in RATES else number
     return f"{digits(comparison.difference)} ({p_value(comparison.p_value_holm)})"
 
 
 def format_seed(run: TrainedRun, shipped: TrainedRun) -> str:
-    """Format the seed of `run`; the seed of the `shipped` run is marked."""
+    """Format the training seed of `run`, with the word `shipped` if it is the run of the shipped policy."""
     return f"{run.config.seed}{' (shipped)' if run is shipped else ''}"

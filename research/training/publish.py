@@ -35,18 +35,18 @@ from train.run_folder import BEST, CHECKPOINTS
 from train.run_record import differences, from_dict, load_config
 
 CARD = "MODEL.md"
-"""File name of the model card."""
+"""File name of the model card, the description of a trained policy."""
 SHIPPED_SEED = 0
-"""Seed of the run that is shipped.
+"""Training seed of the run with the policy that is shipped.
 
-The seed was fixed before any run, because a policy that is selected as the best of several seeds would be biased."""
+The seed was fixed before the training, because the results of the best of several seeds would be biased upwards."""
 
 SCENARIOS = (
     *("flat", "flat=3", "push", "push=65", "rough", "rough=0.24", "slope", "slippery=0.1", "latency=0.08", "noise=0.8"),
     *("dropout=0.8", "payload=20", "force=60", "weak_motors=10", "slow_motors=2", "soft=0.04", "stairs=0.2"),
     *("surprise", "surprise=2", "steady", "flat+hardware", "push+hardware", "rough+hardware", "slope+hardware"),
 )
-"""Default scenarios of the evaluation: every axis of disturbance near the severity at which robots begin to fail.
+"""Default scenarios of the evaluation: every disturbance axis near the severity at which robots begin to fail.
 
 Some axes are also evaluated at their nominal severity, and four scenarios on the robot's hardware profile."""
 
@@ -56,31 +56,38 @@ class PublishOptions:
     """Runs to evaluate, and the folder of the shipped one."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Folders of finished runs: the seeds of one policy, and others to compare it with, for example end-to-end. Or the
-    folder of a shipped policy, to write its MODEL.md again."""
+    """Folders of finished training runs: the seeds of one policy, and other policies for comparison; or the folder of a
+    shipped policy, to write its MODEL.md again."""
     to: Path | None = None
-    """Folder that gets policy.json, policy.safetensors and MODEL.md; by default POLICY among the models of the robot,
-    for example models/residual and models/go1/residual."""
+    """Folder to which the policy and MODEL.md are written; by default POLICY in the models of the robot, for example
+    models/residual or models/go1/residual."""
     policy: str = "residual"
-    """Kind of policy that ships."""
+    """Kind of the policy that is shipped, for example residual."""
     scenarios: tuple[str, ...] | None = None
-    """Scenarios of the evaluation; by default every axis where robots begin to fail."""
+    """Scenarios of the evaluation; by default every disturbance axis where robots begin to fail."""
     episodes: int = parameter(512, limits=(1, 1_000_000))
-    """Episodes of each policy on each scenario."""
+    """Number of episodes of each policy on each scenario."""
     seed: int = parameter(0, limits=(0, 2**63 - 1))
-    """Seed of the evaluation's episodes."""
+    """Seed of the evaluation episodes."""
     out: Path = Path("results/publish")
-    """Folder of the evaluation, with its report."""
+    """Folder of the evaluation and its report."""
     resume: Flag = False
-    """Carry on the interrupted evaluation in --out."""
+    """Continue the interrupted evaluation in --out."""
     threads: int = parameter(available_cores(), limits=(1, 256))
-    """Processes that simulate side by side (count; default: this machine's cores). No outcome depends on it."""
+    """Number of processes that simulate; the results do not depend on it; default: cores of this machine."""
 
 
 def main(options: PublishOptions) -> int:
-    """Evaluate the runs, write the shipped policy bundle and model card, and return the exit code.
+    """Run the command `publish`: evaluate training runs, and write the shipped policy and its model card.
 
-    Raises UsageError.
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+
+    Raises:
+        UsageError: An option or a training run is invalid.
     """
     check_numbers(options, limits_of(options))
     if not options.runs:
@@ -102,20 +109,20 @@ def main(options: PublishOptions) -> int:
 
 
 def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: TrainedRun) -> Results:
-    """Evaluate the runs, and the baseline of the shipped run, on the same episodes.
+    """Evaluate the policies of the training runs, and the baseline policy, on the same episodes.
 
-    Raises UsageError if an option is not valid. Raises KeyboardInterrupt after Ctrl-C, when all finished episodes are
-    stored.
+    The call raises UsageError if an option is invalid. After Ctrl-C it stores all finished episodes, and raises
+    KeyboardInterrupt.
 
     Args:
         options: Options of the command.
-        runs: Runs to evaluate.
-        shipped: Run with the policy that is shipped.
+        runs: Training runs with the policies to evaluate.
+        shipped: Training run of the shipped policy.
 
     Returns:
-        Results of the evaluation.
+        Results of all policies and of the baseline.
     """
-    # Imported here, so that --help and usage errors answer at once.
+    # Imported here, so that --help and errors in the options are printed at once.
     from evaluate.commands.execution import execute
     from evaluate.commands.outputs import analyse_run
 
@@ -137,11 +144,18 @@ def evaluate_runs(options: PublishOptions, runs: Sequence[TrainedRun], shipped: 
 
 
 def load_trained_run(folder: Path) -> TrainedRun:
-    """Load the finished run, or the shipped policy, in a folder.
+    """Load the facts about a finished training run, or about the training of a shipped policy.
 
-    Raises UsageError if the run is unfinished, damaged or missing.
+    Args:
+        folder: Folder of the training run, or of the shipped policy.
+
+    Returns:
+        Facts for the model card.
+
+    Raises:
+        UsageError: The training run is unfinished, damaged or missing.
     """
-    # Imported here, because torch takes seconds to import and --help and usage errors must answer at once.
+    # The imports below are in this function, because torch takes seconds to import, and --help must not wait for it.
     if (folder / CARD).is_file():
         return _load_shipped(folder)
     from train.sb3.callbacks import CallbackState
@@ -168,19 +182,26 @@ _REMOVED_SETTINGS: Mapping[str, Mapping[str, Any]] = {
     | {"clip_range": 0.2, "reward_scale": 10.0, "value_weight": 0.5, "max_gradient": 1.0},
     "rewards": {"foot_clearance": 0.0, "foot_slip": 0.0, "foot_impact": 0.0},
 }
-"""Settings of older shipped policies that this version does not have: group -> name -> the only allowed value.
+"""Training settings of older shipped policies that this version does not have: group -> name -> allowed value.
 
 A setting with the allowed value is ignored. None allows every value."""
 _ADDED_SETTINGS: Mapping[str, Any] = {"effort_ramp": 0.0}
-"""Settings that older versions did not have: name -> value with which the training is the same as in older versions.
+"""Training settings that older versions did not have: name -> value with which the training is as in older versions.
 
-Settings with this value as default are not listed."""
+A setting is not listed here if this value is its default."""
 
 
 def migrate_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert the settings of a shipped policy of an older version to the settings of this version.
+    """Convert the training settings of an older shipped policy to the settings of this version.
 
-    Raises ValueError if a removed setting has a value that is not allowed.
+    Args:
+        settings: Training settings in the file policy.json: name -> value.
+
+    Returns:
+        Training settings of this version: name -> value.
+
+    Raises:
+        ValueError: A setting that this version does not have has a value that is not allowed.
     """
     migrated = {**_ADDED_SETTINGS, **settings}
     migrated |= {group: dict(settings[group]) for group in _REMOVED_SETTINGS if group in settings}
@@ -193,21 +214,21 @@ def migrate_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def settings_of_card(settings: Mapping[str, Any], card: str) -> TrainConfig:
-    """Return the training settings of a shipped policy, with the number of steps in its model card.
+    """Return the training settings of a shipped policy, with the number of steps from its model card.
 
-    A bundle has the settings at the time of its best validation. The run may have ended after fewer steps than these
-    settings say.
+    The file policy.json has the settings at the time of the best validation. The training may have ended after fewer
+    steps than these settings state.
 
     Args:
-        settings: Training settings in the policy bundle.
+        settings: Training settings in the file policy.json: name -> value.
         card: Text of the model card.
 
     Returns:
-        The settings of the run.
+        The settings of the training.
 
     Raises:
-        ValueError: The card has no number of steps; or the number differs from the bundle's, and the schedules of the
-            run depend on it.
+        ValueError: The model card has no number of steps. Or this number differs from the settings, and the schedules
+            of the training depend on it.
     """
     config = from_dict(migrate_settings(settings))
     steps_match = re.search(r"^([\d,]+) steps of ", card, re.MULTILINE)
@@ -222,7 +243,7 @@ def settings_of_card(settings: Mapping[str, Any], card: str) -> TrainConfig:
 
 
 def _load_shipped(folder: Path) -> TrainedRun:
-    """Load the facts of the run of a shipped policy from its bundle and its model card. Raises UsageError."""
+    """Load the training facts of a shipped policy from its folder; raise UsageError if this fails."""
     try:
         description = json.loads(read_bytes(folder / "policy.json"))
         card = read_bytes(folder / CARD).decode()
@@ -237,18 +258,18 @@ def _load_shipped(folder: Path) -> TrainedRun:
 
 
 def select_shipped(runs: Sequence[TrainedRun], policy: str) -> TrainedRun:
-    """Select the run with the policy that is shipped: the run with the seed SHIPPED_SEED.
+    """Select the training run with the policy that is shipped: the run with the seed SHIPPED_SEED.
 
     Args:
-        runs: Finished runs.
-        policy: Kind of policy that is shipped.
+        runs: Finished training runs.
+        policy: Kind of the policy that is shipped, for example `residual`.
 
     Returns:
-        The selected run.
+        The selected training run.
 
     Raises:
-        UsageError: No run of that kind has SHIPPED_SEED, two runs have the same seed, or runs of that kind differ in
-            more than their seed.
+        UsageError: No run of this kind of policy has SHIPPED_SEED, two runs have the same seed, or runs of this kind
+            differ in more than their seed.
     """
     candidates = [run for run in runs if run.config.policy == policy]
     seeds = [run.config.seed for run in candidates]

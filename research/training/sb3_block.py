@@ -30,17 +30,17 @@ from research.pages import markdown
 from research.pages.blocks import insert_block, read_page
 
 PLACE = "sb3"
-"""Name of the generated block with the results in the page."""
+"""Name of the page's generated block that contains the results."""
 SEED_LINE = "seed = 0\n"
-"""Line of the code block that sets the training seed."""
+"""Line of the README's code block that sets the training seed."""
 LEARN = re.compile(r"\.learn\(([\d_]+)\)")
-"""Pattern of the call in the code block that has the number of training steps."""
+"""Pattern of the call `.learn(STEPS)` in the README's code block, with the number of training steps."""
 MODEL = "mine.zip"
-"""Name of the model file that the code block writes."""
+"""Name of the model file that the README's code block writes."""
 STANDING = "stand"
-"""Name of the reference policy, a robot that stands."""
+"""Name of the policy for comparison, with which the robot stands."""
 SCENARIOS = "flat=1", "flat"
-"""Scenarios of the evaluation: the scenario of the training, and the usual commands up to 1.5 m/s."""
+"""Scenarios of the evaluation: the training scenario, and flat ground with commands up to 1.5 m/s."""
 
 
 @dataclass(frozen=True)
@@ -48,23 +48,30 @@ class SB3BlockOptions:
     """Run the README's block for Stable-Baselines3 and evaluate its models."""
 
     seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
-    """Seeds to train with."""
+    """Training seeds; one model is trained with each seed."""
     episodes: int = 96
-    """Evaluation episodes of 10 s of each policy on each scenario (count)."""
+    """Number of evaluation episodes of 10 s for each policy and scenario."""
     evaluation_seed: int = 1
-    """Set of evaluation episodes, >= 0, as `--seed` of `python -m evaluate`."""
+    """Seed of the evaluation episodes, >= 0, as `--seed` of `python -m evaluate`."""
     page: Path = Path("README.md")
-    """Page with the block and with the lines `<!-- sb3 -->` and `<!-- /sb3 -->`, between which the figures go."""
+    """Page with the code block; results are written between `<!-- sb3 -->` and `<!-- /sb3 -->`."""
     record: Path = Path("docs/results/sb3_block.json")
-    """File for the figures (JSON); replaced if there."""
+    """JSON file for the results; an existing file is replaced."""
     out: Path = Path("results/sb3_block")
-    """Folder for the models, one folder for each seed."""
+    """Folder for the trained models, with one folder for each seed."""
 
 
 def main(options: SB3BlockOptions) -> int:
-    """Train and evaluate the models, write record and page, and return the exit code.
+    """Run the command `sb3-block`: train and evaluate the models, and write JSON file and page.
 
-    Raises UsageError.
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+
+    Raises:
+        UsageError: An option is invalid, or the page has no valid code block.
     """
     check_numbers(options, {"episodes": (1, 1_000_000), "evaluation_seed": (0, 2**63 - 1)})
     if len(set(options.seeds)) < max(len(options.seeds), 1) or min(options.seeds) < 0:
@@ -94,10 +101,17 @@ def main(options: SB3BlockOptions) -> int:
 
 
 def find_block(text: str) -> str:
-    """Return the Python code block of a page that trains with Stable-Baselines3.
+    """Find the Python code block of a page that trains with Stable-Baselines3.
 
-    Raises UsageError unless the page has exactly one code block of this kind. The block must have exactly one seed line
-    and one call of `learn`.
+    Args:
+        text: Text of the page, Markdown.
+
+    Returns:
+        Source code of the block.
+
+    Raises:
+        UsageError: The page does not have exactly one block of this kind, or the block does not have exactly one line
+            with the seed and one call of `learn`.
     """
     python_blocks = re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
     blocks = [block for block in python_blocks if "stable_baselines3" in block]
@@ -110,25 +124,25 @@ def find_block(text: str) -> str:
 
 
 def training_steps(block: str) -> int:
-    """Return the number of training steps in the code block."""
+    """Return the number of training steps in the source code of the README's code block."""
     return int(LEARN.findall(block)[0].replace("_", ""))
 
 
 def block_digest(block: str) -> str:
-    """Return the SHA-256 of the code block, from which one can see whether results belong to the block."""
+    """Return the SHA-256 hash of the code block; it shows if stored results are from the present block."""
     return hashlib.sha256(block.encode()).hexdigest()
 
 
 def train(block: str, seed: int, folder: Path) -> dict[str, Any]:
-    """Run the code block with a given seed in a given folder.
+    """Run the README's code block, which trains a model, with a given seed in a given folder.
 
     Args:
-        block: Python source code of the block.
+        block: Source code of the block.
         seed: Training seed, which replaces 0 in the line `seed = 0`.
-        folder: Working folder of the code, created if it is missing.
+        folder: Working folder of the code; it is created if it is missing.
 
     Returns:
-        Name -> value: `seed`, and `minutes`, the processor time, min.
+        Dictionary: `seed`, training seed; `minutes`, processor time of the training, min.
     """
     make_writable_folder(folder)
     script = folder / "block.py"
@@ -140,15 +154,16 @@ def train(block: str, seed: int, folder: Path) -> dict[str, Any]:
 
 
 def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict[str, float]]:
-    """Evaluate a policy on held-out episodes of each scenario.
+    """Evaluate a policy on evaluation episodes of each scenario, which training does not use.
 
     Args:
         policy: Name of a policy, or path of a model.
         episodes: Number of episodes on each scenario.
-        evaluation_seed: Seed that selects the evaluation episodes.
+        evaluation_seed: Seed of the evaluation episodes.
 
     Returns:
-        Scenario -> name -> value. `successes` and `falls` count episodes; `velocity_error` is the mean, m/s.
+        Name of a scenario -> dictionary: `successes` and `falls`, numbers of episodes; `velocity_error`, mean velocity
+        error, m/s.
     """
     figures = {}
     for name in SCENARIOS:
@@ -163,7 +178,7 @@ def evaluate(policy: str, episodes: int, evaluation_seed: int) -> dict[str, dict
 
 
 def markdown_lines(record: Mapping[str, Any]) -> list[str]:
-    """Return the lines of Markdown with the results in a record and the settings of the evaluation."""
+    """Return the lines of Markdown with the results in `record`, the content of the JSON file."""
     heads = {"seed": "seed", "minutes": "processor time, min"}
     heads |= {name: f"success, `{name}`" for name in SCENARIOS}
     heads["falls"] = f"falls, `{SCENARIOS[0]}`"
@@ -188,7 +203,17 @@ def markdown_lines(record: Mapping[str, Any]) -> list[str]:
 def _row(
     name: str, minutes: str, scenarios: Mapping[str, Mapping[str, float]], record: Mapping[str, Any]
 ) -> dict[str, str]:
-    """Return the row of one policy in the table: name of the column -> text."""
+    """Create the row of one policy in the table of results.
+
+    Args:
+        name: Text of the first column: the seed, or a description of the policy.
+        minutes: Text of the column with the processor time.
+        scenarios: Results of the policy from `evaluate`.
+        record: Content of the JSON file.
+
+    Returns:
+        Name of the column -> text of the cell.
+    """
     episodes = record["episodes"]
     row = {"seed": name, "minutes": minutes, "falls": str(scenarios[SCENARIOS[0]]["falls"])}
     for scenario_name in SCENARIOS:
@@ -198,7 +223,7 @@ def _row(
 
 
 def _commands(name: str) -> str:
-    """Describe in words the ranges from which a scenario draws the velocity commands."""
+    """Describe in words the ranges from which the scenario `name` draws velocity commands, m/s and rad/s."""
     ranges = scenario(name).commands
     low, high = ranges.forward
     return (
@@ -208,12 +233,12 @@ def _commands(name: str) -> str:
 
 
 def read_record(path: Path) -> dict[str, Any]:
-    """Read the record that this command has written to a file."""
+    """Read the results from the JSON file that this command has written."""
     return dict(json.loads(path.read_bytes()))
 
 
 def lowest_success(record: Mapping[str, Any], name: str) -> float:
-    """Return the lowest success rate of all seeds in `record`, on the scenario `name`, from 0 to 1."""
+    """Return the lowest success rate over all seeds, 0 to 1, on the scenario `name`."""
     entries: Sequence[Mapping[str, Any]] = record["seeds"]
     fewest = min(int(entry["scenarios"][name]["successes"]) for entry in entries)
     return fewest / int(record["episodes"])

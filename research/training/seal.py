@@ -26,16 +26,30 @@ class SealOptions:
 
 
 def main(options: SealOptions) -> int:
-    """Write the digests of all bundles, and return the exit code."""
+    """Run the command `seal`: write the digest into each policy's description.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+    """
     for folder in options.folders:
         print(f"{folder}: {seal(folder)}")
     return 0
 
 
 def seal(folder: Path) -> str:
-    """Add the digest to the description of the policy bundle in `folder`, and return the digest.
+    """Add the digest (hash) of its content to the description of a trained policy, the file policy.json.
 
-    Raises UsageError if the description is missing, or if it already has a digest that does not match its content.
+    Args:
+        folder: Folder of the trained policy.
+
+    Returns:
+        The digest.
+
+    Raises:
+        UsageError: The description is missing, or it already has a digest that does not match its content.
     """
     file = folder / bundle.DESCRIPTION
     if not file.is_file():

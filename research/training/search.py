@@ -41,11 +41,11 @@ EXERCISES = (
     *("stairs=0.1", "soft=0.02", "slippery=0.1", "force=60", "payload=20", "weak_motors=20", "slow_motors=5"),
     *("slow_motors=2", "latency=0.02", "latency=0.04", "latency=0.08", "noise=0.8", "surprise=1"),
 )
-"""Default scenarios of the search, scaled to be equally hard for every robot.
+"""Default scenarios of the search; their severities are scaled to the size of the robot.
 
-The severities go from one at which a trot succeeds to one at which a trot seldom succeeds."""
+The severities range from one at which a trot succeeds to one at which a trot rarely succeeds."""
 SIGNIFICANT = 0.05
-"""Significance level of the comparison: the largest p-value with which new parameters are adopted."""
+"""Significance level: new parameters are adopted only if the p-value of the comparison is at most this value."""
 ADOPTED = "The outcome is adopted."
 """Sentence of the report if the new parameters are adopted."""
 KEPT = "Those in force are kept: the outcome is not better."
@@ -54,16 +54,16 @@ KEPT = "Those in force are kept: the outcome is not better."
 
 @dataclass(frozen=True)
 class SearchTarget:
-    """Policy with parameters that can be searched."""
+    """Policy with parameters that this command can optimise."""
 
     file: ParameterFile[Any]
-    """File of the parameters of the policy."""
+    """File with the parameters of the policy."""
     ranges: Ranges
-    """Bounds of the searched parameters."""
+    """Name of an optimised parameter -> lower and upper bound, in the unit of the parameter."""
 
     @property
     def account_name(self) -> str:
-        """Name of the report file of a search of this policy."""
+        """File name of the report that a search for this policy writes."""
         return f"{self.file.path.stem.upper()}.md"
 
 
@@ -72,7 +72,7 @@ POLICIES = {
     "trot_integral": SearchTarget(integral.FILE, integral.SEARCH_RANGES),
     "trot_feedback": SearchTarget(virtual_model.FILE, search_ranges_of(virtual_model.VirtualParameters)),
 }
-"""Name of the policy -> parameter file and bounds of the search."""
+"""Name of a policy -> parameter file and bounds of the search."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,28 +82,41 @@ class FeedbackSearchOptions(SearchOptions):
     robot: str = "simple_quad"
     """Robot: a name of quad_env.ROBOTS, for example go1, or the path of its MJCF, URDF or TOML."""
     policy: Literal["mpc_wbc", "trot_feedback", "trot_integral"] = "trot_feedback"
-    """Policy with the searched gait and gains."""
+    """Policy for which gait and gains are optimised."""
     generations: int = parameter(22, limits=(0, 10_000))
-    """Rounds; with 0 only the steps after the search."""
+    """Number of generations of CMA-ES; 0 to run only the comparison after the search."""
     candidates: int = parameter(16, limits=(4, 1000))
-    """Parameter sets tried in a round."""
+    """Number of candidates (parameter sets) in a generation."""
     episodes: int = parameter(1, limits=(1, 10_000))
-    """Episodes of a candidate in each scenario and round."""
+    """Number of episodes of a candidate on each scenario."""
     steps: int = parameter(500, limits=(MIN_EPISODE_STEPS, 100_000))
-    """Length of an episode, control steps of 10 ms."""
+    """Duration of an episode, control steps of 10 ms."""
     check_episodes: int = parameter(32, limits=(1, 10_000))
-    """Fresh episodes on which the outcome is compared with the parameters before."""
+    """Number of validation episodes on which the result is compared with the previous parameters."""
 
 
 def main(options: FeedbackSearchOptions) -> int:
-    """Run the search, write its files, and return the exit code. Raises UsageError."""
+    """Run the command `search`: optimise the parameters and write the files of the search.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        Exit code of the process.
+    """
     return search(make_problem, options)
 
 
 def make_problem(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
-    """Create the search problem of a policy with feedback.
+    """Define the search problem for a policy: start, bounds, cost function and output files.
 
-    The search starts from the current parameters of the policy, or from the file of the option `start`.
+    The search starts from the present parameters of the policy, or from the parameter file in the option `start`.
+
+    Args:
+        options: Options of the command.
+
+    Returns:
+        The search problem for CMA-ES.
     """
     name = options.policy
     threads = options.threads
@@ -118,14 +131,29 @@ def make_problem(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
     ranges = scaled_ranges(target.ranges, file.kind, robot)
 
     def costs(candidates: list[Parameters], seeds: Seeds) -> Floats:
-        """Return the mean cost of each candidate over all scenarios and `seeds`, (candidates,)."""
+        """Compute the mean cost of each candidate over all scenarios and episodes; smaller is better.
+
+        Args:
+            candidates: Parameter sets.
+            seeds: Seeds of the episodes.
+
+        Returns:
+            Mean costs, (candidates,).
+        """
         walks = run_candidates(name, candidates, exercises, seeds, "search", options.steps, threads, hardware)
         episode_values = [episode_costs(measure(walk)) for walk in walks]
         mean: Floats = np.reshape(episode_values, (len(exercises), len(candidates), -1)).mean(axis=(0, 2))
         return mean
 
     def conclude(after: Parameters) -> tuple[str, str]:
-        """Return the adopted parameters (new or current ones) as JSON, and the report of the search."""
+        """Compare the result of the search with the present parameters on validation episodes.
+
+        Args:
+            after: Parameters that the search has found.
+
+        Returns:
+            Two texts: the adopted parameters, new or present, as JSON; and the report, Markdown.
+        """
         seeds = episode_seeds("validation", options.seed, options.check_episodes)
         walks, differences = compare_parameters(name, in_force, after, exercises, seeds, threads, hardware)
         is_better, decision = adoption_decision(differences)
@@ -139,13 +167,14 @@ def make_problem(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
 
 
 def adoption_decision(differences: Floats) -> tuple[bool, str]:
-    """Decide whether the parameters that a search has found are adopted.
+    """Decide if the parameters that a search has found replace the present parameters.
 
     Args:
-        differences: Cost with the new parameters minus cost with the current parameters, one per seed, (n,).
+        differences: Cost with the new parameters minus cost with the present parameters for each seed, (n,).
 
     Returns:
-        True if the cost is significantly smaller with the new parameters; and the decision with its reason in words.
+        is_better: True if the cost is significantly smaller with the new parameters.
+        report: Sentence with the decision and its reason.
     """
     difference = float(differences.mean())
     p_value = sign_flip_test(differences)
