@@ -30,7 +30,7 @@ JOINT_LOOP = "one mj_step of 2 ms"
 The duration of a physics step is compared with the period of a robot's joint control loop, 2 ms.
 """
 Clock = Callable[[], float]
-"""Function that returns the current time, s."""
+"""Function that returns the present wall time or processor time of a clock, s."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class PoliciesBenchmarkOptions(MeasurementOptions):
     """Options of the timing of policies, for several numbers of robots and for single calls of one robot."""
 
     policies: tuple[str, ...] = policies.names()
-    """Names of policies, or folders of trained ones."""
+    """Names of policies, or folders of trained policies."""
     envs: tuple[int, ...] = (1, 64, 1024)
     """Numbers of robots; the mean duration of an action is measured for each number."""
     steps: int = 20

@@ -25,7 +25,7 @@ from quad_env.cli.command_line import check_numbers
 from quad_env.cli.launcher import launch
 
 FILES = {"MCAP": "walk.mcap"}
-"""Format of a recording -> file name of the recording."""
+"""Name of a file format -> file name of a recording in this format."""
 CLOCKS = ("wall", "processor", "until closed")
 """Names of the three durations of an episode.
 
@@ -39,7 +39,7 @@ class RecordingBenchmarkOptions(MeasurementOptions):
     """Options of the timing of an episode with and without a recording."""
 
     policies: tuple[str, ...] = ("trot", "residual")
-    """Names of policies, or folders of trained ones."""
+    """Names of policies, or folders of trained policies."""
     seconds: float = 60.0
     """Duration of the episode in simulated time, s."""
     rounds: int = 7

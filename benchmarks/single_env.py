@@ -21,7 +21,7 @@ class SingleEnvBenchmarkOptions(MeasurementOptions):
     """Options of the comparison of the single environment with a loop that only steps the physics."""
 
     robot: str = SIMPLE_QUAD.name
-    """Name of the robot, or path of its MJCF, URDF or TOML."""
+    """Name of the robot, or path of its MJCF, URDF or TOML file."""
     steps: int = 500
     """Number of control steps of 10 ms in a measurement round; at most one episode."""
 

@@ -78,13 +78,13 @@ def measure(options: StartupBenchmarkOptions) -> BenchmarkResult:
 
 
 def _python(*arguments: str) -> str:
-    """Run a fresh interpreter in the root of the repository and return its output.
+    """Run a new Python interpreter in the root folder of the project, and return its output.
 
     Args:
         *arguments: Command-line arguments of the interpreter.
 
     Returns:
-        Text on standard output.
+        Text that the interpreter has printed on standard output.
 
     Raises:
         OSError: The interpreter exits with an error.

@@ -32,7 +32,7 @@ class TrainingBenchmarkOptions(MeasurementOptions):
     """Options of the timing of PPO; a round is one rollout with the update of the network that follows it."""
 
     robot: str = REFERENCE.robot
-    """Name of the robot, or path of its MJCF, URDF or TOML."""
+    """Name of the robot, or path of its MJCF, URDF or TOML file."""
     base: BaseName = REFERENCE.base
     """Base policy; the trained network adds a correction to its joint targets."""
     envs: int = REFERENCE.ppo.envs

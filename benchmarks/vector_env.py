@@ -47,7 +47,7 @@ class VectorEnvBenchmarkOptions(MeasurementOptions):
     """Options of the comparison of the vector environment with MuJoCo alone, on the same robots."""
 
     robot: str = SIMPLE_QUAD.name
-    """Name of the robot, or path of its MJCF, URDF or TOML."""
+    """Name of the robot, or path of its MJCF, URDF or TOML file."""
     envs: tuple[int, ...] = (1, 64, 256, 1024, 4096)
     """Numbers of robots; the speed is measured for each number."""
     scenarios: tuple[str, ...] = tuple(SCENARIOS)

@@ -131,7 +131,7 @@ class Session:
             listener(event)
 
     def close(self) -> None:
-        """Close the environment and free the simulation."""
+        """Close the environment of the session, which frees the memory of the simulation."""
         self.env.close()
 
     def _check(self, policy: Policy) -> None:

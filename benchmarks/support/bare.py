@@ -35,11 +35,11 @@ class InitialStates:
     qvel: Floats
     """Generalized velocities of each state, MuJoCo `qvel`, (n, nv)."""
     dt: float
-    """Control period, s."""
+    """Control period of the environment, s."""
 
     @property
     def substeps(self) -> int:
-        """Number of physics steps in a control step."""
+        """Number of physics steps in one control step."""
         return round(self.dt / float(self.model.opt.timestep))
 
 
@@ -115,7 +115,7 @@ class BareLoop:
         self.restart()
 
     def restart(self) -> None:
-        """Reset the robot to the first of the initial states."""
+        """Reset the robot to the first state of the initial states that the constructor received."""
         mujoco.mj_resetData(self._start.model, self.data)
         self.data.qpos, self.data.qvel = self._start.qpos[0], self._start.qvel[0]
 

@@ -11,14 +11,14 @@ class Threshold:
     """Lower or upper limit of one measured value."""
 
     sign: str
-    """`≥` for a lower limit, `≤` for an upper limit."""
+    """Kind of the limit: `≥` for a lower limit, `≤` for an upper limit."""
     bound: float
-    """Limit, in `unit`."""
+    """Value of the limit, in the unit of the field `unit`."""
     unit: str = ""
     """Unit that is printed directly after a number, with a leading space if needed, for example ` µs` or `/s`."""
 
     def is_met(self, value: float) -> bool:
-        """Return True if the value is within the limit, False if it is not or is NaN."""
+        """Return True if a measured value, in the unit of the limit, is within the limit; False for NaN."""
         return value >= self.bound if self.sign == "≥" else value <= self.bound
 
     def __str__(self) -> str:
@@ -32,9 +32,9 @@ class Requirement:
     name: str
     """Description of the measured values, shown in the table of requirements."""
     command: str
-    """Benchmark command that measures the values: NAME in `python -m benchmarks.NAME`."""
+    """Name of the benchmark command that measures the values: NAME in `python -m benchmarks.NAME`."""
     limits: tuple[Threshold, ...]
-    """Limits, one for each measured value."""
+    """Limits of the measured values, one for each value."""
 
 
 BARS = {
@@ -97,11 +97,11 @@ class RequirementCheck:
     bar: str
     """Name of the requirement, a key of BARS."""
     values: tuple[float, ...]
-    """Measured values, one for each limit of the requirement."""
+    """Measured values of the requirement, one for each of its limits."""
 
     @property
     def is_met(self) -> bool:
-        """True if at least one value is within its limit."""
+        """True if the requirement is met: at least one measured value is within its limit."""
         return any(limit.is_met(value) for limit, value in zip(BARS[self.bar].limits, self.values, strict=True))
 
 

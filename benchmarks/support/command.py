@@ -67,7 +67,7 @@ class BenchmarkResult:
     tables: tuple[Table, ...]
     """Tables that the command prints."""
     checks: tuple[RequirementCheck, ...] = ()
-    """Requirements that the command checked, with their measured values."""
+    """Requirements that the command has checked, each with its measured values."""
     notes: tuple[str, ...] = ()
     """Lines that the command prints below the tables."""
     unmeasured: tuple[str, ...] = ()

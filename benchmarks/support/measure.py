@@ -23,7 +23,7 @@ from evaluate.records.provenance import cpu_model
 
 Floats = NDArray[np.float64]
 TimedFunction = Callable[[], float]
-"""Function that does the same work at every call, and returns the duration of one unit of the work, s."""
+"""Function that does the same work at every call, and returns the duration of the work, s."""
 Advance = Callable[[], None]
 """Function that moves a progress bar forward; it is called when one part of the work is done."""
 

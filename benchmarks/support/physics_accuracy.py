@@ -19,11 +19,11 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 Floats = NDArray[np.float64]
 CONTROL_PERIOD = 1 / TaskConfig().control_rate
-"""Control period, s."""
+"""Period between two control steps, s: the default of the environment."""
 COMMANDS = ((0.5, 0.0, 0.0), (1.2, 0.0, 0.0), (0.0, 0.5, 0.0), (-0.4, 0.0, 0.8))
 """Velocity command of each recorded stride: forward, m/s, left, m/s, and yaw rate, rad/s."""
 SETTLING_STEPS = 100
-"""Number of control steps between the start of an episode and the recorded stride."""
+"""Number of control steps from the start of an episode to the recorded stride, so that the gait is steady."""
 SIDE_LOAD = 20.0
 """Lateral force on the trunk of a standing robot, N, during which the slip of the feet is measured."""
 

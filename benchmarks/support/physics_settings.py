@@ -82,7 +82,7 @@ class PhysicsSetting:
     """Physics setting: a change of the shipped MuJoCo model, for the comparison of speed and accuracy."""
 
     change: SpecEdit
-    """Function that changes the specification of the model."""
+    """Function that changes the specification of the shipped MuJoCo model in place."""
     use_stepping_model: bool = True
     """True to simulate with `make_stepping_model`, as the environment does.
 

@@ -18,13 +18,13 @@ class EpisodeOptions:
     """Options of an episode: scenario, robot and seed."""
 
     scenario: str = "flat"
-    """Scenario, also with a level or severity: push:3, push=42; or a terrain of yours: hill.toml."""
+    """Scenario, optionally with a level (push:3) or a severity (push=42), or your terrain file (hill.toml)."""
     robot: str = "simple_quad"
-    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
+    """Robot: a name of quad_env.ROBOTS, or the path of an MJCF, URDF or TOML file."""
     seed: int = 0
     """Seed of the first episode, a whole number >= 0; it determines initial state, ground, pushes and commands."""
     trust: Flag = False
-    """Load policies from files in which code can be hidden, the .zip files of Stable-Baselines3."""
+    """Load policies also from .zip files of Stable-Baselines3, which can contain hidden code."""
 
     def resolve(self) -> tuple[HardwareConfig, Scenario]:
         """Load the robot and the scenario that the options name.

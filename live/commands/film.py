@@ -27,10 +27,10 @@ LIMITS = {"seconds": (CONTROL_PERIOD, 86_400.0), "speed": (0.01, 100.0), "fps": 
 
 @dataclass(frozen=True)
 class FilmOptions(EpisodeOptions):
-    """Film an episode; a robot that falls is filmed for a second more."""
+    """Options of the command `film`, which films an episode, until one second after a fall."""
 
     out: Annotated[Path, tyro.conf.Positional]
-    """File to write: .mp4 (extra `video`), .webp, .gif, or .png for a strip of frames; one that exists is replaced."""
+    """File to write: .mp4 (extra `video`), .webp, .gif, or .png for a strip of frames; an existing file is replaced."""
     policies: tuple[str, ...] = ("residual",)
     """Names, folders or files of policies; several are shown side by side."""
     seconds: float = 10.0
@@ -42,7 +42,7 @@ class FilmOptions(EpisodeOptions):
     fps: float = 25.0
     """Approximate frame rate, 1/s; the time between two frames is a whole number of control steps."""
     size: tuple[int, int] = (640, 480)
-    """Width and height of each robot's frames, pixels."""
+    """Width and height of the image of each robot, pixels."""
     camera: Literal["track", "side"] = "track"
     """View of the camera, which follows the robot."""
     arrows: bool = True

@@ -19,10 +19,10 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class PoliciesOptions:
-    """List the policies by the names that `--policy` and `--policies` take."""
+    """Options of the command `policies`, which lists the policies by the names for `--policy`."""
 
     robot: str = "simple_quad"
-    """Robot whose trained policies to list: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
+    """Robot of the listed trained policies: a name of quad_env.ROBOTS, or the path of an MJCF, URDF or TOML file."""
 
 
 def main(options: PoliciesOptions) -> int:

@@ -18,7 +18,7 @@ from quad_env.cli.progress import show_bar
 
 @dataclass(frozen=True)
 class RecordOptions(EpisodeOptions):
-    """Record an episode; a robot that falls is recorded where it lies."""
+    """Options of the command `record`, which records an episode; the recording continues after a fall."""
 
     out: Annotated[Path, tyro.conf.Positional]
     """MCAP file to write, for example walk.mcap; it must not exist."""

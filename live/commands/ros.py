@@ -21,7 +21,7 @@ from quad_env.cli.real_time_rate import RealTimeRate
 
 @dataclass(frozen=True)
 class RosOptions(EpisodeOptions):
-    """Be a robot behind ROS topics until Ctrl-C."""
+    """Options of the command `ros`, which connects the simulated robot to ROS topics until Ctrl-C."""
 
     policy: str | None = None
     """Name or folder of the policy, which follows velocities on /cmd_vel; by default the joints follow

@@ -16,7 +16,7 @@ from quad_env.physics.rendering import has_display
 
 @dataclass(frozen=True)
 class ViewOptions(EpisodeOptions):
-    """Watch and steer robots in the browser. Ctrl-C ends it."""
+    """Options of the command `view`, which shows robots in a browser until Ctrl-C."""
 
     policy: tuple[str, ...] = ("residual",)
     """Name, folder or file of a policy; several policies are shown side by side in the same episode."""

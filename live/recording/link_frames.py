@@ -25,7 +25,7 @@ class LinkFrame:
 
     name: str
     parent: str
-    """Name of the parent link."""
+    """Name of the parent link, relative to which the frame is defined."""
     translation: Floats
     """Origin of the link's frame, in the frame of the parent link, (3,), m."""
     rotation: Floats
@@ -161,7 +161,7 @@ class RecordingSchema:
     description: str
     """Text of the robot's URDF file; empty if the robot has no URDF file."""
     dt: float
-    """Control period, s."""
+    """Time between two rows of an episode (control period), s."""
 
     @property
     def slices(self) -> dict[str, slice]:

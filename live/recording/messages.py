@@ -324,7 +324,7 @@ class McapFile:
             self._channels[topic] = self._writer.register_channel(topic, "cdr", schemas[name], quality)
 
     def write(self, message: Message) -> None:
-        """Add a `message` to the file; raise OSError if the message cannot be written."""
+        """Add a ROS 2 message to the file; raise OSError if it cannot be written."""
         self._writer.add_message(self._channels[message.topic], message.time, message.data, message.time)
 
     def close(self) -> None:

@@ -22,15 +22,18 @@ The command is the forward velocity linear.x, m/s, the left velocity linear.y, m
 RESET = "/reset"
 """Subscribed topic of type std_msgs/Empty: each message resets the robot and starts a new episode."""
 JOINT_STATES = "/joint_states"
-"""Published topic of type sensor_msgs/JointState: joint angles, rad, speeds, rad/s, and torques, N·m."""
+"""Published topic of type sensor_msgs/JointState: joint angles, rad, velocities, rad/s, and torques, N·m."""
 IMU = "/imu"
-"""Published topic of type sensor_msgs/Imu: trunk orientation, angular velocity and specific force."""
+"""Published topic of type sensor_msgs/Imu: orientation, angular velocity and specific force of the trunk.
+
+Angular velocity, rad/s, and specific force, m/s², are in the base frame.
+"""
 CLOCK = "/clock"
 """Published topic of type rosgraph_msgs/Clock: simulated time."""
 JOINT_STATE_PERIOD = 0.02
 """Time between two messages of the topic JOINT_STATES, s; the other topics have a message at every control step."""
 NODE = "simple_quad"
-"""Name of the ROS node."""
+"""Name under which the simulated robot registers as a ROS node."""
 MAX_NUMBERS = 256
 """Maximum number of joint targets in a ROS message that the node passes to the simulation.
 

@@ -265,5 +265,5 @@ class ViewController:
         self.orbit = orbit
 
     def _aim_at_start(self) -> None:
-        """Aim the camera at the initial position of the first robot."""
+        """Aim the camera at the position of the first robot at the start of its episode."""
         self.orbit = replace(self.orbit, target=tuple(self.sessions[0].latest.infos["position"][0].tolist()))

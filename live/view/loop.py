@@ -98,7 +98,7 @@ class LiveView:
             self._next_state_time = now + 1.0 / STATE_RATE
 
     def close(self) -> None:
-        """End the render thread and the server."""
+        """End the live view: stop the render thread and the server."""
         self._render_thread.close()
         self.server.close()
 

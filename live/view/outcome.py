@@ -51,7 +51,7 @@ class EpisodeOutcome:
         self.record()
 
     def record(self) -> None:
-        """Record the last control step of the session, and decide the outcome if the episode has ended."""
+        """Record the latest control step of the session; if the episode has ended, decide its outcome."""
         if self._has_ended:
             return
         step = self._session.latest

@@ -72,7 +72,7 @@ class RenderRequest:
     """Scene of one robot at one time, which the render thread draws."""
 
     model: Any
-    """`mujoco.MjModel` of the simulation; the same object as long as the simulation exists."""
+    """`mujoco.MjModel` of the simulation; always the same object while the simulation exists."""
     data: Any
     """`mujoco.MjData` with a copy of the simulation's state at that time."""
     name: str

@@ -16,7 +16,7 @@ SPEED_RANGE = (0.05, 10.0)
 MAX_SEED = 2**53 - 1
 """Largest seed of an episode; JavaScript does not represent larger integers exactly."""
 MAX_NAME_LENGTH = 200
-"""Maximum length of the name of a policy or scenario, characters."""
+"""Maximum length of the name of a policy or scenario in a request, characters."""
 
 
 class RequestError(ValueError):

@@ -116,7 +116,7 @@ class Server:
         websocket_broadcast(waiting, frame)
 
     def _call_in_thread(self, call: Callable[[], object]) -> None:
-        """Schedule the function `call` to run in the server's thread."""
+        """Let the server's thread call the function `call`; the result is ignored."""
         with contextlib.suppress(RuntimeError):  # because the server's thread may have ended
             self._loop.call_soon_threadsafe(call)
 

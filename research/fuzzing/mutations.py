@@ -161,7 +161,7 @@ def mutate_xml(root: ElementTree.Element, rng: np.random.Generator, count: int =
     """Return a copy of an XML tree with random changes of its attributes and elements.
 
     Args:
-        root: Root of a valid element tree.
+        root: Root element of a valid XML tree.
         rng: Random generator.
         count: Number of changes.
 

@@ -54,7 +54,7 @@ REFUSED = "refused"
 
 @dataclass(frozen=True)
 class FuzzOptions:
-    """Fuzz the readers of a format."""
+    """Options of the command `fuzz`: file format, duration and random changes."""
 
     format: Annotated[str, tyro.conf.Positional]
     """Name of a file format, as `python -m research fuzz list` prints it, or `all` for all formats."""
@@ -79,7 +79,7 @@ class CaseResult:
     kind: str
     """READ, REFUSED, or the name of a finding: traceback, absurd, not one line, memory, hang, end of the process."""
     detail: str = ""
-    """Details of a finding; empty for READ and REFUSED."""
+    """Details of a finding, for example a traceback; empty for READ and REFUSED."""
 
 
 def main(options: FuzzOptions) -> int:

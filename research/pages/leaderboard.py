@@ -32,7 +32,7 @@ SCENARIOS = "flat", "push", "rough", "noise:3", "latency:3"
 
 @dataclass(frozen=True)
 class LeaderboardOptions:
-    """Policies to compare, and where their results go."""
+    """Options of the command `leaderboard`: policies to compare, and files of their results."""
 
     list: Annotated[Path, tyro.conf.Positional]
     """TOML file with the list of policies, for example docs/leaderboard/go1.toml."""

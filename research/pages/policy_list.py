@@ -37,9 +37,9 @@ class PublishedPolicy:
     """Published policy of another project, which a leaderboard compares with policies of this project."""
 
     name: str
-    """Name of the policy in tables."""
+    """Name of the policy in the tables of the leaderboard."""
     source: str
-    """URL of the repository of the policy, on GitHub or Hugging Face."""
+    """URL of the repository on GitHub or Hugging Face that contains the policy."""
     revision: str
     """Commit of the repository from which the files are taken."""
     policy: str
@@ -79,7 +79,7 @@ class PolicyList:
 
     A policy may be followed by servo gains as in the option `--servo`, for example "trot at 35/0.5"."""
     published: tuple[PublishedPolicy, ...] = ()
-    """Published policies of other projects."""
+    """Policies of other projects, with the sources of their files."""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ ROBOTS = "robots"
 
 @dataclass(frozen=True)
 class ReadmeOptions:
-    """Write the results into the README."""
+    """Options of the command `readme`, which writes results into the README."""
 
     results: Annotated[Path, tyro.conf.Positional] = Path("results/evaluation/results.json")
     """File results.json of an evaluation."""

@@ -30,7 +30,7 @@ TABLES = {
 
 @dataclass(frozen=True)
 class ResultsOptions:
-    """Write results as CSV files and figures, and into pages."""
+    """Options of the command `results`, which writes results to CSV files, plots and pages."""
 
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional] = tuple(
         Path("results") / name for name in ("evaluation", "go1", "go2")

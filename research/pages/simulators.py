@@ -27,7 +27,7 @@ ERROR = "mean_velocity_error"
 
 @dataclass(frozen=True)
 class SimulatorsOptions:
-    """Compare two runs of the same episodes, each in a simulator of its own."""
+    """Options of the command `simulators`, which compares the same episodes in two simulators."""
 
     a: Annotated[Path, tyro.conf.Positional]
     """Folder of an evaluation in the first simulator, for example with --simulator mujoco."""

@@ -30,7 +30,7 @@ PLACE = "settled"
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """Rows to repeat, and the number of repetitions."""
+    """Options of the command `calibration`: checks to run, and numbers of data sets and episodes."""
 
     sets: int = 2000
     """Number of synthetic data sets for each check."""

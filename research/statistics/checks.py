@@ -73,7 +73,7 @@ class CalibrationCheck:
     name: str
     """Name of the check, which is printed with its rate."""
     count: int
-    """Number of episodes in a data set."""
+    """Number of episodes in one data set of the check."""
     fall_probability: float
     """Fall probability of the first policy; NaN in a check of breaking points, which has several severities."""
     outcome: CheckFunction

@@ -42,7 +42,7 @@ class Battery:
     points: tuple[float, ...]
     """True score of each policy minus the true score of the worst policy, percentage points."""
     scenarios: int
-    """Number of scenarios."""
+    """Number of scenarios in the battery."""
 
     @property
     def name(self) -> str:

@@ -36,7 +36,7 @@ from research.studies.failures import CASES
 
 @dataclass(frozen=True)
 class CausesOptions:
-    """Compare the rules of causes with episodes made to fail, or with a person's reading of films."""
+    """Options of the command `causes`, which tests the rules that find the cause of a failed episode."""
 
     table: Path = Path("docs/results/causes.csv")
     """CSV file for the causes that the rules find in episodes that were made to fail for a known cause."""

@@ -64,7 +64,7 @@ _LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "thr
 
 @dataclass(frozen=True)
 class EstimationOptions:
-    """Measure the estimators."""
+    """Options of the command `estimation`, which measures the errors of the state estimators."""
 
     table: Literal["walks", "pushes"] = "walks"
     """Measured errors: on undisturbed walks, or after pushes of 35 N·s scaled to the robot."""

@@ -19,11 +19,11 @@ from policies.base import Policy
 from quad_env.scenarios.axes import AXES
 
 COUNT = 15
-"""Number of frames in a strip."""
+"""Number of frames of the episode in a strip."""
 COLUMNS = 5
 """Number of frames in each row of a strip."""
 SIZE = (340, 270)
-"""Width and height of a frame, pixels."""
+"""Width and height of a frame in a strip, pixels."""
 CURVES = {
     "foot_contact": "feet on the ground",
     "command": "command, m/s and rad/s",

@@ -68,7 +68,7 @@ class PerturbedPolicy(Policy):
 
 @dataclass(frozen=True)
 class FailureCase:
-    """Six episodes that are made to fail for a known cause."""
+    """Definition of six episodes that are made to fail for a known cause."""
 
     cause: str
     """Name of the true cause of the failures, one of `evaluate.causes.rules.CAUSES`."""
@@ -144,9 +144,9 @@ The estimator assumes an IMU that is not rotated.
 STAIRS_15_CM = Stairs(0.15)
 """Terrain of stairs with a step height of 0.15 m."""
 ICE = Ground(0.05)
-"""Ground with a friction coefficient of 0.05."""
+"""Ground with a friction coefficient of 0.05, on which feet slip."""
 WEAK_MOTORS = Motors(10.0)
-"""Motors with a torque limit of 10 N·m, a tenth of the rated torque."""
+"""Weak motors with a torque limit of 10 N·m, a tenth of the rated torque of SimpleQuad."""
 LONG_LATENCY = Latency(0.08, 0.08)
 """Delays of 0.08 s for the actions and 0.08 s for the observations."""
 LONG_DROPOUTS = Dropouts(4, 0.95, (0.1, 4.0))

@@ -55,7 +55,7 @@ FRAME_STRIDE = 3
 FRAMES = 8
 """Number of frames that show one stride in the picture of a walk."""
 SIZE = (400, 300)
-"""Width and height of a rendered frame, pixels."""
+"""Width and height of a frame as it is rendered, before it is cropped and reduced, pixels."""
 SKY = 50
 """Height of the sky, which is cut off at the top of a rendered frame, pixels."""
 SAMPLES = 2
@@ -86,7 +86,7 @@ PLACE = re.compile(r"(?<=<!-- gaits )(\S+) (.+?)( -->\n).*?(?=<!-- /gaits -->)",
 
 @dataclass(frozen=True)
 class GaitsOptions:
-    """Record a steady walk of each controller, and draw it into the pages that name it."""
+    """Options of the command `gaits`, which draws steady walks of controllers for pages."""
 
     pages: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
     """Markdown files with generated blocks for gaits; by default all pages in docs and models."""

@@ -19,7 +19,7 @@ from research.studies.recovery import is_standing
 SETTLING = 0.8
 """Time in an episode at which the jump is requested, s; until then the robot settles."""
 WATCHED = 3.5
-"""Duration of an episode, s."""
+"""Duration of an episode with one jump, s."""
 REQUIRED_RISE = 0.15
 """Minimum rise of the trunk centre above the home pose in a successful jump, m."""
 

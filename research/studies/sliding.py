@@ -89,7 +89,7 @@ SETTINGS = {
 
 @dataclass(frozen=True)
 class SlidingOptions:
-    """Measure lift, braking and falls by settings of the contact."""
+    """Options of the command `sliding`: contact settings, policy, scenarios and episodes."""
 
     settings: tuple[str, ...] = tuple(SETTINGS)
     """Names of the contact settings to compare."""

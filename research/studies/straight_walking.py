@@ -39,10 +39,10 @@ LIMITS = {"episodes": (2, 65_536), "seed": (0, 2**63 - 1), "threads": (1, 256), 
 
 @dataclass(frozen=True)
 class StraightWalkingOptions:
-    """Compare policies in walking straight ahead."""
+    """Options of the command `straight-walking`, which compares policies that walk straight ahead."""
 
     robot: str = "go1"
-    """Robot: a name of quad_env.ROBOTS, or the path of its MJCF, URDF or TOML."""
+    """Robot: a name of quad_env.ROBOTS, or the path of an MJCF, URDF or TOML file."""
     policies: tuple[str, ...] = ("trot", "trot_feedback", "mpc_wbc", "residual")
     """Names or folders of the compared policies."""
     speeds: tuple[float, ...] = (0.3, 0.6, 0.9)

@@ -30,7 +30,7 @@ MEANS = (*(name for name in EFFORT if name != "cost_of_transport"), "mechanical_
 
 @dataclass(frozen=True)
 class TimeStepOptions:
-    """Write the effort of policies at each physics step as a CSV file."""
+    """Options of the command `time-step`: policies, scenarios and episodes."""
 
     policies: tuple[str, ...] = ("document_repaired", *WALKING_POLICIES, "mpc_wbc")
     """Names or folders of the policies that are measured."""
@@ -47,7 +47,7 @@ class _SteppedHardwareConfig(HardwareConfig):
     """Robot with ideal motors and sensors, which is simulated with a given physics time step."""
 
     timestep: float = STEPS[0]
-    """Physics time step, s."""
+    """Physics time step of the simulation, s."""
 
     def env_kwargs(self, robot: Robot) -> dict[str, Any]:
         return super().env_kwargs(robot) | {"config": TaskConfig(timestep=self.timestep)}

@@ -58,7 +58,7 @@ VALIDATED_ON = DEFAULTS["residual"].complete_validation.scenarios
 
 @dataclass(frozen=True)
 class AblationsOptions:
-    """Variants to compare, and the numbers of steps, seeds and episodes."""
+    """Options of the command `ablations`: variants of the training, numbers of steps, seeds and episodes."""
 
     variants: tuple[str, ...] = tuple(VARIANTS)
     """Names of the variants of the training that are compared."""

@@ -34,7 +34,7 @@ MAX_LABEL_LENGTH = 48
 
 @dataclass(frozen=True)
 class CurvesOptions:
-    """Draw learning curves."""
+    """Options of the command `curves`, which plots learning curves of training runs."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Folders of finished or unfinished training runs, for example runs/residual-*."""
@@ -85,7 +85,7 @@ class RunCurve:
     settings: Mapping[str, Any]
     """Training settings except the seed: name of the option -> value."""
     seed: int
-    """Training seed."""
+    """Seed of the training run."""
     steps: Floats
     """Number of training steps before each of the k validations, (k,)."""
     figures: Floats

@@ -28,7 +28,7 @@ class TrainedRun:
     label: str
     """Folder of the training run as text, which is the name of its policy in the evaluation."""
     config: TrainConfig
-    """Training settings."""
+    """All training settings of the run, for example base policy, scenarios and PPO parameters."""
     minutes: float
     """Duration of the training including validations, min."""
     git_revision: str

@@ -53,7 +53,7 @@ Some axes are also evaluated at their nominal severity, and four scenarios on th
 
 @dataclass(frozen=True)
 class PublishOptions:
-    """Runs to evaluate, and the folder of the shipped one."""
+    """Options of the command `publish`: training runs, evaluation, and folder of the shipped policy."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Folders of finished training runs: the seeds of one policy, and other policies for comparison; or the folder of a

@@ -45,7 +45,7 @@ SCENARIOS = "flat=1", "flat"
 
 @dataclass(frozen=True)
 class SB3BlockOptions:
-    """Run the README's block for Stable-Baselines3 and evaluate its models."""
+    """Options of the command `sb3-block`: seeds, episodes and files."""
 
     seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
     """Training seeds; one model is trained with each seed."""

@@ -19,10 +19,10 @@ from quad_env.files.writing import write_atomically
 
 @dataclass(frozen=True)
 class SealOptions:
-    """Add the digest of its description to each bundle."""
+    """Options of the command `seal`: folders of the trained policies."""
 
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Folders of trained policies, for example models/residual."""
+    """Folders of the trained policies that get a digest, for example models/residual."""
 
 
 def main(options: SealOptions) -> int:

@@ -47,9 +47,9 @@ The severities range from one at which a trot succeeds to one at which a trot ra
 SIGNIFICANT = 0.05
 """Significance level: new parameters are adopted only if the p-value of the comparison is at most this value."""
 ADOPTED = "The outcome is adopted."
-"""Sentence of the report if the new parameters are adopted."""
+"""Sentence in the report of a search if the new parameters replace the present parameters."""
 KEPT = "Those in force are kept: the outcome is not better."
-"""Sentence of the report if the new parameters are rejected."""
+"""Sentence in the report of a search if the new parameters are rejected."""
 
 
 @dataclass(frozen=True)
@@ -77,10 +77,10 @@ POLICIES = {
 
 @dataclass(frozen=True, kw_only=True)
 class FeedbackSearchOptions(SearchOptions):
-    """Policy to search, scenarios, and effort of the search."""
+    """Options of the command `search`: robot, policy, scenarios, and numbers of candidates and episodes."""
 
     robot: str = "simple_quad"
-    """Robot: a name of quad_env.ROBOTS, for example go1, or the path of its MJCF, URDF or TOML."""
+    """Robot: a name of quad_env.ROBOTS, for example go1, or the path of an MJCF, URDF or TOML file."""
     policy: Literal["mpc_wbc", "trot_feedback", "trot_integral"] = "trot_feedback"
     """Policy for which gait and gains are optimised."""
     generations: int = parameter(22, limits=(0, 10_000))
