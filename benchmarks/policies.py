@@ -25,9 +25,9 @@ from quad_env.cli.launcher import launch
 PERCENTILE = 99.9
 """Percentile of the durations of single calls to which a time limit applies, %."""
 JOINT_LOOP = "one mj_step of 2 ms"
-"""Name of a physics step in the tables.
+"""Name under which the tables list a physics step.
 
-The duration of a physics step is compared with the period of a robot's joint control loop, 2 ms.
+Its duration is compared with the period of a robot's joint control loop, 2 ms.
 """
 Clock = Callable[[], float]
 """Function that returns the present wall time or processor time of a clock, s."""

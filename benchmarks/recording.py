@@ -82,7 +82,8 @@ def _seconds(name: str, options: RecordingBenchmarkOptions) -> dict[str, dict[st
         options: Options of the command.
 
     Returns:
-        File format, or `none` for no recording -> name of a duration in CLOCKS -> durations, (rounds,), s.
+        File format, or `none` for an episode that is not recorded -> name of a duration in CLOCKS -> durations,
+        (rounds,), s.
     """
     steps = round(options.seconds / CONTROL_PERIOD)
     policy = policies.resolve(name)
@@ -109,10 +110,10 @@ def _seconds(name: str, options: RecordingBenchmarkOptions) -> dict[str, dict[st
 
 @contextmanager
 def _recording(file: str | None, policy: Policy) -> Iterator[tuple[Observer, ...]]:
-    """Provide the observers that record an episode in a temporary file; no observer if `file` is None.
+    """Provide the observers that record an episode in a temporary file; an empty tuple if `file` is None.
 
     Args:
-        file: File name of the recording; None for no recording.
+        file: File name of the recording; None to record nothing.
         policy: Policy that controls the recorded robot.
 
     Yields:

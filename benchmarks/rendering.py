@@ -23,7 +23,7 @@ SCENARIOS = (REFERENCE, "stairs", "rough")
 
 @dataclass(frozen=True)
 class RenderingBenchmarkOptions(MeasurementOptions):
-    """Options of the measurement of the frame rate, with a camera that follows one robot."""
+    """Options of the benchmark `rendering`: the frame rate of a camera that follows one robot."""
 
     frames: int = 5
     """Number of frames of each scenario that are rendered in a measurement round."""

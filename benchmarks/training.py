@@ -71,7 +71,7 @@ def measure(options: TrainingBenchmarkOptions) -> BenchmarkResult:
 
 
 def _is_reference(options: TrainingBenchmarkOptions) -> bool:
-    """Return True if the required training speed is defined for these options."""
+    """Return True if the options equal those in REFERENCE, for which the required speed is defined."""
     measured = (options.robot, options.base, options.envs)
     return measured == (REFERENCE.robot, REFERENCE.base, REFERENCE.ppo.envs)
 
@@ -125,7 +125,8 @@ def _time_learning(config: TrainConfig, rounds: int) -> dict[str, Floats]:
 
     Returns:
         Name -> total duration in each rollout, (rounds,), s. `physics` is MuJoCo. `robots` is the step of the vector
-        environment, which includes `physics`. `update` is the update of the network. `whole` includes all of these.
+        environment, which includes `physics`. `update` is the update of the network. `whole` is the total duration,
+        which includes `robots`, `update` and all other work.
     """
     env = make_env(config)
     true_step = Simulation._step_physics

@@ -19,7 +19,7 @@ Actions = NDArray[np.float32]
 COMMAND = (0.5, 0.0, 0.3)
 """Velocity command of the compared robots: forward, m/s, left, m/s, and yaw rate, rad/s."""
 MAX_STARTS = 256
-"""Largest number of different initial states in a batch of robots; a larger batch repeats these states."""
+"""Largest number of different initial states in a batch of robots; a larger batch repeats the states."""
 
 
 @dataclass(frozen=True)

@@ -124,7 +124,7 @@ class McapRecorder:
 
             fcntl.fcntl(self._rows.fileno(), fcntl.F_SETPIPE_SZ, PIPE_SIZE)
         self._process = context.Process(target=write, args=(writer_end, answer, self._path, schema))
-        with closing(writer_end), closing(answer), without_ctrl_c():  # because `close` needs its answer
+        with closing(writer_end), closing(answer), without_ctrl_c():  # because `close` waits for it
             self._process.start()
 
     def _send(self, row: NDArray[np.float64]) -> None:

@@ -45,7 +45,7 @@ It returns the answer that the server sends back to the same page, or None for n
 """
 HOST = "127.0.0.1"
 PORT = 8080
-"""Port on which the server listens if the user names no port."""
+"""Default port of the server, which the user can change by the option --port."""
 _FOREIGN = "this page answers to itself alone: type its address, or paste it, where addresses are typed"
 _HEADERS = {
     "Cache-Control": "no-store",

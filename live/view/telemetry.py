@@ -14,7 +14,7 @@ from policies.base import Policy
 from quad_env.task.rewards import REWARD
 
 MAX_ROWS = 600
-"""Maximum number of telemetry rows (control steps) that are stored; the curves on the page show as many."""
+"""Maximum number of stored telemetry rows, one per control step; the curves on the page have the same length."""
 
 
 class Telemetry:

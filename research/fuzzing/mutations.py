@@ -60,7 +60,7 @@ ODD_BYTES = (
     b"9" * 400,
     b"(" * 3000,
 )
-"""Byte sequences that are inserted at random places of a file."""
+"""Byte sequences that are inserted into a file at random positions."""
 _SCALES = (0.0, -1.0, 0.1, 10.0, 1e3, 1e6, 1e12)
 """Factors for random changes of a number: the number is multiplied by one of them."""
 

@@ -20,7 +20,7 @@ from research.pages.markdown import IN_A_LINE, table
 from research.pages.policy_list import PolicyList
 
 COMPARED = SUCCESS_RATE, "velocity_error"
-"""Metrics (keys of `Comparison.metric`) for which the page shows differences from the reference policy."""
+"""Names of the metrics for which the page shows the difference of each policy from the reference policy."""
 COST = "cost_of_transport"
 """Name of the effort measure 'cost of transport', as a key of results."""
 

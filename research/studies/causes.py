@@ -41,7 +41,7 @@ class CausesOptions:
     table: Path = Path("docs/results/causes.csv")
     """CSV file for the causes that the rules find in episodes that were made to fail for a known cause."""
     page: Path = Path("docs/causes.md")
-    """Markdown page with generated blocks for this table, the thresholds, and a person's judgement."""
+    """Markdown page to update: agreement of the rules, their thresholds, and a person's judgement."""
     films: Path | None = None
     """Folder for images of failed episodes, which a person judges; nothing else except `key.csv` is written."""
     run: Path = Path("results/evaluation")
@@ -51,7 +51,7 @@ class CausesOptions:
     reading: Path | None = None
     """CSV file with the causes that a person sees in the images, columns `film` and `cause`."""
     key: Path = Path("key.csv")
-    """CSV file with the causes that the rules find for these images, written by `--films`."""
+    """CSV file, written by `--films`, with the causes that the rules find for the images of failed episodes."""
 
 
 def main(options: CausesOptions) -> int:

@@ -83,7 +83,7 @@ class EstimationOptions:
     threads: int = 1
     """Number of threads of the simulation."""
     page: Path | None = None
-    """Markdown file; the table is written between <!-- results --> and <!-- /results --> (or pushes)."""
+    """Markdown file; the table goes between <!-- results --> and <!-- /results --> (`pushes` for pushes)."""
 
 
 class EstimationErrors(NamedTuple):

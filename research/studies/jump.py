@@ -26,7 +26,7 @@ REQUIRED_RISE = 0.15
 
 @dataclass(frozen=True)
 class JumpOptions:
-    """Options of the measurement of jumps."""
+    """Options of the command `jump`: number of robots, and seed of their initial states."""
 
     robots: int = 256
     """Number of robots; each has a different random initial state."""

@@ -54,7 +54,7 @@ class RecoveryResult:
 
 @dataclass(frozen=True)
 class RecoveryOptions:
-    """Options of the measurement of recoveries from falls."""
+    """Options of the command `recovery`: number of robots, and seeds of their initial states."""
 
     robots: int = 1000
     """Number of robots; each has a different random initial state."""

@@ -200,7 +200,8 @@ def _difference(a: Floats, b: Floats) -> dict[str, float]:
         b: Success rate of the second variant with each seed, (seeds,), %.
 
     Returns:
-        Name of the column -> value, percentage points; without bounds if all values of both variants are equal.
+        Name of the column -> value, percentage points. The bounds `low` and `high` are missing if each variant has
+        equal values with all seeds.
     """
     from scipy.stats import ttest_ind
 

@@ -18,7 +18,7 @@ from train.config import POSES, TrainConfig
 from train.run_record import training_command
 
 CARD_METRICS = (FALL_RATE, "velocity_error", "yaw_rate_error")
-"""Metrics for which a cell of the results table has two values: of the baseline and of the trained policy."""
+"""Metrics for which the results table shows the value of the baseline and the value of the trained policy."""
 
 
 @dataclass(frozen=True)
