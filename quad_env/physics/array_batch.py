@@ -1,4 +1,4 @@
-"""Base class of the batches of simulators other than MuJoCo: states and outputs of n robots in arrays."""
+"""Base class of the interfaces to Drake and MuJoCo Warp: states and outputs of n robots in arrays."""
 
 from collections.abc import Iterable
 
@@ -8,19 +8,21 @@ import numpy as np
 from quad_env.columns import Array, EnvIndices
 
 _STATE_FIELDS = {"qpos", "qvel", "ctrl", "xfrc_applied", "act"}
-"""Fields of MuJoCo's data that define a state; MuJoCo computes all other fields from them."""
+"""Fields of MuJoCo's data that define the state of a robot; MuJoCo computes all other fields from them."""
 
 
 class ArrayBatch:
-    """Implements the methods of `quad_env.physics.batch.Batch` that need no simulator.
+    """Base class of the interfaces to Drake and MuJoCo Warp, with states and outputs of n robots in arrays.
+
+    It implements the methods of `quad_env.physics.batch.Batch` that need no physics engine.
 
     Args:
         model: Compiled model of every robot.
         num_envs: Number of robots.
-        fields: Names of the fields of MuJoCo's data that the batch holds.
+        fields: Names of the fields of MuJoCo's data to hold, each as an array (n, ...).
 
     Attributes:
-        warning: MuJoCo's warnings of each robot since its reset: last value and count per kind, (n, kinds, 2).
+        warning: MuJoCo's warnings of each robot since its reset, (n, kinds, 2): last value and count of each kind.
     """
 
     def __init__(self, model: mujoco.MjModel, num_envs: int, fields: Iterable[str]) -> None:
@@ -32,21 +34,24 @@ class ArrayBatch:
         self.warning = np.zeros((num_envs, mujoco.mjtWarning.mjNWARNING.value, 2), np.int64)
 
     def bind(self, field: str) -> Array:
-        """Return the array that holds a state or output `field`; writing to a state field changes the robots."""
+        """Return the array, (n, ...), of the MuJoCo data field `field`, which every step updates in place.
+
+        Writing to the array of a state field changes the robots.
+        """
         return self._fields[field]
 
     def expand(self, field: str) -> Array:
-        """Give every robot its own values of a model `field`, and return them, (n, ...)."""
+        """Give every robot its own values of the MuJoCo model field `field`, and return them, (n, ...)."""
         values = getattr(self._model, field)
         return self._expanded.setdefault(field, np.tile(values, (len(self.warning), *[1] * values.ndim)))
 
     def reset(self, ids: EnvIndices, keyframe: int | None = None, *, stage: int = 0) -> None:
-        """Put robots into the initial state of the model or of a keyframe, without computing contacts.
+        """Put robots into the initial state of the model or of a keyframe; contacts are not computed.
 
         Args:
             ids: Indices of the robots, (k,).
             keyframe: Index of the keyframe; None for the initial state of the model.
-            stage: Not used.
+            stage: Not used, because this method computes no stage of the dynamics.
         """
         for values in self._fields.values():
             values[ids] = 0.0
@@ -59,7 +64,7 @@ class ArrayBatch:
 
         Args:
             ids: Indices of the robots, (k,).
-            stage: Not used.
+            stage: Not used, because this method computes only the kinematics.
         """
         for robot in ids:
             self._data.qpos[:] = self._fields["qpos"][robot]
@@ -68,12 +73,15 @@ class ArrayBatch:
                 self._fields[field][robot] = getattr(self._data, field)
 
     def get_model(self, robot: int, model: mujoco.MjModel) -> None:
-        """Write the model fields that `expand` has made, for the robot with the index `robot`, into `model`."""
+        """Write the model fields of the robot with the index `robot` that differ between robots into `model`."""
         for field, values in self._expanded.items():
             getattr(model, field)[:] = values[robot]
 
     def get_data(self, robot: int) -> mujoco.MjData:
-        """Return new data with the state of the robot with the index `robot`; other fields are not computed."""
+        """Return new MuJoCo data with the state of the robot with the index `robot`.
+
+        Fields that MuJoCo derives from the state are not computed.
+        """
         data = mujoco.MjData(self._model)
         for field in self._fields.keys() & _STATE_FIELDS:
             getattr(data, field)[:] = self._fields[field][robot]

@@ -1,4 +1,4 @@
-"""Arrows and balls in the world frame, drawn into a MuJoCo scene."""
+"""Arrows and balls, which mark quantities such as forces in rendered images of a robot."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -9,40 +9,40 @@ import numpy as np
 from quad_env.columns import Components
 
 Colour = tuple[float, float, float, float]
-"""Red, green, blue and opacity, each from 0 to 1."""
+"""Colour of a mark: red, green, blue and opacity, each from 0 to 1."""
 _MIN_LENGTH = 1e-3
 """Minimum length of a drawn arrow, m; the direction of a shorter arrow is not defined."""
 
 
 class Arrow(NamedTuple):
-    """Arrow between two points; nothing is drawn if the points coincide."""
+    """Arrow between two points of a rendered image; nothing is drawn if the points coincide."""
 
     start: Components[float]
-    """Start, world frame, (3), m."""
+    """Position of the arrow's start, world frame, (3), m."""
     end: Components[float]
-    """Tip, world frame, (3), m."""
+    """Position of the arrow's tip, world frame, (3), m."""
     radius: float
-    """Radius of the shaft, m."""
+    """Radius of the arrow's shaft, m."""
     colour: Colour
 
 
 class Ball(NamedTuple):
-    """Glowing ball with a label."""
+    """Glowing ball with a text label in a rendered image."""
 
     centre: Components[float]
-    """Centre, world frame, (3), m."""
+    """Position of the ball's centre, world frame, (3), m."""
     radius: float
-    """Radius, m."""
+    """Radius of the ball, m."""
     colour: Colour
     name: str
-    """Text of the label."""
+    """Text of the label next to the ball."""
 
 
 def draw_marks(scene: mujoco.MjvScene, marks: Sequence[Arrow | Ball]) -> None:
-    """Add arrows and balls, which cast no shadow, to a scene.
+    """Add arrows and balls, which cast no shadow, to a MuJoCo scene.
 
     Args:
-        scene: Scene to draw into.
+        scene: MuJoCo scene to draw into.
         marks: Arrows and balls to add.
     """
     for mark in marks:
@@ -56,7 +56,7 @@ def draw_marks(scene: mujoco.MjvScene, marks: Sequence[Arrow | Ball]) -> None:
 
 
 def _draw_ball(geom: mujoco.MjvGeom, ball: Ball) -> None:
-    """Turn a geom of a scene into a ball."""
+    """Set shape, position, colour and label of a scene's `geom` to the `ball`."""
     size = np.full(3, ball.radius)
     colour = np.array(ball.colour, np.float32)
     mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_SPHERE, size, np.array(ball.centre), np.eye(3).ravel(), colour)
@@ -65,7 +65,7 @@ def _draw_ball(geom: mujoco.MjvGeom, ball: Ball) -> None:
 
 
 def _draw_arrow(geom: mujoco.MjvGeom, arrow: Arrow) -> bool:
-    """Turn a geom of a scene into an arrow; return False if the arrow is too short to draw."""
+    """Set shape, position and colour of a scene's `geom` to the `arrow`; return False if it is too short."""
     start, end = np.array(arrow.start), np.array(arrow.end)
     if np.linalg.norm(end - start) < _MIN_LENGTH:
         return False

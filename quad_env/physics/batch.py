@@ -1,4 +1,4 @@
-"""Protocol of a batch of simulated robots: the methods of MuJoCo's batch that `Simulation` calls."""
+"""Interface to a physics engine that simulates n robots: the methods of MuJoCo's batch that are used."""
 
 from typing import Any, Protocol
 
@@ -10,26 +10,29 @@ _NONLINEAR_JOINT_FIELDS = ("jnt_stiffness", "jnt_stiffnesspoly", "dof_dampingpol
 
 
 class Batch(Protocol):
-    """Batch of n robots of one compiled model.
+    """Interface to a physics engine that simulates n robots of one compiled model, like MuJoCo's batch.
 
-    Fields have one row per robot, with MuJoCo's names, order, units and frames.
+    The arrays have one row per robot, with the names, order, units and frames of MuJoCo's fields.
     """
 
     warning: Any
-    """MuJoCo's warnings of each robot since its reset: last value and count per kind, (n, kinds, 2)."""
+    """MuJoCo's warnings of each robot since its reset, (n, kinds, 2): last value and count of each warning kind."""
 
     @property
     def features(self) -> SimulatorFeatures:
-        """Features that the simulator of this batch supports."""
+        """Features of the environment that the physics engine supports."""
 
     def bind(self, field: str) -> Array:
-        """Return the array that holds a state or output `field`; writing to a state field changes the robots."""
+        """Return the array, (n, ...), of the MuJoCo data field `field`, which every step updates in place.
+
+        Writing to the array of a state field changes the robots.
+        """
 
     def expand(self, field: str) -> Array:
-        """Give every robot its own values of a model `field`, and return them, (n, ...)."""
+        """Give every robot its own values of the MuJoCo model field `field`, and return them, (n, ...)."""
 
     def sensor(self, name: str) -> Any:
-        """Return the sensor called `name`; its attribute `data` holds the readings, (n, size).
+        """Return the MuJoCo sensor called `name`; its attribute `data` holds the readings, (n, size).
 
         The readings belong to the state before the last physics step.
         """
@@ -44,7 +47,7 @@ class Batch(Protocol):
         """
 
     def forward(self, ids: EnvIndices, *, stage: int = ...) -> None:
-        """Compute the outputs of the present state, such as positions of bodies and sites.
+        """Compute the output fields at the present state, such as positions of bodies and sites.
 
         Args:
             ids: Indices of the robots, (k,).
@@ -52,34 +55,34 @@ class Batch(Protocol):
         """
 
     def step(self, ids: EnvSelection | None, nstep: int) -> None:
-        """Advance robots by physics steps; MuJoCo's batch raises `mujoco.batch.SimulationError`.
+        """Advance robots by physics steps; MuJoCo raises `mujoco.batch.SimulationError` if robots fail.
 
         Args:
-            ids: Robots to step; None for all.
+            ids: Indices of the robots to step, or a slice; None for all robots.
             nstep: Number of physics steps.
         """
 
     def set_const(self, ids: EnvIndices) -> None:
-        """Recompute the model constants of the robots `ids`, (k,), after a change of fields from `expand`."""
+        """Recompute the model constants of the robots `ids`, (k,), after a change of values from `expand`."""
 
     def get_model(self, robot: int, model: Any) -> None:
-        """Write the model fields that `expand` has made, for the robot with the index `robot`, into `model`."""
+        """Write the model fields of the robot with the index `robot` that differ between robots into `model`."""
 
     def get_data(self, robot: int) -> Any:
-        """Return a copy of the simulation data of the robot with the index `robot`."""
+        """Return a copy of the MuJoCo data of the robot with the index `robot`."""
 
 
 def make_batch(simulator: str, model: Any, num_envs: int, nthread: int) -> Batch:
-    """Create a batch of robots in a simulator.
+    """Create the interface to a physics engine that simulates `num_envs` robots.
 
     Args:
-        simulator: Name of the simulator.
+        simulator: Name of the physics engine: `mujoco`, `drake` or `warp`.
         model: Compiled `mujoco.MjModel` of every robot.
         num_envs: Number of robots.
         nthread: Number of simulation threads; only MuJoCo uses it.
 
     Returns:
-        The batch.
+        Interface to the physics engine.
 
     Raises:
         ValueError: The model has joint springs or nonlinear joint damping, which the simulator does not support.

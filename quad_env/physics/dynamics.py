@@ -1,8 +1,8 @@
 """Rigid-body dynamics for controllers: inertia, bias forces, foot positions and Jacobians.
 
-The coordinates are MuJoCo's for a free joint. The generalised velocity, (18), is the linear velocity of the trunk,
-world frame, m/s, the angular velocity, base frame, rad/s, and the joint speeds, rad/s. The world frame may be any
-level frame, for example the one at the trunk centre with x ahead.
+The coordinates are MuJoCo's coordinates of a free joint. The generalised velocity, (18), consists of the linear
+velocity of the trunk, world frame, m/s, its angular velocity, base frame, rad/s, and the joint speeds, rad/s. The world
+frame may be any frame with a vertical z axis, for example a frame at the trunk centre with x ahead.
 """
 
 from collections.abc import Sequence
@@ -19,29 +19,29 @@ from quad_env.robots.scene import build_spec
 Floats = NDArray[np.float64]
 
 _SYMMETRIC = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
-"""Index of each entry of a symmetric (3, 3) matrix in MuJoCo's order xx, yy, zz, xy, xz, yz."""
+"""Index of each component of a symmetric (3, 3) matrix in MuJoCo's order xx, yy, zz, xy, xz, yz."""
 
 
 class DynamicsTerms(NamedTuple):
-    """Terms of the equations of motion of n robots in given states; made by `Dynamics.compute`."""
+    """Terms of the equations of motion of n robots in their states; `Dynamics.compute` returns them."""
 
     mass: Floats
-    """Total mass, (n,), kg."""
+    """Total mass of each robot, (n,), kg."""
     inertia: Floats
-    """Joint-space inertia matrix, including the armature (rotor inertia) of the joints, (n, 18, 18)."""
+    """Inertia matrix for the generalised velocity, including the rotor inertia of the joints, (n, 18, 18)."""
     bias_force: Floats
-    """Generalised forces that give zero acceleration, (n, 18), N and N·m.
+    """Generalised forces at which the generalised acceleration is zero, (n, 18), N and N·m.
 
-    They balance Coriolis and centrifugal forces, gravity and joint damping.
+    These forces balance Coriolis and centrifugal forces, gravity and joint damping.
     """
     feet: Floats
     """Centres of the foot spheres, world frame, (n, 4, 3), m."""
     jacobians: Floats
-    """Jacobians from the generalised velocity to the foot velocities, world frame, (n, 4, 3, 18)."""
+    """Jacobians that map the generalised velocity to the foot velocities, world frame, (n, 4, 3, 18)."""
     foot_bias_acceleration: Floats
     """Accelerations of the feet at zero generalised acceleration, world frame, (n, 4, 3), m/s²."""
     com_position: Floats
-    """Centre of mass, world frame, (n, 3), m."""
+    """Position of the centre of mass, world frame, (n, 3), m."""
     com_velocity: Floats
     """Velocity of the centre of mass, world frame, (n, 3), m/s."""
     rotational_inertia: Floats
@@ -49,7 +49,7 @@ class DynamicsTerms(NamedTuple):
 
     @property
     def leg_jacobians(self) -> Floats:
-        """Jacobians of each foot with respect to the joints of its own leg, world frame, (n, 4, 3, 3)."""
+        """Jacobians of the feet for the joint angles of their own legs, world frame, (n, 4, 3, 3), m/rad."""
         by_leg = self.jacobians[..., 6:].reshape(*self.feet.shape, -1, 3)
         return np.ascontiguousarray(by_leg.diagonal(0, 1, 3).transpose(0, 3, 1, 2))
 
@@ -65,9 +65,9 @@ class _MujocoModel(NamedTuple):
     feet: list[tuple[int, int]]
     """Indices of the site of each foot and of the body with this site."""
     qpos: Any
-    """Generalised positions; `Dynamics` writes them."""
+    """Generalised positions in MuJoCo's order, (19,), which `Dynamics` writes before a computation."""
     qvel: Any
-    """Generalised velocities; `Dynamics` writes them."""
+    """Generalised velocities in MuJoCo's order, (18,), which `Dynamics` writes before a computation."""
     site_positions: Any
     composite_inertia: Any
     """Rotational inertia of the robot with locked joints, in MuJoCo's order xx, yy, zz, xy, xz, yz, (6,), kg·m²."""
@@ -78,7 +78,10 @@ class _MujocoModel(NamedTuple):
 
 
 def _make_mujoco_model(mujoco: Any, model: Any, legs: Sequence[str]) -> _MujocoModel:
-    """Switch off constraints and sensors of a model, and return the model with its data and views."""
+    """Disable constraints and sensors of `model`; return it with its data and views of the data fields.
+
+    `mujoco` is the imported package, and `legs` are the names of the legs.
+    """
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_SENSOR)
     data = mujoco.MjData(model)
     trunk = model.body("base_link").id
@@ -102,17 +105,17 @@ def _make_mujoco_model(mujoco: Any, model: Any, legs: Sequence[str]) -> _MujocoM
 
 @dataclass(frozen=True)
 class Dynamics:
-    """Computes the dynamics of a robot; payload and ground contact are not included."""
+    """Rigid-body dynamics of a robot, computed by MuJoCo; payload and ground contact are not included."""
 
     robot: Robot
-    """The robot."""
+    """Robot that moves."""
 
     def __reduce__(self) -> tuple[type["Dynamics"], tuple[Robot]]:
         return Dynamics, (self.robot,)
 
     @cached_property
     def _compiled(self) -> _MujocoModel:
-        """Compiled MuJoCo model and data, made on first use."""
+        """Compiled MuJoCo model and data of the robot, which are created on first use."""
         import mujoco
 
         return _make_mujoco_model(mujoco, build_spec(self.robot).compile(), self.robot.leg_names)
@@ -120,7 +123,7 @@ class Dynamics:
     def compute(
         self, orientation: Floats, velocity: Floats, angular_velocity: Floats, angles: Floats, speeds: Floats
     ) -> DynamicsTerms:
-        """Compute the dynamics of n robots with the trunk centre at the origin.
+        """Compute the terms of the equations of motion of n robots with the trunk centre at the origin.
 
         Args:
             orientation: Quaternions (w, x, y, z) from the base to the world frame, (n, 4).
@@ -130,7 +133,7 @@ class Dynamics:
             speeds: Joint speeds, (n, 12), rad/s.
 
         Returns:
-            Terms of the equations of motion.
+            Inertia, bias forces, foot positions, Jacobians and centre of mass of the n robots.
         """
         terms = self._allocate(len(angles), angles.shape[1])
         qpos = np.concatenate((np.zeros((len(angles), 3)), orientation, angles), axis=1)
@@ -144,7 +147,7 @@ class Dynamics:
         return terms
 
     def _allocate(self, num_envs: int, num_joints: int) -> DynamicsTerms:
-        """Return terms with uninitialised arrays for `num_envs` robots."""
+        """Return `DynamicsTerms` with uninitialised arrays for `num_envs` robots with `num_joints` joints."""
         size = 6 + num_joints
         legs = len(self.robot.leg_names)
         return DynamicsTerms(
@@ -160,9 +163,11 @@ class Dynamics:
         )
 
     def _compute_row(self, terms: DynamicsTerms, jacobian_rates: Floats, row: int, qpos: Floats, qvel: Floats) -> None:
-        """Write the terms of one robot into a row of `terms`, and the foot Jacobian derivatives.
+        """Compute the terms of one robot, and write them to the row `row` of `terms`.
 
-        `foot_bias_acceleration` is not written, because `compute` derives it from the Jacobian derivatives.
+        `qpos`, (19,), and `qvel`, (18,), are the robot's generalised position and velocity. The time derivatives of the
+        foot Jacobians are written to `jacobian_rates`, (4, 3, 18). `foot_bias_acceleration` is not written, because
+        `compute` derives it from these time derivatives.
         """
         compiled = self._compiled
         mujoco = compiled.mujoco

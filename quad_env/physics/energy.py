@@ -1,4 +1,4 @@
-"""Motor work, heat, peak values and foot impulses over a control step, from every physics step."""
+"""Meter of motor work, heat, peak values and foot impulses over a control step, for evaluation."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -20,16 +20,16 @@ JOINT_READINGS = (
     "peak_speed",
     "torque_change",
 )
-"""Readings of a `MotorMeter` with one value per joint; see `quad_env.task.readings`."""
+"""Names of the measurements of a `MotorMeter` with one value per joint; `quad_env.task.readings` explains them."""
 AppliedTorqueReader = Callable[[EnvSelection, Array], Array]
 """Function that returns the torques that the joints of k robots received in the last physics step, (k, 12), N·m.
 
-The arguments are the selection of the robots and the change of the joint speeds in this physics step, (k, 12), rad/s.
+Its arguments are the indices of the robots, and the change of the joint speeds in this physics step, (k, 12), rad/s.
 """
 
 
 class SubstepSample(NamedTuple):
-    """Measurements of k robots in one physics step."""
+    """Measurements of motors and foot forces of k robots in one physics step."""
 
     speed_before: Array
     """Joint speeds before the physics step, (k, 12), rad/s."""
@@ -42,12 +42,12 @@ class SubstepSample(NamedTuple):
 
 
 class MotorMeter:
-    """Measures motors and foot forces of n robots in every physics step of a control step.
+    """Meter of motors and foot forces of n robots, which samples every physics step of a control step.
 
     The simulation calls `start` before the physics steps of a control step, `record` after each physics step, and
     `finish` at the end. The work of a physics step is the torque times the duration times the mean of the speeds v
-    before and v' after the step. This is exact: the impulse of all forces is M (v' − v), and the product of this
-    impulse with (v + v') / 2 is the change of the kinetic energy ½ vᵀ M v.
+    before and v' after the step. This formula is exact: the impulse of all forces is M (v' − v), with the inertia
+    matrix M. The product of this impulse with (v + v') / 2 is the change of the kinetic energy ½ vᵀ M v.
     """
 
     def __init__(self, robot: Robot, batch: Batch, model: Any, actuator: Actuator) -> None:
@@ -62,27 +62,27 @@ class MotorMeter:
         self.speed_limit = np.full(robot.num_joints, robot.rated_speed if curve is None else curve.no_load_speed)
         """No-load speed of each joint, (12,), rad/s; the rated speed for motors without a torque-speed curve."""
         self._speed_before = self._speed.copy()
-        """Joint speeds before the next physics step, of the robots that `start` selected, (k, 12), rad/s."""
+        """Joint speeds before the next physics step, of the k robots that `start` selected, (k, 12), rad/s."""
         self._samples: list[SubstepSample] = []
-        """Measurements in each physics step since `start`."""
+        """Measurements in each physics step since the last call of `start`."""
         self._mean_torque = np.zeros(self._speed.shape)
-        """Mean torques in the last control step, (n, 12), N·m."""
+        """Signed mean of each joint's torque over the last control step, (n, 12), N·m."""
         self.readings = {name: np.zeros(self._speed.shape) for name in JOINT_READINGS}
-        """Name -> reading of the last control step, (n, ...)."""
+        """Name of each measurement -> values of the last control step, (n, 12), or (n, 4) for `foot_impulse`."""
         self.readings["foot_impulse"] = np.zeros((len(self._speed), len(robot.leg_names)))
 
     def reset(self, env_ids: EnvSelection) -> None:
-        """Reset the readings of the robots `env_ids` to zero."""
+        """Set all measurements of the robots `env_ids` to zero, at the start of an episode."""
         for values in (self._mean_torque, *self.readings.values()):
             values[env_ids] = 0.0
 
     def start(self, env_ids: EnvSelection) -> None:
-        """Start the measurement of a control step of the robots `env_ids`."""
+        """Start the measurement of a control step of the robots `env_ids`, before its first physics step."""
         self._samples.clear()
         self._speed_before = self._speed[env_ids].copy()
 
     def record(self, env_ids: EnvSelection) -> None:
-        """Record the physics step that the robots `env_ids` have just made."""
+        """Record speeds, torques and foot forces in the last physics step of the robots `env_ids`."""
         before = self._speed_before
         after = self._speed[env_ids].copy()
         force = sum_foot_forces(self._touch, env_ids)
@@ -92,7 +92,7 @@ class MotorMeter:
         self._speed_before = after
 
     def finish(self, env_ids: EnvSelection) -> None:
-        """Compute the readings of the robots `env_ids` from the physics steps since `start`."""
+        """Compute the measurements of a control step of the robots `env_ids` from its physics steps."""
         before, after, torque, force = (np.array(values) for values in zip(*self._samples, strict=True))
         time = self._timestep
         with np.errstate(all="ignore"):
@@ -115,14 +115,14 @@ class MotorMeter:
 
 
 def touch_sensors(robot: Robot, model: Any) -> list[list[str]]:
-    """Return the names of the force sensors of each foot; a foot has one sensor per body.
+    """Return the names of the touch (normal force) sensors of each foot, which may have several bodies.
 
     Args:
         robot: Robot of the model.
         model: Compiled `mujoco.MjModel`.
 
     Returns:
-        Sensor names, one list per foot.
+        Names of the sensors, one list per foot with one sensor per body.
     """
     if not robot.imported:
         return [[f"{leg}_foot_touch"] for leg in robot.leg_names]
@@ -131,10 +131,10 @@ def touch_sensors(robot: Robot, model: Any) -> list[list[str]]:
 
 
 def sum_foot_forces(touch: Sequence[Sequence[Array]], env_ids: EnvSelection) -> Array:
-    """Sum the forces of the touch sensors of each foot.
+    """Compute the ground force on each foot as the sum of the readings of its touch sensors.
 
     Args:
-        touch: Readings of the sensors of each foot, (n, 1) per sensor, N.
+        touch: For each foot, the readings of its sensors, (n, 1) per sensor, N.
         env_ids: Indices of k robots, or a slice.
 
     Returns:
@@ -144,12 +144,13 @@ def sum_foot_forces(touch: Sequence[Sequence[Array]], env_ids: EnvSelection) -> 
 
 
 def make_applied_torque_reader(batch: Batch, model: Any, num_joints: int) -> AppliedTorqueReader:
-    """Create the function that returns the torques that joints received in the last physics step.
+    """Create a function that returns the torques that the joints received in the last physics step.
 
-    MuJoCo's implicit integration solves (M − h D) (v' − v) = h f(v), with the time step h, the speeds v before and v'
-    after the step, and the derivative D = df/dv. So the joints receive the explicit torque, `actuator_force`, and the
-    implicit torque D (v' − v). D is MuJoCo's field `qDeriv`. It includes the passive damping of the joints, which is
-    removed here because it is no motor torque. It does not include motors that are at their torque limit.
+    MuJoCo's implicit integration solves (M − h D) (v' − v) = h f(v). M is the inertia matrix, h the time step, f the
+    force, and D = df/dv its derivative. v and v' are the velocities before and after the step. So the joints receive
+    the explicit torque, `actuator_force`, and the implicit torque D (v' − v). D is MuJoCo's field `qDeriv`. It includes
+    the passive damping of the joints, which is removed here because it is no motor torque. It does not include motors
+    that are at their torque limit.
 
     Args:
         batch: Batch of the robots.
@@ -157,7 +158,8 @@ def make_applied_torque_reader(batch: Batch, model: Any, num_joints: int) -> App
         num_joints: Number of joints; they are the last degrees of freedom of the model.
 
     Returns:
-        Function that returns the torques.
+        Function of the robot indices and of the change of the joint speeds, (k, 12), rad/s, in the last physics step;
+        it returns the torques, (k, 12), N·m.
     """
     explicit = batch.bind("actuator_force")
     if not batch.features.implicit_damping:

@@ -1,4 +1,4 @@
-"""Swing time and touchdown speed of each foot of n robots."""
+"""Tracker of the swing duration and the touchdown speed of each foot of n robots."""
 
 from collections.abc import Sequence
 
@@ -9,16 +9,16 @@ from quad_env.columns import Array, EnvSelection, Mask
 MAX_BOUNCE_STEPS = 1
 """Largest number of consecutive control steps off the ground that counts as a bounce of a landing foot.
 
-A longer time off the ground is a swing. The rule is the same as `contact_filt` in legged_gym.
+A longer time off the ground is a swing phase. The variable `contact_filt` in legged_gym follows the same rule.
 """
 
 
 class FootContactTracker:
-    """Tracks swing time and touchdown speed of the feet of n robots; updated after every control step.
+    """Tracker of swing duration and touchdown speed of the feet of n robots, updated every control step.
 
     Args:
         period: Control period, s.
-        contacts: Contact counts of the sensors of each foot, (n, 1) per sensor; see `touching`.
+        contacts: For each foot, the contact counts of its sensors, (n, 1) per sensor; the simulator updates them.
         site_positions: Positions of all sites of the model, world frame, (n, sites, 3), m.
         foot_sites: Indices of the feet among the sites.
     """
@@ -31,16 +31,19 @@ class FootContactTracker:
         self._site_positions = site_positions
         self._foot_sites = list(foot_sites)
         self._air_steps = np.zeros((len(contacts[0][0]), len(contacts)))
-        """Control steps that each foot has been off the ground, (n, 4); counted in steps to avoid rounding errors."""
+        """Number of control steps since each foot left the ground, (n, 4); 0 for a foot on the ground.
+
+        Time is counted in control steps to avoid rounding errors.
+        """
         self.swing_time = np.zeros_like(self._air_steps)
-        """Duration of the swing that ended in the last control step, (n, 4), s; see `QuadState`."""
+        """Duration of the swing phase of each foot that touched down in the last step, (n, 4), s; 0 for other feet."""
         self.touchdown_speed = np.zeros_like(self._air_steps)
-        """Downward speed before a touchdown in the last control step, (n, 4), m/s; see `QuadState`."""
+        """Downward speed of each foot that touched down in the last step, (n, 4), m/s; 0 for other feet."""
         self._height = np.zeros_like(self._air_steps)
         self._descent_speed = np.zeros_like(self._air_steps)
 
     def reset(self, env_ids: EnvSelection) -> None:
-        """Start an episode of the robots `env_ids`, with all feet on the ground."""
+        """Start an episode of the robots `env_ids`; all feet count as on the ground."""
         for values in (self._air_steps, self.swing_time, self.touchdown_speed, self._descent_speed):
             values[env_ids] = 0.0
         self._height[env_ids] = self._foot_heights(env_ids)
@@ -62,10 +65,10 @@ class FootContactTracker:
 
 
 def touching(contacts: Sequence[Sequence[Array]], env_ids: EnvSelection) -> Mask:
-    """Return the mask of robot parts that touched the ground.
+    """Return True for each robot part, such as a foot, that touched the ground in the last physics step.
 
     Args:
-        contacts: Contact counts of the sensors of each part, (n, 1) per sensor.
+        contacts: For each part, the contact counts of its sensors, (n, 1) per sensor.
         env_ids: Indices of k robots, or a slice.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Compiled MuJoCo model of a robot in a scenario: terrain, ground, payload, actuators."""
+"""Compiler of the MuJoCo model of a robot in a scenario, with terrain, payload and actuators."""
 
 import copy
 import math
@@ -21,13 +21,13 @@ from quad_env.scenarios.scenario import Scenario
 from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom, Stairs, Terrain
 
 PAYLOAD = "payload"
-"""Name of the payload's body."""
+"""Name of the payload's body in the MuJoCo model."""
 _GROUND = "ground"
-"""Name of the geom of the ground plane; the material of the plane has the same name."""
+"""Name of the ground plane's geom, and of its material, in the MuJoCo model."""
 _TERRAIN = "terrain"
-"""Name of the height field, and first part of the names of the stairs' geoms."""
+"""Name of the height field in the MuJoCo model, and first part of the names of the stairs' geoms."""
 _FLOOR_DEPTH = 1.0
-"""Thickness of the solid ground below a height field or a tread of stairs, m."""
+"""Thickness of the solid ground below a height field or below a step of stairs, m."""
 
 
 def compile_model(
@@ -37,12 +37,12 @@ def compile_model(
     timestep: float | None = None,
     solver_iterations: int | None = None,
 ) -> mujoco.MjModel:
-    """Compile the model of a robot in a scenario.
+    """Compile the MuJoCo model of a robot in a scenario.
 
     Args:
-        robot: The robot.
-        scenario: Terrain, ground, payload and motors.
-        actuator: Actuator of the joints.
+        robot: Robot of the model.
+        scenario: Scenario, which defines terrain, ground contact, payload and motor limits.
+        actuator: Model of the joint servos.
         timestep: Physics step, s; None for the value in the MJCF.
         solver_iterations: Maximum contact-solver iterations per physics step; None for the value in the MJCF.
 
@@ -66,7 +66,7 @@ def compile_model(
 
 
 def _add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
-    """Add the terrain; flat ground needs no change, because the specification has a plane."""
+    """Add the `terrain` to the model specification `spec`; flat ground is the plane that `spec` has."""
     if isinstance(terrain, SmoothRandom | HeightField):
         _add_height_field(spec, terrain)
     elif isinstance(terrain, Stairs):
@@ -76,7 +76,10 @@ def _add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
 
 
 def _set_actuators(spec: mujoco.MjSpec, motors: Motors, actuator: Actuator, robot: Robot) -> NDArray[np.float64]:
-    """Set up the actuators of the joints, and return their torque limits, (12,), N·m."""
+    """Set motor type, filter and delay of the joint actuators, and return their torque limits, (12,), N·m.
+
+    `motors` are the limits of the scenario, and `actuator` is the model of the joint servos.
+    """
     torque_limit = np.full(robot.num_joints, motors.max_torque(robot))
     bandwidth = min_limit(motors.bandwidth, actuator.bandwidth)
     if actuator.curve is not None:
@@ -91,7 +94,7 @@ def _set_actuators(spec: mujoco.MjSpec, motors: Motors, actuator: Actuator, robo
 
 
 def _compile_at_home_height(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile with the trunk at the height of the home pose, then restore the start height in `qpos0`.
+    """Compile `spec` with the trunk at its height in the home pose, then restore the height in `qpos0`.
 
     MuJoCo computes constants, for example inverse weights, at `qpos0`, and the last bits of the constants depend on the
     trunk height. With the fixed height they do not depend on the start height in the MJCF.
@@ -105,22 +108,22 @@ def _compile_at_home_height(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def contact_sensors(model: mujoco.MjModel, part: str) -> list[str]:
-    """Return the names of the sensors that count ground contacts of a robot part.
+    """Return the names of the MuJoCo sensors that count ground contacts of a robot part.
 
     Args:
         model: Compiled model.
-        part: Name of the part, for example `trunk` or `fl_foot`.
+        part: Name of the robot part, for example `trunk` or `fl_foot`.
 
     Returns:
-        Names of the sensors.
+        Names of the sensors of this part.
     """
     return names_of_part(f"{part}_ground", (model.sensor(number).name for number in range(model.nsensor)))
 
 
 def trunk_corners(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """Return the corners of the bounding boxes of the trunk's collision geoms, base frame, (k, 3), m.
+    """Return the corners of the boxes around the trunk's collision geoms, base frame, (k, 3), m.
 
-    Geoms of bodies that are welded to the trunk are included.
+    Geoms of bodies that are welded to the trunk are included. The corners show how high the trunk must be above ground.
     """
     data = mujoco.MjData(model)
     root = model.body("base_link").id
@@ -136,17 +139,17 @@ def trunk_corners(model: mujoco.MjModel) -> NDArray[np.float64]:
 
 
 def make_stepping_model(model: mujoco.MjModel, sensors: Sequence[str] | None = None) -> mujoco.MjModel:
-    """Return a copy of a model that steps faster, with bit-identical results.
+    """Return a copy of a model that MuJoCo simulates faster, with bit-identical results.
 
     The copy evaluates only the sensors that are read. It does not search for constraint islands, because one robot has
     only one island.
 
     Args:
         model: Compiled model.
-        sensors: Names of the sensors that are read; None: the trunk's contact sensors.
+        sensors: Names of the sensors that are read; None for the trunk's contact sensors.
 
     Returns:
-        The copy.
+        Copy of the model.
     """
     stepping = copy.copy(model)
     sensors = contact_sensors(model, "trunk") if sensors is None else sensors
@@ -158,15 +161,15 @@ def make_stepping_model(model: mujoco.MjModel, sensors: Sequence[str] | None = N
 
 
 Mounting = tuple[tuple[float, float, float], tuple[float, float, float]]
-"""Place of the IMU on the trunk: position, base frame, (3), m, and roll, pitch, yaw from the base frame, (3), rad."""
+"""Pose of the IMU on the trunk: position, base frame, (3), m, and roll, pitch, yaw from the base frame, (3), rad."""
 
 
 def mount_imu(model: mujoco.MjModel, mounting: Mounting) -> None:
-    """Move the IMU of a model to another place.
+    """Set the position and the rotation of the IMU in a model.
 
     Args:
         model: Compiled model; this function changes it.
-        mounting: New place of the IMU.
+        mounting: Position of the IMU, base frame, (3), m, and its roll, pitch and yaw from the base frame, (3), rad.
     """
     position, rotation = mounting
     site = model.site("imu")
@@ -184,7 +187,7 @@ def slope_quaternion(slope: Slope) -> tuple[float, float, float, float]:
 
 
 def _add_height_field(spec: mujoco.MjSpec, terrain: SmoothRandom | HeightField) -> None:
-    """Add a height field at the origin, and lower the ground plane to the lowest point of the field."""
+    """Add the height field of `terrain` at the origin, and move the ground plane to its lowest point."""
     heights = terrain.heights
     rows, columns = heights.normalized.shape
     spec.add_hfield(
@@ -200,7 +203,7 @@ def _add_height_field(spec: mujoco.MjSpec, terrain: SmoothRandom | HeightField) 
 
 
 def _add_stairs(spec: mujoco.MjSpec, stairs: Stairs) -> None:
-    """Add a box for each step of the stairs, and lower the ground plane to the end of the stairs."""
+    """Add a box for each step of the stairs, and lower the ground plane to the foot of the stairs."""
     spec.geom(_GROUND).pos = (0.0, 0.0, -stairs.steps * stairs.rise)
     half_height = (stairs.rise + _FLOOR_DEPTH) / 2
     for number, ((start, end), top) in enumerate(stairs.boxes()):
@@ -214,7 +217,10 @@ def _add_stairs(spec: mujoco.MjSpec, stairs: Stairs) -> None:
 
 
 def _add_ground(spec: mujoco.MjSpec, **geometry: object) -> None:
-    """Add a geom with the material, friction and softness of the ground plane."""
+    """Add a terrain geom with the material, friction and softness of the ground plane.
+
+    `geometry` are the attributes of the geom, such as name, type, position and size.
+    """
     plane = spec.geom(_GROUND)
     bits = {"contype": plane.contype, "conaffinity": plane.conaffinity}
     spec.worldbody.add_geom(material=_GROUND, friction=plane.friction, solref=plane.solref, **bits, **geometry)
@@ -244,7 +250,10 @@ def _add_payload(spec: mujoco.MjSpec, payload: Payload, robot: Robot) -> None:
 
 
 def _add_actuator_filter(spec: mujoco.MjSpec, time_constant: float, robot: Robot) -> None:
-    """Add an exactly integrated first-order target filter to each servo; it starts at the home pose."""
+    """Add a first-order low-pass filter of the joint target to each servo, which starts at the home pose.
+
+    `time_constant` is the time constant of the filter, s. MuJoCo integrates the filter exactly.
+    """
     for actuator in spec.actuators:
         actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
         actuator.dynprm[0] = time_constant
@@ -252,10 +261,11 @@ def _add_actuator_filter(spec: mujoco.MjSpec, time_constant: float, robot: Robot
 
 
 def _convert_to_dc_motors(spec: mujoco.MjSpec, curve: ResolvedTorqueSpeed, robot: Robot) -> None:
-    """Replace the servos by DC motors with the same gains.
+    """Replace the joint servos by DC motors with the same stiffness and damping.
 
-    The supply voltage is normalised to ±1 V. So the motor constant is 1 / no_load_speed, and the resistance is the
-    motor constant / stall_torque. The force range of the actuator is the current limit.
+    `curve` are the torque-speed curves of the motors. The supply voltage is normalised to ±1 V. So the motor constant
+    is 1 / no_load_speed, and the resistance is the motor constant / stall_torque. The force range of the actuator is
+    the current limit.
     """
     stall_torques = curve.stall_torque.tolist()
     no_load_speeds = curve.no_load_speed.tolist()
@@ -276,17 +286,17 @@ def _convert_to_dc_motors(spec: mujoco.MjSpec, curve: ResolvedTorqueSpeed, robot
 
 
 def servo_fields(model: mujoco.MjModel, expand: Callable[[str], Array]) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
-    """Return views of the model fields of n robots that hold the servo gains, (n, 12) each.
+    """Return views of the model fields that hold the servo gains of n robots, (n, 12) each.
 
-    A field holds the gain or the negative gain.
+    Some fields hold the gain, and others the negative gain.
 
     Args:
         model: Compiled model.
         expand: Function that gives every robot its own values of a model field, and returns the values, (n, ...).
 
     Returns:
-        stiffness: Views of the fields with ± the stiffness.
-        damping: Views of the fields with ± the damping.
+        stiffness: Views of the fields with the stiffness or the negative stiffness, N·m/rad.
+        damping: Views of the fields with the damping or the negative damping, N·m·s/rad.
     """
     gain = expand("actuator_gainprm")
     bias = expand("actuator_biasprm")
@@ -296,7 +306,7 @@ def servo_fields(model: mujoco.MjModel, expand: Callable[[str], Array]) -> tuple
 
 
 def give_servo_gains(model: mujoco.MjModel, expand: Callable[[str], Array], servo: Array) -> None:
-    """Set the servo gains of each robot.
+    """Write the servo gains of each robot into its model fields.
 
     Args:
         model: Compiled model.
@@ -309,7 +319,7 @@ def give_servo_gains(model: mujoco.MjModel, expand: Callable[[str], Array], serv
 
 
 def _set_actuator_delay(spec: mujoco.MjSpec, delay: float) -> None:
-    """Delay the targets of every servo by `delay` seconds, rounded to whole physics steps."""
+    """Delay the joint targets of every servo by `delay` seconds, rounded to whole physics steps."""
     steps = round(delay / spec.option.timestep)
     for servo in spec.actuators:
         servo.nsample = steps
@@ -317,14 +327,14 @@ def _set_actuator_delay(spec: mujoco.MjSpec, delay: float) -> None:
 
 
 def initial_actuator_history(model: mujoco.MjModel, targets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the content of MuJoCo's actuator history if all past targets were the same.
+    """Return MuJoCo's buffer of past joint targets, filled with the same `targets` for all past times.
 
     Args:
         model: Compiled model with delayed actuators.
         targets: Past joint targets, (12,), rad.
 
     Returns:
-        Values for the data field `history`.
+        Values for MuJoCo's data field `history`.
     """
     data = mujoco.MjData(model)
     for servo, target in enumerate(targets):
@@ -334,9 +344,10 @@ def initial_actuator_history(model: mujoco.MjModel, targets: NDArray[np.float64]
 
 
 def _set_ground(model: mujoco.MjModel, ground: Ground, robot: Robot) -> None:
-    """Set friction and softness of the ground.
+    """Set friction and softness of the ground in the model; `ground` holds the settings.
 
-    On soft ground, the time constant of the contacts is computed from the sink depth under a quarter of the weight.
+    On soft ground, the time constant of the contacts follows from the depth that a foot sinks under a quarter of the
+    robot's weight.
     """
     geoms = np.flatnonzero(model.geom_bodyid == 0)
     model.geom_priority[geoms] = 1
@@ -352,7 +363,10 @@ def _set_ground(model: mujoco.MjModel, ground: Ground, robot: Robot) -> None:
 
 
 def _disable_shin_contacts(model: mujoco.MjModel, ground: NDArray[np.intp], robot: Robot) -> None:
-    """Disable contacts between the ground and the shins, by the separate collision bit `GROUND_BIT`."""
+    """Disable contacts between the ground and the shins by the collision bit `GROUND_BIT`.
+
+    After the change, only geoms with this bit collide with the ground. `ground` are the ids of the ground's geoms.
+    """
     model.geom_contype[(model.geom_bodyid != 0) & collision_mask(model)] |= GROUND_BIT
     shins = model.body_weldid[[model.body(f"{leg}_calf_link").id for leg in robot.leg_names]]
     is_shin = np.isin(model.body_weldid[model.geom_bodyid], shins)

@@ -1,4 +1,4 @@
-"""MuJoCo's own batch with the features that the environment asks for."""
+"""Interface to MuJoCo: its own batch of robots, with a list of supported features."""
 
 from mujoco.batch import Batch
 
@@ -6,7 +6,7 @@ from quad_env.physics.simulators import MUJOCO, SIMULATOR_FEATURES
 
 
 class MujocoBatch(Batch):  # type: ignore[misc]
-    """Batch of n robots that MuJoCo steps on a pool of C++ threads; see `quad_env.physics.batch.Batch`."""
+    """Batch of n robots that MuJoCo steps on C++ threads; `quad_env.physics.batch.Batch` is the interface."""
 
     features = SIMULATOR_FEATURES[MUJOCO]
-    """Features that this simulator supports."""
+    """Features of the environment that MuJoCo supports."""

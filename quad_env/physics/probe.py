@@ -1,4 +1,4 @@
-"""Noise-free sensor values of the simulated robots, at the present state."""
+"""Reader of the noise-free sensor values (IMU, joints, foot forces) of simulated robots."""
 
 from itertools import chain
 from typing import Any
@@ -23,16 +23,16 @@ def ideal_sensor_names(robot: Robot, model: Any) -> list[str]:
         model: Compiled `mujoco.MjModel`.
 
     Returns:
-        Names of the sensors.
+        Names of the IMU's sensors and of the touch sensors of the feet.
     """
     return [*_IMU_SENSORS, *chain(*touch_sensors(robot, model))]
 
 
 class IdealSensors:
-    """Reads noise-free sensor values of n robots at the present state.
+    """Reader of noise-free sensor values of n robots at the present state, the input of the sensor models.
 
     After a step MuJoCo's outputs belong to the state before the last physics step. `read` computes the outputs again
-    for the present state, and so overwrites them. Code that needs the outputs of the last physics step uses `copy`.
+    for the present state, and so overwrites them. Code that needs the outputs of the last physics step calls `copy`.
 
     Args:
         robot: Robot of the model.
@@ -51,11 +51,11 @@ class IdealSensors:
         self._torque = batch.bind("qfrc_actuator")
         num_envs = len(self._qpos)
         self._velocity = np.zeros((num_envs, 3))
-        """Velocity of each IMU at its last sample, world frame, (n, 3), m/s."""
+        """Velocity of each IMU at the last accelerometer sample, world frame, (n, 3), m/s."""
         self._rotation = np.zeros((num_envs, 3, 3))
-        """Rotation from the axes of each IMU to the world frame at its last sample, (n, 3, 3)."""
+        """Rotation matrix from IMU axes to world frame at the last accelerometer sample, (n, 3, 3)."""
         self._copies: list[tuple[Array, Array]] = []
-        """Pairs of an output of the batch and its copy, which `refresh` updates."""
+        """Pairs of a simulator output and its copy from the last physics step, which `refresh` updates."""
 
     def read(self, env_ids: EnvIndices, clock: NDArray[np.int64], period: int) -> dict[str, Array]:
         """Return noise-free sensor values at the present state; call this method once per control step.
@@ -63,8 +63,8 @@ class IdealSensors:
         `accelerometer` is the mean specific force since its last sample: the change of the IMU's velocity divided by
         the time, minus gravity. The impact of a foot takes only one or two physics steps. A mean includes the impact
         with its correct weight, but a single value would miss it or count it for the whole period. Only the first
-        reading is MuJoCo's own accelerometer. Later readings are not, because implicit integration makes MuJoCo's
-        accelerometer differ from the motion of the trunk, in a trot by 2.4 m/s² (rms, vertical).
+        sample of an episode is the value of MuJoCo's accelerometer sensor. Implicit integration makes this value differ
+        from the motion of the trunk, in a trot by 2.4 m/s² (root mean square, vertical).
 
         Args:
             env_ids: Indices of the robots, (k,).
@@ -97,19 +97,23 @@ class IdealSensors:
         }
 
     def _mean_specific_force(self, env_ids: EnvIndices, velocity: Array, rotation: Array, period: int) -> Array:
-        """Return the mean specific force since the last sample, IMU axes, (k, 3), m/s²."""
+        """Return the mean specific force since the last accelerometer sample, IMU axes, (k, 3), m/s².
+
+        `velocity` is the present velocity of the IMU, world frame, (k, 3), m/s. `rotation` is the present rotation
+        matrix from IMU axes to world frame, (k, 3, 3). `period` is the time between samples, control steps.
+        """
         force_world = (velocity - self._velocity[env_ids]) / (period * self._dt)
         force_world[:, 2] += GRAVITY
         mean_rotation = 0.5 * (self._rotation[env_ids] + rotation)
         return ordered_sum((mean_rotation * force_world[:, :, None]).transpose(1, 0, 2))
 
     def copy(self, output: Array) -> Array:
-        """Return a copy of an `output` of the batch; every call of `refresh` updates the copy."""
+        """Return a copy of a simulator output, (n, ...), that every call of `refresh` updates."""
         copy = output.copy()
         self._copies.append((output, copy))
         return copy
 
     def refresh(self, env_ids: slice | EnvIndices) -> None:
-        """Update all arrays from `copy`, for the robots `env_ids`, to the outputs of the last physics step."""
+        """Update all arrays that `copy` returned to the last physics step, for the robots `env_ids`."""
         for output, copy in self._copies:
             copy[env_ids] = output[env_ids]

@@ -1,4 +1,4 @@
-"""Domain randomisation: writes randomised model parameters for each of n robots."""
+"""Writer of the parameters that domain randomisation draws into the MuJoCo models of n robots."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -10,15 +10,17 @@ from quad_env.scenarios.randomisation import RandomizationSample
 
 
 class RandomisedModels:
-    """Writes the randomised parameters of an episode into the model of each robot.
+    """Writer of the randomised parameters of an episode into the model of each robot.
 
-    Call `Batch.set_const` after `reset`, because constants of the model depend on the parameters. Trunk mass and centre
-    of mass are changed on the heaviest body that is welded to the body with the free joint, except the payload.
+    Call `Batch.set_const` after `reset`, because constants of the model depend on the parameters. The trunk is the
+    heaviest body that is welded to the body with the free joint, except the payload. Its mass and centre of mass
+    change.
 
     Args:
         model: Compiled `mujoco.MjModel`.
         expand: Function that gives every robot its own values of a model field, and returns the values, (n, ...).
-        limits: Torque limits to scale, (n, 12, 2), N·m; None for the model field `actuator_forcerange`.
+        limits: Lower and upper torque limits of each motor, which `reset` scales, (n, 12, 2), N·m; None to scale the
+            model field `actuator_forcerange`.
     """
 
     def __init__(self, model: Any, expand: Callable[[str], Array], limits: Array | None = None) -> None:
@@ -37,16 +39,16 @@ class RandomisedModels:
         self._scaled = [
             (factor, field, field.copy()) for factor, fields in fields_by_factor.items() for field in fields
         ]
-        """Name of each factor, the model field that the factor scales, and the nominal values of the field."""
+        """Triples: name of a factor in `RandomizationSample`, the model field it scales, and its nominal values."""
         self._centre_of_mass = expand("body_ipos")[:, trunk]
         self._nominal_centre_of_mass = self._centre_of_mass.copy()
 
     def reset(self, env_ids: EnvIndices, randomization: Sequence[RandomizationSample]) -> None:
-        """Set the randomised parameters of the robots `env_ids`.
+        """Write the randomised parameters of new episodes into the models of the robots `env_ids`.
 
         Args:
             env_ids: Indices of the robots, (k,).
-            randomization: Parameters of each of these robots, k samples.
+            randomization: Randomised parameters of the k episodes.
         """
         for row, sample in zip(env_ids, randomization, strict=True):
             for factor, field, nominal in self._scaled:

@@ -1,4 +1,4 @@
-"""Rendering of a simulated robot: frames of an off-screen camera, and a window."""
+"""Rendering of a simulated robot: images of an off-screen camera, and an interactive window."""
 
 import copy
 import ctypes
@@ -18,14 +18,17 @@ from numpy.typing import NDArray
 from quad_env.physics.arrows import Arrow, Ball, draw_marks
 
 DRAWN_HALF_WIDTH = 6.0
-"""Half the side of the drawn square of terrain, m. A whole height field would have a million triangles."""
+"""Half of the side of the terrain square that is drawn, m; a whole height field would have a million triangles."""
 MAX_TARGET_OFFSET = 2.5
-"""Distance of the camera target from the centre of the drawn square, along x or y, above which the square moves, m."""
+"""Largest distance along x or y between the camera target and the centre of the drawn terrain square, m.
+
+The square moves to the target if the distance is larger.
+"""
 
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """Place of a free camera, on a sphere around its target."""
+    """Position of a free camera, in spherical coordinates around the point at which it looks."""
 
     azimuth: float = 120.0
     """Angle of the viewing direction about the vertical, from the x axis of the world, degrees."""
@@ -38,7 +41,7 @@ class Viewpoint:
 
 
 class Camera:
-    """Off-screen renderer of a camera of the model, or of a free camera that is placed for each frame.
+    """Off-screen renderer with a camera of the model, or with a free camera that is placed for each image.
 
     The thread that makes the camera must also call `draw` and `close`. RuntimeError is raised if there is neither a
     display nor EGL.
@@ -46,8 +49,8 @@ class Camera:
     Args:
         model: Model of the simulation. A free camera draws a copy of the model, without shadows and anti-aliasing,
             because these make drawing on a processor three to six times slower.
-        width: Width of a frame, pixels.
-        height: Height of a frame, pixels.
+        width: Width of an image, pixels.
+        height: Height of an image, pixels.
         camera: Name of a camera of the model; None for a free camera.
 
     Raises:
@@ -68,22 +71,22 @@ class Camera:
             model.vis.quality.offsamples = 0
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         self._size = height, width
-        # The first frame makes the renderer of a free camera, because the terrain must be cropped before: uploading
-        # the whole terrain takes seconds.
+        # The first call of `draw` makes the renderer of a free camera, because the terrain must be cropped first.
+        # Uploading the whole terrain would take seconds.
         self._renderer = None if camera is None else _Renderer(model, *self._size)
 
     def draw(
         self, data: mujoco.MjData, arrows: Sequence[Arrow | Ball] = (), *, viewpoint: Viewpoint | None = None
     ) -> NDArray[Any]:
-        """Draw a frame.
+        """Draw an RGB image of the robot.
 
         Args:
-            data: Snapshot of the robot.
-            arrows: Arrows and balls to draw into the frame.
-            viewpoint: Place of a free camera; None for the default viewpoint.
+            data: MuJoCo data of the robot, from `Simulation.snapshot`.
+            arrows: Arrows and balls to draw into the image.
+            viewpoint: Position of a free camera; None for the default viewpoint.
 
         Returns:
-            Frame, (height, width, 3) uint8.
+            Image, (height, width, 3) uint8.
         """
         camera = self._camera or self._place_free_camera(data, viewpoint or Viewpoint())
         renderer = self._renderer
@@ -96,12 +99,12 @@ class Camera:
         return np.array(renderer.render())
 
     def close(self) -> None:
-        """Free the GL context."""
+        """Free the OpenGL context of the renderer."""
         if self._renderer is not None:
             self._renderer.close()
 
     def _place_free_camera(self, data: mujoco.MjData, viewpoint: Viewpoint) -> mujoco.MjvCamera:
-        """Move the drawn terrain to the target of the viewpoint, and return the camera at the viewpoint."""
+        """Move the drawn terrain square to the target of `viewpoint`, and return the camera at `viewpoint`."""
         assert self._ground is not None
         is_cut = self._ground.recenter(viewpoint.target)
         if self._renderer is None:
@@ -118,10 +121,12 @@ class Camera:
 
 
 class TerrainPatch:
-    """Copy of a model in which the height field, if there is one, is cropped to a square around a point.
+    """Model with the height field cropped to a square around a point, so that it is drawn fast.
+
+    A model that has no height field is not changed.
 
     Args:
-        model: Model with the whole height field.
+        model: MuJoCo model with the whole height field; it is copied.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -134,11 +139,11 @@ class TerrainPatch:
 
     @property
     def height_field(self) -> int:
-        """Index of the height field in the model."""
+        """MuJoCo's id of the height field in the model."""
         return int(self.model.geom_dataid[self._geom])
 
     def recenter(self, target: tuple[float, float, float]) -> bool:
-        """Crop the terrain around the `target` if the target is far from the present centre.
+        """Crop the terrain around `target`, if it is farther than MAX_TARGET_OFFSET from the present centre.
 
         `target` is a point in the world frame, (3), m. The result is True if the terrain was cropped.
         """
@@ -151,14 +156,14 @@ class TerrainPatch:
         return True
 
     def move(self, data: mujoco.MjData) -> None:
-        """Move the cropped terrain to its place in `data`, which is simulation data of the whole model."""
+        """Set the position of the cropped terrain in `data`, which is MuJoCo data of the whole model."""
         if self._geom is not None:
             data.geom_xpos[self._geom, :2] = self._centre
 
     def _crop(self, target: NDArray[np.float64]) -> None:
         """Crop the height field around `target`, a point in the world frame, (2), m.
 
-        The rows of the height field are along y, the columns along x.
+        The rows of the height field run along y, and the columns along x.
         """
         whole = self._whole
         field = self.height_field
@@ -176,10 +181,11 @@ class TerrainPatch:
     def _write_samples(
         self, field: int, counts: NDArray[np.int_], first: NDArray[np.int_], kept: NDArray[np.int_]
     ) -> None:
-        """Copy a rectangle of the whole height field into the cropped one.
+        """Copy a rectangle of the whole height field into the cropped height field.
 
-        `first` and `kept` are the index of the first sample and the number of samples, along x and y. `counts` are the
-        numbers of samples of the whole height field `field`.
+        `first` is the index of the first grid point of the rectangle, and `kept` its number of grid points, each along
+        x and y, (2). `counts` are the numbers of grid points of the whole height field, along x and y, (2). `field` is
+        MuJoCo's id of the height field.
         """
         whole = self._whole
         cropped = self.model
@@ -197,17 +203,17 @@ class _Renderer(mujoco.Renderer):  # type: ignore[misc]
     """MuJoCo's renderer with a method that updates a changed height field."""
 
     def upload(self, field: int) -> None:
-        """Upload the height field with the index `field` again, because it has changed in the model."""
+        """Upload the changed height field with MuJoCo's id `field` from the model to the graphics memory."""
         if self._gl_context:
             self._gl_context.make_current()
         mujoco.mjr_uploadHField(self.model, self._mjr_context, field)
 
 
 class Window:
-    """Window of MuJoCo's passive viewer; it needs a display.
+    """Interactive window (MuJoCo's passive viewer) that shows the robot; it needs a display.
 
     Args:
-        model: Model of the simulation.
+        model: MuJoCo model of the simulation.
 
     Raises:
         RuntimeError: There is no display.
@@ -228,7 +234,7 @@ class Window:
         self._threads = set(threading.enumerate()) - other_threads
 
     def draw(self, data: mujoco.MjData) -> None:
-        """Show the robot in the state of `data`."""
+        """Show the robot in the state of the MuJoCo data `data`."""
         with self._viewer.lock():
             self._shown.qpos[:] = data.qpos
             self._shown.qvel[:] = data.qvel
@@ -244,7 +250,7 @@ class Window:
 
 
 def has_display() -> bool:
-    """Return True if there is a display."""
+    """Return True if there is a display for windows; on Linux the environment variables show this."""
     return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 

@@ -1,4 +1,4 @@
-"""Quaternions (w, x, y, z) from roll, pitch and yaw, cross products, and cross-product matrices."""
+"""Rotation mathematics: quaternions from roll, pitch and yaw, cross products, cross-product matrices."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ _SKEW = np.cross(np.eye(3), -np.eye(3)[:, None]).transpose(1, 0, 2).reshape(3, 9
 
 
 def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
-    """Return the quaternions of intrinsic yaw-pitch-roll rotations.
+    """Convert roll, pitch and yaw angles to quaternions; the rotations are intrinsic: yaw, pitch, roll.
 
     Args:
         roll: Roll angles, (n,), rad.
@@ -34,20 +34,20 @@ def quaternion(roll: Array, pitch: Array, yaw: Array) -> Array:
 def cross(a: Array, b: Array) -> Array:
     """Return the cross products `a` × `b`, (..., 3).
 
-    The bits are the same as with `np.cross`, which takes seven times as long for a few vectors.
+    The results have the same bits as `np.cross`, which takes seven times as long for a few vectors.
 
     Args:
         a: Vectors, (..., 3).
         b: Vectors, (..., 3).
 
     Returns:
-        The cross products, (..., 3).
+        Cross product of each pair of vectors, (..., 3).
     """
     product: Array = a.take(_NEXT, -1) * b.take(_LAST, -1) - a.take(_LAST, -1) * b.take(_NEXT, -1)
     return product
 
 
 def skew(vectors: Array) -> Array:
-    """Return the cross-product matrices, (..., 3, 3), of `vectors`, (..., 3)."""
+    """Return the cross-product matrices S(v), (..., 3, 3), with S(v) w = v × w, of `vectors` v, (..., 3)."""
     matrices: Array = np.matmul(vectors, _SKEW).reshape(*vectors.shape, 3)
     return matrices

@@ -1,4 +1,4 @@
-"""Simulation of n robots: a batch of a simulator with actuators, sensors and disturbances."""
+"""Simulation of n robots: physics of a scenario, with actuators, sensors, payloads and pushes."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -56,23 +56,23 @@ from quad_env.scenarios.terrain import HeightField, Slope, SmoothRandom
 ALL = slice(None)
 """Selection of all robots."""
 _DIVERGENCE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADCTRL) + 1)
-"""Slice of MuJoCo's warnings of a bad position, velocity, acceleration or control."""
+"""Slice of MuJoCo's warning kinds that mean divergence: bad position, velocity, acceleration or control."""
 _LINKS = ("thigh", "calf")
 _SPAWN_HEIGHT = 10.0
-"""Height from which a robot of a user's model is lowered onto uneven ground, in leg lengths.
+"""Height above uneven ground from which a robot of a user's model is lowered at the start, in leg lengths.
 
-A trunk of many geoms must not start in the ground, because MuJoCo would run out of memory for contacts.
+A trunk of many geoms must not start below the ground surface, because MuJoCo would run out of memory for contacts.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class SimulationConfig:
-    """Options of a `Simulation` besides robot and scenario."""
+    """Options of a `Simulation` in addition to the robot and the scenario."""
 
     num_envs: int = 1
     """Number of robots."""
     nthread: int = 1
-    """Number of simulation threads; results do not depend on it."""
+    """Number of simulation threads; the results do not depend on this number."""
     control_rate: float = 100.0
     """Control steps per second, Hz; a control step must be a whole number of physics steps."""
     timestep: float | None = None
@@ -80,45 +80,48 @@ class SimulationConfig:
     solver_iterations: int | None = None
     """Maximum contact-solver iterations per physics step; None for the value in the MJCF."""
     simulator: str = MUJOCO
-    """Name of the simulator; see `quad_env.physics.simulators`."""
+    """Name of the physics engine: `mujoco`, `drake` or `warp`; see `quad_env.physics.simulators`."""
     actuator: Actuator = ACTUATORS["ideal"]
-    """Actuator of the joints."""
+    """Model of the joint servos: torque-speed curve, bandwidth, delay and motor temperature."""
     servo_gains: Array | None = None
     """Stiffness, N·m/rad, and damping, N·m·s/rad, of the servos of each robot, (2, n, 12).
 
     None for the gains of the robot's model.
     """
     imu: Mounting | None = None
-    """Place of the IMU, which adds the simulated sensors `Simulation.probe`; None for no simulated sensors."""
+    """Position, base frame, (3), m, and roll, pitch and yaw, (3), rad, of the IMU on the trunk.
+
+    An IMU adds the simulated sensors `Simulation.probe`. None for a robot without simulated sensors.
+    """
     has_meter: bool = False
-    """True to measure motors and foot forces, see `MotorMeter`, and contacts of feet and legs."""
+    """True to measure motors and foot forces in every physics step, and ground contacts of feet and legs."""
     tracks_footsteps: bool = False
     """True to compute swing times and touchdown speeds in `QuadState`."""
 
 
 class _ContactSensorNames(NamedTuple):
-    """Names of the contact sensors that a simulation reads."""
+    """Names of the MuJoCo sensors that count ground contacts, grouped by robot part."""
 
     trunk: list[str]
     feet: list[list[str]]
-    """Sensors of each foot; empty if foot contacts are not read."""
+    """Names of the sensors of each foot; empty if foot contacts are not read."""
     links: list[str]
-    """Sensors of thighs and calves."""
+    """Names of the sensors of all thighs and calves; empty if their contacts are not read."""
 
 
 class Simulation:
-    """Simulation of n robots that are stepped together.
+    """Simulation of n robots in a scenario; the robots are stepped together. Each environment has one.
 
-    Results do not depend on n or the number of threads. Every simulator has MuJoCo's fields and conventions, see
-    `quad_env.physics.simulators`. Each environment has one simulation.
+    The results do not depend on n or on the number of threads. Every simulator uses MuJoCo's field names, units and
+    frames, see `quad_env.physics.batch`.
 
     ValueError is raised if the simulator does not support the scenario or an option. It is also raised if the control
     period is not a whole number of physics steps.
 
     Args:
         robot: Robot to simulate.
-        scenario: Terrain, ground, payload, motors and randomisation.
-        config: Further options.
+        scenario: Scenario, which defines terrain, ground contact, payload, motor limits and domain randomisation.
+        config: Further options, such as the number of robots; None for the defaults.
     """
 
     def __init__(self, robot: Robot, scenario: Scenario, config: SimulationConfig | None = None) -> None:
@@ -134,21 +137,21 @@ class Simulation:
         self.robot = robot
         self.terrain = scenario.terrain
         self.model = compile_model(robot, scenario, config.actuator, config.timestep, config.solver_iterations)
-        """Compiled model, without the fields that differ between robots.
+        """Compiled MuJoCo model of the robots, with fields that may differ between robots.
 
-        The payload position, torque limits of hot motors, and randomised parameters may differ. In this model they have
-        the values of the robot in the last call of `sync_model`.
+        These fields are the payload position, the torque limits of hot motors, and randomised parameters. In this model
+        they have the values of the robot in the last call of `sync_model`.
         """
         if config.imu is not None:
             mount_imu(self.model, config.imu)
         self.substeps = _count_substeps(config.control_rate, self.model.opt.timestep)
-        """Physics steps of a control step."""
+        """Number of physics steps in a control step."""
         contact_names = _contact_sensor_names(robot, self.model, config)
         self._process = os.getpid()
         self._has_threads = config.nthread > 1
         stepping_model = make_stepping_model(self.model, _sensor_names(robot, self.model, config, contact_names))
         self.batch = make_batch(config.simulator, stepping_model, config.num_envs, config.nthread)
-        """Batch of the simulator, which steps the robots."""
+        """Interface to the simulator, which steps the n robots."""
         self._bind_state(config.num_envs)
         self._bind_sensors(config)
         self._bind_contacts(contact_names)
@@ -159,43 +162,53 @@ class Simulation:
         self._bind_randomisation(scenario)
 
     def _bind_state(self, num_envs: int) -> None:
-        """Bind positions, velocities, targets and torques of the batch; create the stored actions."""
+        """Get the simulator's arrays of positions, velocities, targets and torques; create the stored actions."""
         self.qpos = self.batch.bind("qpos")
-        """Generalised positions in MuJoCo's order, (n, 19); writing to this array moves the robots."""
+        """Generalised positions of the robots in MuJoCo's order, (n, 19); writing to this array moves the robots.
+
+        The order is the trunk centre, world frame, m, the trunk quaternion (w, x, y, z), and the joint angles, rad.
+        """
         self.qvel = self.batch.bind("qvel")
-        """Generalised velocities in MuJoCo's order, (n, 18); writing to this array changes the velocities."""
+        """Generalised velocities in MuJoCo's order, (n, 18); writing to this array changes the velocities.
+
+        The order is the linear velocity of the trunk, world frame, m/s, its angular velocity, base frame, rad/s, and
+        the joint speeds, rad/s.
+        """
         self._ctrl = self.batch.bind("ctrl")
         self._filtered_ctrl = self.batch.bind("act") if self.model.na else None
         self._warnings = self.batch.warning[:, _DIVERGENCE, 1]
         self._servo_torque = self.batch.bind("actuator_force")
         self.torque = self._servo_torque
-        """Torques of the servos in the last physics step, (n, 12), N·m."""
+        """Torques of the joint servos in the last physics step, (n, 12), N·m."""
         self._action = np.tile(self.robot.home_pose, (num_envs, 1))
         self._previous_action = self._action.copy()
 
     def _bind_sensors(self, config: SimulationConfig) -> None:
-        """Create the motor meter and the noise-free sensors."""
+        """Create the meter of motors and foot forces, and the noise-free sensors, if the options request them."""
         robot, model = self.robot, self.model
         self.meter = MotorMeter(robot, self.batch, model, config.actuator) if config.has_meter else None
-        """Meter of motors and foot forces; None unless `SimulationConfig.has_meter` is True."""
+        """Meter of motor work, heat and foot impulses; None if `SimulationConfig.has_meter` is False."""
         self.probe = None if config.imu is None else IdealSensors(robot, self.batch, model, 1 / config.control_rate)
-        """Noise-free sensors; None if `SimulationConfig.imu` is None."""
+        """Reader of noise-free sensor values of IMU, joints and feet; None if `SimulationConfig.imu` is None."""
         if self.probe is not None:  # a copy, because the probe overwrites the outputs of the last physics step
             self.torque = self.probe.copy(self.torque)
 
     def _bind_contacts(self, names: _ContactSensorNames) -> None:
-        """Bind the contact sensors of trunk, feet and links."""
+        """Get the arrays of the contact sensors of trunk, feet, and thighs and calves, by their `names`."""
         self._trunk_contacts = self._contact_data(names.trunk)
         self._foot_contacts = [self._contact_data(sensors) for sensors in names.feet]
         self._link_contacts = self._contact_data(names.links)
 
     def _contact_data(self, names: Iterable[str]) -> list[Array]:
-        """Return an array for each sensor that holds its contact counts in the last physics step, (n, 1)."""
+        """Return an array for each contact sensor in `names`: contact counts in the last physics step, (n, 1)."""
         data = [self.batch.sensor(name).data for name in names]
         return data if self.probe is None else [self.probe.copy(count) for count in data]
 
     def _bind_geometry(self, config: SimulationConfig) -> None:
-        """Bind the positions of joints and sites that determine the spawn height and the footsteps."""
+        """Get the simulator's arrays of joint and site positions; create the footstep tracker if requested.
+
+        Spawn height and footsteps are computed from these positions.
+        """
         robot, model = self.robot, self.model
         self._site_positions = self.batch.bind("site_xpos")
         self._joint_positions = self.batch.bind("xanchor")
@@ -210,7 +223,7 @@ class Simulation:
             self._footsteps = FootContactTracker(period, self._foot_contacts, self._site_positions, self._feet)
 
     def _compute_spawn_clearance(self) -> float:
-        """Return the extra height at which robots are placed before they are lowered onto the ground, m."""
+        """Return the height above the home height at which robots start before they are put on the ground, m."""
         is_bumpy = isinstance(self.terrain, SmoothRandom | HeightField)
         clearance = _SPAWN_HEIGHT * self.robot.leg_length if self.robot.imported and is_bumpy else 0.0
         if isinstance(self.terrain, HeightField):  # because this ground may be at any height and have many small cells
@@ -218,22 +231,25 @@ class Simulation:
         return clearance
 
     def _bind_servo_gains(self, servo_gains: Array | None) -> None:
-        """Write the servo gains of each robot, if they are given, into the models of the robots."""
+        """Write the servo gains of each robot into its model, if `servo_gains` is not None.
+
+        The gains are stiffness, N·m/rad, and damping, N·m·s/rad, (2, n, 12).
+        """
         if servo_gains is not None:
             give_servo_gains(self.model, self.batch.expand, servo_gains)
         self._has_per_env_models = servo_gains is not None
 
     def _bind_loads(self, scenario: Scenario) -> None:
-        """Bind the pushing force on the trunk and the position of the payload."""
+        """Get the simulator's arrays of the external force on the trunk and of the payload position."""
         self._push = self.batch.bind("xfrc_applied")[:, self.model.body("base_link").id, :2]
         self._steady_force: Array | None = None
-        """Steady force, which acts on the trunk at every step of an episode, world frame, (n, 2), N."""
+        """Force on the trunk in every step of an episode (wind), world frame, (n, 2), N; None if there is none."""
         self._payload_position: Array | None = None
         if scenario.payload is not None:
             self._payload_position = self.batch.expand("body_pos")[:, self.model.body(PAYLOAD).id, :2]
 
     def _bind_actuators(self, scenario: Scenario, config: SimulationConfig) -> None:
-        """Create the target filter and the thermal model; bind the history of MuJoCo's delayed actuators."""
+        """Create the low-pass filter of joint targets and the thermal model; get the actuators' history."""
         robot, model = self.robot, self.model
         actuator = config.actuator
         self._history = self.batch.bind("history") if model.nhistory else None
@@ -242,10 +258,10 @@ class Simulation:
         self._target_filter = make_target_filter(robot, scenario.motors, actuator, config.num_envs, timestep)
         self._thermal_model = make_thermal_model(robot, actuator, timestep, self.batch.expand)
         self._steps_singly = any((self.meter, self._target_filter, self._thermal_model))
-        """True if the meter, the target filter or the thermal model must be updated after every physics step."""
+        """True if a model must be updated after every physics step: motor meter, target filter or thermal model."""
 
     def _bind_randomisation(self, scenario: Scenario) -> None:
-        """Create the randomised models."""
+        """Create the writer of randomised model parameters, if the scenario has domain randomisation."""
         self._randomised: RandomisedModels | None = None
         if scenario.randomisation is not None:
             limits = None if self._thermal_model is None else self._thermal_model.full_range
@@ -260,15 +276,16 @@ class Simulation:
         payload_position: Array | None = None,
         randomization: Sequence[RandomizationSample] = (),
     ) -> None:
-        """Start episodes: put robots into their start states, with the lowest point on the ground.
+        """Start episodes: put robots into their initial states, with the lowest point on the ground.
 
         Args:
             env_ids: Sorted indices of the robots, (k,).
-            rows: Start state of each robot, (k, 35), from `episode.draw_start`: x, y, yaw, roll, pitch, 12 joint
-                offsets from the home pose, 6 trunk velocities and 12 joint velocities.
+            rows: Initial state of each robot, (k, 35), from `episode.draw_start`: x and y, m; yaw, roll and pitch, rad;
+                12 joint offsets from the home pose, rad; 3 linear velocities, m/s; 3 angular and 12 joint velocities,
+                rad/s.
             force: Steady force on the trunk, world frame, (k, 2), N; None for no steady force.
             payload_position: Position of the payload, base frame, (k, 2), m; None for the centre of the trunk.
-            randomization: Randomised parameters of each episode, k samples; empty if the scenario has none.
+            randomization: Randomised parameters of the k episodes; empty if the scenario has no domain randomisation.
         """
         self._check_process()
         self.batch.reset(env_ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
@@ -282,9 +299,9 @@ class Simulation:
         self._reset_readings(env_ids)
 
     def _check_process(self) -> None:
-        """Raise RuntimeError in a forked process, where a step would wait forever.
+        """Raise RuntimeError if this process is a fork of the process that created the simulation threads.
 
-        The reason is that a fork does not have the threads of the batch.
+        A step would wait forever in a fork, because a fork does not have these threads.
         """
         if self._has_threads and os.getpid() != self._process:
             raise RuntimeError(
@@ -293,7 +310,10 @@ class Simulation:
             )
 
     def _start_positions(self, rows: Array) -> Array:
-        """Return the generalised positions of start states, (k, 19), with trunks at the home height."""
+        """Convert initial states `rows`, (k, 35), to generalised positions, (k, 19), at the home height.
+
+        `reset` documents the order of an initial state.
+        """
         robot = self.robot
         qpos = np.empty((len(rows), self.model.nq))
         qpos[:, 0:2] = rows[:, 0:2]
@@ -307,7 +327,10 @@ class Simulation:
         return qpos
 
     def _reset_actuators(self, env_ids: EnvIndices, randomization: Sequence[RandomizationSample]) -> None:
-        """Reset targets, actuator models and randomised parameters."""
+        """Reset joint targets, actuator models and randomised parameters of the robots `env_ids`, (k,).
+
+        `randomization` are the randomised parameters of the k episodes.
+        """
         for targets in (self._ctrl, self._action, self._previous_action, self._filtered_ctrl):
             if targets is not None:
                 targets[env_ids] = self.robot.home_pose
@@ -318,13 +341,17 @@ class Simulation:
         self._reset_actuator_models(env_ids)
 
     def _reset_actuator_models(self, env_ids: EnvIndices) -> None:
-        """Reset target filters and motor temperatures."""
+        """Reset the low-pass filters of joint targets, and the motor temperatures, of the robots `env_ids`."""
         for part in (self._target_filter, self._thermal_model):
             if part is not None:
                 part.reset(env_ids)
 
     def _reset_loads(self, env_ids: EnvIndices, force: Array | None, payload_position: Array | None) -> None:
-        """Set steady forces and payload positions, and recompute the constants of the models."""
+        """Set steady forces and payload positions of the robots `env_ids`, and update their model constants.
+
+        `force` is the steady force on the trunk, world frame, (k, 2), N. `payload_position` is relative to the centre
+        of the trunk, base frame, (k, 2), m.
+        """
         if force is not None:
             if self._steady_force is None:
                 self._steady_force = np.zeros_like(self._push)
@@ -336,16 +363,16 @@ class Simulation:
             self.batch.set_const(env_ids)
 
     def _place_on_ground(self, env_ids: EnvIndices, qpos: Array) -> None:
-        """Move robots with the positions `qpos`, (k, 19), vertically until they just touch the ground."""
+        """Move robots with generalised positions `qpos`, (k, 19), vertically until they just touch the ground."""
         qpos[:, 2] += self._spawn_clearance
         self.qpos[env_ids, 2] = qpos[:, 2]
         self.batch.forward(env_ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
         self.qpos[env_ids, 2] += self._penetration_correction(env_ids, qpos)
 
     def _penetration_correction(self, env_ids: EnvIndices, qpos: Array) -> Array:
-        """Return the vertical displacement that puts robots with the positions `qpos` on the ground, (k,), m.
+        """Return the vertical displacement that puts robots on the ground, (k,), m.
 
-        `qpos` are generalised positions, (k, 19).
+        `qpos` are the generalised positions of the robots `env_ids`, (k, 19).
         """
         rotation = np.stack([np.stack(row, -1) for row in rotation_matrix(to_components(qpos[:, 3:7]))], 1)  # (k, 3, 3)
         corners = qpos[:, None, :3] + self._corners @ rotation.transpose(0, 2, 1)
@@ -364,7 +391,7 @@ class Simulation:
         return cast("Array", np.concatenate(corrections, axis=1).max(axis=1))
 
     def _reset_readings(self, env_ids: EnvSelection) -> None:
-        """Reset the footstep tracker, the motor meter and the copies of the probe."""
+        """Reset the footstep tracker, the motor meter and the stored sensor outputs of the robots `env_ids`."""
         if self._footsteps is not None:
             self._footsteps.reset(env_ids)
         if self.meter is not None:
@@ -412,14 +439,14 @@ class Simulation:
             self._footsteps.update(env_ids)
 
     def _step_physics(self, env_ids: EnvSelection, count: int) -> None:
-        """Advance robots by `count` physics steps; record a warning for each robot with a failed simulation."""
+        """Advance robots by `count` physics steps; count a MuJoCo warning for each robot that fails."""
         try:
             self.batch.step(None if env_ids is ALL else env_ids, count)
         except SimulationError as error:
             self._warnings[error.ids] += 1
 
     def diverged(self, env_ids: EnvSelection | None = ALL) -> Any:
-        """Return the mask of robots with a diverged simulation.
+        """Return True for robots with a diverged simulation.
 
         A simulation has diverged if MuJoCo has warned since the reset, or if the state is not finite.
 
@@ -427,28 +454,29 @@ class Simulation:
             env_ids: Indices of k robots, or a slice; None for the only robot of a batch of one.
 
         Returns:
-            Mask, (k,), or a bool if `env_ids` is None.
+            True for diverged robots, (k,), or a bool if `env_ids` is None.
         """
         components = component_reader(env_ids)
         has_warning = ordered_sum(components(self._warnings)) > 0
         return has_warning | not_finite(components(self.qpos)) | not_finite(components(self.qvel))
 
     def reset_diverged(self, env_ids: NDArray[np.intp]) -> None:
-        """Put diverged robots into the home pose with zero velocity, so that readings are finite."""
+        """Put diverged robots into the home pose with zero velocity, so that their states are finite again."""
         self._reset_actuator_models(env_ids)
         self.batch.reset(env_ids, keyframe=0, stage=mujoco.mjtStage.mjSTAGE_ACC.value)
         self._reset_readings(env_ids)
 
     def state(self, command: Components[ScalarOrBatch], env_ids: EnvSelection | None = ALL) -> QuadState[ScalarOrBatch]:
-        """Return the present state of robots.
+        """Return the present state of k robots.
 
         Args:
-            command: Command that the robots tracked in the last step, (3), see `QuadState`.
+            command: Velocity command that the robots tracked in the last step, (3): forward m/s, lateral m/s, yaw rate
+                rad/s.
             env_ids: Indices of k robots, or a slice. None means the only robot of a batch of one; the state then has
                 floats.
 
         Returns:
-            The state.
+            State of the k robots, with components (k,), or floats if `env_ids` is None.
         """
         components: ComponentReader[ScalarOrBatch] = component_reader(env_ids)
         qpos = components(self.qpos)
@@ -482,7 +510,7 @@ class Simulation:
 
     @property
     def push(self) -> Array:
-        """Pushing force on every trunk in the last step, without steady force, world frame, (n, 2), N."""
+        """Pushing force on every trunk in the last step, not including a steady force, world frame, (n, 2), N."""
         return self._push.copy() if self._steady_force is None else self._push - self._steady_force
 
     @property
@@ -491,17 +519,17 @@ class Simulation:
         return None if self._thermal_model is None else self._thermal_model.temperature.copy()
 
     def ground_contacts(self) -> tuple[Mask, Mask]:
-        """Return the ground contacts in the last physics step.
+        """Return the ground contacts of the legs in the last physics step.
 
         Returns:
             feet: True for each foot on the ground, (n, 4).
-            links: True for robots with a thigh or calf on the ground, (n,).
+            links: True for robots with at least one thigh or calf on the ground, (n,).
         """
         links = sum(self._link_contacts, np.zeros((len(self.qpos), 1)))
         return touching(self._foot_contacts, ALL), np.asarray(links[:, 0] > 0)
 
     def sync_model(self, robot: int) -> None:
-        """Copy the model fields that differ between robots into `self.model`; `robot` is an index."""
+        """Copy the model fields that differ between robots into `model`, for the robot with the index `robot`."""
         differs = self._payload_position is not None or self._thermal_model is not None or self._has_per_env_models
         if not differs:
             return
@@ -515,9 +543,9 @@ class Simulation:
         model.opt.disableflags = flags
 
     def snapshot(self, robot: int) -> mujoco.MjData:
-        """Return a copy of the data of the robot with the index `robot`, with all derived fields up to date.
+        """Return a copy of the MuJoCo data of the robot with the index `robot`, with all derived fields.
 
-        `self.model` becomes the model of this robot.
+        The attribute `model` gets the field values of this robot.
         """
         self.sync_model(robot)
         data = self.batch.get_data(robot)
@@ -526,7 +554,10 @@ class Simulation:
 
 
 def _count_substeps(control_rate: float, timestep: float) -> int:
-    """Return the number of physics steps in a control step; raise ValueError if it is not a whole number."""
+    """Return the number of physics steps of `timestep`, s, in a control step at `control_rate`, Hz.
+
+    ValueError is raised if it is not a whole number.
+    """
     period = 1 / control_rate
     substeps = round(period / timestep)
     if substeps < 1 or abs(substeps * timestep - period) > 1e-9:
@@ -535,7 +566,7 @@ def _count_substeps(control_rate: float, timestep: float) -> int:
 
 
 def _contact_sensor_names(robot: Robot, model: mujoco.MjModel, config: SimulationConfig) -> _ContactSensorNames:
-    """Return the names of the contact sensors that the simulation reads."""
+    """Return the names of the contact sensors that a simulation with the options `config` reads."""
     feet = robot.leg_names if config.has_meter or config.tracks_footsteps else ()
     links = [f"{leg}_{link}" for leg in robot.leg_names for link in _LINKS] if config.has_meter else []
     return _ContactSensorNames(
@@ -548,7 +579,10 @@ def _contact_sensor_names(robot: Robot, model: mujoco.MjModel, config: Simulatio
 def _sensor_names(
     robot: Robot, model: mujoco.MjModel, config: SimulationConfig, contacts: _ContactSensorNames
 ) -> list[str]:
-    """Return the names of all sensors that the simulation reads."""
+    """Return the names of all MuJoCo sensors that a simulation with the options `config` reads.
+
+    `contacts` are the names of the contact sensors.
+    """
     names = [*contacts.trunk, *chain.from_iterable(contacts.feet), *contacts.links]
     if config.imu is not None:
         names += ideal_sensor_names(robot, model)

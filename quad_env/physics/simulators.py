@@ -1,4 +1,4 @@
-"""Simulators and the features of the environment that each simulator supports."""
+"""Physics engines (simulators), and the features of the environment that each of them supports."""
 
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -12,28 +12,28 @@ MUJOCO = "mujoco"
 DRAKE = "drake"
 WARP = "warp"
 SIMULATORS = (MUJOCO, DRAKE)
-"""Simulators for evaluation; WARP is missing because it is for training only."""
+"""Names of the physics engines for evaluation; WARP (MuJoCo Warp) is absent, because it is for training only."""
 RELATIVE_STEP_TIME = {MUJOCO: 1.0, DRAKE: 12.0}
-"""Simulator -> computing time of a control step of one robot, as a multiple of MuJoCo's time."""
+"""Name of the physics engine -> computing time of a control step of one robot, as a multiple of MuJoCo's time."""
 
 
 @dataclass(frozen=True)
 class SimulatorFeatures:
-    """Features of the environment that a simulator supports; the defaults are MuJoCo's."""
+    """Features of the environment that a physics engine supports; the defaults are the features of MuJoCo."""
 
     package: str | None = None
-    """Python package that must be installed for the simulator; None if the project always installs it."""
+    """Python package of the physics engine; None for MuJoCo, which is always installed with this project."""
     summary: str = ""
-    """Supported features in words, for error messages."""
+    """Description of the supported features, for error messages."""
     robot_sensors: bool = True
-    """True if the robot can have simulated sensors, which read outputs of the present state."""
+    """True if the robot can have simulated sensors, which need outputs at the present state."""
     energy: bool = True
     """True if work, heat and foot impulses can be measured in every physics step."""
     hardware_profile: bool = True
     actuator_models: bool = True
-    """True if actuators other than the ideal servo, and motors with a bandwidth, are supported."""
+    """True if actuators other than the ideal servo, and servos with a limited bandwidth, are supported."""
     weak_motors: bool = True
-    """True if the `Motors` of a scenario may differ from the defaults."""
+    """True if a scenario may reduce the torque limit of the motors, see `Motors`."""
     height_fields: bool = True
     soft_ground: bool = True
     per_env_models: bool = True
@@ -42,9 +42,9 @@ class SimulatorFeatures:
     nonlinear_joints: bool = True
     """True if joint springs and quadratic or cubic joint damping are supported."""
     implicit_damping: bool = True
-    """True if the field `actuator_force` does not include the damping that the simulator integrates implicitly.
+    """True if MuJoCo's field `actuator_force` does not include the damping that is integrated implicitly.
 
-    The field `qDeriv` then gives this damping. False if `actuator_force` is the torque that the joint received.
+    The field `qDeriv` then gives this damping. False if `actuator_force` is the whole torque that a joint received.
     """
 
 
@@ -76,7 +76,7 @@ SIMULATOR_FEATURES = {
         implicit_damping=False,
     ),
 }
-"""Name of each simulator -> features."""
+"""Name of each physics engine -> features of the environment that it supports."""
 
 
 def check_simulator(
@@ -87,18 +87,19 @@ def check_simulator(
     readings: bool = False,
     per_env_servo_gains: bool = False,
 ) -> None:
-    """Check that a simulator supports a scenario and the requested actuator, sensors and measurements.
+    """Check that a physics engine supports a scenario, and the actuator, sensors and measurements.
 
     Args:
-        simulator: Name of the simulator.
+        simulator: Name of the physics engine.
         scenario: Scenario to simulate.
-        actuator: Actuator of the joints.
+        actuator: Model of the joint servos.
         sensors: True if the robot has simulated sensors.
-        readings: True if motors and contacts are measured.
-        per_env_servo_gains: True if servo gains differ between robots.
+        readings: True if motors and contacts are measured in every physics step.
+        per_env_servo_gains: True if the servo gains differ between the robots of a batch.
 
     Raises:
-        ValueError: The simulator is unknown, not installed, or does not support a requested feature; one line.
+        ValueError: The physics engine is unknown, not installed, or does not support a requested feature; the message
+            is one line.
     """
     if simulator not in SIMULATOR_FEATURES:
         raise ValueError(f"unknown simulator {simulator!r}; valid: {', '.join(SIMULATORS)}")
@@ -117,7 +118,10 @@ def check_simulator(
 def _requested_features(
     scenario: Scenario, actuator: Actuator, sensors: bool, readings: bool, per_env_servo_gains: bool
 ) -> list[tuple[str, str]]:
-    """Return every requested feature: its field of `SimulatorFeatures`, and its name for error messages."""
+    """Return pairs for all requested features: field of `SimulatorFeatures`, and name for error messages.
+
+    `sensors`, `readings` and `per_env_servo_gains` are True if `check_simulator` must check these features.
+    """
     motors = f"the motors of {scenario.name!r}"
     candidates = (
         (sensors, "robot_sensors", "sensors of the robot"),

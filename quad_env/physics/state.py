@@ -1,18 +1,18 @@
-"""State of one robot or of n robots, with named quantities in the frames that the task needs."""
+"""State of one robot or of n robots: positions, velocities and torques in the frames of the task."""
 
 from typing import Generic, NamedTuple
 
 from quad_env.columns import BoolOrMask, Components, ScalarOrBatch, sqrt, sum_of_magnitudes, where
 
 Rotation = tuple[Components[ScalarOrBatch], Components[ScalarOrBatch], Components[ScalarOrBatch]]
-"""Rotation matrix from the base frame to the world frame, as three rows of three components."""
+"""Rotation matrix from the base frame to the world frame: three rows of three components each."""
 
 
 class QuadState(NamedTuple, Generic[ScalarOrBatch]):
-    """State of one robot or of n robots, for observations, rewards, terminations and infos.
+    """State of one robot or of n robots, from which observations, rewards and terminations are computed.
 
     Every component is a float for one robot, or an array (n,) for n robots; see `quad_env.columns`. A shape such as (3)
-    gives the number of components. `Simulation.state` makes a state after every step.
+    gives the number of components. `Simulation.state` creates a state after every control step.
     """
 
     position: Components[ScalarOrBatch]
@@ -28,8 +28,10 @@ class QuadState(NamedTuple, Generic[ScalarOrBatch]):
     angular_velocity: Components[ScalarOrBatch]
     """Angular velocity of the trunk, base frame, (3), rad/s."""
     heading_velocity: Components[ScalarOrBatch]
-    """Forward and lateral velocity of the trunk centre, heading frame, m/s, and yaw rate about the world's vertical,
-    rad/s; (3)."""
+    """Velocity of the trunk in the heading frame (world frame rotated by the yaw), (3).
+
+    It is the forward velocity, m/s, the lateral velocity, m/s, and the yaw rate about the world's vertical, rad/s.
+    """
     vertical_velocity: ScalarOrBatch
     """Vertical velocity of the trunk centre, world frame, m/s."""
     joint_position: Components[ScalarOrBatch]
@@ -41,20 +43,21 @@ class QuadState(NamedTuple, Generic[ScalarOrBatch]):
     trunk_contact: BoolOrMask
     """True if the trunk touched the ground in the last physics step."""
     command: Components[ScalarOrBatch]
-    """Command in the last control step: forward and lateral velocity, heading frame, m/s, and yaw rate, rad/s; (3)."""
+    """Velocity command of the last control step, heading frame, (3): forward m/s, lateral m/s, yaw rate rad/s."""
     action: Components[ScalarOrBatch]
     """Joint targets of the last control step after clipping, (12), rad."""
     previous_action: Components[ScalarOrBatch]
     """Joint targets of the control step before the last one, (12), rad."""
     swing_time: Components[ScalarOrBatch] | None = None
-    """Duration of the swing of each foot that touched down in the last control step, (4), s; 0 for other feet.
+    """Duration of the swing phase of each foot that touched down in the last control step, (4), s.
 
-    A time of one control step off the ground is a bounce and no swing. None if no reward or observation term needs it.
+    The value is 0 for other feet. A foot that was off the ground for only one control step bounced, which is no swing
+    phase. None if no reward or observation term needs swing times.
     """
     touchdown_speed: Components[ScalarOrBatch] | None = None
-    """Downward speed of each foot before it touched down in the last control step, world frame, (4), m/s.
+    """Downward speed of each foot just before it touched down in the last control step, world frame, (4), m/s.
 
-    The value is 0 for feet that did not touch down. None if no reward or observation term needs it.
+    The value is 0 for feet that did not touch down. None if no reward or observation term needs touchdown speeds.
     """
 
     @property
@@ -70,7 +73,7 @@ class QuadState(NamedTuple, Generic[ScalarOrBatch]):
 
 
 def rotation_matrix(quaternion: Components[ScalarOrBatch]) -> Rotation[ScalarOrBatch]:
-    """Return the rotation matrix of a `quaternion` (w, x, y, z); the quaternion need not be normalised."""
+    """Convert a `quaternion` (w, x, y, z), which need not be normalised, to a rotation matrix."""
     w, x, y, z = quaternion
     norm = sqrt(w * w + x * x + y * y + z * z)
     w = w / norm
@@ -85,14 +88,14 @@ def rotation_matrix(quaternion: Components[ScalarOrBatch]) -> Rotation[ScalarOrB
 
 
 def to_body(rotation: Rotation[ScalarOrBatch], vector_world: Components[ScalarOrBatch]) -> Components[ScalarOrBatch]:
-    """Rotate a vector into the base frame.
+    """Rotate a vector from the world frame to the base frame.
 
     Args:
-        rotation: Rotation R from the base frame to the world frame.
-        vector_world: World-frame vector v, (3).
+        rotation: Rotation matrix R from the base frame to the world frame.
+        vector_world: Vector v in the world frame, (3).
 
     Returns:
-        Base-frame vector Rᵀ v, (3).
+        Vector Rᵀ v in the base frame, (3).
     """
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
     x, y, z = vector_world
@@ -104,16 +107,16 @@ def to_heading(
 ) -> tuple[ScalarOrBatch, ScalarOrBatch]:
     """Return the horizontal components of a world-frame vector in the heading frame.
 
-    The heading frame is the world frame rotated about the vertical so that x points along the base frame's x axis. If
-    the trunk points straight up or down, it is the world frame.
+    The heading frame is the world frame, rotated about the vertical so that x points along the base frame's x axis. If
+    the trunk points straight up or down, the heading frame is the world frame.
 
     Args:
         rotation: Rotation from the base frame to the world frame.
         vector_world: World-frame vector, (2) or (3).
 
     Returns:
-        forward: Component along the heading.
-        lateral: Component to the left.
+        forward: Component along the heading, in the unit of the vector.
+        lateral: Component to the left, in the unit of the vector.
     """
     forward_x, forward_y = rotation[0][0], rotation[1][0]
     length = sqrt(forward_x * forward_x + forward_y * forward_y)
@@ -128,12 +131,12 @@ def to_heading(
 def heading_velocity(
     rotation: Rotation[ScalarOrBatch], linear_world: Components[ScalarOrBatch], angular_body: Components[ScalarOrBatch]
 ) -> Components[ScalarOrBatch]:
-    """Compute the velocity in the heading frame, to which the commands refer.
+    """Compute the trunk velocity in the heading frame, which the velocity commands also use.
 
     Args:
-        rotation: Rotation from the base frame to the world frame.
-        linear_world: Linear velocity, world frame, (3), m/s.
-        angular_body: Angular velocity, base frame, (3), rad/s.
+        rotation: Rotation matrix from the base frame to the world frame.
+        linear_world: Linear velocity of the trunk, world frame, (3), m/s.
+        angular_body: Angular velocity of the trunk, base frame, (3), rad/s.
 
     Returns:
         Forward and lateral velocity, heading frame, m/s, and yaw rate about the world's vertical, rad/s, (3).

@@ -1,4 +1,4 @@
-"""Batch of robots in MuJoCo Warp, on a GPU if there is one, with the interface of MuJoCo's batch."""
+"""Interface to MuJoCo Warp, which simulates n robots on a GPU, if there is one; for training only."""
 
 import copy
 from collections.abc import Callable
@@ -20,16 +20,17 @@ _DOWNLOADED_FIELDS = ("qpos", "qvel", "act", "actuator_force", "xanchor", "site_
 _DERIVED_FIELDS = ("body_subtreemass", "body_invweight0", "dof_invweight0")
 """Model fields that `mj_setConst` computes from other fields."""
 _MAX_CONTACTS = 32
-"""Maximum number of contacts of a robot; more are dropped."""
+"""Maximum number of contacts of a robot; MuJoCo Warp ignores further contacts."""
 _MAX_CONSTRAINT_ROWS = 160
-"""Maximum number of constraint rows of a robot; more are dropped."""
+"""Maximum number of constraint rows of a robot; MuJoCo Warp ignores further rows."""
 
 
 class WarpBatch(ArrayBatch):
-    """Batch of robots in MuJoCo Warp; see `quad_env.physics.batch.Batch`.
+    """Batch of n robots in MuJoCo Warp; `quad_env.physics.batch.Batch` defines the interface.
 
     All robots are stepped at once, in single precision, with the Newton solver. The state is in host memory, in double
-    precision, and a step copies it to the device and back. So the rest of the environment is the same as for MuJoCo.
+    precision, and a step copies it to the device (GPU or CPU) and back. So the rest of the environment is the same as
+    for MuJoCo.
 
     Args:
         model: Compiled model of every robot.
@@ -37,7 +38,7 @@ class WarpBatch(ArrayBatch):
     """
 
     features = SIMULATOR_FEATURES[WARP]
-    """Features that this simulator supports."""
+    """Features of the environment that MuJoCo Warp supports."""
 
     def __init__(self, model: mujoco.MjModel, num_envs: int) -> None:
         super().__init__(copy.copy(model), num_envs, dict.fromkeys((*_UPLOADED_FIELDS, *_DOWNLOADED_FIELDS)))
@@ -48,21 +49,21 @@ class WarpBatch(ArrayBatch):
             self._model, nworld=num_envs, nconmax=_MAX_CONTACTS, njmax=_MAX_CONSTRAINT_ROWS
         )
         self._is_model_stale = True
-        """True if fields from `expand` have changed since they were last copied to the device."""
+        """True if model fields that differ between robots have changed since the last copy to the device."""
         self._graphs: dict[int, Any] = {}
-        """Number of physics steps -> CUDA graph that makes them."""
+        """Number of physics steps -> compiled CUDA graph that advances all robots by this number."""
 
     def expand(self, field: str) -> Array:
-        """Give every robot its own values of a model `field`, and return them, (n, ...).
+        """Give every robot its own values of the MuJoCo model field `field`, and return them, (n, ...).
 
-        Changed values take effect after the next `set_const`, or at the first step.
+        Changed values take effect after the next call of `set_const`, or at the first step.
         """
         for name in _DERIVED_FIELDS:
             super().expand(name)
         return super().expand(field)
 
     def sensor(self, name: str) -> Any:
-        """Return the sensor called `name`; its attribute `data` holds the readings, (n, size).
+        """Return the MuJoCo sensor called `name`; its attribute `data` holds the readings, (n, size).
 
         The readings belong to the state before the last physics step.
         """
@@ -72,12 +73,12 @@ class WarpBatch(ArrayBatch):
         return SimpleNamespace(data=self._fields["sensordata"][:, start : start + size])
 
     def reset(self, ids: EnvIndices, keyframe: int | None = None, *, stage: int = 0) -> None:
-        """Put robots into the initial state of the model or of a keyframe, without computing contacts.
+        """Put robots into the initial state of the model or of a keyframe; contacts are not computed.
 
         Args:
             ids: Indices of the robots, (k,).
             keyframe: Index of the keyframe; None for the initial state of the model.
-            stage: Not used.
+            stage: Not used, because this method computes no stage of the dynamics.
         """
         super().reset(ids, keyframe, stage=stage)
         mask = np.zeros(len(self.warning), np.bool_)
@@ -88,18 +89,18 @@ class WarpBatch(ArrayBatch):
         """Advance robots by physics steps.
 
         Args:
-            ids: Robots to step; None for all.
+            ids: Indices of the robots that get new states, or a slice; None for all robots.
             nstep: Number of physics steps.
         """
         if self._is_model_stale:
             self._upload_expanded_fields()
-        run = self._compiled_steps(nstep)  # before the upload, because compiling moves the robots
+        run = self._compiled_steps(nstep)  # before the upload, because the compilation steps the robots
         self._upload_state()
         run()
         self._download_state(slice(None) if ids is None else ids)
 
     def set_const(self, ids: EnvIndices) -> None:
-        """Recompute the model constants of the robots `ids`, (k,), after a change of fields from `expand`."""
+        """Recompute the model constants of the robots `ids`, (k,), after a change of values from `expand`."""
         for robot in ids:
             self.get_model(int(robot), self._model)
             mujoco.mj_setConst(self._model, self._data)
@@ -111,7 +112,7 @@ class WarpBatch(ArrayBatch):
         """Return a function that advances all robots by `steps` physics steps.
 
         On a GPU the function launches a CUDA graph, because a graph saves the launch times of single kernels. Call this
-        method before the state is uploaded, because compiling a graph moves the robots.
+        method before the state is copied to the device, because the compilation of a graph steps the robots.
         """
         if not warp.get_device().is_cuda:
             return partial(self._run, steps)
@@ -128,7 +129,7 @@ class WarpBatch(ArrayBatch):
             mujoco_warp.step(self._device_model, self._device_data)
 
     def _upload_state(self) -> None:
-        """Copy the state of all robots to the device."""
+        """Copy the state of all robots from host memory to the device, in single precision."""
         for name in _UPLOADED_FIELDS:
             values = self._fields[name]
             if values.size:
@@ -136,7 +137,7 @@ class WarpBatch(ArrayBatch):
                 getattr(self._device_data, name).assign(rows)
 
     def _download_state(self, selection: EnvSelection) -> None:
-        """Copy the state and outputs of the robots in `selection` from the device."""
+        """Copy the state and outputs of the robots in `selection` from the device to host memory."""
         for name in _DOWNLOADED_FIELDS:
             values = self._fields[name]
             if values.size:

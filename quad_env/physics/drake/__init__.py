@@ -1,1 +1,1 @@
-"""Drake as a second simulator, an optional dependency: `pip install -e ".[drake]"`."""
+"""Interface to the physics engine Drake, an optional dependency: `pip install -e ".[drake]"`."""

@@ -1,4 +1,4 @@
-"""Batch of robots that Drake steps, with the interface of MuJoCo's batch."""
+"""Interface to Drake, which simulates n robots with the field names, units and frames of MuJoCo."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -18,29 +18,29 @@ from quad_env.robots.part_names import foot_geoms
 
 _Forces = Value[list[ExternallyAppliedSpatialForce]]
 _STEPPED_FIELDS = ("qpos", "qvel", "ctrl", "actuator_force", "xfrc_applied")
-"""Fields of MuJoCo's data that a step reads or writes."""
+"""Fields of MuJoCo's data that a physics step in Drake reads or writes."""
 _TRUNK = 1
 """MuJoCo's id of the body with the free joint."""
 
 
 @dataclass(frozen=True)
 class _ContactSensor:
-    """Contact sensor: the sum of a contact quantity over the geoms of a robot part."""
+    """Contact sensor of a robot part, which sums the ground contacts or normal forces of the part's geoms."""
 
     source: Array
-    """Contact quantity per robot and geom, (n, ngeom): number of ground contacts, or normal force, N."""
+    """Quantity to sum, for each robot and geom, (n, ngeom): number of ground contacts, or normal force, N."""
     geoms: list[int]
-    """MuJoCo's ids of the geoms of the part."""
+    """MuJoCo's ids of the geoms of the robot part."""
     data: Array
-    """Reading of each robot, (n, 1)."""
+    """Reading of the sensor for each robot, (n, 1): number of ground contacts, or normal force, N."""
 
 
 class DrakeBatch(ArrayBatch):
-    """Batch of robots in Drake; see `quad_env.physics.batch.Batch`.
+    """Batch of n robots in Drake; `quad_env.physics.batch.Batch` defines the interface.
 
-    All robots share a plant, and each robot has a context, which holds the state in Drake. External forces act only on
-    trunks. `actuator_force` is the torque that the joint received. This is the torque of the servo at the end of the
-    step, including damping and the torque limit.
+    All robots share a Drake plant (model), and each robot has a Drake context, which holds its state. External forces
+    act only on trunks. The field `actuator_force` is the torque that a joint received: the torque of the servo at the
+    end of the step, including damping and the torque limit.
 
     Args:
         model: Compiled model of every robot.
@@ -48,13 +48,13 @@ class DrakeBatch(ArrayBatch):
     """
 
     features = SIMULATOR_FEATURES[DRAKE]
-    """Features that this simulator supports."""
+    """Features of the environment that Drake supports."""
 
     def __init__(self, model: mujoco.MjModel, num_envs: int) -> None:
         super().__init__(model, num_envs, (*_STEPPED_FIELDS, "xanchor", "site_xpos"))
         self._drake = build_plant(model)
         self._root_contexts = [self._drake.diagram.CreateDefaultContext() for _ in range(num_envs)]
-        """Contexts of the whole diagram, stored because they keep the contexts of the plant alive."""
+        """Drake contexts of the whole diagram, which are stored because they keep the plant's contexts alive."""
         self._contexts = list(map(self._drake.plant.GetMyMutableContextFromRoot, self._root_contexts))
         self._contact_counts = np.zeros((num_envs, model.ngeom))
         """Number of ground contacts of each geom in the last physics step, (n, ngeom)."""
@@ -62,12 +62,12 @@ class DrakeBatch(ArrayBatch):
         """Sum of the normal forces on each geom in the last physics step, (n, ngeom), N."""
         self._sensors: dict[str, _ContactSensor] = {}
         self._context_states = [(b"", b"")] * num_envs
-        """`qpos` and `qvel` of each robot after its last step, as bytes; `_set_context` compares them."""
+        """Pair of `qpos` and `qvel` of each robot after its last step, as bytes, to detect later changes."""
 
     def sensor(self, name: str) -> Any:
-        """Return the sensor called `name`; its attribute `data` holds the readings, (n, 1).
+        """Return the contact sensor called `name`; its attribute `data` holds the readings, (n, 1).
 
-        A reading is the number of ground contacts of a robot part, or a force, N.
+        A reading is the number of ground contacts of a robot part, or the normal force on it, N.
         """
         if name not in self._sensors:
             source, geoms = self._contact_source(name)
@@ -75,22 +75,22 @@ class DrakeBatch(ArrayBatch):
         return SimpleNamespace(data=self._sensors[name].data)
 
     def reset(self, ids: EnvIndices, keyframe: int | None = None, *, stage: int = 0) -> None:
-        """Put robots into the initial state of the model or of a keyframe, without computing contacts.
+        """Put robots into the initial state of the model or of a keyframe; contacts are not computed.
 
         Args:
             ids: Indices of the robots, (k,).
             keyframe: Index of the keyframe; None for the initial state of the model.
-            stage: Not used.
+            stage: Not used, because this method computes no stage of the dynamics.
         """
         super().reset(ids, keyframe, stage=stage)
         for sensor in self._sensors.values():
             sensor.data[ids] = 0.0
 
     def step(self, ids: EnvSelection | None, nstep: int) -> None:
-        """Advance robots by physics steps; a robot that Drake fails to step gets a warning.
+        """Advance robots by physics steps; a robot that Drake cannot step gets a warning in `warning`.
 
         Args:
-            ids: Robots to step; None for all.
+            ids: Indices of the robots to step, or a slice; None for all robots.
             nstep: Number of physics steps.
         """
         rows = np.arange(len(self._contexts))[slice(None) if ids is None else ids]
@@ -115,7 +115,10 @@ class DrakeBatch(ArrayBatch):
             self._drake.trunk.SetSpatialInertiaInBodyFrame(self._contexts[robot], inertia)
 
     def _contact_source(self, name: str) -> tuple[Array, list[int]]:
-        """Return the contact quantity of a sensor, (n, ngeom), and the ids of the geoms that are summed."""
+        """Return the array that the contact sensor `name` sums, (n, ngeom), and MuJoCo's ids of its geoms.
+
+        The array holds the number of ground contacts, or the normal force, N, of each geom.
+        """
         model = self._model
         sensor_id = model.sensor(name).id
         object_id = int(model.sensor_objid[sensor_id])
@@ -145,9 +148,10 @@ class DrakeBatch(ArrayBatch):
         self._context_states[robot] = (qpos.tobytes(), qvel.tobytes())
 
     def _set_context(self, robot: int, qpos: Array, qvel: Array, ctrl: Array, force: Array) -> None:
-        """Set the joint targets, the force on the trunk, and the state in the context of a robot.
+        """Set joint targets `ctrl`, force on the trunk, and state in the Drake context of a robot.
 
-        The state is set only if it has changed since the last step of the robot.
+        `force` is the force, N, and the torque, N·m, on the trunk, world frame, (6,). The state is set only if `qpos`
+        or `qvel` has changed since the last step of the robot.
         """
         drake = self._drake
         context = self._contexts[robot]
@@ -163,7 +167,10 @@ class DrakeBatch(ArrayBatch):
         drake.plant.get_applied_spatial_force_input_port().FixValue(context, _Forces([trunk_force]))
 
     def _read_contacts(self, robot: int, contacts: Any) -> None:
-        """Store the number of ground contacts and the sum of the normal forces of each geom of a robot."""
+        """Store the number of ground contacts and the sum of the normal forces of each geom of a robot.
+
+        `contacts` are Drake's contact results of the last physics step.
+        """
         counts = self._contact_counts[robot]
         forces = self._contact_forces[robot]
         counts[:] = 0.0
@@ -176,9 +183,10 @@ class DrakeBatch(ArrayBatch):
             forces[geoms] += abs(float(contact.contact_force().dot(pair.nhat_BA_W)))
 
     def _to_drake(self, qpos: Array, qvel: Array) -> Array:
-        """Convert MuJoCo's positions and velocities to Drake's state.
+        """Convert MuJoCo's positions `qpos`, (19,), and velocities `qvel`, (18,), to Drake's state, (37,).
 
-        Drake has the quaternion before the position, and the angular velocity, world frame, before the linear velocity.
+        In Drake the quaternion precedes the position, and the angular velocity, world frame, precedes the linear
+        velocity.
         """
         hinges = self._drake.hinges
         state = np.empty(len(qpos) + len(qvel))
@@ -192,7 +200,7 @@ class DrakeBatch(ArrayBatch):
         return state
 
     def _from_drake(self, state: Array, qpos: Array, qvel: Array) -> None:
-        """Convert Drake's state to MuJoCo's positions and velocities, and write them into `qpos` and `qvel`."""
+        """Convert Drake's state, (37,), to MuJoCo's positions and velocities; write them to `qpos` and `qvel`."""
         hinges = self._drake.hinges
         velocity = state[len(qpos) :]
         qpos[3:7] = state[:4]

@@ -1,4 +1,4 @@
-"""Conversion of a compiled MuJoCo model to a Drake plant: one robot on a ground of planes and boxes."""
+"""Converter of a compiled MuJoCo model to a Drake plant: one robot on a ground of planes and boxes."""
 
 import logging
 from collections.abc import Iterator
@@ -22,18 +22,23 @@ logging.getLogger("drake").setLevel(
 )  # because Drake warns that deformable bodies do not collide with half spaces
 
 DISSIPATION = 10.0
-"""Hunt-Crossley dissipation d, s/m. A contact under half of the weight is critically damped, as in MuJoCo. The speed of
-a bounce is at most 1/d, 0.1 m/s."""
+"""Hunt-Crossley dissipation d of contacts, s/m.
+
+With this value a contact under half of the robot's weight is critically damped, as in MuJoCo. The speed of a bounce is
+at most 1/d, which is 0.1 m/s.
+"""
 _STICTION_SPEED = 0.01
-"""Speed below which the dry friction of a joint is viscous, rad/s; a smaller value is closer to Coulomb's law."""
+"""Joint speed below which the dry friction of a joint is viscous, rad/s; a smaller value is closer to Coulomb's law."""
 _PLANE_SIZE = 1000.0
-"""Edge of the cube that replaces a plane if the ground has boxes too, m. The reason is that Drake 1.51 crashes with
-half spaces among many geometries."""
+"""Edge length of the cube that replaces the ground plane if the ground also has boxes, m.
+
+The plane is replaced, because Drake 1.51 crashes with half spaces among many geometries.
+"""
 
 
 @dataclass(frozen=True)
 class Plant:
-    """Robot in Drake, with index maps from MuJoCo to Drake; made by `build_plant`."""
+    """Drake model of a robot, with index maps from MuJoCo to Drake; `build_plant` returns it."""
 
     diagram: Diagram
     plant: multibody.MultibodyPlant
@@ -47,12 +52,12 @@ class Plant:
 
 
 def build_plant(model: mujoco.MjModel) -> Plant:
-    """Build the Drake plant of a compiled MuJoCo `model` of a robot; the trunk must be the first body."""
+    """Convert a compiled MuJoCo `model` of a robot to a Drake plant; the trunk must be its first body."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     builder = DiagramBuilder()
-    # "lagged", that is friction with the normal force of the last step, because convex approximations lift sliding
-    # bodies off the ground.
+    # The approximation "lagged" computes friction with the normal force of the last step. It is used because convex
+    # approximations lift sliding bodies off the ground.
     config = multibody.MultibodyPlantConfig(time_step=model.opt.timestep, discrete_contact_approximation="lagged")
     config.use_sampled_output_ports = config.adjacent_bodies_collision_filters = False
     plant, scene = multibody.AddMultibodyPlant(config, builder)
@@ -98,16 +103,19 @@ def spatial_inertia(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> tr
 
 
 def _add_bodies(plant: Any, model: mujoco.MjModel, data: mujoco.MjData) -> dict[int, Any]:
-    """Add a body for each group of welded bodies, and return Drake's bodies.
+    """Add a Drake body for each group of welded MuJoCo bodies, and return the Drake bodies.
 
-    The key of the result is MuJoCo's id of the first body of the group.
+    The result maps MuJoCo's id of the first body of a group to the Drake body.
     """
     roots = [body for body in range(1, model.nbody) if model.body_weldid[body] == body]
     return {root: plant.AddRigidBody(f"body_{root}", spatial_inertia(model, data, root)) for root in roots}
 
 
 def _add_joint(plant: Any, model: mujoco.MjModel, data: mujoco.MjData, bodies: dict[int, Any], joint: int) -> Any:
-    """Add a hinge with the same angle as in MuJoCo's `qpos`; `joint` is MuJoCo's id of the joint."""
+    """Add a hinge joint to the Drake plant, with the same joint angle as in MuJoCo, and return the joint.
+
+    `bodies` are the Drake bodies by MuJoCo's id. `joint` is MuJoCo's id of the joint.
+    """
     name = model.joint(joint).name
     axis = model.jnt_axis[joint]
     child = int(model.jnt_bodyid[joint])
@@ -126,7 +134,11 @@ def _add_joint(plant: Any, model: mujoco.MjModel, data: mujoco.MjData, bodies: d
 
 
 def _add_servo(plant: Any, model: mujoco.MjModel, joints: list[Any], servo: int) -> Any:
-    """Add a servo with implicit stiffness and damping; the joint's armature is the rotor inertia."""
+    """Add a joint servo to the Drake plant, with implicit stiffness and damping, and return the actuator.
+
+    `joints` are the Drake joints in MuJoCo's order. `servo` is MuJoCo's id of the actuator. The armature of the MuJoCo
+    joint becomes the rotor inertia in Drake.
+    """
     joint = int(model.actuator_trnid[servo, 0])
     torque_limit = model.actuator_forcerange[servo, 1]
     actuator = plant.AddJointActuator(model.actuator(servo).name, joints[joint - 1], torque_limit)
@@ -138,7 +150,10 @@ def _add_servo(plant: Any, model: mujoco.MjModel, joints: list[Any], servo: int)
 
 
 def _add_joint_friction(plant: Any, model: mujoco.MjModel, joints: list[Any]) -> None:
-    """Add the dry friction of joints as velocity servos with target 0, limited to the friction torque."""
+    """Add the dry friction of joints to the Drake plant, as velocity servos with target 0.
+
+    The torque of a servo is limited to the friction torque. `joints` are the Drake joints in MuJoCo's order.
+    """
     for joint, torque, armature in zip(joints, model.dof_frictionloss[6:], model.dof_armature[6:], strict=True):
         if torque > 0:
             brake = plant.AddJointActuator(f"{joint.name()}_friction", joint, torque)
@@ -149,7 +164,10 @@ def _add_joint_friction(plant: Any, model: mujoco.MjModel, joints: list[Any]) ->
 def _add_geoms(
     plant: Any, model: mujoco.MjModel, data: mujoco.MjData, bodies: dict[int, Any]
 ) -> Iterator[tuple[int, Any]]:
-    """Add the geoms that can collide; yield MuJoCo's id and Drake's id of each geom."""
+    """Add the geoms that can collide to the Drake plant; yield MuJoCo's id and Drake's id of each geom.
+
+    `bodies` are the Drake bodies by MuJoCo's id.
+    """
     solid = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
     ground = solid[model.geom_bodyid[solid] == 0]
     frictions = _drake_frictions(model, solid, ground[0])
@@ -168,11 +186,12 @@ def _add_geoms(
 
 
 def _drake_frictions(model: mujoco.MjModel, geoms: EnvIndices, ground: int) -> NDArray[np.float64]:
-    """Return Drake's friction coefficients of geoms, for the same friction on the ground as in MuJoCo.
+    """Compute Drake's friction coefficients of `geoms`, for the same friction on the ground as in MuJoCo.
 
-    In MuJoCo the coefficient µ of a geom on the ground is the coefficient of the ground if the ground has priority,
-    and otherwise the larger coefficient of both. In Drake it is the harmonic mean 2 a g / (a + g) of the coefficients
-    a of the geom and g of the ground. With g as the largest µ of all geoms, this gives a = µ g / (2 g − µ).
+    In MuJoCo, the contact of a geom with the ground has the coefficient µ. It is the coefficient of the ground if the
+    ground has priority, and otherwise the larger coefficient of geom and ground. In Drake, it is the harmonic mean
+    2 a g / (a + g) of the coefficients a of the geom and g of the ground. With g as the largest µ of all geoms, this
+    gives a = µ g / (2 g − µ). `geoms` are MuJoCo's ids of the geoms, and `ground` is the id of a ground geom.
     """
     geom_friction = model.geom_friction[geoms, 0]
     ground_friction = model.geom_friction[ground, 0]
@@ -186,13 +205,16 @@ def _drake_frictions(model: mujoco.MjModel, geoms: EnvIndices, ground: int) -> N
 
 
 def _contact_stiffness(model: mujoco.MjModel, ground: int) -> float:
-    """Return the stiffness of the contact of a foot with the ground in MuJoCo, N/m; see `Ground`."""
+    """Compute the stiffness of the contact between a foot and the ground in MuJoCo, N/m.
+
+    `ground` is MuJoCo's id of a ground geom. `quad_env.scenarios.disturbances.Ground` explains the formula.
+    """
     inverse_inertia = model.body_invweight0[model.body_weldid, 0].max()
     return float(1.0 / ((1.0 - model.geom_solimp[ground, 0]) * model.geom_solref[ground, 0] ** 2 * inverse_inertia))
 
 
 def _shape(model: mujoco.MjModel, geom: int) -> Any:
-    """Return the Drake shape of a MuJoCo geom; a mesh becomes its convex hull."""
+    """Convert the shape of the MuJoCo geom `geom` to a Drake shape; a mesh becomes its convex hull."""
     size = model.geom_size[geom]
     match mujoco.mjtGeom(int(model.geom_type[geom])):
         case mujoco.mjtGeom.mjGEOM_PLANE:
@@ -214,7 +236,10 @@ def _shape(model: mujoco.MjModel, geom: int) -> Any:
 
 
 def _filter_collisions(scene: Any, model: mujoco.MjModel, geometry_ids: dict[int, Any]) -> None:
-    """Exclude collisions in Drake between all pairs of geoms that do not collide in MuJoCo."""
+    """Exclude collisions in Drake between all pairs of geoms that do not collide in MuJoCo.
+
+    `scene` is the Drake scene graph. `geometry_ids` maps MuJoCo's id of each geom to Drake's id.
+    """
     collision_filter = scene.collision_filter_manager()
     collides = _collision_matrix(model)
     for geom, geometry_id in geometry_ids.items():
@@ -226,7 +251,7 @@ def _filter_collisions(scene: Any, model: mujoco.MjModel, geometry_ids: dict[int
 
 
 def _collision_matrix(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Return the mask of pairs of geoms that can collide in MuJoCo, (ngeom, ngeom).
+    """Return True for each pair of geoms that can collide in MuJoCo, (ngeom, ngeom).
 
     A pair collides if the collision bits match, no exclusion names the two bodies, and the bodies are neither welded
     together nor parent and child. Explicit contact pairs always collide.
@@ -244,5 +269,5 @@ def _collision_matrix(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 
 def _pose(data: mujoco.MjData, body: int) -> RigidTransform:
-    """Return the pose of a body in the world frame."""
+    """Return the pose of the body with MuJoCo's id `body` in the world frame, as a Drake transform."""
     return RigidTransform(RotationMatrix(data.xmat[body].reshape(3, 3)), data.xpos[body])
