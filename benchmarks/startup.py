@@ -59,7 +59,8 @@ def measure(options: StartupBenchmarkOptions) -> BenchmarkResult:
         options = replace(options, rounds=1)
     timed_functions: dict[str, TimedFunction] = {name: _time_inside(code) for name, code in _CODE.items()}
     timed_functions |= {name: _time_outside(name) for name in HELP_COMMANDS}
-    warm_up = 0 if options.quick else 1  # A warm-up round is not timed, because it reads the files from the disk.
+    # The results of a warm-up round are ignored, because this round reads the files from the disk.
+    warm_up = 0 if options.quick else 1
     seconds = interleave(timed_functions, options.rounds, "start-up", warm_up)
     loaded = _python("-c", _LOADED).split()
     rows = make_table("Start-up, fresh interpreters", "", "s")

@@ -39,7 +39,8 @@ class TrunkImu:
         Returns:
             Specific force (acceleration minus gravity), base frame, (3,), m/s².
         """
-        rotation = np.array(rotation_matrix(tuple(infos["quaternion"])))  # from base to world
+        # The matrix rotates vectors from the base frame to the world frame.
+        rotation = np.array(rotation_matrix(tuple(infos["quaternion"])))
         cos, sin = rotation[:2, 0] / np.hypot(*rotation[:2, 0])
         forward, left = infos["heading_velocity"][:2]
         up = float(np.squeeze(infos["vertical_velocity"]))

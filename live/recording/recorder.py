@@ -119,12 +119,14 @@ class McapRecorder:
         context = multiprocessing.get_context("spawn")
         writer_end, self._rows = context.Pipe(duplex=False)
         self._answer, answer = context.Pipe(duplex=False)
-        with contextlib.suppress(ImportError, AttributeError, OSError):  # because only Linux can set the size
+        # Errors are ignored, because only Linux can set the size of a pipe.
+        with contextlib.suppress(ImportError, AttributeError, OSError):
             import fcntl
 
             fcntl.fcntl(self._rows.fileno(), fcntl.F_SETPIPE_SZ, PIPE_SIZE)
         self._process = context.Process(target=write, args=(writer_end, answer, self._path, schema))
-        with closing(writer_end), closing(answer), without_ctrl_c():  # because `close` waits for it
+        # The process must survive Ctrl-C, because `close` waits for its answer.
+        with closing(writer_end), closing(answer), without_ctrl_c():
             self._process.start()
 
     def _send(self, row: NDArray[np.float64]) -> None:

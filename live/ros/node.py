@@ -118,7 +118,8 @@ class Node:
         self._publish[CLOCK](clock)
         imu = self._message(IMU, stamp)
         reading = packet[IMU]
-        w, x, y, z = reading["quaternion"]  # the simulation has w first, ROS has w last
+        # The scalar part w of a quaternion is first in the simulation and last in ROS.
+        w, x, y, z = reading["quaternion"]
         imu.orientation.x = x
         imu.orientation.y = y
         imu.orientation.z = z

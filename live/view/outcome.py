@@ -114,7 +114,8 @@ def _episodes(recorded: Sequence[_RecordedStep], session: Session, max_steps: in
         policy.failure = failure
         policy.stopped = np.array([is_stopped])
         recorder(replace(step, number=number))
-    force = np.array([item.step.infos["push"][0] for item in recorded[1:]]).reshape(-1, 2)  # (steps, 2), world frame, N
+    # Horizontal force of pushes on the trunk, world frame, (steps, 2), N.
+    force = np.array([item.step.infos["push"][0] for item in recorded[1:]]).reshape(-1, 2)
     is_pushed = np.asarray(force.any(axis=1))
     push_starts = np.flatnonzero(is_pushed & ~np.append(False, is_pushed[:-1]))
     episodes = recorder.episodes()

@@ -30,7 +30,8 @@ CONTENT_TYPES = {
     ".svg": "image/svg+xml",
 }
 _LOGGER = logging.getLogger(__name__)
-_LOGGER.setLevel(logging.CRITICAL)  # so that invalid connections print no errors
+# The logger is silent, so that invalid connections do not print errors in the user's terminal.
+_LOGGER.setLevel(logging.CRITICAL)
 MAX_MESSAGE_SIZE = 4096
 """Maximum size of a message from a page, bytes; the server closes the connection after a larger message."""
 MAX_PAGES = 8

@@ -221,7 +221,8 @@ def _run_cases(name: str, options: FuzzOptions) -> Iterator[CaseResult]:
         process.start()
         child_end.close()
         try:
-            parent_end.recv()  # The first message means that the subprocess has imported all modules.
+            # The first message means that the subprocess has imported all modules.
+            parent_end.recv()
             while True:
                 yield _receive_result(parent_end, process)
                 number += 1

@@ -57,7 +57,7 @@ PUSHES = "pushes"
 ROBOTS = ("simple_quad", "go1", "go2")
 """Names of the robots for which the errors after pushes are measured."""
 WINDOWS = ((-50, 0), (0, 10), (10, 20), (20, 30), (30, 50), (50, 100), (100, 200))
-"""Time windows in which errors are averaged: start and end, control steps after the start of a push."""
+"""Time windows in which errors are averaged: start and end, control steps from the start of a push."""
 _LIMITS = {"episodes": (2, 4096), "seed": (0, 2**31), "ground": (0, 2**31), "threads": (1, 256)}
 """Name of an option -> smallest and largest valid value."""
 
@@ -125,7 +125,8 @@ def main(options: EstimationOptions) -> int:
         read_page(options.page, marker)
     table = walk_table if options.table == "walks" else push_table
     lines = []
-    for line in table(options):  # printed immediately, because each row takes minutes
+    # Each line is printed immediately, because the measurement of a row takes minutes.
+    for line in table(options):
         print(line, flush=True)
         lines.append(line)
     write_block(options.page, lines, marker)

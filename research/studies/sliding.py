@@ -173,9 +173,11 @@ def simulate_slide(model: Any, speed: float, seconds: float, exact: bool) -> tup
     data = mujoco.MjData(model)
     timestep = model.opt.timestep
     feet = model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
-    if model.nkey:  # because only the robot has a keyframe, the home pose
+    # Only the robot has a keyframe, the home pose; the ball starts at rest on the ground.
+    if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
-    _step(model, data, False, 0.5)  # so that the body rests on the ground
+    # The body is simulated for 0.5 s, so that it rests on the ground before it slides.
+    _step(model, data, False, 0.5)
     data.qvel[0] += speed
     heights = []
     speeds = []
@@ -185,7 +187,8 @@ def simulate_slide(model: Any, speed: float, seconds: float, exact: bool) -> tup
         speeds.append(data.subtree_linvel[0, 0])
     slow_steps = np.flatnonzero(np.array(speeds) < 0.05 * speed)
     stop_step = slow_steps[0] + 1 if slow_steps.size else len(speeds)
-    speed_unit = model.geom("ground").friction[0] * GRAVITY * timestep  # loss of speed per step at µg, m/s
+    # A deceleration of µg reduces the speed by this value in a time step, m/s.
+    speed_unit = model.geom("ground").friction[0] * GRAVITY * timestep
     braking = [float((speed - speeds[end - 1]) / (end * speed_unit)) for end in (round(BRIEF / timestep), stop_step)]
     return 1e3 * max(heights), braking[0], braking[1]
 
