@@ -12,22 +12,27 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 DELAY = 0.005
 """Delay from the policy to the servos, rounded up to whole physics steps, s. Sensors have further delays."""
 SENSORS = "typical"
-"""Sensor suite of the hardware profile, a name in `quad_env.SENSORS`; it delays each reading by one control step."""
+"""Sensor suite of the hardware profile, a name in `quad_env.SENSORS`; it delays every sensor by one control step."""
 ESTIMATOR = "kalman"
-"""Estimator of the hardware profile, a name in `quad_env.ESTIMATORS`. It was chosen because it gave more successful
-validation episodes under pushes than the alternative, and as many on rough ground."""
-# Source of the peak torques and speeds: unitreerobotics/unitree_ros, go1_description and go2_description,
+"""State estimator of the hardware profile, a name in `quad_env.ESTIMATORS`.
+
+It was chosen because it gave more successful validation episodes under pushes than the estimator `complementary`, and
+as many on rough ground.
+"""
+# The source of the peak torques and speeds is unitreerobotics/unitree_ros, go1_description and go2_description,
 # xacro/const.xacro. The linkage of the calf multiplies the torque by 1.5.
-# Source of the torque-speed line: the maker's unitree_rl_lab, assets/robots/unitree_actuators.py, Go2HV: 20.2 N·m up to
-# 13.5 rad/s, 0 N·m at 30 rad/s. The line therefore has the stall torque 20.2 · 30 / (30 - 13.5) N·m.
+# The source of the torque-speed line is the manufacturer's unitree_rl_lab, assets/robots/unitree_actuators.py, Go2HV:
+# 20.2 N·m up to 13.5 rad/s, and 0 N·m at 30 rad/s. The line therefore has the stall torque 20.2 · 30 / (30 - 13.5) N·m.
 _GO = TorqueSpeed(stall_torque=(36.7, 36.7, 55.1), no_load_speed=(30.1, 30.1, 20.06), peak_torque=(23.7, 23.7, 35.55))
 CURVES = {"go1": _GO, "go2": _GO}
-"""Name of the robot -> published torque-speed curve of hip, thigh and calf. All other robots have a straight line from
-the rated torque at standstill to 0 at the rated speed."""
+"""Name of a robot -> published torque-speed curve of its hip, thigh and calf motors.
+
+All other robots have a straight line from the rated torque at standstill to 0 at the rated speed.
+"""
 
 
 class HardwareProfile(NamedTuple):
-    """Hardware profile of a robot, as arguments of an environment."""
+    """Realistic motors, sensors and estimator of a robot, as values of the arguments of an environment."""
 
     actuator: Actuator
     sensors: str
@@ -38,10 +43,11 @@ class HardwareProfile(NamedTuple):
 
 @lru_cache(maxsize=32)
 def hardware_profile(robot: Robot) -> HardwareProfile:
-    """Return the hardware profile of a `robot`.
+    """Return the hardware profile of a `robot`: realistic motors, sensors and state estimator.
 
     SimpleQuad has the motor `ACTUATORS["motor"]` with 100 N·m and 10 rad/s, as in the article on the robot. Other
-    robots have the bandwidth of this motor. Their windings stay cold, because no maker publishes thermal parameters.
+    robots have motors with the same bandwidth. The windings of these motors stay cold, because no manufacturer
+    publishes thermal parameters.
     """
     timestep = float(robot.model.opt.timestep)
     motor = ACTUATORS["motor"]

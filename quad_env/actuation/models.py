@@ -1,8 +1,8 @@
-"""Parameters of the joint actuators, in physical units at the joint, after the gear.
+"""Parameters of the joint actuators (servo motors), in physical units at the joint, after the gear.
 
-`gym.make` takes an actuator as `actuator=`. The ideal servo receives its target without delay, and
+The argument `actuator` of `gym.make` selects an actuator. The ideal servo receives its target immediately, and
 `Motors.torque_limit` is its only limit. If an actuator and the `Motors` of a scenario limit the same quantity, the
-smaller limit applies. The delay of an actuator adds to the `Latency` of the scenario.
+smaller limit applies. The delay of an actuator is added to the `Latency` of the scenario.
 """
 
 import math
@@ -19,29 +19,32 @@ from quad_env.robots.structure import JOINTS_PER_LEG
 MAX_SETTLING_ERROR = 0.01
 """Remaining error at which a first-order filter counts as settled, as a fraction of the target change."""
 JointValues = Positive | tuple[Positive, ...] | None
-"""One value for all joints, three values for hip, thigh and calf, or twelve; None for the values of the robot."""
+"""Motor parameter of the joints: one value for all joints, three for hip, thigh and calf of every leg, or twelve.
+
+None stands for the values of the robot.
+"""
 
 
 @dataclass(frozen=True)
 class TorqueSpeed(Settings):
     """Torque-speed curve of a DC motor at constant voltage: τ ≤ stall_torque · (1 − ω / no_load_speed).
 
-    The same limit applies with the signs of torque and speed reversed. A parameter is one number for all joints, three
-    numbers for hip, thigh and calf, or twelve.
+    τ is the torque and ω the speed of the joint. The same limit applies with the signs of torque and speed reversed. A
+    parameter is one number for all joints, three numbers for hip, thigh and calf, or twelve.
 
     A winding of resistance R and motor constant K at a voltage v has the torque τ = K (v − K ω) / R (MuJoCo DC Motor
-    Model, equation 2). The voltage is limited to ±V. The limit at v = V is a line through all four quadrants. A braking
-    motor could exceed the stall torque, but the current limit of the drive keeps the torque within ±peak_torque. Above
-    the no-load speed the motor can only brake, with at least the torque of the line.
+    Model, equation 2). The voltage is limited to ±V. The limit at v = V is a straight line through all four quadrants
+    of torque and speed. A braking motor could exceed the stall torque, but the current limit of the drive keeps the
+    torque within ±peak_torque. Above the no-load speed the motor can only brake, with at least the torque of the line.
     """
 
     stall_torque: JointValues = None
-    """Torque of the line at standstill, N·m; None for the rated torque of the robot"""
+    """Torque limit at standstill by the voltage, N·m; None for the rated torque of the robot"""
     no_load_speed: JointValues = None
-    """Speed at which the torque of the line is 0, rad/s; None for the rated speed of the robot"""
+    """Speed at which the torque limit by the voltage is 0, rad/s; None for the rated speed of the robot"""
     peak_torque: JointValues = None
-    """Torque at the current limit, also while braking, N·m; None for the stall torque or the rated torque of the robot,
-    whichever is smaller"""
+    """Torque at the current limit, also while braking, N·m; None for the smaller of `stall_torque` and the robot's
+    rated torque"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -50,32 +53,33 @@ class TorqueSpeed(Settings):
                 raise ValueError(f"{name} is a number, or {JOINTS_PER_LEG} or {JOINTS} of them, got {value}")
 
     def resolve(self, robot: Robot) -> "ResolvedTorqueSpeed":
-        """Return the curves of the joints of a `robot`."""
+        """Return the torque-speed curve of every joint; values of `robot` replace parameters that are None."""
         stall = _per_joint(self.stall_torque, robot.rated_torque)
         peak = np.minimum(stall, robot.rated_torque) if self.peak_torque is None else _per_joint(self.peak_torque, 0.0)
         return ResolvedTorqueSpeed(stall, _per_joint(self.no_load_speed, robot.rated_speed), peak)
 
 
 class ResolvedTorqueSpeed(NamedTuple):
-    """Torque-speed curves of all joints of a robot; made by `TorqueSpeed.resolve`."""
+    """Torque-speed curve of every joint of a robot; `TorqueSpeed.resolve` returns it."""
 
     stall_torque: Array
-    """Torque of the line at standstill, (12,), N·m."""
+    """Torque limit of each joint at standstill by the voltage, (12,), N·m."""
     no_load_speed: Array
-    """Speed at which the torque of the line is 0, (12,), rad/s."""
+    """Speed of each joint at which the torque limit by the voltage is 0, (12,), rad/s."""
     peak_torque: Array
-    """Torque at the current limit, (12,), N·m."""
+    """Torque of each joint at the current limit, (12,), N·m."""
 
     @property
     def slope(self) -> Array:
-        """Decrease of the torque limit per speed, K²/R, (12,), N·m·s/rad.
+        """Decrease of the torque limit per speed, (12,), N·m·s/rad.
 
-        The winding has the heat loss τ² / slope, W, at the torque τ.
+        The slope is K²/R, with the motor constant K and the resistance R of the winding. The winding has the heat loss
+        τ² / slope, W, at the torque τ.
         """
         return self.stall_torque / self.no_load_speed
 
     def limits(self, speed: Array) -> tuple[Array, Array]:
-        """Compute the torque limits at joint speeds.
+        """Compute the lower and upper torque limits at given joint speeds.
 
         Args:
             speed: Joint speeds, (..., 12), rad/s.
@@ -90,7 +94,7 @@ class ResolvedTorqueSpeed(NamedTuple):
 
 
 def _per_joint(value: JointValues, default: float) -> Array:
-    """Return the value of each joint, (12,), or `default` for every joint if `value` is None."""
+    """Expand one, three or twelve values to the value of each joint, (12,); `default` if `value` is None."""
     return np.resize(default if value is None else value, JOINTS).astype(np.float64)
 
 
@@ -98,15 +102,16 @@ def _per_joint(value: JointValues, default: float) -> Array:
 class Thermal(Settings):
     """First-order thermal model of a motor winding with one temperature T; losses heat the winding.
 
-    C dT/dt = τ² / slope − (T − ambient) / resistance, with the heat capacity C = time_constant / resistance and the
-    torque τ of each physics step. The electrical resistance of the winding is constant.
+    The model is C dT/dt = τ² / slope − (T − ambient) / resistance. C = time_constant / resistance is the heat capacity,
+    τ the torque of each physics step, and slope the attribute `ResolvedTorqueSpeed.slope`. The electrical resistance of
+    the winding is constant.
 
     From `derating` to `shutdown` the torque limit falls linearly to the fraction `derated` of the full limit. A motor
     that reaches `shutdown` stays off until the end of the episode, even after it has cooled, as with drives of moteus
     and ODrive. The winding is then open, so the motor neither drives nor brakes. An episode starts at `ambient`.
 
-    The defaults describe a small leg motor with its case at ambient temperature: 1.07 K/W, 16.3 J/K, at most 115 °C,
-    with a soft limit 15 °C below the maximum (opensourceleg, `hardware/thermal.py`).
+    The defaults describe a small leg motor with its case at ambient temperature: 1.07 K/W, 16.3 J/K, at most 115 °C.
+    The torque limit falls from 15 °C below the maximum (opensourceleg, `hardware/thermal.py`).
     """
 
     resistance: Positive = 1.07
@@ -114,9 +119,9 @@ class Thermal(Settings):
     time_constant: Positive = 17.4
     """Time constant of the winding temperature, s"""
     ambient: float = 25.0
-    """Temperature of the surroundings, °C"""
+    """Temperature of the motor's surroundings, °C"""
     derating: float = 100.0
-    """Winding temperature above which the torque limit falls, °C"""
+    """Winding temperature above which the torque limit decreases, °C"""
     shutdown: float = 115.0
     """Winding temperature at which the motor is switched off, °C"""
     derated: Fraction = 0.5
@@ -133,12 +138,12 @@ class Thermal(Settings):
 
 @dataclass(frozen=True)
 class Actuator(Settings):
-    """Servo motor of a joint; the defaults are an ideal servo."""
+    """Model of a joint's servo motor; the defaults are an ideal servo."""
 
     curve: TorqueSpeed | None = None
     """Torque-speed curve; None for a torque limit that does not depend on the speed"""
     bandwidth: Positive | None = None
-    """Bandwidth of a first-order filter on the target, as `Motors.bandwidth`, Hz; None for no filter"""
+    """Corner frequency of a first-order low-pass filter of the joint target, Hz; None for no filter"""
     delay: Annotated[float, Bounds("from 0 s to 1 s", 0.0, 1.0)] = 0.0
     """Delay from the arrival of a target at the drive to its effect, rounded to whole physics steps, s. The drive holds
     the home pose until the first target of an episode takes effect"""
@@ -151,16 +156,17 @@ class Actuator(Settings):
             raise ValueError("a thermal model needs a curve, from which the heat of a torque follows: give one")
 
     def target_weights(self, timestep: float, period: float) -> Array:
-        """Return the weights of past targets in the mean filtered target of a control period.
+        """Compute the weights of the last joint targets in the mean target that the motor follows.
 
-        A motor follows the output of the target filter at the start of each physics step.
+        The mean is over a control period. A motor follows the output of the low-pass filter at the start of each
+        physics step, so that earlier targets have an influence too.
 
         Args:
             timestep: Physics step, s.
             period: Control period, s.
 
         Returns:
-            Weights with sum 1, (k,): first the target of this control period, then the targets before it in turn.
+            Weights with sum 1, (k,): first the target of this control period, then earlier targets, newest first.
         """
         steps = round(period / timestep)
         delay_steps = round(self.delay / timestep)
@@ -180,12 +186,18 @@ ACTUATORS = {
     "torque_speed": Actuator(TorqueSpeed()),
     "motor": Actuator(TorqueSpeed(), bandwidth=66.0, delay=0.002, thermal=Thermal()),
 }
-"""Name -> actuator. The bandwidth of `motor`, 66 Hz, was measured on a quasi-direct drive (Pérez-Díaz et al., 2024).
-The delay of `motor`, 2 ms, is one cycle of a 500 Hz field bus."""
+"""Name of a built-in actuator -> actuator.
+
+The bandwidth of the actuator `motor`, 66 Hz, was measured on a quasi-direct drive (Pérez-Díaz et al., 2024). Its delay,
+2 ms, is one cycle of a 500 Hz field bus.
+"""
 
 
 def find_actuator(which: str | Actuator) -> Actuator:
-    """Return the actuator called `which`, or `which` itself; raise ValueError for an unknown name."""
+    """Return the actuator with the name `which` in `ACTUATORS`; an `Actuator` is returned unchanged.
+
+    ValueError is raised for an unknown name.
+    """
     if isinstance(which, Actuator):
         return which
     if not isinstance(which, str) or which not in ACTUATORS:
@@ -194,13 +206,13 @@ def find_actuator(which: str | Actuator) -> Actuator:
 
 
 def min_limit(first: float | None, second: float | None) -> float | None:
-    """Return the smaller of two limits; None means that there is no limit.
+    """Return the smaller of two limits of the same quantity; None means that there is no limit.
 
     Args:
-        first: Limit, or None.
-        second: Limit, or None.
+        first: First limit, or None.
+        second: Second limit in the same unit, or None.
 
     Returns:
-        The smaller limit, or None if neither is given.
+        The smaller limit, or None if both limits are None.
     """
     return min((limit for limit in (first, second) if limit is not None), default=None)

@@ -1,4 +1,4 @@
-"""Actuator models of n robots: action delay, dropouts, target filter and motor temperatures."""
+"""Actuator models of n robots: action delay, dropouts, low-pass filter and motor temperature."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -15,13 +15,13 @@ from quad_env.scenarios.scenario import Scenario
 
 
 class ActionDelay:
-    """Delays the joint targets of n robots by whole control steps, and drops them during dropouts.
+    """Delay of the joint targets of n robots by whole control steps, with dropouts of single joints.
 
-    A dropout is a time in which one joint receives no new targets.
+    A dropout is a time interval in which one joint receives no new targets and holds its last target.
 
     Args:
-        robot: Robot that receives the targets.
-        scenario: Scenario with the latency, the randomised delay and the dropouts.
+        robot: Robot, which defines the number of joints and the home pose.
+        scenario: Scenario, which defines the action latency, the range of the randomised delay, and the dropouts.
         num_envs: Number of robots.
         dt: Control period, s.
     """
@@ -32,20 +32,20 @@ class ActionDelay:
         self._home = robot.home_pose
         self._delay_steps = np.zeros(num_envs, np.int64)
         self._target_buffer = np.zeros((_max_delay_steps(scenario, dt) + 1, num_envs, robot.num_joints))
-        """Ring buffer of past targets; the targets of control step c are at index c modulo the buffer length."""
+        """Ring buffer of past joint targets, (length, n, 12), rad; targets of control step c are at c modulo length."""
         self._delayed_targets = np.zeros((num_envs, robot.num_joints))
         self._dropout_start = np.zeros((num_envs, dropout_count), np.int64)
-        """First control step of each dropout, (n, dropouts)."""
+        """First control step of each dropout in the present episode of each robot, (n, dropouts)."""
         self._dropout_steps = 0 if dropouts is None else control_steps(dropouts.duration, dt)
         """Duration of a dropout, control steps."""
         self._dropout_joint = np.zeros((num_envs, dropout_count), np.int64)
 
     def reset(self, env_ids: EnvIndices, episodes: Sequence[EpisodeSample]) -> None:
-        """Start new episodes with the home pose as the last targets.
+        """Start new episodes; the servos hold the home pose until the first targets arrive.
 
         Args:
             env_ids: Indices of the robots, (k,).
-            episodes: Episode of each robot.
+            episodes: New episodes of the k robots, which define delays and dropouts.
         """
         self._target_buffer[:, env_ids] = self._home
         self._delayed_targets[env_ids] = self._home
@@ -75,7 +75,10 @@ class ActionDelay:
         return self._delayed_targets
 
     def _dropout_mask(self, clock: NDArray[np.int64], env_ids: EnvIndices) -> Mask:
-        """Return the mask of joints of the selected robots that receive no target in this step, (k, 12)."""
+        """Return True for each joint that receives no target in this control step, (k, 12).
+
+        `clock` are the control steps of the robots `env_ids` since the start of their episodes, (k,).
+        """
         elapsed = clock[:, None] - self._dropout_start[env_ids]
         mask = np.zeros((len(env_ids), self._delayed_targets.shape[1]), np.bool_)
         robot, event = np.nonzero((elapsed >= 0) & (elapsed < self._dropout_steps))
@@ -87,13 +90,13 @@ def make_action_delay(robot: Robot, scenario: Scenario, num_envs: int, dt: float
     """Create the action delay of n robots.
 
     Args:
-        robot: Robot that receives the targets.
-        scenario: Scenario with the latency, the randomised delay and the dropouts.
+        robot: Robot, which defines the number of joints and the home pose.
+        scenario: Scenario, which defines the action latency, the range of the randomised delay, and the dropouts.
         num_envs: Number of robots.
         dt: Control period, s.
 
     Returns:
-        The action delay; None if the scenario has no delays and no dropouts.
+        The action delay; None if the scenario has neither action delays nor dropouts.
     """
     has_dropouts = scenario.dropouts is not None and scenario.dropouts.count > 0
     if not has_dropouts and not _max_delay_steps(scenario, dt):
@@ -102,7 +105,7 @@ def make_action_delay(robot: Robot, scenario: Scenario, num_envs: int, dt: float
 
 
 def _max_delay_steps(scenario: Scenario, dt: float) -> int:
-    """Return the longest action delay of a scenario, in control steps of `dt` seconds."""
+    """Return the longest possible action delay in a scenario, in control steps of `dt` seconds."""
     latency = 0.0 if scenario.latency is None else scenario.latency.action
     randomised = 0.0 if scenario.randomisation is None else scenario.randomisation.delay
     return round(latency / dt) + round(randomised / dt)
@@ -112,10 +115,10 @@ class FirstOrderFilter:
     """First-order low-pass filter of the joint targets of n robots.
 
     The discretisation is exact if the targets are constant over a physics step, as in MuJoCo's `filterexact`. A motor
-    receives the output at the start of the physics step.
+    receives the filter output that belongs to the start of the physics step.
 
     Args:
-        bandwidth: Bandwidth of the filter, Hz.
+        bandwidth: Corner frequency of the filter, Hz.
         timestep: Physics step, s.
         num_envs: Number of robots.
         home: Home pose, the initial output of the filter, (12,), rad.
@@ -127,18 +130,18 @@ class FirstOrderFilter:
         self._value = np.tile(home, (num_envs, 1))
 
     def reset(self, env_ids: EnvSelection) -> None:
-        """Reset the filters of the robots `env_ids` to the home pose."""
+        """Set the filter output of the robots `env_ids` to the home pose."""
         self._value[env_ids] = self._home
 
     def update(self, targets: Array, env_ids: EnvSelection) -> Array:
-        """Advance the filters by a physics step.
+        """Advance the filters of k robots by a physics step.
 
         Args:
-            targets: Joint targets of the selected robots, (k, 12), rad.
-            env_ids: Indices of the selected robots, or a slice.
+            targets: Joint targets of the k robots during the physics step, (k, 12), rad.
+            env_ids: Indices of the k robots, or a slice.
 
         Returns:
-            Filtered targets at the start of the physics step, (k, 12), rad.
+            Filtered joint targets at the start of the physics step, (k, 12), rad.
         """
         value = self._value[env_ids].copy()
         self._value[env_ids] = value + self._gain * (targets - value)
@@ -146,14 +149,15 @@ class FirstOrderFilter:
 
 
 class MotorThermalModel:
-    """Computes winding temperatures and the resulting torque limits of n robots; see `Thermal`.
+    """First-order model of the motors' winding temperatures, and of the torque limits, of n robots.
 
-    The thermal model of `dcmotor` in MuJoCo 4.0 is not used, because it heats by the current before the force range
-    limits the torque. A motor that is switched off does not carry this current.
+    `Thermal` documents the equations. The thermal model of MuJoCo 4.0's `dcmotor` is not used, because it computes the
+    heat from the current before the force range limits the torque. A motor that is switched off does not carry this
+    current.
 
     Args:
-        thermal: Parameters of the windings.
-        curve: Torque-speed curves of the motors.
+        thermal: Thermal parameters of the motor windings.
+        curve: Torque-speed curves of the motors, which determine the heat loss at a torque.
         timestep: Physics step, s.
         force_range: MuJoCo's lower and upper torque limits of each motor, (n, 12, 2), N·m; `update` writes to it.
     """
@@ -161,28 +165,28 @@ class MotorThermalModel:
     def __init__(self, thermal: Thermal, curve: ResolvedTorqueSpeed, timestep: float, force_range: Array) -> None:
         self._thermal = thermal
         self._temperature_per_torque2 = thermal.resistance / curve.slope
-        """Steady temperature rise per squared torque, K/(N·m)²."""
+        """Steady-state temperature rise of the winding per squared torque, (12,), K/(N·m)²."""
         self._decay = math.exp(-timestep / thermal.time_constant)
         """Fraction of a temperature difference that remains after a physics step."""
         self._force_range = force_range
         self.full_range = force_range.copy()
-        """Torque limits of cold motors, (n, 12, 2), N·m. Values that are written here take effect at the next reset."""
+        """Lower and upper torque limits of cold motors, (n, 12, 2), N·m; changes take effect at the next reset."""
         self.temperature = np.full(force_range.shape[:2], thermal.ambient)
-        """Winding temperatures, (n, 12), °C."""
+        """Winding temperature of each motor, (n, 12), °C."""
         self._is_off: Mask = np.zeros(force_range.shape[:2], np.bool_)
 
     def reset(self, env_ids: EnvSelection) -> None:
-        """Reset the motors of the robots `env_ids` to ambient temperature and the full torque limits."""
+        """Set the motors of the robots `env_ids` to the ambient temperature and to their full torque limits."""
         self.temperature[env_ids] = self._thermal.ambient
         self._is_off[env_ids] = False
         self._force_range[env_ids] = self.full_range[env_ids]
 
     def update(self, torque: Array, env_ids: EnvSelection) -> None:
-        """Advance temperatures and torque limits by a physics step.
+        """Advance winding temperatures and torque limits of k robots by a physics step.
 
         Args:
-            torque: Torques of the selected robots in the physics step, (k, 12), N·m.
-            env_ids: Indices of the selected robots, or a slice.
+            torque: Motor torques of the k robots in the physics step, (k, 12), N·m.
+            env_ids: Indices of the k robots, or a slice.
         """
         thermal = self._thermal
         steady = thermal.ambient + self._temperature_per_torque2 * (torque * torque)
@@ -198,18 +202,18 @@ class MotorThermalModel:
 def make_target_filter(
     robot: Robot, motors: Motors, actuator: Actuator, num_envs: int, timestep: float
 ) -> FirstOrderFilter | None:
-    """Create the target filter of motors with a torque-speed curve.
+    """Create the low-pass filter of the joint targets for motors with a torque-speed curve.
 
     Args:
-        robot: Robot that receives the targets.
-        motors: Motors of the scenario.
-        actuator: Actuator of the joints.
+        robot: Robot, which defines the home pose.
+        motors: Motor limits of the scenario.
+        actuator: Model of the joint servos.
         num_envs: Number of robots.
         timestep: Physics step, s.
 
     Returns:
-        The filter; None if there is no bandwidth limit. It is also None if the actuator has no curve, because MuJoCo's
-        own servos then filter the targets.
+        The filter; None if neither the scenario nor the actuator limits the bandwidth. It is also None if the actuator
+        has no torque-speed curve, because MuJoCo's own servos then filter the targets.
     """
     bandwidth = min_limit(motors.bandwidth, actuator.bandwidth)
     if actuator.curve is None or bandwidth is None:
@@ -220,11 +224,11 @@ def make_target_filter(
 def make_thermal_model(
     robot: Robot, actuator: Actuator, timestep: float, expand: Callable[[str], Array]
 ) -> MotorThermalModel | None:
-    """Create the thermal model of the motors.
+    """Create the thermal model of the motors of n robots.
 
     Args:
         robot: Robot with the motors.
-        actuator: Actuator of the joints.
+        actuator: Model of the joint servos.
         timestep: Physics step, s.
         expand: Function that gives every robot its own values of a model field, and returns the values, (n, ...).
 

@@ -12,7 +12,7 @@ _STATE_FIELDS = {"qpos", "qvel", "ctrl", "xfrc_applied", "act"}
 
 
 class ArrayBatch:
-    """Base class of the interfaces to Drake and MuJoCo Warp, with states and outputs of n robots in arrays.
+    """Base class of the interfaces to Drake and MuJoCo Warp: arrays of states and outputs of n robots.
 
     It implements the methods of `quad_env.physics.batch.Batch` that need no physics engine.
 
