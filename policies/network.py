@@ -25,10 +25,9 @@ LIMIT = 64.0
 
 It is about ten times the size of the sums in the layers of the networks of this project."""
 _PIECE_BITS = 9
-"""Number of leading fraction bits of a float32 that select a piece of the piecewise linear activation function."""
-_SHIFT = np.array(
-    23 - _PIECE_BITS, np.int32
-)  # an array, because NumPy computes faster with an array than with a Python number
+"""Number of fraction bits of a float32 that select a piece of the piecewise linear activation function."""
+# The shift is an array, because NumPy computes faster with an array than with a Python number.
+_SHIFT = np.array(23 - _PIECE_BITS, np.int32)
 _PIECES = 1 << (8 + _PIECE_BITS)
 """Number of pieces of the piecewise linear activation function for each sign of the input.
 

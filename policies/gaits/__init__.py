@@ -1,1 +1,1 @@
-"""Gaits by name, smooth changes between gaits, and the policy that follows commands in a gait."""
+"""Gaits such as walk, pace and bound, smooth transitions between them, and the policy that walks in a gait."""

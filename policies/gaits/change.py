@@ -1,4 +1,4 @@
-"""Smooth transitions of n robots from one gait's parameters and phase offsets to another's."""
+"""Smooth transitions of n robots between gaits: interpolation of gait parameters and phase offsets."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -7,28 +7,29 @@ from policies.gait_cycle import TURN, Floats, smoothstep
 from policies.memory import PerRobotState, per_robot
 
 CHANGE_TIME = 1.0
-"""Duration of a transition, s."""
+"""Duration of a transition from one gait to another, s."""
 _ROUNDING = 1e-9
 
 
 class GaitTransition(PerRobotState):
-    """Interpolates gait parameters, (n, k), and phase offsets, (n, 4), in transitions between gaits.
+    """Transitions of n robots between gaits: interpolates the gait parameters and the phase offsets of the legs.
 
-    Each robot has its own transition. `Gaits` uses one object of this class. No robot is in a transition at the start.
+    Each robot has its own transition. Initially no robot is in a transition. The policy `Gaits` uses one object of this
+    class.
 
     Args:
-        values: Initial parameters, (k,).
-        offsets: Initial phase offsets, (4,), rad.
+        values: Parameters of the initial gait, (k,).
+        offsets: Phase offsets of the legs from the gait clock in the initial gait, (4,), rad.
         control_period: Time between two calls of `advance`, s.
     """
 
     goal: Floats = per_robot()
-    """Parameters at the end of the transition, (n, k)."""
+    """Gait parameters of each robot at the end of its transition, (n, k)."""
     _old: Floats = per_robot()
     _old_offsets: Floats = per_robot()
     _new_offsets: Floats = per_robot()
     _share: Floats = per_robot(1.0)
-    """Progress of the transition, 0 to 1, (n,)."""
+    """Elapsed fraction of the transition of each robot, 0 to 1, (n,); 1 if it is not in a transition."""
 
     def __init__(self, values: Floats, offsets: ArrayLike, control_period: float) -> None:
         self._step = control_period / CHANGE_TIME
@@ -36,36 +37,36 @@ class GaitTransition(PerRobotState):
 
     @property
     def values(self) -> Floats:
-        """Current parameters, (n, k)."""
+        """Current gait parameters of each robot, (n, k), interpolated in a transition."""
         return self._interpolate(self._old, self.goal)
 
     @property
     def offsets(self) -> Floats:
-        """Current phase offsets, (n, 4), rad; not wrapped to one turn."""
+        """Current phase offset of each leg from the gait clock, (n, 4), rad, not wrapped to [0, 2π)."""
         return self._interpolate(self._old_offsets, self._new_offsets)
 
     @property
     def settled(self) -> NDArray[np.bool_]:
-        """True for robots that are not in a transition, (n,)."""
+        """True for robots that are not in a transition between gaits, (n,)."""
         return self._share >= 1.0
 
     def advance(self) -> None:
-        """Advance by one control step."""
+        """Advance the transitions of all robots by one control step."""
         self._share = np.minimum(self._share + self._step, 1.0)
 
     def start(self, mask: NDArray[np.bool_], values: Floats, offsets: Floats) -> None:
-        """Start a transition of some robots from their current state.
+        """Start the transition of some robots from their current parameters and offsets to a new gait.
 
         Args:
-            mask: Robots, (n,).
-            values: New parameters, broadcast to (n, k).
-            offsets: New phase offsets, broadcast to (n, 4), rad.
+            mask: True for robots that change their gait, (n,).
+            values: Parameters of the new gait, broadcast to (n, k).
+            offsets: Phase offsets of the legs in the new gait, broadcast to (n, 4), rad.
         """
         rows = mask[:, None]
         old = self.values
         old_offsets = self.offsets
-        # Shift each phase the shorter way round. A shift of half a cycle always goes backward, so that all legs with
-        # this shift move in the same direction.
+        # Each phase is shifted in the direction of the shorter way. A shift of half a cycle always goes backward, so
+        # that all legs with this shift change in the same direction.
         shift = (offsets - old_offsets + np.pi + _ROUNDING) % TURN - np.pi - _ROUNDING
         self._old = np.where(rows, old, self._old)
         self.goal = np.where(rows, values, self.goal)
@@ -74,12 +75,12 @@ class GaitTransition(PerRobotState):
         self._share = np.where(mask, 0.0, self._share)
 
     def place(self, mask: NDArray[np.bool_], values: Floats, offsets: Floats) -> None:
-        """Set some robots to a gait at once, without a transition.
+        """Set some robots immediately to the parameters and phase offsets of a gait, without a transition.
 
         Args:
-            mask: Robots, (n,).
-            values: Parameters, broadcast to (n, k).
-            offsets: Phase offsets, broadcast to (n, 4), rad.
+            mask: True for robots that are set to the gait, (n,).
+            values: Parameters of the gait, broadcast to (n, k).
+            offsets: Phase offsets of the legs in the gait, broadcast to (n, 4), rad.
         """
         rows = mask[:, None]
         self._old = np.where(rows, values, self._old)
@@ -89,6 +90,6 @@ class GaitTransition(PerRobotState):
         self._share = np.where(mask, 1.0, self._share)
 
     def _interpolate(self, old: Floats, new: Floats) -> Floats:
-        """Interpolate between old and new values by the progress of the transition."""
+        """Interpolate between old and new values, (n, k), smoothly over the elapsed fraction of the transition."""
         weight = smoothstep(self._share)[:, None]
         return old + weight * (new - old)

@@ -1,4 +1,4 @@
-"""Gaits by name: footfall patterns, parameters, and frequency and duty factor at a velocity command."""
+"""Parameters of the gaits: footfall patterns, frequency and duty factor at a velocity, and command limits."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -14,7 +14,7 @@ from quad_env.robots.similarity import LATERAL_LENGTH
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PARAMETERS_FILE = Path(__file__).with_name("gaits.json")
-"""Path of the file with the searched parameters of each gait."""
+"""Path of the JSON file with the parameters of each gait, which a search has found."""
 
 OFFSETS = {
     "bound": BOUND_OFFSETS,
@@ -23,73 +23,82 @@ OFFSETS = {
     "trot": TROT_OFFSETS,
     "walk": WALK_OFFSETS,
 }
-"""Name of each gait that steps -> phase of each leg minus the phase of the clock, order fl, fr, hl, hr, rad."""
+"""Name of each stepping gait -> phase offsets of the legs (fl, fr, hl, hr) from the gait clock, rad."""
 STAND = "stand"
 GAITS = (*OFFSETS, STAND)
-"""Names of all gaits."""
+"""Names of all gaits, including standing."""
 
 UNLIMITED = 10.0
-"""Value of a command limit that never applies, because no command reaches it, m/s or rad/s."""
+"""Value of a velocity limit of a gait that has no limit, m/s or rad/s: no command is as large."""
 
 
 @dataclass(frozen=True)
 class GaitParameters(CommandMap):
-    """Parameters of one gait; a change of gait interpolates all of them."""
+    """Parameters of one gait. In a transition between two gaits, all of them are interpolated."""
 
     frequency: float = parameter(3.0, limits=(0.05, 50.0), unit="Hz")
-    """Gait cycles per second if the commanded velocity is zero, Hz."""
+    """Gait frequency, the gait cycles per second, if the commanded velocity is zero, Hz."""
     frequency_rise: float = parameter(0.5, limits=(0.0, 50.0), unit="Hz")
-    """Increase of the frequency at Froude number 1, Hz; proportional to the root of the Froude number below 1."""
+    """Increase of the gait frequency at Froude number 1, Hz.
+
+    Below Froude number 1, the increase is proportional to the square root of the Froude number."""
     duty: float = parameter(0.6, limits=(0.1, 0.95))
-    """Duty factor, the fraction of the cycle that a foot is on the ground, if the commanded velocity is zero."""
+    """Duty factor, the fraction of the gait cycle that a foot is on the ground, if the commanded velocity is zero."""
     duty_fall: float = parameter(0.05, limits=(0.0, 0.5))
-    """Decrease of the duty factor at Froude number 1; proportional to the root of the Froude number below 1."""
+    """Decrease of the duty factor at Froude number 1.
+
+    Below Froude number 1, the decrease is proportional to the square root of the Froude number."""
     body_height: float = parameter(0.32, limits=(0.01, 5.0), unit="m")
     """Height of the hip joints above the centres of the stance feet, m."""
     step_height: float = parameter(0.08, limits=(0.0, 2.0), unit="m")
-    """Lift of the foot at mid-swing, m."""
+    """Height of a swing foot above the stance feet at mid-swing, m."""
     stance_width: float = parameter(0.5, limits=(0.005, 10.0), unit=LATERAL_LENGTH)
     """Lateral distance between the left and the right feet, m; at 0.5 the legs of SimpleQuad hang straight down."""
     stance_shift: float = parameter(0.0, limits=(-2.0, 2.0), unit="m ahead")
-    """Forward distance of the middle of the strides from the hip joints, m."""
+    """Forward distance of the middle of a stride of each foot from its hip joint, m."""
     bounce: float = parameter(0.0, limits=(0.0, 2.0))
-    """Rise of a hip while its leg swings, as a fraction of the rise in a free flight of the same duration."""
+    """Rise of a hip while its leg swings, as a fraction of the rise in a ballistic flight of the same duration."""
     sway: float = parameter(0.0, limits=(-2.0, 2.0), unit="m")
-    """Displacement of the trunk towards the standing feet while the feet of the other side swing, m."""
+    """Lateral displacement of the trunk towards the stance feet while the feet of the other side swing, m."""
     stance_load: float = parameter(0.8, limits=(0.0, 3.0))
-    """Load for which the joint targets compensate the servo sag, as a fraction of the mean load of a stance leg."""
+    """Force on a stance foot for which the joint targets compensate the sag of the servos.
+
+    It is a fraction of the mean load of a stance leg."""
     servo_lead: float = parameter(0.01, limits=(0.0, 1.0), unit="s")
-    """Lead time of the targets along the tangent of their path, s; it compensates the lag of the joint servos."""
+    """Lead time of the joint targets, s: target + lead time · rate of the target; it compensates the lag of the
+    servos."""
     forward_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="m/s")
-    """Fastest forward command, m/s; a faster command is scaled down, see `limit_command`."""
+    """Largest forward velocity of the gait, m/s; a larger command is scaled down, see `limit_command`."""
     backward_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="m/s")
-    """Fastest backward command, m/s."""
+    """Largest backward velocity of the gait, m/s; a larger command is scaled down, see `limit_command`."""
     lateral_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="m/s")
-    """Fastest sideways command, m/s."""
+    """Largest lateral velocity of the gait, m/s; a larger command is scaled down, see `limit_command`."""
     yaw_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="rad/s")
-    """Fastest yaw rate command, rad/s."""
+    """Largest yaw rate of the gait, rad/s; a larger command is scaled down, see `limit_command`."""
 
 
 NO_LIMITS = dict.fromkeys(("forward_limit", "backward_limit", "lateral_limit", "yaw_limit"), UNLIMITED)
-"""Field name of each command limit -> UNLIMITED, in the order forward, backward, lateral, yaw."""
+"""Values of the four velocity limits for a gait without limits: field name of `GaitParameters` -> `UNLIMITED`.
+
+The order is forward, backward, lateral, yaw."""
 MIN_FREQUENCY = 0.3
-"""Lower bound of the frequency at any speed, Hz."""
+"""Lower limit of the gait frequency at any velocity, Hz."""
 MAX_FREQUENCY = 15.0
-"""Upper bound of the frequency at any speed, Hz."""
+"""Upper limit of the gait frequency at any velocity, Hz."""
 MIN_DUTY = 0.1
-"""Lower bound of the duty factor at any speed."""
+"""Lower limit of the duty factor at any velocity."""
 MAX_DUTY = 0.95
-"""Upper bound of the duty factor at any speed."""
+"""Upper limit of the duty factor at any velocity."""
 
 NAMES = tuple(field.name for field in fields(GaitParameters))
 INDEX = {name: column for column, name in enumerate(NAMES)}
-"""Name of each parameter -> its column in an array of the parameters of n robots, (n, len(NAMES))."""
+"""Name of each gait parameter -> its column in an array with the parameters of n robots, (n, len(NAMES))."""
 
 
 def stand_parameters(robot: Robot) -> GaitParameters:
     """Return the parameters of the gait `stand`, in which the robot stands in the home pose.
 
-    The robot steps in place as in a walk until its feet are in place.
+    A robot that changes to this gait steps in place, as in a walk, until its feet are at their home positions.
     """
     return GaitParameters(
         frequency=2.5,
@@ -103,15 +112,15 @@ def stand_parameters(robot: Robot) -> GaitParameters:
 
 
 def froude_number(robot: Robot, command: Floats, body_height: Floats) -> Floats:
-    """Compute the Froude number v²/(g·h) of the fastest hip.
+    """Compute the Froude number v²/(g·h), with the commanded speed v of the fastest hip and the hip height h.
 
     Args:
-        robot: Robot.
-        command: Velocity command, (n, 3), m/s and rad/s.
-        body_height: Height of the hips above the feet, (n,), m.
+        robot: Robot with the hip positions.
+        command: Velocity command (forward, lateral, yaw rate), (n, 3), m/s and rad/s.
+        body_height: Height h of the hips above the feet, (n,), m.
 
     Returns:
-        Froude number, (n,).
+        Froude number of each robot, (n,).
     """
     hip_radius = float(np.hypot(robot.hip_positions[0, 0], robot.hip_positions[0, 1]))
     speed = np.sqrt(command[:, 0] * command[:, 0] + command[:, 1] * command[:, 1]) + hip_radius * np.abs(command[:, 2])
@@ -119,16 +128,16 @@ def froude_number(robot: Robot, command: Floats, body_height: Floats) -> Floats:
 
 
 def limit_command(values: Floats, command: Floats) -> Floats:
-    """Limit velocity commands to the ellipsoid with the limits of the gait as half axes.
+    """Limit velocity commands to an ellipsoid with the velocity limits of the gait as half axes.
 
     A command outside of the ellipsoid is scaled to its surface, which keeps the direction and the turning radius.
 
     Args:
-        values: Parameters, (n, len(NAMES)).
-        command: Velocity commands, (n, 3), m/s and rad/s.
+        values: Gait parameters of n robots, with the columns of `INDEX`, (n, len(NAMES)).
+        command: Velocity commands (forward, lateral, yaw rate), (n, 3), m/s and rad/s.
 
     Returns:
-        Limited commands, (n, 3).
+        Limited velocity commands, (n, 3), m/s and rad/s.
     """
     forward, backward, lateral, yaw = (values[:, INDEX[name]] for name in NO_LIMITS)
     ahead = command[:, 0] / np.where(command[:, 0] < 0.0, backward, forward)
@@ -139,15 +148,15 @@ def limit_command(values: Floats, command: Floats) -> Floats:
 
 
 def gait_timing(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, Floats]:
-    """Compute frequency and duty factor at a commanded velocity.
+    """Compute the gait frequency and the duty factor of each robot at its commanded velocity.
 
     Args:
-        robot: Robot.
-        values: Parameters, (n, len(NAMES)).
-        command: Velocity command, (n, 3), m/s and rad/s.
+        robot: Robot with the hip positions.
+        values: Gait parameters of n robots, with the columns of `INDEX`, (n, len(NAMES)).
+        command: Velocity command (forward, lateral, yaw rate), (n, 3), m/s and rad/s.
 
     Returns:
-        Frequency, (n,), Hz, and duty factor, (n,).
+        Gait frequency, (n,), Hz, and duty factor, (n,).
     """
     column = INDEX
     pace = np.sqrt(np.minimum(froude_number(robot, command, values[:, column["body_height"]]), 1.0))
@@ -157,14 +166,14 @@ def gait_timing(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, 
 
 
 def parameter_row(parameters: GaitParameters) -> Floats:
-    """Return the parameters as an array in the order of NAMES, (len(NAMES),)."""
+    """Return the parameters of a gait as an array in the order of `NAMES`, (len(NAMES),)."""
     return np.array([getattr(parameters, name) for name in NAMES], dtype=np.float64)
 
 
 def searched_parameters(robot: Robot = SIMPLE_QUAD) -> dict[str, GaitParameters]:
-    """Load the dictionary gait name -> searched parameters of all gaits that step, scaled to a `robot`.
+    """Load the searched parameters of all stepping gaits, scaled to a `robot`: gait name -> parameters.
 
-    Raises PolicyError if PARAMETERS_FILE is damaged.
+    Raises PolicyError if `PARAMETERS_FILE` is damaged.
     """
 
     def decode(gaits: dict[str, Any]) -> dict[str, GaitParameters]:

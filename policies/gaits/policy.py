@@ -1,8 +1,9 @@
-"""Gaits that follow a velocity command; each robot of a batch can change its gait smoothly.
+"""Policy that follows a velocity command in a gait; each robot of a batch can change its gait smoothly.
 
-A change of gait moves phase offsets, duty factor, frequency and all other parameters smoothly to their new values. A
-stance foot always moves against the velocity of the body at this foot, and a swing always starts where the foot left
-the ground. Therefore targets do not jump and feet do not scuff, neither within a gait nor during a change.
+A transition to another gait interpolates phase offsets, duty factor, frequency and all other parameters. Relative to
+the trunk, a stance foot always moves against the velocity of the trunk at this foot. A swing always starts where the
+foot left the ground. Therefore joint targets do not jump and feet do not scuff, neither within a gait nor in a
+transition.
 """
 
 from collections.abc import Mapping
@@ -36,21 +37,23 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 LINEAR_ACCELERATION = 3.0
-"""Largest rate of the forward and of the lateral command that the gait follows, m/s²."""
+"""Largest rate of change of the forward and of the lateral velocity that the gait follows, m/s²."""
 YAW_ACCELERATION = 8.0
-"""Largest rate of the yaw-rate command that the gait follows, rad/s²."""
+"""Largest rate of change of the yaw rate that the gait follows, rad/s²."""
 MAX_REACH = 0.2
-"""Largest distance of a foot from the middle of its strides, along x and along y, m."""
+"""Largest distance of a foot from the middle of its stride, separately along x and y, m."""
 PLACEMENT_TOLERANCE = 0.005
-"""Largest distance of a foot that comes to rest from the middle of its strides, along x and along y, m."""
+"""Largest distance of a foot of a standing robot from the middle of its stride, along x and y, m.
+
+A foot at a larger distance takes another step."""
 _ACCELERATION = np.array([LINEAR_ACCELERATION, LINEAR_ACCELERATION, YAW_ACCELERATION])
 
 
 class ParameterView:
-    """Access to the parameters of n robots as attributes, each (n, 1).
+    """Access to the gait parameters of n robots as attributes, for example `view.duty`, each (n, 1).
 
     Args:
-        values: Parameters, (n, len(NAMES)).
+        values: Gait parameters, with the columns of `INDEX`, (n, len(NAMES)).
     """
 
     def __init__(self, values: Floats) -> None:
@@ -61,39 +64,40 @@ class ParameterView:
 
 
 class GaitState(NamedTuple):
-    """Leg cycles, swing and stance times of n robots in one control step."""
+    """State of the gait of n robots in one control step: leg cycles, and durations of swing and stance."""
 
     cycle: LegCycle
-    """Leg cycle by the clock, (n, 4)."""
+    """Swing or stance state of each leg by the gait clock, (n, 4)."""
     swing_time: Floats
-    """Duration of a swing, (n, 1), s."""
+    """Duration of a swing phase, (n, 1), s."""
     stance_time: Floats
-    """Duration of a stance, (n, 1), s."""
+    """Duration of a stance phase, (n, 1), s."""
     sway: Floats
-    """First harmonic of the number of left minus right swing feet, scaled to [-1, 1], (n, 1).
+    """Signal for the lateral sway of the trunk, from -1 to 1, (n, 1).
 
-    It is 1 if the left feet are in the air."""
+    It is the first harmonic, over the gait cycle, of the number of left swing feet minus the number of right swing
+    feet. It is 1 if the left feet are in the air."""
 
 
 class Gaits(GaitedPolicy):
-    """Policy that walks in a gait; `request` changes the gait of all or some robots.
+    """Policy that follows a velocity command in a gait; `request` changes the gait of all or some robots.
 
-    A robot starts from the home pose after a reset.
+    After a reset, a robot starts from the home pose and changes smoothly to its first gait.
 
     Args:
         gait: Gait after a reset, one of `policies.gaits.parameters.GAITS`. The name of the policy is the name of this
             gait, or `gaits` if it is the trot.
-        parameters: Name of every gait that steps -> its parameters; None for the searched parameters.
+        parameters: Name of every stepping gait -> its parameters; None for the searched parameters.
         robot: See `Policy`.
         control_period: See `Policy`.
     """
 
     swing: Mask = per_robot(np.zeros(4, np.bool_))
-    """True for feet in swing, (n, 4)."""
+    """True for feet that are lifted in a swing phase, (n, 4)."""
     duty: Floats
-    """Current duty factor, (n,)."""
+    """Current duty factor of each robot, the fraction of the gait cycle that a foot is on the ground, (n,)."""
     clock_rate: Floats
-    """Current gait frequency, (n,), Hz."""
+    """Current gait frequency of each robot, (n,), Hz."""
     _gait: NDArray[np.int64] = per_robot(GAITS.index(STAND))
     _command: Floats = per_robot(np.zeros(3))
     _window: Mask = per_robot(np.zeros(4, np.bool_))
@@ -133,22 +137,25 @@ class Gaits(GaitedPolicy):
 
     @property
     def settled(self) -> Mask:
-        """True for robots that are not in a transition, (n,); robots that stand must also be at rest."""
+        """True for robots that are not in a transition between gaits, (n,).
+
+        A robot with the gait `stand` must also have all feet on the ground and no remaining velocity.
+        """
         still = ~self.swing.any(axis=1) & (self._command == 0.0).all(axis=1)
         settled: Mask = self._transition.settled & (~self._standing | still)
         return settled
 
     @property
     def offsets(self) -> Floats:
-        """Current phase of each leg minus the phase of the clock, (n, 4), rad."""
+        """Current phase offset of each leg from the gait clock, (n, 4), rad."""
         return self._transition.offsets
 
     def request(self, gait: str, mask: ArrayLike | None = None) -> None:
-        """Change the gait of some robots.
+        """Start a smooth transition of some robots to a gait.
 
         Args:
-            gait: Name of the gait; an unknown name raises ValueError.
-            mask: Robots that change their gait, (n,) bool; all by default.
+            gait: Name of the new gait. An unknown name raises ValueError.
+            mask: True for robots that change their gait, (n,) bool; all robots by default.
         """
         _check_gait(gait)
         self._start_transition(gait, validate_mask(mask, self.num_envs))
@@ -162,15 +169,15 @@ class Gaits(GaitedPolicy):
         self._start_first_gait(mask)
 
     def _start_first_gait(self, mask: Mask) -> None:
-        """Start the gait after a reset, for the robots in the mask."""
+        """Start the first gait after a reset, for the robots for which `mask`, (n,), is True."""
         self.clock_rate, self.duty = gait_timing(self.robot, self._transition.values, self._command)
         self._start_transition(self._initial_gait, mask)
 
     def _start_transition(self, gait: str, mask: Mask) -> None:
-        """Start the transition of the robots in the mask to a gait."""
+        """Start the transition of the robots for which `mask`, (n,), is True to the gait called `gait`."""
         offsets = np.array(_leg_offsets(self.robot, gait))
-        # A robot that stands still takes the new offsets at once, because no foot is in the air. Its step height starts
-        # at zero.
+        # A robot that stands still gets the new phase offsets immediately, because all its feet are on the ground. Its
+        # step height starts at zero.
         unlifted = np.where(np.array(NAMES) == "step_height", 0.0, self._transition.values)
         self._transition.place(mask & self._standing & self.settled, unlifted, offsets)
         self._transition.start(mask, parameter_row(self.parameters[gait]), offsets)
@@ -178,7 +185,7 @@ class Gaits(GaitedPolicy):
 
     @property
     def _standing(self) -> Mask:
-        """True for robots with the requested gait `stand`, (n,)."""
+        """True for robots with `stand` as the last requested gait, (n,)."""
         standing: Mask = self._gait == GAITS.index(STAND)
         return standing
 
@@ -195,15 +202,23 @@ class Gaits(GaitedPolicy):
         return to_actions(self.robot, joints + lead)
 
     def _follow(self, command: Floats, values: Floats) -> None:
-        """Move the internal command towards the given command, within the velocity and acceleration limits."""
-        # During a change of gait the current and the new limits must both hold.
+        """Move the internal command of each robot towards its velocity command, within the limits of the gait.
+
+        `command`, (n, 3), m/s and rad/s, is the observed command (forward, lateral, yaw rate). `values`,
+        (n, len(NAMES)), are the gait parameters.
+        """
+        # In a transition, the limits of the current parameters and of the new gait must both hold.
         limited = limit_command(np.minimum(values, self._transition.goal), command)
         goal = np.where(self._standing[:, None], 0.0, limited)
         reach = self.control_period * _ACCELERATION
         self._command = self._command + np.clip(goal - self._command, -reach, reach)
 
     def _joint_path(self, state: GaitState, p: ParameterView) -> Floats:
-        """Return the joint targets for the current foot positions, (n, 12), rad; servo sag is compensated."""
+        """Return the joint targets for the current foot positions, (n, 12), rad.
+
+        The sag of the servos under the weight of the robot is compensated. The lead time of the servos is not yet
+        added.
+        """
         robot = self.robot
         _, lift = cycloid(state.cycle.progress)
         z = np.where(self.swing, p.step_height * lift, 0.0) - p.body_height
@@ -215,7 +230,10 @@ class Gaits(GaitedPolicy):
         return flat_joints(np.stack(compensate_servo_load(robot, hip, thigh, calf, self._x, y, force), axis=-1))
 
     def _advance_gait(self, values: Floats) -> GaitState:
-        """Advance the clocks by a control step, and start and end swings."""
+        """Advance the gait clocks by a control step, and start and end swing phases.
+
+        `values`, (n, len(NAMES)), are the gait parameters.
+        """
         self.clock_rate, self.duty = gait_timing(self.robot, values, self._command)
         self._phase = (self._phase + TURN * self.control_period * self.clock_rate) % TURN
         phases = (self._phase[:, None] + self.offsets) % TURN
@@ -223,8 +241,8 @@ class Gaits(GaitedPolicy):
         duty = self.duty[:, None]
         cycle = leg_cycles(phases, duty)
         window = cycle.swing
-        # A robot that stands keeps a foot on the ground if the foot is in place. Its other feet lift off when their
-        # swing starts.
+        # A foot of a standing robot stays on the ground if it is in place. The other feet of the robot lift off at
+        # the start of their swing phase.
         staying = (self._standing & self._transition.settled & (self._command == 0.0).all(axis=1))[:, None]
         starting = window & ~self._window & ~(staying & self._in_place(values))
         swing = window & (self.swing | starting)
@@ -237,13 +255,17 @@ class Gaits(GaitedPolicy):
         return GaitState(cycle, (1.0 - duty) / rate, duty / rate, sway[:, None])
 
     def _in_place(self, values: Floats) -> Mask:
-        """Return True for feet within PLACEMENT_TOLERANCE of the middle of their strides, (n, 4)."""
+        """Return True for feet within `PLACEMENT_TOLERANCE` of the middle of their stride, (n, 4)."""
         p = ParameterView(values)
         x, y = _stride_middle(self.robot, p)
         return (np.abs(self._x - x) < PLACEMENT_TOLERANCE) & (np.abs(self._y - y) < PLACEMENT_TOLERANCE)
 
     def _move_feet(self, state: GaitState, p: ParameterView, velocity: tuple[Floats, Floats, Floats]) -> None:
-        """Move the feet by a control step: stance feet at -(v + ω × r), swing feet towards the next foothold."""
+        """Move the feet by a control step relative to the trunk.
+
+        Stance feet move at -(v + ω × r), with the position r of the foot. Swing feet move towards the next foothold.
+        `velocity` has the forward velocity, m/s, the lateral velocity, m/s, and the yaw rate, rad/s, each (n, 1).
+        """
         forward, lateral, yaw_rate = velocity
         hip_x = self.robot.hip_positions[:, 0]
         hip_y = self.robot.hip_positions[:, 1]
@@ -257,36 +279,37 @@ class Gaits(GaitedPolicy):
 
 
 def _swing_position(state: GaitState, liftoff: Floats, middle: Floats, velocity: Floats) -> Floats:
-    """Return one coordinate of the swing feet on their way to the next foothold, hip frames, (n, 4), m.
+    """Compute one coordinate, x or y, of the swing feet between lift-off and the next foothold.
 
     Args:
-        state: Leg cycles, swing and stance times.
-        liftoff: Coordinate at which the foot left the ground, m.
-        middle: Coordinate of the middle of the strides, m.
-        velocity: Velocity of the body at the middle of the strides, along the same axis, m/s.
+        state: Gait state: leg cycles, and durations of swing and stance.
+        liftoff: Coordinate at which each foot left the ground, in the frame of its hip, (n, 4), m.
+        middle: Coordinate of the middle of the stride, same frame, m.
+        velocity: Velocity of the trunk at the middle of the stride, along the same axis, m/s.
 
     Returns:
-        Coordinate, (n, 4), m.
+        Coordinate of each foot, in the frame of its hip, (n, 4), m.
     """
     half_stance = 0.5 * state.stance_time
     landing = middle + np.clip(half_stance * velocity, -MAX_REACH, MAX_REACH)
     share, _ = cycloid(state.cycle.progress)
-    # The foot covers the fraction `share` of its way relative to the ground, while the ground moves at constant speed.
+    # The foot has covered the fraction `share` of its path relative to the ground, and the ground moves at constant
+    # speed relative to the trunk.
     passed = state.swing_time * (share - state.cycle.progress)
     return liftoff + (landing - liftoff) * share + passed * velocity
 
 
 def _stride_middle(robot: Robot, p: ParameterView) -> tuple[Floats, Floats]:
-    """Return the middle of the strides in the hip frames, x (n, 1) and y (n, 4), m."""
+    """Return the middle of the stride of each foot in the frame of its hip: x, (n, 1), and y, (n, 4), m."""
     return p.stance_shift, robot.side * (p.stance_width / 2.0) - robot.hip_positions[:, 1]
 
 
 def _leg_offsets(robot: Robot, gait: str) -> tuple[float, ...]:
-    """Return the phase offsets of a gait in the order of the robot's legs, rad."""
+    """Return the phase offsets of the legs from the gait clock in a gait, in the leg order of the robot, rad."""
     return robot.in_leg_order(OFFSETS.get(gait, OFFSETS["walk"]))
 
 
 def _check_gait(gait: str) -> None:
-    """Raise ValueError for an unknown gait."""
+    """Raise ValueError if there is no gait called `gait`."""
     if gait not in GAITS:
         raise ValueError(f"unknown gait {gait!r}; there are {', '.join(GAITS)}")

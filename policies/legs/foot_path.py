@@ -1,8 +1,8 @@
-"""Foot paths: dimensionless functions of the leg cycle, and swing trajectories to a foothold.
+"""Foot paths: dimensionless functions of the gait cycle of a leg, and swing trajectories to a foothold.
 
-In stance a foot moves from +1/2 to -1/2 of the stride length at constant speed, and in swing back again. At lift-off
-and at touch-down the swing has the velocity of the stance. The foot therefore moves with the ground at both ends, and
-neither scuffs at lift-off nor brakes at touch-down.
+In the stance phase a foot moves relative to the hip from +1/2 to -1/2 of the stride length at constant speed. In the
+swing phase it moves back. At lift-off and touch-down the swing foot has the velocity of a stance foot. It then moves
+with the ground, so that it neither scuffs at lift-off nor brakes at touch-down.
 """
 
 import numpy as np
@@ -12,17 +12,18 @@ from quad_env.config import GRAVITY
 
 
 def stride_displacement(cycle: LegCycle, duty: float) -> Floats:
-    """Compute the displacement of a foot along its stride, in stride lengths.
+    """Compute the displacement of a foot relative to its hip along the stride, in stride lengths.
 
-    In swing the displacement u is the cubic with u(0) = -1/2, u(1) = 1/2 and the slope of the stance at both ends. Per
-    unit of swing progress this slope is -r, with r = (swing time)/(stance time).
+    In stance the displacement falls linearly. In swing the displacement u is the cubic polynomial with u(0) = -1/2,
+    u(1) = 1/2 and the slope of the stance phase at both ends. Per unit of swing progress this slope is -r, with
+    r = (swing time)/(stance time).
 
     Args:
-        cycle: Leg cycle.
-        duty: Duty factor.
+        cycle: Swing or stance state of each leg.
+        duty: Duty factor: fraction of the gait cycle that a foot is on the ground.
 
     Returns:
-        Displacement, +0.5 at touch-down and -0.5 at lift-off, in the shape of `cycle.progress`.
+        Displacement, dimensionless, +0.5 at touch-down and -0.5 at lift-off, in the shape of `cycle.progress`.
     """
     t = cycle.progress
     ratio = (1.0 - duty) / duty
@@ -31,9 +32,9 @@ def stride_displacement(cycle: LegCycle, duty: float) -> Floats:
 
 
 def swing_lift(cycle: LegCycle) -> Floats:
-    """Compute the height of a foot as a fraction of the step height: 0 in stance, 1 at mid-swing.
+    """Compute the height of each foot as a fraction of the step height: 0 in stance, 1 at mid-swing.
 
-    The height has slope 0 at both ends of the swing.
+    The slope of the height is 0 at both ends of the swing. The result has the shape of `cycle.progress`.
     """
     t = cycle.progress
     arc = 4.0 * t * (1.0 - t)
@@ -41,41 +42,46 @@ def swing_lift(cycle: LegCycle) -> Floats:
 
 
 def load_fraction(cycle: LegCycle) -> Floats:
-    """Compute the load of a foot relative to its maximum: 0 in swing, near 1 for most of the stance."""
+    """Compute the load of each foot as a fraction of its maximum: 0 in swing, near 1 for most of the stance.
+
+    The load rises from 0 at touch-down and falls to 0 at lift-off. The result has the shape of `cycle.progress`.
+    """
     t = cycle.progress
     edge = (2.0 * t - 1.0) ** 2
     return np.where(cycle.swing, 0.0, 1.0 - edge * edge)
 
 
 def cycloid(progress: Floats) -> tuple[Floats, Floats]:
-    """Compute a cycloid: t - sin(2πt)/2π forward and sin²(πt) up.
+    """Compute the cycloid path of a swing foot: t - sin(2πt)/2π along the step, and sin²(πt) upward.
 
-    The foot has zero velocity at lift-off and at landing.
+    The foot has zero velocity at lift-off and touch-down.
 
     Args:
-        progress: Progress t of the swing, 0 to 1.
+        progress: Elapsed fraction t of the swing phase, 0 to 1.
 
     Returns:
-        Fraction of the way over the ground, and fraction of the step height, both in the shape of `progress`.
+        Covered fraction of the step length, and height as a fraction of the step height, both in the shape of
+        `progress`.
     """
     turn = 2.0 * np.pi * progress
     return progress - np.sin(turn) / (2.0 * np.pi), 0.5 - 0.5 * np.cos(turn)
 
 
 def hip_bounce(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce: Floats) -> Floats:
-    """Compute the bounce of a hip, a height that varies over the leg cycle: up in swing, down in stance.
+    """Compute the bounce of a hip: its height over the gait cycle, positive in swing and negative in stance.
 
-    For `bounce` 1 the hip flies freely in swing, along g·t·(T - t)/2 at the time t. In stance the hip dips along a
-    half-sine with the vertical speed gT/2 at both ends. A smaller `bounce` scales both parts.
+    With `bounce` 1 the hip follows a free flight in swing, with the height g·t·(T - t)/2 at the time t. In stance the
+    hip moves down and up along a half sine with the vertical speed gT/2 at both ends. A smaller `bounce` scales both
+    parts.
 
     Args:
-        cycle: Leg cycle.
-        swing_time: Duration T of a swing, s; broadcasts with the cycle.
-        stance_time: Duration of a stance, s; broadcasts with the cycle.
-        bounce: Scale, 0 to 1; broadcasts with the cycle.
+        cycle: Swing or stance state of each leg.
+        swing_time: Duration T of a swing phase, s; broadcasts with `cycle`.
+        stance_time: Duration of a stance phase, s; broadcasts with `cycle`.
+        bounce: Scale of the bounce, 0 to 1; broadcasts with `cycle`.
 
     Returns:
-        Height relative to the hip at touch-down and lift-off, m.
+        Height relative to the height at touch-down and lift-off, m.
     """
     t = cycle.progress
     fall = 0.5 * GRAVITY * bounce * swing_time
@@ -86,16 +92,19 @@ def hip_bounce(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce:
 
 
 def cubic_swing(start: Floats, end: Floats, slope: Floats, progress: Floats) -> Floats:
-    """Interpolate from start to end by a cubic with the same slope at both ends.
+    """Interpolate from a start to an end value by a cubic polynomial with the same slope at both ends.
+
+    The function computes a coordinate of a swing foot.
 
     Args:
         start: Value at progress 0.
         end: Value at progress 1.
-        slope: Slope at both ends per unit of progress; for a foot, the velocity of the ground.
-        progress: Progress, 0 to 1.
+        slope: Change of the value per unit of progress at both ends. For a foot, it is the motion of the ground
+            relative to the trunk during a swing phase.
+        progress: Elapsed fraction of the interpolation, 0 to 1.
 
     Returns:
-        Interpolated value.
+        Value at `progress`, in the unit of `start`.
     """
     t = progress
     return start + smoothstep(t) * (end - start) + slope * (t * (1.0 - t) * (1.0 - 2.0 * t))

@@ -1,7 +1,7 @@
-"""Ground plane through the footprints, the places where the feet last stood.
+"""Estimate of the ground as a plane through the footprints, the last contact position of each foot.
 
-All quantities are in the level frame (see `policies.legs.level_frame`). The legs are on the first axis of a coordinate,
-which is an array (4, n).
+All quantities are in the level frame: origin at the trunk centre, x along the heading, z up. A coordinate of the
+footprints of n robots is an array (4, n), with one row for each leg.
 """
 
 import numpy as np
@@ -11,26 +11,32 @@ from policies.legs.level_frame import Vector
 from quad_env.columns import ordered_sum
 
 MAX_SLOPE = 1.2
-"""Largest slope of a fitted plane along each axis, m/m."""
+"""Largest slope of the fitted ground plane along the forward and the lateral axis, m/m."""
 _SPREAD_REGULARISATION = 1e-6
-"""Added to the spread of the footprints, so that footprints on a line also define a plane, m²."""
+"""Regularisation that is added to the sums of squares in the plane fit, m².
+
+With it, footprints on a line also define a plane."""
 
 Plane = tuple[Floats, Floats, Floats]
-"""Height of the plane below the trunk, relative to the trunk centre, (n,), m, and rise per metre forward and to the
-left, (n,) each."""
+"""Type of the ground plane of n robots, level frame.
+
+The items are the height of the plane at the trunk position, relative to the trunk centre, (n,), m; its slope forward,
+(n,), m/m; and its slope to the left, (n,), m/m."""
 
 
 def advect_footprints(prints: Floats, velocity: Vector | Floats, yaw_rate: Floats, period: float) -> Floats:
-    """Return the footprints relative to the trunk after a time step in which the trunk moves and turns.
+    """Update the positions of the footprints relative to the trunk after a time step in which the trunk moves.
+
+    A footprint is the last contact position of a foot.
 
     Args:
-        prints: Footprints, (3, 4, n), m.
-        velocity: Velocity of the trunk, (3, n), m/s.
+        prints: Footprints before the time step, level frame, (3, 4, n), m.
+        velocity: Velocity of the trunk, level frame, (3, n), m/s.
         yaw_rate: Yaw rate of the trunk, (n,), rad/s.
         period: Time step, s.
 
     Returns:
-        Footprints after the time step, (3, 4, n), m.
+        Footprints after the time step, level frame, (3, 4, n), m.
     """
     x, y, _ = prints
     passing = np.empty_like(prints)
@@ -41,7 +47,10 @@ def advect_footprints(prints: Floats, velocity: Vector | Floats, yaw_rate: Float
 
 
 def fit_plane(prints: Floats) -> Plane:
-    """Fit the least-squares plane through the footprints, (3, 4, n), m."""
+    """Fit the ground plane of n robots to their footprints by least squares.
+
+    `prints`, (3, 4, n), m, are the last contact positions of the four feet in the level frame.
+    """
     legs = prints.swapaxes(0, 1)
     mean = 0.25 * ordered_sum(legs)
     centred = legs - mean
@@ -55,15 +64,15 @@ def fit_plane(prints: Floats) -> Plane:
 
 
 def plane_height(plane: Plane, x: Floats, y: Floats) -> Floats:
-    """Compute the height of the plane at some points, relative to the trunk centre.
+    """Compute the height of the ground plane at some points, relative to the trunk centre.
 
     Args:
-        plane: Plane.
-        x: Forward coordinate of the points, broadcasts with (n,), m.
-        y: Lateral coordinate of the points, broadcasts with (n,), m.
+        plane: Ground plane of n robots, level frame.
+        x: Forward coordinate of the points, level frame, broadcasts with (n,), m.
+        y: Lateral coordinate of the points, level frame, broadcasts with (n,), m.
 
     Returns:
-        Height, m.
+        Height of the plane at each point, m.
     """
     height, forward, lateral = plane
     height_at_point: Floats = height + forward * x + lateral * y
@@ -71,6 +80,9 @@ def plane_height(plane: Plane, x: Floats, y: Floats) -> Floats:
 
 
 def height_above_plane(plane: Plane, prints: Floats) -> Floats:
-    """Compute the height above the `plane`, (4, n), m, of the footprints `prints`, (3, 4, n), m."""
+    """Compute the height of footprints above the ground plane, (4, n), m.
+
+    `prints`, (3, 4, n), m, are the last contact positions of the four feet of n robots in the level frame.
+    """
     height: Floats = prints[2] - plane_height(plane, prints[0], prints[1])
     return height

@@ -1,6 +1,6 @@
-"""Level frame: origin at the trunk centre, x along the heading of the trunk, z up.
+"""Level frame: coordinate frame with the origin at the trunk centre, x along the heading of the trunk, z up.
 
-A vector is a tuple of three arrays that broadcast, or an array (3, …).
+A vector is a tuple of three arrays that broadcast, one for each coordinate, or an array (3, …).
 """
 
 from typing import NamedTuple
@@ -12,37 +12,37 @@ from policies.gait_cycle import Floats
 Vector = tuple[Floats, Floats, Floats]
 
 _NO_HEADING = 1e-6
-"""Lower bound of `LevelFrame.level_x`, which avoids a division by zero for a vertical trunk."""
+"""Lower bound of `LevelFrame.level_x`, dimensionless; it avoids a division by zero if the trunk is vertical."""
 
 
 class LevelFrame(NamedTuple):
-    """Attitude of n trunks, given by the up direction of the world in the base frame.
+    """Attitude of the trunks of n robots: unit vector of the world's up direction in the base frame.
 
-    `level_frame` makes one from the gravity vector. Each field is (n,).
+    `level_frame` computes it from the gravity vector. Each field is an array (n,).
     """
 
     up_x: Floats
-    """Component x of the up direction; positive if the nose is up."""
+    """x component of the up direction in the base frame, (n,); positive if the front of the trunk is up."""
     up_y: Floats
-    """Component y of the up direction; positive if the left side is up."""
+    """y component of the up direction in the base frame, (n,); positive if the left side of the trunk is up."""
     up_z: Floats
-    """Component z of the up direction, the cosine of the tilt."""
+    """z component of the up direction in the base frame, (n,): the cosine of the tilt of the trunk."""
     level_x: Floats
-    """Length of the horizontal part of the trunk's x axis."""
+    """Length of the horizontal projection of the unit vector along the x axis of the trunk, (n,)."""
 
     @property
     def roll(self) -> Floats:
-        """Roll about +x, (n,), rad; positive if the left side is up."""
+        """Roll angle of the trunk about +x, (n,), rad; positive if its left side is up."""
         return np.arctan2(self.up_y, self.up_z)
 
     @property
     def pitch(self) -> Floats:
-        """Pitch about +y, (n,), rad; positive if the nose is down."""
+        """Pitch angle of the trunk about +y, (n,), rad; positive if its front is down."""
         pitch: Floats = -np.arcsin(self.up_x.clip(-1.0, 1.0))
         return pitch
 
     def to_level(self, vector: Vector | Floats) -> Vector:
-        """Rotate a `vector` from the base frame to the level frame.
+        """Rotate a `vector`, three coordinates, from the base frame to the level frame.
 
         The axes of the level frame in the base frame are z = up, y = up × x / |up × x| and x = y × z.
         """
@@ -58,6 +58,6 @@ class LevelFrame(NamedTuple):
 
 
 def level_frame(projected_gravity: Floats) -> LevelFrame:
-    """Return the level frames of n robots from their unit gravity vectors, base frame, (3, n)."""
+    """Compute the attitude of n robots from their unit gravity vectors in the base frame, (3, n)."""
     up_x, up_y, up_z = -projected_gravity
     return LevelFrame(up_x, up_y, up_z, np.maximum(np.sqrt(up_y * up_y + up_z * up_z), _NO_HEADING))

@@ -1,1 +1,1 @@
-"""Diagonal trot, open loop and with feedback, and the accounts of the searches for their parameters."""
+"""Diagonal trot gaits, open loop and with velocity feedback, and the reports of the searches for parameters."""

@@ -1,7 +1,8 @@
 """Open-loop diagonal trot that follows a velocity command; the baseline of the benchmark.
 
-Each stance foot moves against the commanded velocity of the body at this foot, -(v + ω × r). One formula thus serves
-forward, lateral and turning commands. Each swing moves the foot back. The command is the only input of the trot.
+Relative to the trunk, each stance foot moves with the velocity -(v + ω × r). Here v and ω are the commanded linear and
+angular velocity, and r is the position of the foot. This formula covers forward, lateral and turning commands. Each
+swing phase moves the foot back. The command is the only input of the trot.
 """
 
 from dataclasses import dataclass
@@ -24,32 +25,35 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class TrotParameters(CommandMap):
-    """Parameters of the trot, which a search tunes."""
+    """Parameters of the open-loop trot, which a parameter search tunes."""
 
     frequency: float = parameter(2.8, limits=(0.1, 50.0), search=(2.0, 3.1), unit="Hz")
-    """Gait cycles per second, Hz."""
+    """Gait frequency: gait cycles per second, Hz."""
     duty: float = parameter(0.55, limits=(0.01, 0.99), search=(0.5, 0.65))
-    """Duty factor, the fraction of the cycle that a foot is on the ground."""
+    """Duty factor: fraction of the gait cycle that a foot is on the ground."""
     body_height: float = parameter(0.47, limits=(0.01, 5.0), search=(0.45, 0.52), unit=HIP_HEIGHT)
     """Height of the hip joints above the centres of the stance feet, m."""
     step_height: float = parameter(0.07, limits=(-1.0, 1.0), search=(0.03, 0.14), unit="m")
-    """Lift of the foot at mid-swing, m."""
+    """Height of a swing foot above the stance feet at mid-swing, m."""
     stance_width: float = parameter(0.54, limits=(-10.0, 10.0), search=(0.4, 0.72), unit=LATERAL_LENGTH)
     """Lateral distance between the left and the right feet, m; at 0.5 the legs of SimpleQuad hang straight down."""
     stance_shift: float = parameter(-0.02, limits=(-1.0, 1.0), search=(-0.1, 0.05), unit="m ahead")
-    """Forward distance of the middle of the strides from the hip joints, m."""
+    """Forward distance of the middle of a stride of each foot from its hip joint, m."""
     servo_lead: float = parameter(0.01, limits=(-1.0, 1.0), search=(0.0, 0.05), unit="s")
-    """Lead time of the targets along the tangent of their path, s; it compensates the lag of the joint servos."""
+    """Lead time of the joint targets, s: target + lead time · rate of the target; it compensates the lag of the
+    servos."""
     stance_load: float = parameter(50.0, limits=(-1e5, 1e5), search=(0.0, 90.0), unit="N")
     """Force on a stance foot for which the joint targets compensate the sag of the servos, N."""
     blend_time: float = parameter(0.3, limits=(1e-3, 100.0), unit="s")
-    """Duration of the blend from the home pose to the gait at the start of an episode, s."""
+    """Duration of the transition from the home pose to the gait at the start of an episode, s."""
     turn_lead: float = parameter(0.06, limits=(-10.0, 10.0), search=(0.0, 0.2), unit="s")
-    """Lead time of the gait direction over the commanded direction in a curve, s, because the body lags behind."""
+    """Lead time of the direction of motion of the gait in a curve, s.
+
+    It compensates that the direction in which the trunk moves lags behind the command."""
     linear_acceleration: float = parameter(14.0, limits=(1e-3, 1e6), search=(2.0, 20.0), unit="m/s²")
-    """Largest rate of the forward and of the lateral command that the gait follows, m/s²."""
+    """Largest rate of change of the forward and of the lateral velocity that the gait follows, m/s²."""
     yaw_acceleration: float = parameter(16.0, limits=(1e-3, 1e6), search=(3.0, 40.0), unit="rad/s²")
-    """Largest rate of the yaw-rate command that the gait follows, rad/s²."""
+    """Largest rate of change of the yaw rate that the gait follows, rad/s²."""
 
 
 SEARCH_RANGES = search_ranges_of(TrotParameters)
@@ -57,12 +61,12 @@ FILE = ParameterFile(Path(__file__).with_name("trot.json"), TrotParameters, "tro
 
 
 def searched_parameters(robot: Robot = SIMPLE_QUAD) -> TrotParameters:
-    """Return the parameters of a robot, see `ParameterFile.load_for_robot`."""
+    """Return the searched parameters of the open-loop trot for a robot, see `ParameterFile.load_for_robot`."""
     return FILE.load_for_robot(robot)
 
 
 class Trot(GaitedPolicy):
-    """Open-loop trot that follows a velocity command; steps in place if the command is zero.
+    """Open-loop trot that follows a velocity command. The robot steps in place if the command is zero.
 
     Args:
         parameters: Parameters of the gait; the searched parameters by default.
@@ -89,7 +93,7 @@ class Trot(GaitedPolicy):
         initialize_state(self, _joints=self.robot.home_pose)
 
     def _searched(self) -> TrotParameters:
-        """Return the searched parameters of the robot."""
+        """Return the parameters of the trot that a search has found for the robot of the policy."""
         return searched_parameters(self.robot)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
@@ -103,13 +107,19 @@ class Trot(GaitedPolicy):
         return to_actions(self.robot, joints + self.parameters.servo_lead * velocity)
 
     def _follow(self, command: Floats) -> None:
-        """Move the internal command towards the given command, within the acceleration limits."""
+        """Move the internal command of each robot towards its velocity command, with limited acceleration.
+
+        `command`, (n, 3), m/s and rad/s, is the observed command (forward, lateral, yaw rate).
+        """
         p = self.parameters
         reach = self.control_period * np.array([p.linear_acceleration, p.linear_acceleration, p.yaw_acceleration])
         self._command = self._command + np.clip(command - self._command, -reach, reach)
 
     def _gait_velocity(self, command: Floats) -> Floats:
-        """Return the gait velocity at which the robot achieves the commanded velocity, (n, 3), m/s and rad/s."""
+        """Return the velocity input of the gait with which the robot moves at the commanded velocity.
+
+        `command` and the result are forward velocity, lateral velocity and yaw rate, (n, 3), m/s and rad/s.
+        """
         p = self.parameters
         yaw_rate = command[:, 2]
         forward = command[:, 0] - p.turn_lead * yaw_rate * command[:, 1]
@@ -117,7 +127,11 @@ class Trot(GaitedPolicy):
         return np.stack(map_command(p, forward, lateral, yaw_rate), axis=-1)
 
     def _targets(self, phase: Floats, velocity: Floats) -> Floats:
-        """Return the joint targets, (n, 12), rad, for a phase, (n,), rad, and a gait velocity, (n, 3)."""
+        """Return the joint targets of the gait, (n, 12), rad.
+
+        `phase`, (n,), rad, is the phase of the gait clock. `velocity`, (n, 3), m/s and rad/s, is the velocity input of
+        the gait (forward, lateral, yaw rate).
+        """
         robot = self.robot
         cycle = self._gait.legs(phase)
         x, y = self._foot_positions(cycle, velocity)
@@ -127,12 +141,15 @@ class Trot(GaitedPolicy):
         return flat_joints(np.stack(compensate_servo_load(robot, hip, thigh, calf, x, y, force), axis=-1))
 
     def _foot_positions(self, cycle: LegCycle, velocity: Floats) -> tuple[Floats, Floats]:
-        """Return the coordinates x and y of the feet, hip frames, each (n, 4), m."""
+        """Return the forward and the lateral coordinates of the feet, each in the frame of its hip, (n, 4), m.
+
+        `velocity`, (n, 3), m/s and rad/s, is the velocity input of the gait (forward, lateral, yaw rate).
+        """
         p = self.parameters
         foot_x = self.robot.hip_positions[:, 0] + p.stance_shift
         foot_y = self.robot.side * (p.stance_width / 2.0)
         forward, lateral, yaw_rate = np.split(velocity, 3, axis=1)
-        # A stance foot moves under the body at -(v + ω × r), with r from the trunk centre to the foot.
+        # Relative to the trunk, a stance foot moves at -(v + ω × r), with r from the trunk centre to the foot.
         stance_time = p.duty / p.frequency
         along = stride_displacement(cycle, p.duty) * stance_time
         x = p.stance_shift + along * (forward - yaw_rate * foot_y)

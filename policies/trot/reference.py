@@ -1,8 +1,9 @@
 """Upright trot on compliant servos, the reference trajectory that learned policies modulate.
 
-The reference is the trot with integral action. Its parameters are chosen by hand: the robot stands tall, steps slowly
-for a trot that does not balance, and its servos yield at impacts. The reference gives the network the swing times, the
-step height and the body height (A. Iscen et al., Policies Modulating Trajectory Generators, 2018).
+The reference is the trot with integral control of the velocity. Its parameters are chosen by hand. The gait
+frequency is low for a trot without balance control, and the compliant servos yield at impacts. The reference provides
+swing times, step height and body height, so that the network need not generate them (A. Iscen et al., Policies
+Modulating Trajectory Generators, 2018).
 """
 
 from dataclasses import dataclass
@@ -18,24 +19,28 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class ReferenceParameters(IntegralParameters):
-    """Parameters of the integral trot, chosen by hand, and the servo gains."""
+    """Parameters of the reference trot, chosen by hand: trot with integral control, and servo gains."""
 
     body_height: float = parameter(0.34, limits=(0.01, 5.0), unit="m")
-    """Height of the hip joints above the centres of the stance feet, m; it scales with the leg length of the robot."""
+    """Height of the hip joints above the centres of the stance feet, m.
+
+    The height is scaled with the leg length of the robot."""
     stiffness: float = parameter(150.0, limits=(1e-9, 1e9), unit="N·m")
-    """Stiffness of the servos, N·m/rad."""
+    """Position gain of the joint servos, N·m/rad."""
     damping: float = parameter(7.5, limits=(1e-9, 1e9), unit="N·m·s")
-    """Damping of the servos, N·m·s/rad."""
+    """Velocity gain of the joint servos, N·m·s/rad."""
 
 
 FILE = ParameterFile(Path(__file__).with_name("trot_reference.json"), ReferenceParameters)
 
 
 class TrotReference(TrotIntegral):
-    """Integral trot as a reference trajectory; steps in place if the command is zero.
+    """Trot with integral control on soft servos, the default base policy of residual training.
+
+    The robot steps in place if the command is zero.
 
     Args:
-        parameters: Parameters of the gait and the servos; from the file of the robot by default.
+        parameters: Parameters of the gait and the servo gains; by default from the parameter file of the robot.
         robot: See `Policy`.
         control_period: See `Policy`.
     """

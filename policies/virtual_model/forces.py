@@ -1,8 +1,9 @@
 """Contact forces by virtual model control: virtual springs and dampers hold the trunk.
 
 The method is by Pratt et al., "Virtual model control: an intuitive approach for bipedal locomotion", IJRR 2001. The
-springs and dampers give an acceleration of the trunk. Minimum-norm forces of the stance feet produce this acceleration.
-Two feet can give only five of its six components. The weights determine the error of each component.
+springs and dampers define a wanted acceleration of the trunk. The stance feet produce it with minimum-norm contact
+forces. Two stance feet can produce only five of its six components. Weights determine how the error is distributed over
+the components.
 """
 
 import numpy as np
@@ -18,22 +19,27 @@ from quad_env.config import GRAVITY
 from quad_env.physics.rotations import skew
 
 MAX_ACCELERATION = np.array([5.0, 5.0, 9.0, 60.0, 60.0, 60.0])
-"""Largest acceleration of the virtual springs and dampers, m/s² and rad/s²."""
-MIN_ACCELERATION = np.array([-5.0, -5.0, -4.0, -60.0, -60.0, -60.0])
-"""Smallest acceleration of the virtual springs and dampers, m/s² and rad/s².
+"""Upper limits of the trunk acceleration that the virtual springs and dampers define.
 
-The vertical one is above -9.81 m/s², because feet carry no load under a trunk that falls freely."""
+The items are the linear acceleration (x, y, z), m/s², and the angular acceleration (x, y, z), rad/s², level frame."""
+MIN_ACCELERATION = np.array([-5.0, -5.0, -4.0, -60.0, -60.0, -60.0])
+"""Lower limits of the trunk acceleration that the virtual springs and dampers define.
+
+The items are the linear acceleration (x, y, z), m/s², and the angular acceleration (x, y, z), rad/s², level frame. The
+vertical limit is above -9.81 m/s², because the feet carry no load if the trunk falls freely."""
 _DAMPING = 1e-5
-"""Regularisation added to the squared accelerations per force."""
+"""Regularisation of the minimum-norm contact forces.
+
+The number is added to the diagonal of the squared matrix of weighted trunk accelerations per contact force."""
 
 
 def virtual_acceleration(p: VirtualParameters, state: MotionState, ground: TerrainPlane, height: float) -> Floats:
-    """Return the acceleration that the virtual springs and dampers give the trunk.
+    """Return the trunk acceleration that the virtual springs and dampers define.
 
     Args:
-        p: Stiffness and damping.
-        state: State of n robots.
-        ground: Plane that the trunks are kept parallel to.
+        p: Stiffness and damping of the virtual springs and dampers.
+        state: Motion state of n robots.
+        ground: Ground plane. The springs keep the trunk parallel to it.
         height: Reference height of the trunks above the ground, m.
 
     Returns:
@@ -54,14 +60,14 @@ def virtual_acceleration(p: VirtualParameters, state: MotionState, ground: Terra
 def distribute_acceleration(
     p: VirtualParameters, state: MotionState, acceleration: Floats, stance: Mask, friction: Friction
 ) -> Floats:
-    """Distribute a wanted acceleration of the trunk over the stance feet.
+    """Compute contact forces of the stance feet that produce a wanted acceleration of the trunk.
 
     Args:
-        p: Weights of the components that two feet cannot give together.
-        state: State of n robots.
+        p: Weights of the components of the acceleration. Two feet cannot produce all of them.
+        state: Motion state of n robots.
         acceleration: Wanted linear and angular acceleration, level frame, (n, 6), m/s² and rad/s².
-        stance: Stance feet, (n, 4).
-        friction: Bounds of the forces.
+        stance: True for stance feet, (n, 4).
+        friction: Friction coefficient and largest normal force.
 
     Returns:
         Minimum-norm contact forces, scaled down to the friction cone, level frame, (n, 4, 3), N.

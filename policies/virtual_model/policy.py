@@ -1,4 +1,4 @@
-"""Diagonal trot by virtual model control: slow, with the trunk upright on virtual springs and dampers."""
+"""Slow diagonal trot by virtual model control: virtual springs and dampers keep the trunk upright."""
 
 import numpy as np
 
@@ -14,14 +14,14 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 class TrotFeedback(ModelBased):
-    """Trot by virtual model control; follows a velocity command, and steps in place if it is zero.
+    """Trot by virtual model control that follows a velocity command. The robot steps in place if it is zero.
 
     Args:
-        parameters: Gait and gains; None for the parameters of `searched_parameters`.
+        parameters: Parameters of gait, springs and dampers; None for the result of `searched_parameters`.
         robot: Robot that is controlled, or its name.
-        control_period: Control period, s.
-        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are true values.
-        actuator: Drives of the joints.
+        control_period: Time between two control steps, s.
+        joint_delay_steps: Delay of the observed joint angles, control steps; 0 if they are true values.
+        actuator: Actuator model of the joints.
     """
 
     name = "trot_feedback"
@@ -47,7 +47,7 @@ class TrotFeedback(ModelBased):
         )
 
     def _compute_stance_forces(self, control_state: ControlState, contact_plan: ContactPlan) -> StanceForces:
-        """Distribute the acceleration of the virtual springs and dampers over the stance feet."""
+        """Compute the contact forces of the stance feet that produce the acceleration of the springs and dampers."""
         state = control_state.motion
         acceleration = virtual_acceleration(self.parameters, state, contact_plan.ground, self._trunk_height)
         wanted = acceleration - control_state.disturbance_acceleration
