@@ -1,8 +1,8 @@
 """SimpleQuad: a quadruped locomotion environment; the import registers the environment with Gymnasium.
 
 Call `gym.make("SimpleQuad-v0")` after this import. `gym.make("quad_env:SimpleQuad-v0")` works without the import, also
-in worker processes. Only `__init__.pyi` lists the public names, as in Scientific Python's SPEC 1. A module is imported
-on first use of one of its names, so the import of this package is fast.
+in worker processes. The file `__init__.pyi` lists the public names and their modules, as in Scientific Python's SPEC 1.
+A module is imported when one of its public names is first used, so the import of this package is fast.
 """
 
 import re
@@ -20,7 +20,7 @@ register()
 
 
 def __getattr__(name: str) -> Any:
-    """Import the module that defines a public name, and return the object with this name."""
+    """Import the module that defines the public name `name`, and return the object with this name."""
     if name == "__version__":
         return _version()
     if name not in _MODULE_BY_NAME:
@@ -29,15 +29,15 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return all public names, including names from modules that are not imported yet."""
+    """Return all public names of the package, including names from modules that are not imported yet."""
     return sorted({*globals(), *__all__, "__version__"})
 
 
 def _version() -> str:
-    """Return the version of the installed distribution; `0+unknown` if it is not installed."""
+    """Return the version of the installed project, such as `1.2.0`; `0+unknown` if it is not installed."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:
         return version("simple-quad")
-    except PackageNotFoundError:  # because the code runs from a source tree that is not installed
+    except PackageNotFoundError:  # The code runs from a source tree that is not installed.
         return "0+unknown"

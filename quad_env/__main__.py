@@ -7,10 +7,10 @@ import sys
 
 from quad_env.cli import launcher
 
-if __name__ == "__main__":  # before the next imports, because they take time
+if __name__ == "__main__":  # This comes before the next imports, because they take time in which Ctrl-C may come.
     launcher.leave_on_interrupt()
     if launcher.IS_CLONE:
-        sys.path.insert(0, str(launcher.ROOT))  # first, so that a user's `evaluate.py` is not imported
+        sys.path.insert(0, str(launcher.ROOT))  # The clone is first, so that a user's `evaluate.py` is not imported.
 
 from quad_env.cli.program import Command, Program
 

@@ -1,8 +1,8 @@
-"""Scalar-or-batch arithmetic: one formula for floats (one robot) and arrays (n,), with equal bits.
+"""Arithmetic with which one formula works on floats (one robot) and on arrays (n robots), with identical bits.
 
-NumPy and Python round + - * / and sqrt equally, so results do not depend on the batch size or on the type. The function
-`ordered_sum` adds in order, because NumPy's sum adds pairwise and Python's sum compensates rounding errors.
-The single environment uses floats, because they make it about three times as fast as a batch of one.
+NumPy and Python round + - * / and sqrt equally, so results do not depend on the number of robots or on the type. The
+function `ordered_sum` adds in order, because NumPy's sum adds pairwise and Python's sum compensates rounding errors.
+The environment of one robot uses floats, because they make it about three times as fast as arrays of length one.
 """
 
 import math
@@ -14,43 +14,53 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-"""Double-precision array."""
+"""Type of NumPy arrays with double precision, of any shape."""
 Mask = NDArray[np.bool_]
-"""Array of bool."""
+"""Type of NumPy arrays of bool, such as one bool per robot."""
 EnvIndices = NDArray[np.intp]
-"""Indices of some robots in a batch, (k,)."""
+"""Type of arrays with the indices of k robots that are selected from the n simulated robots, (k,)."""
 EnvSelection = slice | EnvIndices
-"""Selection of robots in a batch: a slice, or indices (k,)."""
+"""Type of a selection from the n simulated robots: a slice, or an array with indices, (k,)."""
 ScalarOrBatch = TypeVar("ScalarOrBatch", float, Array)
-"""Float for one robot, or array (n,) for n robots."""
+"""Type of one quantity: a float for one robot, or an array (n,) for n robots."""
 Components = Sequence[ScalarOrBatch]
-"""Components of a vector: k floats for one robot, or k arrays (n,) for n robots, as a tuple or an array (k, n)."""
+"""Type of a vector with k components: k floats for one robot, or k arrays (n,) for n robots.
+
+It is a tuple or an array (k, n).
+"""
 ComponentReader = Callable[[Array], Components[ScalarOrBatch]]
-"""Function that takes an array of all robots, (n, k), and returns the k components of the selected robots."""
+"""Type of functions that select robots from an array with one row per robot.
+
+The function takes the array of all robots, (n, k), and returns the k components of the selected robots.
+"""
 BoolOrMask = bool | Mask
-"""Bool for one robot, or mask (n,) for n robots; both work with the operators `&` and `|`."""
+"""Type of a condition: a bool for one robot, or a mask (n,) for n robots; both support `&` and `|`."""
 
 
 def to_components(rows: Array) -> Components[Array]:
-    """Convert `rows` of n robots, (n, k), to components, a new array (k, n)."""
+    """Transpose an array with one row per robot, `rows`, (n, k), to one row per component, (k, n), as a copy."""
     return cast("Components[Array]", rows.T.copy())
 
 
 def to_scalars(rows: Array) -> Components[float]:
-    """Convert `rows` of one robot, (1, k), to components, a tuple of k floats."""
+    """Convert an array with the row of a single robot, `rows`, (1, k), to a tuple of k floats."""
     return tuple(rows.tolist()[0])
 
 
 def component_reader(env_ids: EnvSelection | None) -> ComponentReader[Any]:
-    """Return a function that reads the components of the robots `env_ids`; see `ComponentReader`.
+    """Return a function that reads the components of the selected robots `env_ids` from an array.
 
-    If `env_ids` is None, the function returns floats of the only robot.
+    The function takes an array with one row per robot, (n, k). It returns the components as an array, (k, m), of m
+    selected robots, or as k floats of the only robot if `env_ids` is None.
     """
     return to_scalars if env_ids is None else lambda rows: to_components(rows[env_ids])
 
 
 def in_single_precision(vectors: Sequence[Components[ScalarOrBatch]]) -> NDArray[np.float32]:
-    """Concatenate the components of all `vectors` into a new array in single precision, (k,) or (k, n)."""
+    """Concatenate the components of all `vectors` into a new array of float32.
+
+    The result has the shape (k,) for one robot, or (k, n) for n robots, with k the total number of components.
+    """
     if isinstance(vectors[0][0], float):
         flat: list[Any] = []
         for vector in vectors:
@@ -60,77 +70,77 @@ def in_single_precision(vectors: Sequence[Components[ScalarOrBatch]]) -> NDArray
 
 
 def ordered_sum(columns: Iterable[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the sum of `columns`, added from the first to the last."""
+    """Return the sum of `columns`, added from the first to the last, so that rounding is always the same."""
     out: Any = 0.0
     for column in columns:
-        out += column  # `columns` stay unchanged, because 0.0 + column is a new array
+        out += column  # The first sum, 0.0 + column, is a new array, so `columns` stay unchanged.
     return out  # type: ignore[no-any-return]
 
 
 def differences(
     x: Components[ScalarOrBatch], y: Components[ScalarOrBatch] | Sequence[float]
 ) -> Components[ScalarOrBatch]:
-    """Return the differences xᵢ - yᵢ of the components of `x` and `y`; numbers in `y` apply to all robots."""
+    """Return the difference of the vectors `x` and `y`, component by component; `y` may be k floats for all robots."""
     return np.subtract(x.T, np.transpose(y)).T if isinstance(x, np.ndarray) else tuple(map(operator.sub, x, y))
 
 
 def sum_of_squares(x: Components[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the sum of squares Σ xᵢ² over the components of `x`."""
+    """Return the sum of squares Σ xᵢ² over the components of the vector `x`, for each robot."""
     products: Iterable[ScalarOrBatch] = map(operator.mul, x, x)
     return ordered_sum(products)
 
 
 def sum_of_magnitudes(x: Components[ScalarOrBatch], y: Components[ScalarOrBatch]) -> ScalarOrBatch:
-    """Return the sum of magnitudes Σ |xᵢ yᵢ| over the components of `x` and `y`."""
+    """Return the sum of magnitudes Σ |xᵢ yᵢ| over the components of the vectors `x` and `y`, for each robot."""
     products: Iterable[ScalarOrBatch] = map(operator.mul, x, y)
     return ordered_sum(map(abs, products))
 
 
 def fraction_above(x: Components[ScalarOrBatch], bound: float) -> ScalarOrBatch:
-    """Return the fraction of the components xᵢ of `x` with a magnitude |xᵢ| above `bound`."""
+    """Return the fraction, 0 to 1, of the components of the vector `x` with a magnitude above `bound`."""
     if isinstance(x, np.ndarray):
         return cast("ScalarOrBatch", np.count_nonzero(np.abs(x) > bound, axis=0) / len(x))
-    # A list, because it is faster than a generator.
+    # The sum uses a list, because a list is faster than a generator here.
     return sum([value > bound or value < -bound for value in x]) / len(x)  # type: ignore[return-value]  # noqa: C419
 
 
 def sqrt(x: ScalarOrBatch) -> ScalarOrBatch:
-    """Return the square root of `x`."""
+    """Return the square root of `x`, a float or an array (n,)."""
     return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
 
 
 def exp(x: ScalarOrBatch) -> ScalarOrBatch:
-    """Return the exponential of `x`.
+    """Return the exponential of `x`, a float or an array (n,).
 
-    NumPy computes it for floats too, because the C library's result differs in the last bit.
+    NumPy computes it for floats, too, because the result of `math.exp` differs in the last bit.
     """
     return float(np.exp(x)) if isinstance(x, float) else np.exp(x)
 
 
 def clip(x: ScalarOrBatch, low: float, high: float) -> ScalarOrBatch:
-    """Return `x`, limited to the range from `low` to `high`."""
+    """Return `x`, a float or an array (n,), limited to the range from `low` to `high`."""
     return min(max(x, low), high) if isinstance(x, float) else np.clip(x, low, high)
 
 
 def clipped_index(x: ScalarOrBatch, last: int) -> Any:
-    """Return the integer part of a non-negative `x` as an index, limited to the index `last`."""
+    """Return the integer part of a non-negative `x`, at most `last`, as an index or an array of indices (n,)."""
     return min(int(x), last) if isinstance(x, float) else np.minimum(x.astype(np.intp), last)
 
 
 def where(truth: Any, x: Any, y: Any) -> Any:
-    """Return `x` where `truth` is True, otherwise `y`."""
+    """Return `x` if the bool `truth` is True, else `y`; for a mask `truth`, (n,), choose for each robot."""
     if isinstance(truth, np.ndarray):
         return np.where(truth, x, y)
     return x if truth else y
 
 
 def any_true(truth: BoolOrMask) -> bool:
-    """Return True if `truth` is True for any robot."""
+    """Return True if the bool `truth` is True, or the mask `truth`, (n,), is True for any robot."""
     return truth if isinstance(truth, bool) else bool(truth.any())
 
 
 def not_finite(x: Components[ScalarOrBatch]) -> BoolOrMask:
-    """Return True if any component of `x` is infinite or NaN."""
+    """Return True if any component of the vector `x` is infinite or NaN; a mask (n,) for n robots."""
     if isinstance(x, np.ndarray):
         return cast("Mask", ~np.isfinite(x).all(axis=0))
-    return not math.isfinite(sum(x))  # because a sum with an infinity or NaN is not finite
+    return not math.isfinite(sum(x))  # A sum with an infinite or NaN summand is not finite.

@@ -1,4 +1,4 @@
-"""Settings of the environment as frozen dataclasses, with a check of the values in the constructor."""
+"""Settings of the environment as frozen dataclasses; the constructors raise ValueError for invalid values."""
 
 import sys
 from collections.abc import Iterator
@@ -12,33 +12,37 @@ from typeguard import CollectionCheckStrategy, TypeCheckError, check_type
 GRAVITY = 9.81
 """Gravitational acceleration in all scenarios, m/s²."""
 MIN_TRUNK_HEIGHT_RATIO = 0.2
-"""Height of the trunk centre below which a robot has fallen, as a fraction of the leg length."""
+"""Height of the trunk above the terrain below which a robot has fallen, as a fraction of the leg length."""
 COMMAND_BOUND = 100.0
-"""Largest magnitude of a command component, m/s or rad/s; observations are clipped to this bound."""
+"""Largest magnitude of each component of a velocity command, m/s or rad/s; observations are clipped to it."""
 
 
 class Bounds(NamedTuple):
-    """Range of valid numbers of a setting, used in the type annotation of the field."""
+    """Range of the valid numbers of a setting; it is part of the field's type annotation, in `Annotated`."""
 
     description: str
-    """Range in words, for the error message `<field> must be <description>`."""
+    """Range in words, such as `from 0 to 1`, for the error message `<field> must be <description>`."""
     minimum: float
-    """Smallest valid number."""
+    """Smallest valid number of the setting, in the unit of the setting."""
     maximum: float = sys.float_info.max
-    """Largest valid number."""
+    """Largest valid number of the setting, in the unit of the setting."""
 
 
 Finite = Annotated[float, Bounds("finite", -sys.float_info.max)]
+"""Type of a setting that must be a finite number."""
 NonNegative = Annotated[float, Bounds("finite and at least 0", 0.0)]
+"""Type of a setting that must be a finite number of at least 0."""
 Positive = Annotated[float, Bounds("finite and more than 0", sys.float_info.min)]
+"""Type of a setting that must be a finite number above 0."""
 Fraction = Annotated[float, Bounds("from 0 to 1", 0.0, 1.0)]
+"""Type of a setting that must be a number from 0 to 1."""
 
 
 def check_settings(settings: Any) -> None:
-    """Check the fields of a dataclass against their annotations.
+    """Check that each field of a settings object has the annotated type and a number within its bounds.
 
     Args:
-        settings: Instance of a settings dataclass.
+        settings: Instance of a settings dataclass, such as `CommandRanges`.
 
     Raises:
         ValueError: A field has a wrong type or a number out of bounds; the message names the first wrong field.
@@ -56,7 +60,16 @@ def check_settings(settings: Any) -> None:
 
 
 def _check_bounds(label: str, value: Any, bounds: tuple[Bounds, ...]) -> None:
-    """Raise ValueError if the value, or a number in a tuple or array, is outside of one of the bounds."""
+    """Check that a setting, or each number of a setting that is a tuple or array, is within its bounds.
+
+    Args:
+        label: Name of the setting, for the error message.
+        value: Number, tuple of numbers or array of numbers.
+        bounds: Ranges; each number must be in all of them.
+
+    Raises:
+        ValueError: A number is out of bounds.
+    """
     for bound in bounds:
         numbers = np.ravel(value).tolist()
         if any(isinstance(number, bool) or not bound.minimum <= number <= bound.maximum for number in numbers):
@@ -65,20 +78,20 @@ def _check_bounds(label: str, value: Any, bounds: tuple[Bounds, ...]) -> None:
 
 @cache
 def _annotations(settings_class: type) -> dict[str, tuple[Any, tuple[Bounds, ...]]]:
-    """Return the name of each field -> (type, bounds)."""
+    """Return the dictionary of a settings dataclass: name of a field -> its type, and the bounds of its numbers."""
     annotated = get_type_hints(settings_class, include_extras=True)
     return {name: (kind, tuple(_bounds(annotated[name]))) for name, kind in get_type_hints(settings_class).items()}
 
 
 def _bounds(hint: Any) -> Iterator[Bounds]:
-    """Yield all `Bounds` in a type annotation, including the annotations of its type arguments."""
+    """Yield all `Bounds` in a type annotation, also those within `tuple[...]`, `... | None` and the like."""
     yield from (item for item in getattr(hint, "__metadata__", ()) if isinstance(item, Bounds))
     for part in get_args(hint):
         yield from _bounds(part)
 
 
 class Settings:
-    """Base class of settings; a value that does not match the field's annotation raises ValueError."""
+    """Base class of settings dataclasses; the constructor raises ValueError for an invalid field."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -86,7 +99,10 @@ class Settings:
 
 @dataclass(frozen=True)
 class CommandRanges(Settings):
-    """Ranges of velocity commands, heading frame; drawn uniformly at reset and after every interval."""
+    """Ranges from which velocity commands are drawn uniformly, at reset and then at regular intervals.
+
+    Commands are in the heading frame: its x axis is the trunk's forward direction, projected onto the horizontal plane.
+    """
 
     forward: tuple[float, float] = (-1.0, 1.5)
     """Smallest and largest forward velocity, m/s"""
@@ -100,16 +116,24 @@ class CommandRanges(Settings):
     """Time between draws, s"""
 
     def steps(self, dt: float) -> int:
-        """Return the number of control steps of period `dt`, s, for which a command is kept."""
+        """Return the number of control steps for which a command is kept; `dt` is the control period, s."""
         return round(self.interval / dt)
 
     @classmethod
     def straight(cls, speed: float) -> "CommandRanges":
-        """Return ranges that give only the command to move straight ahead at `speed`, m/s."""
+        """Return ranges from which only one command is drawn: move straight forward at `speed`, m/s."""
         return cls((speed, speed), (0.0, 0.0), (0.0, 0.0), zero_fraction=0.0)
 
     def scaled(self, velocity_factor: float, yaw_rate_factor: float) -> "CommandRanges":
-        """Return a copy with velocities times `velocity_factor` and yaw rates times `yaw_rate_factor`."""
+        """Return a copy with scaled ranges, such as for a robot of another size.
+
+        Args:
+            velocity_factor: Factor on the forward and lateral velocities.
+            yaw_rate_factor: Factor on the yaw rates.
+
+        Returns:
+            The scaled ranges.
+        """
         return replace(
             self,
             forward=_scaled_range(self.forward, velocity_factor),
@@ -118,7 +142,7 @@ class CommandRanges(Settings):
         )
 
     def times(self, velocity_factor: float, yaw_rate_factor: float) -> "CommandRanges":
-        """Call `scaled(velocity_factor, yaw_rate_factor)`. Deprecated name."""
+        """Return `scaled(velocity_factor, yaw_rate_factor)`; deprecated name of `scaled`."""
         return self.scaled(velocity_factor, yaw_rate_factor)
 
     def __post_init__(self) -> None:
@@ -129,14 +153,17 @@ class CommandRanges(Settings):
 
 
 def _scaled_range(values: tuple[float, float], factor: float) -> tuple[float, float]:
-    """Return a range with both ends multiplied by a factor."""
+    """Return a range, `values` (smallest, largest), with both ends multiplied by `factor`."""
     low, high = values
     return factor * low, factor * high
 
 
 @dataclass(frozen=True)
 class StartNoise(Settings):
-    """Uniform noise around the home pose at the start of an episode; each value is a half-width."""
+    """Uniform noise on the start state of an episode, which is the home pose at rest.
+
+    Each field is the half-width of the range from which the noise is drawn.
+    """
 
     yaw: float = 3.141592653589793
     """Yaw angle, rad; the full circle, so that a policy cannot rely on equal heading and world frames"""
@@ -154,10 +181,10 @@ class StartNoise(Settings):
 
 @dataclass(frozen=True)
 class AnyPose(Settings):
-    """Start of an episode in any pose, as after a fall, with the lowest point of the robot on the ground.
+    """Random start state of an episode in any pose, as after a fall; the robot's lowest point is on the ground.
 
-    Orientations are uniform, and joint angles are uniform within the joint limits. Velocities are uniform, and each
-    value is the half-width of a range.
+    Orientations are drawn uniformly, and joint angles uniformly within the joint limits. Velocities are drawn uniformly
+    from a range around zero; each field is the half-width of a range.
     """
 
     joint_velocity: float = 3.0
@@ -170,7 +197,7 @@ class AnyPose(Settings):
 
 @dataclass(frozen=True)
 class FallRule(Settings):
-    """Limits beyond which a robot has fallen; ground contact of the trunk is always a fall."""
+    """Limits of tilt and height beyond which a robot has fallen; ground contact of the trunk is always a fall."""
 
     name: str = "simple-quad/1"
     """Name of the rule, which is stored with every result"""
@@ -181,17 +208,24 @@ class FallRule(Settings):
     0.12 m for SimpleQuad"""
 
     def min_trunk_height(self, leg_length: float) -> float:
-        """Return the trunk height below which a robot with the leg length `leg_length`, m, has fallen, m."""
+        """Return the height of the trunk above the terrain, m, below which a robot has fallen.
+
+        `leg_length` is the leg length of the robot, m.
+        """
         return MIN_TRUNK_HEIGHT_RATIO * leg_length if self.height is None else self.height
 
     def lowest(self, leg_length: float) -> float:
-        """Call `min_trunk_height(leg_length)`. Deprecated name."""
+        """Return `min_trunk_height(leg_length)`; deprecated name of `min_trunk_height`."""
         return self.min_trunk_height(leg_length)
 
 
 FALL_RULE = FallRule().name
+"""Name of the default fall rule, which is stored with every result."""
 FALL_REASONS = ("none", "trunk_contact", "tilt", "height")
-"""Reasons of a fall, indexed by the code in `info["fall"]`; the first one counts if several apply."""
+"""Reasons of a fall, indexed by the code in `info["fall"]`; code 0 means that the robot has not fallen.
+
+If several reasons apply, the first one in this order counts.
+"""
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,10 @@ class DescribeOptions:
 
 
 def main(options: DescribeOptions) -> int:
-    """Run the command and return the exit code; raise UsageError if the robot does not stand."""
+    """Run the command `describe`, and return its exit code.
+
+    UsageError is raised if the robot cannot be loaded, or does not stand in simulation.
+    """
     try:
         robot = get_robot(options.robot)
         print(escape_control_characters("\n".join(description_lines(robot))))
@@ -65,7 +68,7 @@ def main(options: DescribeOptions) -> int:
 
 
 def description_lines(robot: Robot) -> Iterator[str]:
-    """Yield the lines of the whole description of a robot's model."""
+    """Yield the printed lines that describe a robot: sizes, servos, remarks on its model, and its joints."""
     yield from _size_lines(robot)
     yield from _remark_lines(robot)
     yield from joint_table(robot)
@@ -73,7 +76,7 @@ def description_lines(robot: Robot) -> Iterator[str]:
 
 
 def _size_lines(robot: Robot) -> Iterator[str]:
-    """Yield lines about mass, legs, trunk and servos."""
+    """Yield the printed lines about a robot's mass, kg, legs, m, trunk, m, and servos."""
     yield f"{robot.name}: {robot.mass:.1f} kg, {robot.num_joints} joints, from {robot.mjcf}"
     yield (
         f"legs         {', '.join(robot.leg_names)}: thigh {robot.thigh_length:.3f} m, calf {robot.calf_length:.3f} m, "
@@ -89,7 +92,7 @@ def _size_lines(robot: Robot) -> Iterator[str]:
 
 
 def _remark_lines(robot: Robot) -> Iterator[str]:
-    """Yield lines with remarks and warnings about the model of a robot."""
+    """Yield the printed remarks and warnings about a robot's model, such as locked joints and omitted parts."""
     if robot.locked_joints:
         yield f"joints       held at their reference: {', '.join(robot.locked_joints)}"
     if robot.imported:
@@ -100,7 +103,7 @@ def _remark_lines(robot: Robot) -> Iterator[str]:
 
 
 def _knees(robot: Robot) -> str:
-    """Return the bend direction of the knees in words, for each leg if the directions differ."""
+    """Return a text about the direction in which a robot's knees bend, leg by leg if the legs differ."""
     directions = ["backward" if direction < 0 else "forward" for direction in robot.knee_direction]
     if len(set(directions)) == 1:
         return directions[0]
@@ -108,7 +111,7 @@ def _knees(robot: Robot) -> str:
 
 
 def draw(robot: Robot, picture: Path) -> None:
-    """Write a picture of the standing `robot` to the PNG file `picture`."""
+    """Simulate the robot `robot` in its home pose, and write a picture of it to the PNG file `picture`."""
     from PIL import Image
 
     from quad_env.envs.env import SimpleQuadEnv
@@ -121,7 +124,7 @@ def draw(robot: Robot, picture: Path) -> None:
 
 
 def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:
-    """Write the parameters of a robot to a TOML file.
+    """Write a TOML file with the parameters of a robot that a user may change, see `GIVEN_PARAMETERS`.
 
     Args:
         path: TOML file to write.
@@ -134,7 +137,10 @@ def write_toml(path: Path, mjcf: Path, robot: Robot | None) -> None:
 
 
 def _parameter_lines(robot: Robot) -> Iterator[str]:
-    """Yield the parameters of a robot as TOML lines, with all digits, to restore the same robot."""
+    """Yield the parameters of a robot as lines of TOML.
+
+    The numbers have all digits, so that reading the file gives exactly the same robot.
+    """
     yield f"name = {json.dumps(robot.name)}"
     for name in GIVEN_PARAMETERS:
         values = np.asarray(getattr(robot, name))

@@ -18,19 +18,25 @@ from quad_env.task.observations import observation_table
 
 
 def main(options: RobotOptions) -> int:
-    """Run the command and return the exit code; raise UsageError for an invalid robot."""
+    """Run the command `info`, which prints a description of the environment, and return its exit code.
+
+    UsageError is raised for an unknown robot or an invalid file of a robot.
+    """
     print(environment_text(parse_robot(options.robot)))
     return 0
 
 
 def environment_text(robot: Robot = SIMPLE_QUAD) -> str:
-    """Return the description of the environment with a robot, as text with an empty line between sections."""
+    """Return a text that describes the environment with a robot: action, observation, reward and options.
+
+    An empty line separates the sections.
+    """
     sections = (_overview(robot), _action(robot), _observation(robot), _options())
     return "\n\n".join("\n".join(section) for section in sections)
 
 
 def _overview(robot: Robot) -> Iterator[str]:
-    """Yield lines about versions, robot, joints, hardware profile and time."""
+    """Yield lines of text about versions, the robot, its joints, its hardware profile, and time limits."""
     task = TaskConfig()
     steps = quad_env.MAX_EPISODE_STEPS
     yield f"{quad_env.ENV_ID}  quad_env {quad_env.__version__}, MuJoCo {version('mujoco')}"
@@ -51,18 +57,18 @@ def _overview(robot: Robot) -> Iterator[str]:
 
 
 def _format_range(values: Iterable[float]) -> str:
-    """Return the distinct values in ascending order as text, for example `20 to 30`."""
+    """Return the distinct numbers in `values` in ascending order as text, such as `20 to 30`."""
     return " to ".join(f"{value:g}" for value in sorted({*map(float, values)}))
 
 
 def _action(robot: Robot) -> Iterator[str]:
-    """Yield lines about the action space."""
+    """Yield lines of text about the action space of the environment with a robot."""
     yield f"action       float32, shape ({robot.num_joints},): target joint angles, rad"
     yield from joint_table(robot)
 
 
 def joint_table(robot: Robot) -> Iterator[str]:
-    """Yield the lines of a table of the joints of `robot`, with joint limits and home pose, rad."""
+    """Yield the lines of a text table of the robot's joints: lower limit, home pose and upper limit, rad."""
     rows = zip(robot.joint_names, robot.joint_lower, robot.home_pose, robot.joint_upper, strict=True)
     width = max(16, *(len(name) + 1 for name in robot.joint_names))
     yield f"  {'joint':{width}}{'lower':>7}{'home':>7}{'upper':>7}"
@@ -70,7 +76,7 @@ def joint_table(robot: Robot) -> Iterator[str]:
 
 
 def _observation(robot: Robot) -> Iterator[str]:
-    """Yield lines about the observation space, one line for each term."""
+    """Yield lines of text about the observation space of the environment with a robot, one line per term."""
     table = observation_table(robot)
     yield f"observation  float32, shape ({table.size},)"
     for term in table.terms:
@@ -79,7 +85,7 @@ def _observation(robot: Robot) -> Iterator[str]:
 
 
 def _options() -> Iterator[str]:
-    """Yield lines about reward weights, fall reasons and the arguments of `gym.make`."""
+    """Yield lines of text about reward weights, reasons of a fall, and arguments of `gym.make`."""
     yield "reward       weighted sum"
     yield from (f"  {weight:<+9g}{name}" for name, weight in asdict(TaskConfig().reward_weights).items())
     yield f"falls        rule {FALL_RULE}: {', '.join(FALL_REASONS[1:])}"

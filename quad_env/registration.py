@@ -1,7 +1,7 @@
-"""Registration of the environment with Gymnasium, without importing Gymnasium.
+"""Registration of the environment with Gymnasium, which does not have to be imported for it.
 
-Gymnasium is not imported because the import of Gymnasium and NumPy takes a quarter of a second. A command that prints
-its help needs neither package. A command that limits memory or handles Ctrl-C must do this before the import.
+The import of Gymnasium and NumPy takes a quarter of a second, and a command that only prints its help needs neither
+package. A command that limits memory or handles Ctrl-C must do this before the import.
 """
 
 import sys
@@ -13,13 +13,13 @@ from types import ModuleType
 from typing import Any
 
 ENV_ID = "SimpleQuad-v0"
-"""Name of the environment in Gymnasium's registry."""
+"""Name of the environment in Gymnasium's registry, for `gym.make`."""
 MAX_EPISODE_STEPS = 1000
-"""Default time limit, control steps."""
+"""Default duration of an episode in control steps; `gym.make` truncates episodes after it."""
 
 
 def register() -> None:
-    """Register the environment with Gymnasium, at once or at the end of Gymnasium's first import."""
+    """Register the environment with Gymnasium: now if Gymnasium is imported, else at the end of its import."""
     if (gymnasium := sys.modules.get("gymnasium")) is not None:
         _add_to(gymnasium)
     else:
@@ -32,15 +32,17 @@ class _WithGymnasium(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return the module specification of Gymnasium, with a loader that registers the environment.
+        """Return the import specification of Gymnasium, with a loader that registers the environment.
+
+        Python's import system calls this method for each module that is imported.
 
         Args:
             fullname: Name of the imported module.
-            path: Search path of the package of the module.
+            path: Folders in which the module's package searches its modules; None for a top-level module.
             target: Module that is reloaded; None for a first import.
 
         Returns:
-            Specification of Gymnasium; None for every other module.
+            Specification for the import of Gymnasium; None for every other module.
         """
         if fullname != "gymnasium":
             return None
@@ -58,7 +60,7 @@ class _WithGymnasium(MetaPathFinder):
 
 
 def _add_to(gymnasium: Any) -> None:
-    """Add the environment to Gymnasium's registry if the registry does not contain it."""
+    """Add the environment to the registry of the module `gymnasium`, unless the registry contains it."""
     if ENV_ID not in gymnasium.registry:
         gymnasium.register(
             ENV_ID,

@@ -1,4 +1,7 @@
-"""Disjoint sets of seeds for training, validation, search and evaluation; random streams."""
+"""Random seeds that differ between training, validation, search and evaluation, and random generators.
+
+An evaluation episode therefore never occurs in training or in a search for parameters.
+"""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -8,24 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 PURPOSES = ("user", "training", "validation", "search", "evaluation")
-"""Purposes of seeds. Each purpose has a family, a set of seeds that is disjoint from all other families."""
+"""Purposes of episode seeds; two different purposes never have a seed in common."""
 _FAMILY_BITS = 48
-"""Number of low bits of a seed that vary within a family; the higher bits are the index of the purpose."""
+"""Number of low bits of an episode seed that are random; the higher bits are the index in `PURPOSES`."""
 
 
 def episode_seeds(purpose: str, seed: int, count: int) -> NDArray[np.int64]:
-    """Return episode seeds of one purpose.
+    """Return pseudo-random episode seeds for one purpose, such as evaluation.
 
-    The bits above the lowest 48 are the index of the purpose, so that seeds of two purposes differ for every `seed`.
-    The family of the first purpose, "user", includes the small integers that people type.
+    The bits above the lowest 48 are the index of the purpose. Seeds of two purposes therefore differ for every `seed`.
+    The seeds of the first purpose, "user", include the small integers that people type.
 
     Args:
         purpose: One of `PURPOSES`.
         seed: Seed of the random sequence of episode seeds, >= 0.
-        count: Number of seeds, >= 0.
+        count: Number of episode seeds, >= 0.
 
     Returns:
-        Seeds, (count,).
+        Episode seeds, (count,).
 
     Raises:
         ValueError: The purpose is unknown, or the seed or count is negative.
@@ -40,14 +43,14 @@ def episode_seeds(purpose: str, seed: int, count: int) -> NDArray[np.int64]:
 
 
 def fresh_seeds(count: int) -> list[int]:
-    """Return `count` random seeds from the entropy of the operating system, for envs that got no seed."""
+    """Return `count` unpredictable seeds from the operating system, for environments that got no seed."""
     return [int(seed) for seed in np.random.SeedSequence().generate_state(count)]
 
 
 def _stream(number: int) -> "cached_property[np.random.Generator]":
-    """Return a property with the random generator of stream `number`, made on first use.
+    """Return a property of `EpisodeStreams` with the random generator of the stream `number`.
 
-    A stream does not depend on the other streams.
+    The generator is made at the first access. Its numbers do not depend on the use of the other streams.
     """
 
     def make(streams: "EpisodeStreams") -> np.random.Generator:
@@ -58,13 +61,14 @@ def _stream(number: int) -> "cached_property[np.random.Generator]":
 
 
 class EpisodeStreams:
-    """Random generators of one episode, with an independent generator for each kind of draw.
+    """Random generators of one episode: an independent one for each kind of random quantity, such as pushes.
 
-    Stream i of episode k has the seed `SeedSequence(seed, spawn_key=(k, i))`.
+    Generator i of episode k has the seed `SeedSequence(seed, spawn_key=(k, i))`. A change of one kind of random
+    quantity therefore does not change the others.
 
     Args:
-        seed: Seed of the robot.
-        episode: Number of episodes since the reset with this seed.
+        seed: Seed with which the environment of the robot was reset.
+        episode: Number of episodes of this robot since the reset with this seed.
     """
 
     def __init__(self, seed: int, episode: int) -> None:
@@ -72,37 +76,37 @@ class EpisodeStreams:
         self.episode = episode
 
     start = _stream(0)
-    """Start state."""
+    """Random generator of the start state: pose and velocities of the robot."""
     commands = _stream(1)
-    """Velocity commands."""
+    """Random generator of the velocity commands."""
     pushes = _stream(2)
-    """Times and directions of pushes."""
+    """Random generator of the times and directions of pushes."""
     force = _stream(3)
-    """Direction of the steady force."""
+    """Random generator of the direction of the steady external force."""
     payload = _stream(4)
-    """Position of the payload."""
+    """Random generator of the position of the payload on the trunk."""
     noise = _stream(5)
-    """Noise on the observation."""
+    """Random generator of the noise on the observation."""
     dropouts = _stream(6)
-    """Times and joints of dropouts."""
+    """Random generator of the times and joints of dropouts, in which joints do not receive new targets."""
     sensors = _stream(7)
-    """Biases, offsets and noise of the sensors."""
+    """Random generator of the biases, offsets and noise of the simulated sensors."""
     scan_noise = _stream(8)
-    """Noise of the height scan."""
+    """Random generator of the noise of the height scan of the terrain."""
     randomisation = _stream(9)
-    """Domain randomisation of robot and ground."""
+    """Random generator of the domain randomisation of robot and ground."""
 
 
 def assign_seeds(seed: int | Sequence[int], num_envs: int) -> list[Any]:
-    """Return a seed for each env.
+    """Return a seed for each environment of a vector environment.
 
     Args:
-        seed: One number, from which env i gets `seed` + i, or a sequence with a seed for each env. None in a sequence
-            keeps the present seed of the env.
-        num_envs: Number of envs.
+        seed: One integer, or a sequence with a seed for each environment. From one integer, environment i gets
+            `seed` + i. None in a sequence means that the environment keeps its present seed.
+        num_envs: Number of environments.
 
     Returns:
-        Seed of each env, or None.
+        Seed of each environment; None if the environment keeps its present seed.
 
     Raises:
         ValueError: The number of seeds is wrong, or a seed is not a whole number of at least 0.

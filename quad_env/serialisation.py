@@ -1,6 +1,6 @@
-"""Conversion of settings dataclasses, for example scenarios, to JSON values and back.
+"""Conversion of settings dataclasses, such as `Scenario`, to JSON values and back.
 
-The key `type` of a JSON object is the class name of the dataclass.
+A dataclass becomes a JSON object with its fields; the key `type` of this object is the class name.
 """
 
 import dataclasses
@@ -17,7 +17,7 @@ from quad_env.sensing.height_scan import HeightScan
 from quad_env.sensing.suite import Encoders, FootContact, Imu, JointTorque, SensorSuite
 
 TYPE = "type"
-"""Key of the class name in a JSON object."""
+"""Key of a JSON object with the class name of the settings dataclass that the object describes."""
 _TYPE_BY_NAME: dict[str, Any] = {
     kind.__name__: kind
     for kind in (
@@ -29,11 +29,18 @@ _TYPE_BY_NAME: dict[str, Any] = {
         *(TaskConfig, FallRule, RewardWeights, HeightScan),
     )
 }
-"""Class name -> settings class. Module names are left out so that stored results stay readable if a class moves."""
+"""Class name in a JSON object -> settings dataclass.
+
+Module names are left out, so that stored results stay readable if a class moves to another module.
+"""
 
 
 def to_json_values(value: Any) -> Any:
-    """Convert a settings dataclass to JSON values; raise ValueError for a `value` without JSON form."""
+    """Convert settings to values that `json.dumps` accepts.
+
+    ValueError is raised if `value` is neither a settings dataclass of this package nor a list, tuple, string, number,
+    bool or None.
+    """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         kind = type(value)
         if _TYPE_BY_NAME.get(kind.__name__) is not kind:
@@ -48,20 +55,20 @@ def to_json_values(value: Any) -> Any:
 
 
 def from_json_values(value: Any) -> Any:
-    """Convert JSON values from `to_json_values` to settings; lists become tuples.
+    """Convert JSON values from `to_json_values` back to settings dataclasses; lists become tuples.
 
-    Only code of quad_env runs. A JSON object without a class name, as Gymnasium's `EnvSpec.to_json` writes it, becomes
-    an instance of the class with the fewest fields among the classes that have all fields of the object. Missing fields
-    get their defaults.
+    Untrusted JSON is safe, because only classes of this package are made. A JSON object without a class name, as
+    Gymnasium's `EnvSpec.to_json` writes it, becomes an instance of the class that has all keys of the object as fields.
+    If several classes have them, the class with the fewest fields is used. Missing fields get their defaults.
 
     Args:
-        value: JSON values.
+        value: JSON values, as `json.loads` returns them.
 
     Returns:
-        The settings dataclass, or the value.
+        A settings dataclass for a JSON object, a tuple for a list, else `value` itself.
 
     Raises:
-        ValueError: The values do not describe settings of this version.
+        ValueError: A JSON object does not describe settings of this version of the package.
     """
     if isinstance(value, Mapping):
         fields = {name: from_json_values(entry) for name, entry in value.items() if name != TYPE}
@@ -73,7 +80,7 @@ def from_json_values(value: Any) -> Any:
 
 
 def _find_type(value: Mapping[str, Any]) -> Any:
-    """Return the settings class of a JSON object; raise ValueError if no class fits."""
+    """Return the settings dataclass that a JSON object describes; raise ValueError if there is none."""
     if TYPE not in value:
         fitting = [kind for kind in _TYPE_BY_NAME.values() if _field_names(kind).issuperset(value)]
         if not value or not fitting:
@@ -85,5 +92,5 @@ def _find_type(value: Mapping[str, Any]) -> Any:
 
 
 def _field_names(kind: Any) -> set[str]:
-    """Return the names of the fields of a dataclass."""
+    """Return the names of the fields of the dataclass `kind`."""
     return {field.name for field in dataclasses.fields(kind)}

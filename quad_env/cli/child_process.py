@@ -1,6 +1,6 @@
-"""Support of child processes: ignored Ctrl-C, end together with the parent, and a watchdog.
+"""Support of child processes, which simulate or train in parallel.
 
-`available_cores` limits the number of child processes.
+A child process ignores Ctrl-C and ends together with its parent. A watchdog kills a child process that runs too long.
 """
 
 import contextlib
@@ -16,23 +16,23 @@ from typing import Any
 
 
 def available_cores() -> int:
-    """Return the number of processor cores on which this process may run."""
+    """Return the number of processor cores on which this process may run; it limits the child processes."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextlib.contextmanager
 def without_ctrl_c() -> Iterator[None]:
-    """Return a context for the start of child processes that never receive Ctrl-C.
+    """Return a context manager; child processes that are started in its `with` block never receive Ctrl-C.
 
-    They do not receive Ctrl-C even while they load.
-
-    If Ctrl-C is pressed within the context, this process receives it at the end of the context. On Windows the child
-    processes receive Ctrl-C until they call `exit_with_parent`.
+    They do not receive Ctrl-C even while they import their modules. If Ctrl-C is pressed within the block, this process
+    receives it at the end of the block. On Windows, the child processes receive Ctrl-C until they call
+    `exit_with_parent`.
     """
     if sys.platform == "win32":
         yield
         return
-    # Start the resource tracker now: its start unblocks Ctrl-C, and it would otherwise start with the first child.
+    # Start Python's resource tracker before Ctrl-C is blocked, because its start would unblock Ctrl-C. Otherwise it
+    # would start together with the first child process.
     resource_tracker.ensure_running()
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -43,10 +43,11 @@ def without_ctrl_c() -> Iterator[None]:
 
 @contextlib.contextmanager
 def without_main(content: bytes) -> Iterator[None]:
-    """Return a context in which spawned processes do not run the main script again.
+    """Return a context manager; child processes that are spawned in it do not run the main script again.
 
-    The main script may lack the guard `if __name__ == "__main__"`. `content` is the pickled argument of the spawned
-    processes. They run the main script as usual if `content` refers to it.
+    `multiprocessing` runs the main script in each spawned process. A user's script may lack the guard
+    `if __name__ == "__main__"`, and would then start child processes without end. `content` is the pickled argument of
+    the child processes; the main script is run as usual if `content` refers to it.
     """
     main: Any = sys.modules["__main__"]
     if b"__main__" in content:
@@ -64,11 +65,11 @@ def without_main(content: bytes) -> Iterator[None]:
 
 
 class Watchdog:
-    """Thread that kills a process once its run time, measured by `RunClock`, reaches a limit.
+    """Thread that kills a child process once its run time, measured by `RunClock`, reaches a limit.
 
     Args:
-        process: Process of `multiprocessing`.
-        timeout: Limit of the run time, s.
+        process: The child process, a `multiprocessing.Process` that has been started.
+        timeout: Run time after which the process is killed, s.
     """
 
     def __init__(self, process: Any, timeout: float) -> None:
@@ -77,7 +78,7 @@ class Watchdog:
         self._clock = RunClock(process.pid)
         self._cancelled = threading.Event()
         self.has_killed = False
-        """True once the watchdog has killed the process."""
+        """True once the watchdog has killed the child process, because its run time reached the limit."""
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
         self._thread.start()
 
@@ -91,15 +92,15 @@ class Watchdog:
         self._process.kill()
 
     def cancel(self) -> None:
-        """Stop the watchdog without killing the process."""
+        """Stop the watchdog; the child process continues to run."""
         self._cancelled.set()
         self._thread.join()
 
 
 def exit_with_parent() -> None:
-    """From now on, ignore Ctrl-C and end this process when its parent ends.
+    """Make this child process ignore Ctrl-C from now on, and end when its parent process ends.
 
-    A child process calls this function first.
+    A child process calls this function first, so that no child process outlives a command.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_with_parent, daemon=True).start()
@@ -113,10 +114,14 @@ def _exit_with_parent() -> None:
 
 
 class RunClock:
-    """Clock of a process's run time: wall time minus the longest time that one of its threads waited for a processor.
+    """Clock of the run time of a process, for timeouts that do not depend on the load of the machine.
 
-    A computation therefore has the same run time on a busy machine as on a free one. Sleep and waits for a device count
-    as run time. Only Linux reports the waiting time; on other systems the run time is the wall time.
+    The run time is the wall time minus the time in which the process was ready but other programs had the processor.
+    For a process with several threads, the longest waiting time of a thread is subtracted. Sleep and waits for a device
+    count as run time. Only Linux reports these times; on other systems the run time is the wall time.
+
+    Args:
+        pid: Id of the process in the operating system.
     """
 
     def __init__(self, pid: int) -> None:
@@ -124,27 +129,27 @@ class RunClock:
         self.restart()
 
     def restart(self) -> None:
-        """Set the run time to 0."""
+        """Set the run time of this clock to 0."""
         self._start_time = time.monotonic()
         self._waiting_times = _waiting_times(self._tasks)
 
     def elapsed(self) -> float:
-        """Return the run time since the last restart, s."""
+        """Return the run time of the process since the last `restart`, or since the clock was made, s."""
         waits = (now - self._waiting_times.get(task, 0.0) for task, now in _waiting_times(self._tasks).items())
         return time.monotonic() - self._start_time - max(waits, default=0.0)
 
 
 def _waiting_times(tasks: str) -> dict[str, float]:
-    """Return the time that each thread has waited for a processor.
+    """Return the time that each thread of a process was ready to run while other programs had the processor.
 
     Args:
-        tasks: Folder of the threads in `/proc`.
+        tasks: Folder of the process's threads, `/proc/<pid>/task`.
 
     Returns:
-        Id of the thread -> waiting time, s; empty if the system does not report the time.
+        Id of a thread -> waiting time since its start, s. The dictionary is empty if the system does not report it.
     """
     times = {}
-    with contextlib.suppress(OSError):  # The folder is missing if the process has ended or the system is not Linux.
+    with contextlib.suppress(OSError):  # The folder does not exist if the process has ended or the system is not Linux.
         for task in os.listdir(tasks):
             with (
                 contextlib.suppress(OSError, ValueError, IndexError),

@@ -1,4 +1,4 @@
-"""Parsing of command lines into frozen dataclasses, with --help and one-line error messages."""
+"""Parsing of command lines into option dataclasses with tyro, with --help and one-line error messages."""
 
 import contextlib
 import difflib
@@ -26,39 +26,45 @@ SYNONYMS = (
     ("policies", "policy", "model", "models", "checkpoint"),
     ("seed", "random_seed"),
 )
-"""Groups of option names with one meaning; names used by other programs are included, to suggest ours."""
+"""Groups of option names with the same meaning, as field names.
+
+Names of other programs are included: if a user types one of them, the error message suggests our name.
+"""
 _PLURALS = (("policy", "policies"), ("scenario", "scenarios"))
-"""Singular and plural of the options that are accepted in both forms."""
+"""Pairs of singular and plural of option names; a user may type either form."""
 _BOX_RULE = re.compile(r"[─-]{3,}")
-"""Horizontal rule of the box that tyro prints around an error."""
+"""Pattern of the horizontal rule of the box that tyro prints around an error message."""
 _NO_NUMBER = re.compile(r"invalid literal for int\(\) with base 10|could not convert string to float")
-"""Start of Python's error message for a word that `int` or `float` cannot convert."""
+"""Pattern of the start of Python's error message about a text that `int` or `float` cannot convert."""
 _OPTIONAL = re.compile(r"Error parsing (.+?): no type matching .+ Got errors: .*- <class '\w+'>: (.+)")
-"""Message of tyro about a wrong value of an optional option: its name, and the last error, which is about the value."""
+"""Pattern of tyro's error message about a wrong value of an option that may also be None.
+
+The first group is the name of the option. The second group is the error about the value.
+"""
 
 
 class UserError(Exception):
-    """Mistake of the user, reported by any package; the message is one line with the remedy."""
+    """Error that a user can correct; the message is one line with the remedy, printed without a traceback."""
 
 
 class UsageError(UserError):
-    """Mistake on a command line; the message is one line with the remedy."""
+    """Error in the words of a command line; the message is one line with the remedy."""
 
 
 def parse(
     kind: type[Options], arguments: list[str] | None, *, program: str, description: str, default: Options | None = None
 ) -> Options:
-    """Parse a command line into an instance of a dataclass.
+    """Parse a command line into an instance of an option dataclass.
 
     Args:
-        kind: Dataclass of the options; its docstrings are the help.
+        kind: Dataclass with one field per option; the strings below its fields are the help texts.
         arguments: Words of the command line; None for the arguments of this process.
-        program: Name of the program as the user calls it.
+        program: Name of the program as the user calls it, such as `python -m train run`.
         description: Description of the program, for --help.
-        default: Values of missing options; None for the defaults of the dataclass.
+        default: Instance with the values of options that are not given; None for the defaults of the dataclass.
 
     Returns:
-        Instance of `kind` with the parsed values.
+        Instance of `kind` with the values of the options.
 
     Raises:
         SystemExit: With code 0, after --help.
@@ -83,7 +89,15 @@ def parse(
 
 
 def _check_values(words: list[str], program: str) -> None:
-    """Raise UsageError for an empty word or an empty value after `=`: no option accepts one."""
+    """Raise UsageError if a word of a command line, or a value after `=`, is empty: no option accepts that.
+
+    Args:
+        words: Words of the command line.
+        program: Name of the program, for the error message.
+
+    Raises:
+        UsageError: A word or a value is empty.
+    """
     for previous, word in zip(("", *words), words, strict=False):
         option, equals, value = word.partition("=")
         if word == "":
@@ -94,10 +108,16 @@ def _check_values(words: list[str], program: str) -> None:
 
 
 def _suggestion(kind: type, complaint: str) -> str:
-    """Return a hint such as `; did you mean --threads?`; an empty text without a match.
+    """Return a hint such as `; did you mean --threads?` for the error message about an unknown option.
 
-    `complaint` is tyro's error message about an unknown option. The hint names an option of `kind` that is a synonym of
-    the unknown option or is spelt almost the same.
+    The hint names an option that is a synonym of the unknown option, or is spelt almost the same.
+
+    Args:
+        kind: Dataclass of the options.
+        complaint: Error message of tyro.
+
+    Returns:
+        The hint; empty if no option is similar.
     """
     known = [field.name for field in fields(kind)]
     for name in re.findall(r"--([\w-]+)", complaint.partition("Unrecognized options")[2]):
@@ -110,7 +130,10 @@ def _suggestion(kind: type, complaint: str) -> str:
 
 
 def _whole_number_rule(option: Any) -> Any:
-    """Return tyro's parsing rule for whole numbers, which also accepts 1e6; None for other types."""
+    """Return a tyro rule that parses the value of an integer option, and also accepts `1e6`.
+
+    None is returned if `option` has another type, so that tyro uses its own rule.
+    """
     import tyro
 
     def number(word: str) -> int:
@@ -133,16 +156,16 @@ def _whole_number_rule(option: Any) -> Any:
 
 
 def normalise_option_names(kind: type, words: list[str]) -> list[str]:
-    """Replace singular option names by plural ones, or the reverse, to match a dataclass.
+    """Replace `--policy` by `--policies` in a command line, or the reverse, to match the options of a command.
 
-    The names are `--policy` and `--policies`, and `--scenario` and `--scenarios`.
+    `--scenario` and `--scenarios` are replaced in the same way.
 
     Args:
-        kind: Dataclass of the options.
-        words: Words of a command line.
+        kind: Dataclass of the command's options.
+        words: Words of the command line.
 
     Returns:
-        The words with the option names of the dataclass.
+        The words, with the option names that the dataclass has.
     """
     known = {field.name for field in fields(kind)}
     known_forms: dict[str, str] = {}
@@ -155,17 +178,17 @@ def normalise_option_names(kind: type, words: list[str]) -> list[str]:
 
 
 def first_sentence(box: str) -> str:
-    """Extract the first error from the box that tyro prints.
+    """Extract the first error message from the box that tyro prints around its messages.
 
     Args:
-        box: The printed box, with a title, horizontal rules and colours.
+        box: Text of the box, with a title, horizontal rules and colour codes.
 
     Returns:
-        The text between the title and the next rule, on one line.
+        The message between the title and the next rule, as one line.
     """
     plain = re.sub(r"\x1b\[[0-9;]*m", "", box)
     lines = [line.strip(" │").strip() for line in plain.splitlines()[1:]]
-    # Skip the rule below the title; tyro draws one if the terminal cannot draw boxes.
+    # Skip the rule below the title, which tyro draws if the terminal cannot draw boxes.
     below = itertools.dropwhile(_BOX_RULE.fullmatch, lines)
     sentence = " ".join(itertools.takewhile(lambda line: not _BOX_RULE.search(line), below)).rstrip(".")
     if optional := _OPTIONAL.fullmatch(sentence):
@@ -174,11 +197,11 @@ def first_sentence(box: str) -> str:
 
 
 def check_numbers(options: object, limits: Mapping[str, tuple[float, float]], group: str = "") -> None:
-    """Check numbers of a command line against their limits. An attribute that is None is valid.
+    """Check that the numbers of options are within their limits. An option that is None is valid.
 
     Args:
-        options: Object with attributes that are numbers or tuples of numbers.
-        limits: Attribute name -> smallest and largest valid value.
+        options: Instance of an option dataclass; the checked fields are numbers, tuples of numbers or None.
+        limits: Name of a field -> smallest and largest valid number.
         group: Prefix of the option names in the error message, such as `ppo.`.
 
     Raises:
@@ -192,11 +215,11 @@ def check_numbers(options: object, limits: Mapping[str, tuple[float, float]], gr
 
 
 def make_folder_of(file: Path, option: str) -> None:
-    """Make the folder that will contain an output file.
+    """Make the folder of an output file before a command starts its work, so that errors come early.
 
     Args:
-        file: The output file.
-        option: Option that names the file, for the error message.
+        file: Path of the output file.
+        option: Option with this path, such as `--out`, for the error message.
 
     Raises:
         UsageError: The folder is not writable, or `file` is itself a folder.
@@ -210,9 +233,9 @@ def make_folder_of(file: Path, option: str) -> None:
 
 
 def survive_narrow_encodings() -> None:
-    """Make stdout and stderr print `?` for characters outside their encoding.
+    """Make stdout and stderr print `?` for characters outside of their encoding, instead of raising an error.
 
-    A terminal width of zero in COLUMNS is ignored.
+    The environment variable COLUMNS is deleted if it says that the terminal has a width of zero.
     """
     if re.fullmatch("0+", os.environ.get("COLUMNS", "")):
         del os.environ["COLUMNS"]

@@ -1,4 +1,4 @@
-"""Formatting of numbers, fractions, confidence intervals and names as text."""
+"""Formatting of numbers, fractions, confidence intervals, p-values and names as text for reports."""
 
 import math
 import re
@@ -7,13 +7,16 @@ from decimal import ROUND_HALF_UP, Context, Decimal
 from typing import NamedTuple
 
 ABSENT = "–"
-"""Text of a missing value."""
+"""Text that is shown in place of a number that does not exist, such as NaN: a dash."""
 MINUS = "−"
-"""Minus sign."""
+"""Typographic minus sign, which formatted numbers have in place of the hyphen."""
 NO_BREAK = "\u00a0"
-"""Non-breaking space."""
+"""Non-breaking space, which keeps a number and its unit on one line."""
 SIGNIFICANT_DIGITS = 10
-"""Number of significant digits to which a float is rounded first, to remove its floating-point error."""
+"""Number of significant digits to which `number` rounds a float before it rounds to decimals.
+
+This removes the floating-point error, which would round some halves in the wrong direction.
+"""
 _WIDE = Context(prec=400)
 """Decimal context with enough digits to represent every float."""
 
@@ -32,7 +35,8 @@ def number(value: float, digits: int = 3) -> str:
     """
     if not math.isfinite(value):
         return ABSENT
-    # Remove the floating-point error first: 57 of 200 are 28.5 %, but the float is slightly less and would round down.
+    # Remove the floating-point error first, because 57 of 200 are 28.5 %, but the float is slightly less and would
+    # round down.
     exact = Decimal(f"{value:.{SIGNIFICANT_DIGITS}g}")
     text = f"{exact.quantize(Decimal(1).scaleb(-digits), ROUND_HALF_UP, _WIDE):f}"
     if float(text) == 0.0:
@@ -41,47 +45,50 @@ def number(value: float, digits: int = 3) -> str:
 
 
 class Estimate(NamedTuple):
-    """A number and the ends of its interval as texts with the same number of decimals; made by `estimate`."""
+    """A number and its confidence interval as texts with the same number of decimals; made by `estimate`."""
 
     value: str
+    """Text of the number."""
     low: str
+    """Text of the lower end of the interval; a dash if there is none."""
     high: str
+    """Text of the upper end of the interval; a dash if there is none."""
 
     @property
     def has_interval(self) -> bool:
-        """True if both ends of the interval are finite."""
+        """True if the number has an interval with two finite ends."""
         return ABSENT not in (self.low, self.high)
 
     @property
     def interval(self) -> str:
-        """Interval as `low … high`; a dash if there is no interval."""
+        """Text of the interval as `3.0 … 6.8`; a dash if there is no interval."""
         return f"{self.low}{NO_BREAK}… {self.high}" if self.has_interval else ABSENT
 
     @property
     def brackets(self) -> str:
-        """Interval as `[3.0, 6.8]` with a non-breaking space; empty if there is no interval."""
+        """Text of the interval as `[3.0, 6.8]`, with a non-breaking space; empty if there is no interval."""
         return f"[{self.low},{NO_BREAK}{self.high}]" if self.has_interval else ""
 
     @property
     def with_interval(self) -> str:
-        """Number and interval as `4.2 [3.0 … 6.8]`; only the number if there is no interval."""
+        """Text of the number and the interval as `4.2 [3.0 … 6.8]`; only the number if there is no interval."""
         return f"{self.value} [{self.interval}]" if self.has_interval else self.value
 
 
 def estimate(value: float, ends: tuple[float, float], digits: int = 3, scale: float = 1.0) -> Estimate:
-    """Format a number with its interval.
+    """Format a number with its confidence interval.
 
-    The number and both ends have the same number of decimals, so that rounding never puts the number outside of the
+    The number and both ends get the same number of decimals, so that rounding never puts the number outside of the
     interval.
 
     Args:
         value: The number.
         ends: Lower and upper end of the interval; NaN if there is no interval.
         digits: Number of decimals; up to three more are used if different ends would look equal.
-        scale: Factor on the number and both ends, such as 100 for per cent.
+        scale: Factor on the number and both ends, such as 100 to show a fraction in per cent.
 
     Returns:
-        The texts of the number and both ends.
+        Texts of the number and of both ends.
     """
     low, high = (scale * end for end in ends)
     decimals = _needed_decimals((low, high), digits)
@@ -89,12 +96,12 @@ def estimate(value: float, ends: tuple[float, float], digits: int = 3, scale: fl
 
 
 def plus_minus(value: float, ends: tuple[float, float], digits: int = 3) -> str:
-    """Format a number and half the width of its interval as `0.101 ± 0.009`.
+    """Format a number and half the width of its confidence interval as `0.101 ± 0.009`.
 
     Args:
         value: The number.
         ends: Lower and upper end of the interval.
-        digits: Minimum number of decimals, see `estimate`.
+        digits: Minimum number of decimals; up to three more are used if different ends would look equal.
 
     Returns:
         The text.
@@ -105,20 +112,28 @@ def plus_minus(value: float, ends: tuple[float, float], digits: int = 3) -> str:
 
 
 def four_digits(value: float, ends: tuple[float, float]) -> Estimate:
-    """Format `value` and the `ends` of its interval; the largest number has four significant digits."""
+    """Format a number and its confidence interval so that the largest has four significant digits.
+
+    Args:
+        value: The number.
+        ends: Lower and upper end of the interval.
+
+    Returns:
+        Texts of the number and of both ends, with the same number of decimals.
+    """
     largest = max((abs(each) for each in (value, *ends) if math.isfinite(each)), default=0.0)
     return estimate(value, ends, max(0, 3 - math.floor(math.log10(largest))) if largest > 0.0 else 0)
 
 
 def _needed_decimals(ends: tuple[float, float], digits: int) -> int:
-    """Return the number of decimals for an interval.
+    """Return the number of decimals with which the ends of an interval look different.
 
     Args:
         ends: Lower and upper end of the interval.
         digits: Minimum number of decimals.
 
     Returns:
-        `digits`, or up to three more if different ends would look equal.
+        `digits`, or up to three more if the ends differ but would look equal.
     """
     if not all(map(math.isfinite, ends)):
         return digits
@@ -126,7 +141,7 @@ def _needed_decimals(ends: tuple[float, float], digits: int) -> int:
 
 
 def percent(share: float) -> str:
-    """Format a fraction in [0, 1] in per cent, with one decimal below 10 %."""
+    """Format the fraction `share`, 0 to 1, in per cent: one decimal below 10 %, else none; a dash for NaN."""
     if not math.isfinite(share):
         return ABSENT
     value = 100.0 * share
@@ -135,38 +150,34 @@ def percent(share: float) -> str:
 
 
 def whole_percent(share: float) -> str:
-    """Format a fraction in [0, 1] in whole per cent, as `62%`."""
+    """Format the fraction `share`, 0 to 1, in whole per cent without a space, as `62%`."""
     return f"{number(100.0 * share, 0)}%"
 
 
 def points(share: float) -> str:
-    """Format a difference of fractions in percentage points, with one decimal."""
+    """Format the difference of two fractions, `share`, -1 to 1, in percentage points, with one decimal."""
     return number(100.0 * share, 1)
 
 
 def points_with(share: float, ends: tuple[float, float]) -> Estimate:
-    """Format a difference of fractions and its interval in percentage points, with one decimal.
-
-    `share` is the difference, and `ends` are the ends of its interval.
+    """Format the difference of two fractions and its interval in percentage points, with one decimal.
 
     Args:
-        share: Difference of fractions.
-        ends: Ends of the interval.
+        share: Difference of the fractions, -1 to 1.
+        ends: Lower and upper end of its confidence interval, -1 to 1.
 
     Returns:
-        The text.
+        Texts of the difference and of both ends, percentage points.
     """
     return estimate(share, ends, 1, 100.0)
 
 
 def interval(ends: tuple[float, float], digits: int = 3) -> str:
-    """Format the `ends` of an interval as `low … high`; a dash if an end is NaN.
-
-    At least `digits` decimals are used.
+    """Format an interval as `0.125 … 0.250`; a dash if an end is NaN.
 
     Args:
-        ends: Lower and upper end.
-        digits: Smallest number of decimals.
+        ends: Lower and upper end of the interval.
+        digits: Minimum number of decimals; up to three more are used if different ends would look equal.
 
     Returns:
         The text.
@@ -175,12 +186,12 @@ def interval(ends: tuple[float, float], digits: int = 3) -> str:
 
 
 def points_interval(ends: tuple[float, float]) -> str:
-    """Format an interval as `low … high` in percentage points, with one decimal."""
+    """Format an interval, `ends`, -1 to 1, as `1.5 … 4.0` in percentage points, with one decimal."""
     return points_with(ends[0], ends).interval
 
 
 def p_value(value: float) -> str:
-    """Format a p-value as `p < 0.001`, or as `p = ` with two or three decimals; a dash if it is NaN."""
+    """Format the p-value `value` as `p < 0.001`, `p = 0.012` or `p = 0.25`; a dash if it is NaN."""
     if math.isnan(value):
         return ABSENT
     if value < 0.001:
@@ -189,15 +200,15 @@ def p_value(value: float) -> str:
 
 
 def join_names(names: Sequence[str]) -> str:
-    """Join names as `a, b and c`."""
+    """Join at least one name to a text such as `a, b and c`."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def break_name(name: str, width: int) -> list[str]:
-    """Break a name into lines at the ends of its words.
+    """Break a long name of a policy or scenario into lines, at the ends of its words.
 
-    Words end after `/`, `_`, `-`, `:`, `@`, `+` or a space. A word longer than a line is broken before a capital letter
-    if possible.
+    Words end after `/`, `_`, `-`, `:`, `@`, `+` or a space. A word that is longer than a line is broken before a
+    capital letter if possible.
 
     Args:
         name: The name.
@@ -217,18 +228,24 @@ def break_name(name: str, width: int) -> list[str]:
 
 
 def with_count(count: int, thing: str) -> str:
-    """Format a count with its noun: `1 episode` or `128 episodes` for the `thing` `episode`."""
+    """Format a count with a noun in singular or plural, such as `1 episode` or `128 episodes`.
+
+    Args:
+        count: Number of things.
+        thing: Noun in the singular, such as `episode`; the plural must end in `s`.
+
+    Returns:
+        The text.
+    """
     return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
 
 
 def share(value: float, ends: tuple[float, float]) -> str:
-    """Format a fraction and its interval in whole per cent, as `41 % [36, 47]`.
-
-    `value` is the fraction in [0, 1], and `ends` are the ends of its interval.
+    """Format a fraction and its confidence interval in whole per cent, as `41 % [36, 47]`.
 
     Args:
-        value: Fraction in [0, 1].
-        ends: Ends of the interval.
+        value: The fraction, 0 to 1.
+        ends: Lower and upper end of the interval, 0 to 1; NaN if there is no interval.
 
     Returns:
         The text.

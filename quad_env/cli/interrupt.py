@@ -1,6 +1,7 @@
-"""Handling of Ctrl-C: the first sets a flag that a loop checks, the second ends the process at once.
+"""Handling of Ctrl-C in a long loop: the first Ctrl-C stops the loop cleanly, the second ends the process.
 
-The signal handler raises no KeyboardInterrupt, because Python discards exceptions inside callbacks and finalisers.
+The first Ctrl-C sets a flag that the loop checks. The signal handler itself raises no KeyboardInterrupt, because Python
+discards exceptions inside callbacks and finalisers.
 """
 
 import signal
@@ -10,23 +11,23 @@ from types import FrameType, TracebackType
 from quad_env.cli.launcher import exit_interrupted
 
 AT_ONCE = "interrupted again: ended at once, without what comes last"
-"""Line that is printed on stderr after the second Ctrl-C."""
+"""Line that is printed on stderr when the second Ctrl-C ends the process."""
 
 
 class Interrupt:
-    """Context in which the first Ctrl-C sets `requested`, and the second ends the process.
+    """Context manager for a loop that Ctrl-C must not stop at an arbitrary point.
 
-    A loop inside the context calls `check` where it can stop. The end of the context raises KeyboardInterrupt if Ctrl-C
-    was pressed and no exception has left the context. A process that ignores Ctrl-C, such as a background job of a
-    shell, continues to ignore it.
+    In its `with` block, the first Ctrl-C sets `requested`, and the second Ctrl-C ends the process. A loop in the block
+    calls `check` where it can stop. The end of the block raises KeyboardInterrupt if Ctrl-C was pressed and no
+    exception has left the block. A process that ignores Ctrl-C, such as a background job, continues to ignore it.
     """
 
     def __init__(self) -> None:
         self.requested = False
-        """True after the first Ctrl-C."""
+        """True after the first Ctrl-C in the `with` block."""
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if Ctrl-C was pressed; a loop calls this where it can stop."""
+        """Raise KeyboardInterrupt if Ctrl-C was pressed; a loop calls this method where it can stop."""
         if self.requested:
             raise KeyboardInterrupt
 

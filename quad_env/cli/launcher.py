@@ -1,8 +1,8 @@
-"""Start and end of a program, without tracebacks for Ctrl-C, closed pipes or too little memory.
+"""Start and end of the command-line programs: Ctrl-C, closed pipes and too little memory give no traceback.
 
-The `__main__` module of a program calls `leave_on_interrupt` before its slow imports, and then `launch`. The program
-calls `raise_on_interrupt` once everything is loaded and it can save its results. This module imports only parts of the
-standard library that load fast.
+The module `__main__` of a program calls `leave_on_interrupt` before its slow imports, and then `launch`. The program
+calls `raise_on_interrupt` once everything is imported and it can save its results. This module imports only parts of
+the standard library that load fast.
 """
 
 import errno
@@ -16,52 +16,58 @@ from types import FrameType, TracebackType
 from typing import NoReturn
 
 INTERRUPTED = 130
-"""Exit code after Ctrl-C."""
+"""Exit code of a program that Ctrl-C has ended."""
 FAILED = 2
-"""Exit code after a mistake of the user or a failure of the system."""
+"""Exit code of a program after an error of the user, such as an unknown option, or of the system."""
 NOTHING_KEPT = "interrupted: no further file was written"
 """Line that is printed on stderr if Ctrl-C ends a program that has saved no results."""
 ROOT = Path(__file__).resolve().parents[2]
-"""Path of the clone of the project, or of the folder into which quad_env alone is installed."""
+"""Path of the clone of the project; if only `quad_env` is installed, the folder that contains it."""
 IS_CLONE = (ROOT / "live").is_dir() and (ROOT / "pyproject.toml").is_file()
-"""True if ROOT is a clone of the project."""
+"""True if this code is in a clone of the project, False if only the package `quad_env` is installed."""
 _MEMORY_SIGNS = (
-    "cannot allocate memory",  # from the operating system
-    "could not allocate memory",  # from MuJoCo
-    "failed to map segment",  # from the loading of a library
-    "can't start new thread",  # from Python, because there is no memory for the stack of the thread
+    "cannot allocate memory",  # This is a message of the operating system.
+    "could not allocate memory",  # This is a message of MuJoCo.
+    "failed to map segment",  # This message occurs when a shared library is loaded.
+    "can't start new thread",  # This is a message of Python if there is no memory for the stack of a thread.
 )
-"""Texts that occur in error messages about too little memory, in lower case."""
+"""Texts that identify an error message about too little memory, in lower case."""
 _UNKNOWN_CPP_ERROR = "caught an unknown exception"
-"""Message of MuJoCo's compiler for any unexpected error, for example if it cannot start its threads."""
+"""Text in the message of MuJoCo's compiler about any unexpected error.
+
+One of these errors is that too little memory is left to start a thread.
+"""
 _BLAS_BUFFER = 2**26
 """Largest memory that OpenBLAS allocates at its first large matrix product, byte."""
 OUT_OF_MEMORY = "out of memory: end other programs, or raise the limit of `ulimit -v` if there is one"
+"""Message for the user about too little memory, with the remedy."""
 
 
 def leave_on_interrupt() -> None:
-    """From now on, end the process at once after Ctrl-C, and report too little memory in one line.
+    """Make Ctrl-C end this process at once from now on; too little memory is then reported in one line.
 
-    No KeyboardInterrupt is raised, because during an import it can turn into an ImportError or be discarded.
+    A program calls this function before its slow imports. No KeyboardInterrupt is raised, because during an import it
+    can turn into an ImportError or be discarded.
     """
     sys.excepthook = _handle_uncaught
     save_memory_where_limited()
-    # Keep the handler of a background job, because its shell has made it ignore Ctrl-C.
+    # Keep the signal handler of a background job, because its shell has made it ignore Ctrl-C.
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _handle_interrupt)
 
 
 def raise_on_interrupt() -> None:
-    """From now on, raise KeyboardInterrupt after Ctrl-C again.
+    """Make Ctrl-C raise KeyboardInterrupt again, after `leave_on_interrupt` has made it end the process.
 
-    Nothing changes unless `leave_on_interrupt` has replaced the handler.
+    A program calls this function once everything is imported and it can save its results. If `leave_on_interrupt` was
+    not called, nothing changes.
     """
     if signal.getsignal(signal.SIGINT) is _handle_interrupt:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def launch(main: Callable[[], int]) -> int:
-    """Run a program, flush stdout and return the exit code.
+    """Run a command-line program, flush stdout, and return the exit code.
 
     Ctrl-C, a closed output pipe and a full disk end the program without a traceback.
 
@@ -78,14 +84,14 @@ def launch(main: Callable[[], int]) -> int:
     try:
         try:
             code = main()
-        except SystemExit as end:  # The parser of the command line raises this after --help.
+        except SystemExit as end:  # The parser of the command line raises this exception after --help.
             code = end.code if isinstance(end.code, int) else 0
         if sys.stdout is not None:
             sys.stdout.flush()
     except KeyboardInterrupt:
         code = INTERRUPTED
     except OSError as error:
-        if is_broken_pipe(error):  # The reader has closed the pipe, as `head` does: this is no error.
+        if is_broken_pipe(error):  # This is no error, because programs such as `head` close the pipe when they end.
             silence_stdout()
         elif error.errno == errno.ENOSPC:
             silence_stdout()
@@ -94,17 +100,18 @@ def launch(main: Callable[[], int]) -> int:
             code = code or FAILED
         else:
             raise
-    # Ignore Ctrl-C from here on, because it would print a traceback; the rest takes milliseconds.
+    # Ignore Ctrl-C until the process ends, because it would print a traceback; the end takes milliseconds.
     if signal.getsignal(signal.SIGINT) in (_handle_interrupt, signal.default_int_handler):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     if code == INTERRUPTED:
-        # Use os._exit: after an interrupt within exec(), the interpreter would end by the signal, not with this code.
+        # End by `os._exit`, because after an interrupt within `exec` the interpreter would end by the signal instead
+        # of with this exit code.
         os._exit(INTERRUPTED)
     return code
 
 
 def is_broken_pipe(error: OSError) -> bool:
-    """Return True if the reader of the output has closed the pipe.
+    """Return True if an error means that the program that reads our output has closed the pipe.
 
     Windows reports a closed pipe as an invalid argument.
     """
@@ -113,20 +120,28 @@ def is_broken_pipe(error: OSError) -> bool:
 
 
 def silence_stdout() -> None:
-    """Discard all further output on stdout, so that the final flush of the interpreter does not fail."""
+    """Discard all further output on stdout, so that Python's flush at the end of the process does not fail."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
 def exit_interrupted(text: str) -> NoReturn:
     """End the process at once after Ctrl-C, with the line `text` on stderr."""
-    # Use no buffers and no exit handlers, because the interrupt may have left them in an inconsistent state.
-    shown_again = "\r\x1b[?25h" if os.isatty(2) else ""  # Show the cursor, which a progress bar hides.
+    # Avoid Python's output buffers and exit handlers, because Ctrl-C may have interrupted a change of them.
+    shown_again = "\r\x1b[?25h" if os.isatty(2) else ""  # This sequence shows the cursor, which a progress bar hides.
     os.write(2, f"{shown_again}{text}\n".encode())
     os._exit(INTERRUPTED)
 
 
 def _handle_uncaught(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """Handle an uncaught exception: print one line for too little memory, else the traceback."""
+    """Print one line if an uncaught exception is due to too little memory, else the traceback.
+
+    This function is `sys.excepthook`. With too little memory, the process ends at once with the exit code FAILED.
+
+    Args:
+        kind: Class of the exception.
+        error: The exception.
+        trace: Traceback of the exception.
+    """
     if not is_out_of_memory(error):
         sys.__excepthook__(kind, error, trace)
         return
@@ -139,7 +154,7 @@ def _handle_interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def memory_is_limited() -> bool:
-    """Return True if the address space of this process is limited, for example by `ulimit -v`."""
+    """Return True if the operating system limits the memory of this process, such as by `ulimit -v`."""
     if sys.platform == "win32":
         return False
     import resource
@@ -148,31 +163,33 @@ def memory_is_limited() -> bool:
 
 
 def save_memory_where_limited() -> None:
-    """Limit OpenBLAS to one thread if memory is limited; called before NumPy is imported.
+    """Limit OpenBLAS, the linear algebra library of NumPy, to one thread if the memory is limited.
 
-    OpenBLAS reserves memory for each of its threads. It ends the process or hangs if it does not get this memory.
+    OpenBLAS reserves memory for each of its threads. It ends the process or hangs if it does not get this memory. This
+    function must be called before NumPy is imported.
     """
     if memory_is_limited():
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def is_out_of_memory(error: BaseException) -> bool:
-    """Return True if an exception, of any type, is due to too little memory."""
+    """Return True if an exception of any type, also of MuJoCo or a library, is due to too little memory."""
     if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
         return True
     if not isinstance(error, Exception):
         return False
     try:
         text = str(error).lower()
-    except Exception:  # The `__str__` method of a user's exception can fail.
+    except Exception:  # The method `__str__` of an exception in a user's code can itself fail.
         return False
     return any(sign in text for sign in _MEMORY_SIGNS) or (_UNKNOWN_CPP_ERROR in text and memory_is_limited())
 
 
 def preallocate_blas_buffers() -> None:
-    """Make OpenBLAS allocate its buffers now if memory is limited; called once everything is loaded.
+    """Make OpenBLAS, the linear algebra library of NumPy, allocate its buffers now if memory is limited.
 
-    Too little memory raises OSError here. OpenBLAS would end the process if it ran out of memory later.
+    Too little memory then raises OSError, which gives a clear error message. Later, OpenBLAS would end the process. A
+    program calls this function once everything is imported.
     """
     if memory_is_limited():
         import numpy as np

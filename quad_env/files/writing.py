@@ -1,4 +1,4 @@
-"""Atomic writing of files, and locks that reserve a folder for one process."""
+"""Atomic writing of files, and locks that reserve an output folder for one process."""
 
 import contextlib
 import hashlib
