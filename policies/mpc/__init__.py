@@ -1,1 +1,1 @@
-"""Model-based controllers: contact forces by convex MPC of a rigid body, joint torques by a whole-body QP."""
+"""Model-based controllers: contact forces by convex MPC, joint torques by a whole-body QP."""

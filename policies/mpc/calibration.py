@@ -1,4 +1,7 @@
-"""Calibration after a reset: the robot stands to measure the sensor noise, then bends its legs to find the delay."""
+"""Calibration after a reset: the robot stands to measure sensor noise, then bends its legs.
+
+The joint motion while the legs bend shows the delay from joint target to joint reading.
+"""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -82,7 +82,7 @@ class DelayEstimator(PerRobotState):
         super().__init__(delays=np.int64(joint_delay_steps))
 
     def update(self, errors: Floats, noise: Floats, sample_count: NDArray[np.int64], is_excited: Mask) -> None:
-        """Update the filtered prediction errors, and change the delay if another one has a clearly smaller error.
+        """Update the filtered prediction errors, and change the delay if another one predicts better.
 
         Args:
             errors: Squared error of the predicted joint speeds, mean over the joints, (MAX_DELAY_STEPS + 1, n),

@@ -207,7 +207,7 @@ def swing_trajectory(
     period: float,
     terrain: Terrain,
 ) -> tuple[Floats, Floats, Floats]:
-    """Return position, velocity and acceleration of the swing trajectory of each foot, relative to the trunk.
+    """Return position, velocity and acceleration of the swing trajectories, relative to the trunk.
 
     At lift-off and touch-down, the foot moves with the ground. The trajectory ends `landing_depth` below the ground.
 

@@ -1,4 +1,7 @@
-"""Smith predictor: present joint angles and speeds, from delayed encoder readings and planned accelerations."""
+"""Smith predictor of the present joint angles and speeds from delayed encoder readings.
+
+It integrates the planned joint accelerations over the delay.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +48,7 @@ class JointPredictor(PerRobotState):
         super().__init__(_accelerations=np.zeros((delay_steps, 12)))
 
     def predict(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the observations, (n, k), with the delayed joint angles and speeds replaced by predicted ones.
+        """Return the observations, (n, k), with predicted instead of delayed joint angles and speeds.
 
         The observations are returned unchanged if `delay_steps` is 0.
         """

@@ -103,9 +103,9 @@ class StanceForces(NamedTuple):
 
 
 def _observation_at_rest(policy: Policy) -> NDArray[np.float32]:
-    """Return the observation, (k,), of a robot that stands level in the home pose; its height scan is empty.
+    """Return the observation, (k,), of a robot that stands level in the home pose.
 
-    It replaces an observation that is not finite, if the robot has not had a finite one yet.
+    Its height scan is empty. It replaces an observation that is not finite, if the robot has not had a finite one yet.
     """
     table = table_with(policy.robot, policy.height_scan)
     observation = np.zeros(table.size, np.float32)
@@ -211,7 +211,10 @@ class ModelBased(GaitedPolicy):
         return to_actions(self.robot, self._targets)
 
     def _replace_nonfinite(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Replace each observation in `rows`, (n, k), that is not finite by the last finite one of the same robot."""
+        """Return the observations `rows`, (n, k), in which those that are not finite are replaced.
+
+        Each is replaced by the last finite observation of the same robot.
+        """
         self._observation_invalid[:] = ~np.isfinite(rows).all(axis=1)
         return np.where(self._observation_invalid[:, None], self._last_observation, rows)
 
@@ -249,12 +252,15 @@ class ModelBased(GaitedPolicy):
         )
 
     def _feet_in_mid_swing(self) -> Mask:
-        """Return True for feet that were in mid-swing according to the gait when the readings were taken, (n, 4)."""
+        """Return True for feet that the gait had in mid-swing at the time of the readings, (n, 4)."""
         cycle = self._cycle_at_measurement()
         return cycle.swing & (cycle.progress > LIFTOFF_PHASE) & (cycle.progress < EARLY_CONTACT_PHASE)
 
     def _cycle_at_measurement(self) -> LegCycle:
-        """Return the gait cycle of the legs, (n, 4), at the time of the readings: the delay before the targets act."""
+        """Return the gait cycle of the legs, (n, 4), at the time of the readings.
+
+        This time lies before the present phase of the gait clock, by the estimated delay.
+        """
         delay_time = self.control_period * self.observer.delays
         return self._gait.legs(self._phase - TURN * self._frequencies * delay_time)
 
@@ -398,13 +404,15 @@ class ModelBased(GaitedPolicy):
         return leg_torques(state.bodies, reference, disturbance_wrench, self._torque_limits(state))
 
     def _torque_limits(self, state: MotionState) -> tuple[Floats, Floats]:
-        """Return the minimum and maximum joint torques of the motors at the present joint speeds, (n, 12) each, N·m."""
+        """Return the smallest and largest torques of the joints at their present speeds, (n, 12) each, N·m."""
         return self.observer.servos.limits(state.generalised_velocity[:, 6:])
 
     # Phase 5: convert to targets.
 
     def _invert_servo_law(self, state: MotionState, torques: Torques) -> Mask:
-        """Set the joint targets at which the servos give the planned torques halfway through the control period.
+        """Set the joint targets with which the servos give the planned torques.
+
+        The servos give these torques halfway through the control period.
 
         The target is u = q + (τ + d q̇) / k: τ is the torque, d the servo damping and k the servo stiffness. The joint
         angle q and speed q̇ are integrated over half a control period at the planned acceleration.
@@ -430,8 +438,9 @@ class ModelBased(GaitedPolicy):
         return ~torques.has_solution | ~finite.all(axis=1)
 
     def _stop_failed_robots(self, failed: Mask, observation: NDArray[np.float32], joint_position: Floats) -> None:
-        """Start a controlled stop of robots that have failed for `SOLVER_FAILURE_TIMEOUT`; it lasts until a reset.
+        """Start a controlled stop of robots that have failed for `SOLVER_FAILURE_TIMEOUT`.
 
+        The stop lasts until the robot is reset.
         `failed`: True for robots with a failed solver or an invalid observation in this control step, (n,);
         `joint_position`: joint angles, (n, 12), rad.
         """

@@ -1,4 +1,4 @@
-"""Operations on motion states: position feedback, a load on the trunk, and selection of some robots of a batch."""
+"""Operations on motion states: position feedback, load on the trunk, and selection of robots."""
 
 from typing import Any, NamedTuple, TypeVar
 
@@ -59,7 +59,9 @@ def replace_robots(state: P, robots: EnvIndices, replacement: P) -> P:
 
 
 class PositionErrorIntegrator(PerRobotState):
-    """Integrates the velocity error of n robots into a position error, and adds its feedback to the command.
+    """Integrates the velocity error of n robots into a position error, and feeds it back.
+
+    The feedback adds a velocity to the command that reduces the position error.
 
     The velocity error is commanded minus actual velocity, in the heading frame (yaw only). The position error has the
     function of the position set point of `ConvexMPCLocomotion` in MIT's Cheetah-Software. A new command resets it to
@@ -192,7 +194,10 @@ def add_load(motion: MotionState, load: PointLoad) -> MotionState:
 
 
 def _load_jacobian(motion: MotionState, load: PointLoad) -> Floats:
-    """Return the Jacobian from the generalised velocity to the velocity of the load, level frame, (n, 3, 18)."""
+    """Return the Jacobian of the load position: load velocity, level frame, per generalised velocity.
+
+    Its shape is (n, 3, 18).
+    """
     count, size = motion.generalised_velocity.shape
     jacobian = np.zeros((count, 3, size))
     jacobian[:, :, :3] = np.eye(3)
@@ -201,7 +206,7 @@ def _load_jacobian(motion: MotionState, load: PointLoad) -> Floats:
 
 
 def _load_bias_acceleration(motion: MotionState, load: PointLoad) -> Floats:
-    """Return the centripetal acceleration of the load relative to the trunk centre, level frame, (n, 3), m/s²."""
+    """Return the centripetal acceleration of the load about the trunk centre, level frame, (n, 3), m/s²."""
     angular_velocity_base = motion.generalised_velocity[:, 3:6]
     centripetal = cross(angular_velocity_base, cross(angular_velocity_base, load.position))
     acceleration: Floats = np.einsum("nij,nj->ni", motion.rotation, centripetal)

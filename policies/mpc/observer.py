@@ -1,4 +1,4 @@
-"""Delay compensation: estimates sensor noise and delay, and predicts the state when the next targets act.
+"""Delay compensation: estimates noise and delay, and predicts the state when the next targets act.
 
 The joint targets of the past are known, so that the dynamics model of the robot (`servo_step`) predicts the motion
 within a control period. `delay_estimator` compares the predicted joint speeds of several candidate delays with the
@@ -88,7 +88,7 @@ class DelayCompensator(PerRobotState):
 
     @property
     def delays(self) -> NDArray[np.int64]:
-        """Estimated control steps from a reading to the time when the joint target computed from it acts, (n,)."""
+        """Estimated control steps from a reading until the joint target computed from it acts, (n,)."""
         return self.delay_estimator.delays
 
     @property

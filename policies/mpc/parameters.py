@@ -78,7 +78,9 @@ class ModelParameters(Parameters):
 
 @dataclass(frozen=True)
 class MpcParameters(ModelParameters):
-    """Parameters of the model-predictive controllers: gait, estimators, and weights of the MPC and the whole-body QP.
+    """Parameters of the model-predictive controllers: gait, estimators, and weights of the costs.
+
+    The weights belong to the MPC of the contact forces and to the whole-body QP of the joint torques.
 
     The defaults were set by hand on a few search episodes. The parameters in `mpc_wbc.json` were found by a search.
     """

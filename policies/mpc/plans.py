@@ -1,4 +1,4 @@
-"""Force plans of the robots: the contact forces over the MPC horizon, and the time since they were planned.
+"""Force plans of the robots: contact forces over the MPC horizon, and the age of the plans.
 
 A robot applies the forces of its plan until the plan is renewed. The age of the plan gives the present step of the
 horizon. If other feet are in stance than planned, the total wrench of the planned forces about the centre of mass is
@@ -122,9 +122,10 @@ class ForcePlans(PerRobotState):
 
 
 def distribute_wrench(wrench: Floats, stance: Mask, moment_arms: Floats, friction: Friction) -> Floats:
-    """Distribute a wrench over the stance feet: contact forces with the smallest norm that give the wrench.
+    """Distribute a wrench over the stance feet.
 
-    The forces are clipped to the friction pyramid afterwards, so that their sum may differ from the wrench.
+    The result is the contact forces with the smallest norm that give the wrench. The forces are clipped to the friction
+    pyramid afterwards, so that their sum may differ from the wrench.
 
     Args:
         wrench: Total force, N, and moment about the centre of mass, N·m, level frame, (n, 6).
@@ -145,7 +146,7 @@ def distribute_wrench(wrench: Floats, stance: Mask, moment_arms: Floats, frictio
 
 
 def min_norm_forces(effects: Floats, wanted: Floats, stance: Mask, damping: float) -> Floats:
-    """Return the stance forces with the smallest norm that give a desired total effect, for example a wrench.
+    """Return the stance forces with the smallest norm that give a desired effect, such as a wrench.
 
     They are the damped least-squares solution f = Eᵀ (E Eᵀ + λ 1)⁻¹ w.
 

@@ -118,7 +118,10 @@ class Mpc(ModelBased):
     def _predict_moment_arms(
         self, state: MotionState, contact_plan: ContactPlan, stance_schedule: Mask, time_in_stance: Floats
     ) -> Floats:
-        """Predict the vectors from the centre of mass to the feet over the horizon, level frame, (n, N, 4, 3), m."""
+        """Predict the vectors from the centre of mass to the feet, level frame, (n, N, 4, 3), m.
+
+        `stance_schedule` and `time_in_stance` are the results of `_make_schedule`.
+        """
         bodies = state.bodies
         foothold_height = self._foothold_height(
             state, contact_plan.foothold_positions, contact_plan.ground, stance_schedule
@@ -200,9 +203,10 @@ class Mpc(ModelBased):
         return RigidBodyState(pose, rate, bodies.mass, bodies.rotational_inertia, acceleration)
 
     def _mpc_reference(self, state: MotionState, ground: TerrainPlane, selection: EnvSelection) -> MpcReference:
-        """Return the reference of the MPC for some robots: motion from the present position at the commanded velocity.
+        """Return the reference trajectory of the MPC for some robots.
 
-        `selection`: indices or slice of the robots. The reference stays at a constant height above the ground plane.
+        It starts at the present position and moves at the commanded velocity. `selection`: indices or slice of the
+        robots. The reference stays at a constant height above the ground plane.
         """
         command = state.command
         rate = np.zeros((self.num_envs, 6))
@@ -214,7 +218,7 @@ class Mpc(ModelBased):
 
 
 def _cost_weights(p: MpcParameters) -> MpcWeights:
-    """Return the weights of the MPC's cost for the parameters `p`; the weight of the horizontal position is zero."""
+    """Return the weights of the MPC's cost; the weight of the horizontal position is zero."""
     pose = (p.roll_weight, p.pitch_weight, p.yaw_weight, 0.0, 0.0, p.height_weight)
     angular = (p.turn_weight, p.turn_weight, p.yaw_rate_weight)
     linear = (p.velocity_weight, p.velocity_weight, p.vertical_weight)

@@ -1,8 +1,9 @@
-"""Noise of the readings, estimated from the readings alone.
+"""Variance of the sensor noise, estimated from the noisy readings alone.
 
-Two consecutive second differences of white noise have opposite signs, and their covariance is -4 σ². The second
-differences of a motion change little from one control step to the next. The method, noise variance from
-autocorrelation, is by Mehra, "On the identification of variances and adaptive Kalman filtering", 1970.
+The second difference of a reading z is d_k = z_k - 2 z_{k-1} + z_{k-2}. For white noise with the variance σ², the
+covariance of two consecutive second differences is -4 σ². A smooth motion contributes little to this covariance,
+because its second differences are small. The method, noise variance from autocorrelation, is by Mehra, "On the
+identification of variances and adaptive Kalman filtering", 1970.
 """
 
 from collections.abc import Sequence
@@ -15,32 +16,38 @@ from policies.memory import PerRobotState, lowpass_gain, per_robot, warm_start_g
 from policies.mpc.readings import GROUPS
 
 NOISE_FLOOR_STD = np.array([0.001, 0.12, 0.025, 0.0015, 0.4])
-"""Standard deviation that the estimator shows for each group in a walk although the readings have no noise.
+"""Noise floor: standard deviation estimated for noise-free readings of a walking robot, per group of readings.
 
-Unit vector, rad/s, m/s, rad, rad/s."""
+The motion itself causes it. Groups and units: gravity (unit vector), angular velocity, rad/s, linear velocity, m/s,
+joint angles, rad, and joint speeds, rad/s."""
 FILTER_TIME = 0.5
-"""Time constant of the variance estimate, s. Before this time has passed, the estimate is a running mean."""
+"""Time constant of the low-pass filter of the variance estimate, s.
+
+Until this time has passed since the reset, the estimate is a running mean."""
 EARLY_SAMPLES = 8
-"""The noise floor is multiplied by 1 + EARLY_SAMPLES / k after k samples, because few samples scatter."""
+"""Sample count E in the factor 1 + E/k on the variance of the noise floor after k samples.
+
+The floor is higher at first, because an estimate from few samples scatters."""
 SAMPLES_WITHOUT_ESTIMATE = 3
-"""Number of samples before two second differences are available."""
+"""Number of samples after a reset without an estimate, because two second differences are not available yet."""
 
 
 class NoiseEstimator(PerRobotState):
-    """Estimates the noise variance of the readings of n robots, per group.
+    """Estimates the noise variance of the readings of n robots, one variance per group of readings.
 
     Args:
         period: Control period, s.
-        groups: Slices of the m groups of readings, adjacent and in order. A group has readings of one kind.
-        noise_floor_std: Standard deviation that the estimator shows for each group if its noise is zero, (m,).
+        groups: Slices of the m groups in a row of readings, adjacent and in order. A group holds readings of one
+            quantity, for example all joint angles.
+        noise_floor_std: Standard deviation that is estimated for noise-free readings of each group, (m,).
     """
 
     sample_count: NDArray[np.int64] = per_robot(0)
-    """Readings of each robot since its reset, (n,)."""
+    """Number of observations of each robot since its reset, (n,)."""
     _last: Floats = per_robot(axis=1)
-    """Readings one and two samples ago, and the last second difference, (3, n, k)."""
+    """Readings one sample ago, readings two samples ago, and the last second difference, (3, n, k)."""
     _raw_variance: Floats = per_robot()
-    """Variance before the noise floor is subtracted, (n, m)."""
+    """Filtered variance of each group, before the noise floor is subtracted, (n, m)."""
 
     def __init__(
         self, period: float, groups: Sequence[slice] = GROUPS, noise_floor_std: Floats = NOISE_FLOOR_STD
@@ -53,9 +60,9 @@ class NoiseEstimator(PerRobotState):
         super().__init__(_last=np.zeros((3, width)), _raw_variance=np.zeros(len(groups)))
 
     def update(self, readings: Floats) -> Floats:
-        """Update with readings, (n, k), and return the noise variance of each group, (n, m).
+        """Update the estimate with `readings`, (n, k), and return the noise variances, (n, m).
 
-        A variance below the noise floor is returned as zero.
+        The variance of the noise floor is subtracted; a variance below the floor is returned as zero.
         """
         last, second_last, last_difference = self._last
         difference = readings - 2.0 * last + second_last

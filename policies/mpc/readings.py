@@ -1,4 +1,7 @@
-"""Readings of a robot: their groups in the observation, and their prediction over a control period."""
+"""Readings: the sensor values at the beginning of an observation, their groups, and their prediction.
+
+The groups are gravity direction, angular velocity, linear velocity, joint angles and joint speeds.
+"""
 
 import numpy as np
 
@@ -16,27 +19,33 @@ JOINT_POSITION = OBSERVATION["joint_position"]
 JOINT_VELOCITY = OBSERVATION["joint_velocity"]
 
 GROUPS = (GRAVITY, ANGULAR_VELOCITY, LINEAR_VELOCITY, JOINT_POSITION, JOINT_VELOCITY)
-"""Slices of the groups of readings; a group has one noise variance. Unit vector, rad/s, m/s, rad, rad/s."""
+"""Slices of the five groups of readings in an observation; the readings of a group have the same noise variance.
+
+Gravity direction (unit vector), angular velocity, rad/s, linear velocity, m/s, joint angles, rad, joint speeds, rad/s.
+"""
 SENSED = slice(0, JOINT_VELOCITY.stop)
-"""Slice of the readings in an observation: its first 33 entries."""
+"""Slice of all readings in an observation: its first 33 numbers."""
 MAX_READING = np.repeat([1.0, 10.0, 4.0, 3.0, 30.0], [group.stop - group.start for group in GROUPS])
-"""Largest absolute values of predicted readings, (33,); keeps a diverging prediction bounded."""
+"""Bounds of the absolute values of predicted readings, in the units of `GROUPS`, (33,).
+
+Predictions are clipped to them, so that a diverging prediction stays finite."""
 
 
 def predict_readings(robot: Robot, state: MotionState, velocity: Floats, period: float) -> Floats:
-    """Predict the readings one control period later.
+    """Predict the readings after a control period from the state before it and the velocity after it.
 
-    Bars mark means of the values before and after the period, and g is the direction of gravity in the base frame:
-    g⁺ = g - T ω̄ × g, the same for the velocity of the trunk, and q⁺ = q + T q̄̇ for the joint angles.
+    The direction of gravity in the base frame, g, changes to g - T ω × g. The trunk velocity is rotated into the new
+    base frame by the same formula. The joint angles q change to q + T q̇. Here ω and q̇ are the angular velocity and the
+    joint speeds, averaged over the period.
 
     Args:
-        robot: Robot of the readings.
-        state: State of n robots before the period.
-        velocity: Generalised velocity after the period, (n, 18), m/s and rad/s.
+        robot: Robot model; it supplies the home pose, because joint readings are relative to it.
+        state: State of n robots before the control period.
+        velocity: Generalised velocity after the control period, (n, 18), m/s and rad/s.
         period: Control period T, s.
 
     Returns:
-        Readings, (n, 33), clipped to ±`MAX_READING`.
+        Readings in the order of `GROUPS`, (n, 33), clipped to ±`MAX_READING`.
     """
     mean_velocity = 0.5 * (state.generalised_velocity + velocity)
     rotation_vector = period * mean_velocity[:, 3:6]
@@ -52,6 +61,6 @@ def predict_readings(robot: Robot, state: MotionState, velocity: Floats, period:
 
 
 def normalise_gravity(readings: Floats) -> Floats:
-    """Scale the direction of gravity in `readings`, (n, k), to length one, in place; return the readings."""
+    """Normalise the gravity direction in `readings`, (n, k), in place, and return `readings`."""
     readings[:, GRAVITY] = unit(readings[:, GRAVITY])
     return readings

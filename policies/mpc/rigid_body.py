@@ -1,13 +1,15 @@
-"""Condensed MPC: optimal contact forces for the robot as a single rigid body over a horizon.
+"""Condensed MPC: optimal contact forces over a horizon for a robot modelled as a single rigid body.
 
 The method is by Di Carlo et al., "Dynamic locomotion in the MIT Cheetah 3 through convex model-predictive control",
-IROS 2018. Here the states are eliminated, so that the only variables are the forces of the stance feet. The prediction
-is linear in the level frame if tilts are small and the inertia is constant. With an acceleration a_j that is constant
-over each step of duration τ,
+IROS 2018. In condensed MPC, the states are eliminated, so that the only variables are the forces of the stance feet.
+The prediction is linear in the level frame, because tilts are assumed small and the inertia constant. The acceleration
+a_j is constant over step j of duration τ. Velocity v_k and position p_k after step k are
 
     v_k = v_0 + τ Σ_{j<k} a_j        p_k = p_0 + kτ v_0 + τ² Σ_{j<k} (k - j - ½) a_j
 
-where a_j = Σ_i f_ij / m + g, and the same for angles with α_j = I⁻¹ Σ_i r_ij × f_ij.
+where a_j = Σ_i f_ij / m + g. f_ij is the force on foot i in step j, m the mass and g the gravity acceleration. The same
+equations hold for the angles, with α_j = I⁻¹ Σ_i r_ij × f_ij: I is the rotational inertia and r_ij is the vector from
+the centre of mass to foot i.
 """
 
 from collections.abc import Iterator
@@ -27,70 +29,75 @@ from quad_env.physics.rotations import skew
 LEGS = 4
 """Number of legs."""
 MAX_GROUP_SIZE = 32
-"""Largest number of robots in a batch of programs, so that the matrices of a batch fit into a processor cache."""
+"""Largest number of robots in a batch of quadratic programs.
+
+It is limited so that the matrices of a batch fit into a processor cache."""
 _EYE = np.eye(3)
 _GRAVITY_ACCELERATION = np.array([0.0, 0.0, 0.0, 0.0, 0.0, GRAVITY])
-"""Magnitude of the downward acceleration of a falling body: angular, rad/s², then linear, m/s², (6,)."""
+"""Gravity acceleration as a positive number on the z axis: angular, rad/s², then linear, m/s², (6,).
+
+It is subtracted from the acceleration of a body."""
 
 
 class RigidBodyState(NamedTuple):
     """States of n robots as single rigid bodies, in level frames with the origin at the centre of mass."""
 
     pose: Floats
-    """Roll, pitch and yaw, rad, then the position of the centre of mass relative to its reference, m; (n, 6)."""
+    """Roll, pitch and yaw, rad, then the position of the body relative to its reference, m, (n, 6)."""
     rate: Floats
-    """Angular velocity, rad/s, then velocity, m/s, (n, 6)."""
+    """Angular velocity of the trunk, rad/s, then velocity of the centre of mass, m/s, (n, 6)."""
     mass: Floats
-    """Mass, (n,), kg."""
+    """Mass of the robot with its load, (n,), kg."""
     inertia: Floats
     """Rotational inertia about the centre of mass, (n, 3, 3), kg·m²."""
     acceleration: Floats
-    """Acceleration by the external wrench: angular, rad/s², then linear, m/s², (n, 6)."""
+    """Acceleration that the external wrench causes: angular, rad/s², then linear, m/s², (n, 6)."""
 
 
 class MpcWeights(NamedTuple):
-    """Weights of the cost of the MPC."""
+    """Weights of the quadratic cost of the MPC."""
 
     pose: Floats
-    """Weights of the squared errors of the pose, (6,)."""
+    """Weights of the squared errors of roll, pitch and yaw, 1/rad², and of the position x, y, z, 1/m², (6,)."""
     rate: Floats
-    """Weights of the squared errors of the rate, (6,)."""
+    """Weights of the squared errors of the angular velocity, s²/rad², and of the velocity, s²/m², (6,)."""
     force: float
-    """Weight of the squared differences between the forces and an even distribution of the weight over the stance feet.
+    """Weight of the squared deviation of the contact forces from an even distribution over the stance feet, 1/N².
 
-    A cost of the squared forces themselves would let the planned body sink towards the end of the horizon."""
+    In the even distribution, the stance feet carry equal parts of the robot's weight. A cost of the squared forces
+    themselves would let the planned body sink towards the end of the horizon."""
 
 
 class MpcReference(NamedTuple):
-    """Reference of n bodies after each step of the horizon."""
+    """Reference trajectory of n bodies: pose and rate after each of the N steps of the horizon."""
 
     pose: Floats
-    """Reference of `RigidBodyState.pose`, (n, N, 6)."""
+    """Roll, pitch and yaw, rad, then position, m, (n, N, 6), as in `RigidBodyState.pose`."""
     rate: Floats
-    """Reference of `RigidBodyState.rate`, (n, N or 1, 6)."""
+    """Angular velocity, rad/s, then velocity, m/s, (n, N or 1, 6), as in `RigidBodyState.rate`."""
 
 
 class Friction(NamedTuple):
     """Bounds of the contact force on a stance foot, for each of n robots."""
 
     coefficient: Floats
-    """Largest horizontal force along each axis, per vertical force, (n,)."""
+    """Friction coefficient: largest horizontal force along each axis, divided by the vertical force, (n,)."""
     max_normal_force: Floats
-    """Largest vertical force, (n,), N."""
+    """Largest vertical force on one foot, (n,), N."""
 
     def select(self, robots: EnvSelection) -> "Friction":
-        """Return the bounds of the robots with indices `robots`."""
+        """Return the bounds of some robots; `robots`: their indices or a slice."""
         return Friction(self.coefficient[robots], self.max_normal_force[robots])
 
 
 @dataclass(eq=False)
 class CondensedMpc:
-    """Condensed MPC over a fixed horizon: assembles the quadratic programs of the contact forces."""
+    """Assembles the quadratic programs of the contact forces over a horizon of N steps (condensed MPC)."""
 
     steps: int
-    """Number of steps, N."""
+    """Number of steps N of the horizon."""
     period: float
-    """Duration of a step, s."""
+    """Duration of a step of the horizon, s."""
     weights: MpcWeights
     """Weights of the cost."""
 
@@ -99,27 +106,36 @@ class CondensedMpc:
         j = np.arange(self.steps)
         is_before = j < k
         self.velocity_response = np.where(is_before, self.period, 0.0)
-        """Velocity after step k per acceleration in step j, (N, N), s."""
+        """Velocity after step k (row) per acceleration in step j (column), (N, N), s."""
         self.position_response = np.where(is_before, self.period**2 * (k - j - 0.5), 0.0)
-        """Position after step k per acceleration in step j, (N, N), s²."""
+        """Position after step k (row) per acceleration in step j (column), (N, N), s²."""
         self.step_ends: Floats = self.period * np.arange(1.0, self.steps + 1.0)
-        """Ends of the steps, (N,), s."""
+        """Time from now to the end of each step, (N,), s."""
         self.step_middles: Floats = self.step_ends - 0.5 * self.period
-        """Middles of the steps, (N,), s."""
+        """Time from now to the middle of each step, (N,), s."""
         axes = zip(self.weights.pose, self.weights.rate, strict=True)
         roots = [self._cost_root(pose_weight, rate_weight) for pose_weight, rate_weight in axes]
         self._roots = np.stack(roots, axis=1).transpose(2, 1, 0).copy()
-        """Square roots of the cost of the accelerations, (step, axis, row of the root)."""
+        """Matrix square roots R of the cost of the accelerations, one for each of the 6 axes, (N, 6, N).
+
+        The indices are the step of the acceleration (column of R), the axis, and the row of R; see `_cost_root`."""
 
     def _cost_root(self, pose_weight: float, rate_weight: float) -> Floats:
-        """Return the matrix R, (N, N): RᵀR is the cost matrix of the accelerations along one axis."""
+        """Return the matrix square root R, (N, N), of the cost of the accelerations along one axis.
+
+        The cost of the N accelerations a is |R a|². `pose_weight` and `rate_weight` are the weights of the squared
+        position and velocity errors along the axis.
+        """
         stacked = np.concatenate(
             (np.sqrt(pose_weight) * self.position_response, np.sqrt(rate_weight) * self.velocity_response)
         )
         return np.linalg.qr(stacked)[1]
 
     def free_response(self, body: RigidBodyState) -> MpcReference:
-        """Predict pose and rate after each step if only gravity and the external wrench act on `body`."""
+        """Predict pose and rate of the bodies after each step if the feet apply no forces.
+
+        Only gravity and the external wrench act on a `body` then.
+        """
         acceleration = (body.acceleration - _GRAVITY_ACCELERATION)[:, None]
         rate = body.rate[:, None]
         t = self.step_ends[:, None]
@@ -128,19 +144,19 @@ class CondensedMpc:
     def make_programs(
         self, body: RigidBodyState, moment_arms: Floats, stance: Mask, reference: MpcReference, friction: Friction
     ) -> Iterator[tuple[EnvIndices, QpBatch]]:
-        """Yield the quadratic programs of the contact forces, in groups with equal numbers of variables.
+        """Yield the quadratic programs of the contact forces, in batches with equal numbers of variables.
 
-        The variables are the forces of the stance feet, ordered by step, then foot, then axis.
+        The variables of a robot's program are the forces of its stance feet, ordered by step, then foot, then axis.
 
         Args:
             body: Present state of n robots.
-            moment_arms: Vectors from the centre of mass to the feet in each step, (n, N, 4, 3), m.
-            stance: Stance feet in each step, (n, N, 4).
-            reference: Reference of the bodies.
-            friction: Bounds of the forces.
+            moment_arms: Vectors from the centre of mass to the feet in each step, level frame, (n, N, 4, 3), m.
+            stance: True for stance feet in each step, (n, N, 4).
+            reference: Reference trajectory of the bodies.
+            friction: Bounds of the contact forces.
 
         Yields:
-            Indices of g robots, (g,), and their programs.
+            Indices of g robots, (g,), and their quadratic programs.
         """
         count = len(moment_arms)
         accelerations = self._accelerations_by_force(body, moment_arms)
@@ -154,7 +170,11 @@ class CondensedMpc:
             yield robots, QpBatch(hessian, gradient[rows, variables], *bounds)
 
     def _accelerations_by_force(self, body: RigidBodyState, moment_arms: Floats) -> Floats:
-        """Return the angular and linear acceleration per force of each foot in each step, (n, 12 N, 6)."""
+        """Return the acceleration of the body per component of each contact force, (n, 12 N, 6).
+
+        The rows are ordered by step, then foot, then axis of the force. A row has the angular acceleration, rad/s² per
+        N, then the linear acceleration, m/s² per N. `moment_arms`: (n, N, 4, 3), m.
+        """
         count = len(moment_arms)
         accelerations: Floats = np.zeros((count, self.steps * LEGS, 3, 6))
         angular = np.matmul(
@@ -165,7 +185,17 @@ class CondensedMpc:
         return accelerations.reshape(count, -1, 6)
 
     def _gradient(self, body: RigidBodyState, stance: Mask, reference: MpcReference, accelerations: Floats) -> Floats:
-        """Return the gradient of the cost at zero forces of all feet, (n, 12 N)."""
+        """Return the gradient of the cost with respect to all contact forces, at zero forces, (n, 12 N).
+
+        Args:
+            body: Present state of n robots.
+            stance: True for stance feet in each step, (n, N, 4).
+            reference: Reference trajectory of the bodies.
+            accelerations: Accelerations per force, from `_accelerations_by_force`, (n, 12 N, 6).
+
+        Returns:
+            Gradient, ordered by step, then foot, then axis, (n, 12 N), 1/N.
+        """
         count = len(stance)
         weights = self.weights
         free_response = self.free_response(body)
@@ -178,14 +208,14 @@ class CondensedMpc:
         return gradient
 
     def _hessian(self, accelerations: Floats, variables: EnvIndices) -> Floats:
-        """Return the Hessian of the cost of g robots.
+        """Return the Hessian of the cost with respect to the k variables of g robots.
 
         Args:
-            accelerations: Accelerations per variable, (g, k, 6).
-            variables: Indices of the variables among the forces of all feet, (g, k).
+            accelerations: Acceleration of the body per variable, (g, k, 6).
+            variables: Indices of the variables among the 12 N force components of all feet, (g, k).
 
         Returns:
-            Hessian, (g, k, k).
+            Hessian, (g, k, k), 1/N².
         """
         roots = self._roots[variables // (3 * LEGS)] * accelerations[..., None]
         roots = roots.reshape(*variables.shape, 6 * self.steps)
@@ -195,14 +225,14 @@ class CondensedMpc:
         return hessian
 
     def scatter_forces(self, solution: Floats, stance: Mask) -> Floats:
-        """Return the force on every foot in every step, from the variables of the programs.
+        """Return the contact force of every foot in every step, from the solutions of the quadratic programs.
 
         Args:
-            solution: Variables of g programs, (g, k), N.
-            stance: Stance feet in each step, (g, N, 4).
+            solution: Optimal forces of the stance feet of g robots, ordered by step, foot and axis, (g, k), N.
+            stance: True for stance feet in each step, (g, N, 4).
 
         Returns:
-            Forces, zero for feet in the air, level frame, (g, N, 4, 3), N.
+            Contact forces, level frame, (g, N, 4, 3), N; zero for feet in the air.
         """
         forces = np.zeros((*stance.shape, 3))
         forces[stance] = solution.reshape(-1, 3)
@@ -210,26 +240,37 @@ class CondensedMpc:
 
 
 def group_by_stance_count(counts: NDArray[np.int64]) -> Iterator[EnvIndices]:
-    """Yield indices of at most MAX_GROUP_SIZE robots with the same number of stance feet, `counts`, (n,)."""
+    """Yield the indices of groups of robots that have the same number of stance feet.
+
+    `counts`: number of stance feet of each robot, now or summed over the horizon, (n,). The quadratic programs of a
+    group have the same size. A group has at most `MAX_GROUP_SIZE` robots.
+    """
     for count in sorted(set(counts.tolist())):
         robots = (counts == count).nonzero()[0]
         yield from (robots[start : start + MAX_GROUP_SIZE] for start in range(0, len(robots), MAX_GROUP_SIZE))
 
 
 class PyramidTemplate(NamedTuple):
-    """Constraints of the friction pyramids of k feet, in which the friction coefficient is still missing."""
+    """Constraints on the contact forces of k feet, with zeros in place of the friction coefficients.
+
+    `friction_constraints` copies the template and fills in the friction coefficient of each robot.
+    """
 
     constraint_matrix: Floats
     """Constraint matrix with zeros in place of the friction coefficients, (5 k, 3 k)."""
     lower: Floats
-    """Lower bounds, (5 k,)."""
+    """Lower bounds of the constraints, (5 k,): -inf for friction, 0 for the vertical force, N."""
     friction_entries: EnvIndices
-    """Flat indices of the entries of the matrix that are minus the friction coefficient."""
+    """Indices in the flattened constraint matrix of the elements that become minus the friction coefficient, (4 k,)."""
 
 
 @cache
 def _pyramid_template(feet: int) -> PyramidTemplate:
-    """Return the template for a number of feet: ±fx - μ fz ≤ 0, ±fy - μ fz ≤ 0, 0 ≤ fz ≤ maximum."""
+    """Return the template of the force constraints of some `feet`.
+
+    Each foot has five constraints: ±f_x - μ f_z ≤ 0, ±f_y - μ f_z ≤ 0 and 0 ≤ f_z ≤ maximum, with the friction
+    coefficient μ.
+    """
     one_foot = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1.0]])
     friction_entries = np.kron(np.eye(feet), [[0, 0, 1]] * 4 + [[0, 0, 0]])
     lower = np.tile([*4 * [-np.inf], 0.0], feet)
@@ -237,16 +278,18 @@ def _pyramid_template(feet: int) -> PyramidTemplate:
 
 
 def friction_constraints(feet: int, friction: Friction) -> tuple[Floats, Floats, Floats]:
-    """Return the constraints on the contact forces: a friction pyramid, and bounds of the vertical force.
+    """Return the constraints on the contact forces: friction pyramid and limits of the vertical force.
+
+    The constraints are lower ≤ A f ≤ upper for the forces f of the stance feet.
 
     Args:
-        feet: Number of stance feet of each robot, k.
-        friction: Bounds of g robots.
+        feet: Number k of contact forces of each robot.
+        friction: Friction coefficients and largest vertical forces of g robots.
 
     Returns:
-        constraint_matrix: Constraint matrix, (g, 5 k, 3 k).
-        lower: Lower bounds, (g, 5 k).
-        upper: Upper bounds, (g, 5 k).
+        constraint_matrix: Constraint matrix A, (g, 5 k, 3 k).
+        lower: Lower bounds, (g, 5 k), N.
+        upper: Upper bounds, (g, 5 k), N.
     """
     template = _pyramid_template(feet)
     count = len(friction.coefficient)

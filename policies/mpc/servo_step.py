@@ -1,13 +1,19 @@
-"""Prediction of the motion in a control period by implicit steps, with servos and ground contacts.
+"""Prediction of the robot's motion in a control period by implicit integration.
 
-One step of length T, from generalised velocity v to v⁺, with the impulses p of the feet in contact:
+The prediction includes the servos and the ground contacts.
 
-    M (v⁺ - v) = T (w - h + τ) + Jᵀ p        equations of motion, w: external wrench, h: bias force
-    τ = k (u - q - T v⁺) - d v⁺              servo law at the end of the step, u: joint targets
-    J v⁺ + T J̇ v = s                         feet in contact neither slip nor leave the ground; s: sink velocity
+One implicit step of length T, from the generalised velocity v to v⁺, solves these equations:
+
+    M (v⁺ - v) = T (w - h + τ) + Jᵀ p        equations of motion
+    τ = k (u - q - T v⁺) - d v⁺              servo law at the end of the step
+    J v⁺ + T J̇ v = s                         feet in contact neither slip nor leave the ground
+
+M is the inertia matrix, w the external wrench, h the bias force, τ the servo torques, J the Jacobian of the feet and p
+the impulses on the feet in contact. k and d are the servo stiffness and damping, u the joint targets, q the joint
+angles and s the sink velocity of the feet.
 
 The method is the time stepping of Stewart and Trinkle, "An implicit time-stepping scheme for rigid body dynamics",
-1996, for feet that stick.
+1996, for feet that stick to the ground.
 """
 
 from typing import NamedTuple
@@ -23,44 +29,54 @@ from quad_env.physics.dynamics import DynamicsTerms
 from quad_env.robots.robot import Robot
 
 CONTACT_ITERATIONS = 3
-"""Iterations that find the feet in contact.
+"""Number of iterations of `predict_landing` that find the feet in contact.
 
-The first assumes no contact. The second adds the feet that would be below the ground. The third removes the feet that
-the ground would have to pull down."""
+The first iteration assumes that all feet are in the air. The second adds contacts of the feet that would be below the
+ground. The third removes contacts of the feet that the ground would have to pull down."""
 MAX_SINK_VELOCITY = 0.5
-"""Largest velocity of a foot towards the ground within a step, m/s."""
+"""Largest downward velocity with which a foot in contact closes its remaining gap to the ground, m/s."""
 SUBSTEPS = 5
-"""Number of implicit steps in a control period. A single step of 10 ms would damp the joint speeds by 5 to 10 %."""
+"""Number of implicit steps in a control period.
+
+A single step of 10 ms would damp the joint speeds by 5 to 10 %."""
 _UNIT_TARGETS = np.eye(12, 13, 1)[None]
-"""Joint targets in 13 columns: all zero, then one target at 1 rad and the others zero, (1, 12, 13), rad."""
+"""Joint targets in 13 columns, (1, 12, 13), rad.
+
+The first column is zero. In each other column, one joint target is 1 rad and the remaining targets are zero."""
 _CONTACT_REGULARIZATION = 1e-6
-"""Velocity of a foot in contact per impulse, 1/kg; above 0 because the load of four rigid feet is not unique."""
+"""Compliance of a contact: velocity of the foot per impulse, 1/kg.
+
+It is above 0 because the distribution of the load over four rigid feet is not unique."""
 _LEGS = 4
 
 
 class BlockLayout:
-    """Slices of the vectors of one implicit step: its 30 unknowns and its 32 states."""
+    """Layout of the vectors of an implicit step: slices of the 30 unknowns and of the 32 state variables.
+
+    The unknowns are the generalised velocity after the step and the impulses on the feet. The state variables are the
+    generalised velocity, the servo errors, the constant 1 and the step number.
+    """
 
     VELOCITY = slice(0, 18)
-    """Generalised velocity, m/s and rad/s."""
+    """Generalised velocity, in unknowns and state: trunk velocity, m/s, angular velocity and joint speeds, rad/s."""
     TRUNK = slice(0, 6)
-    """Trunk part of the velocity."""
+    """Trunk part of the generalised velocity: velocity, m/s, and angular velocity, rad/s."""
     JOINTS = slice(6, 18)
-    """Joint part of the velocity, rad/s."""
+    """Joint part of the generalised velocity, rad/s."""
     IMPULSE = slice(18, 30)
-    """Unknowns only: impulses of the feet, N·s."""
+    """Impulses on the feet, N·s; in the vector of unknowns only."""
     NORMAL_IMPULSE = slice(20, 30, 3)
-    """Unknowns only: vertical components of the impulses, N·s."""
+    """Vertical components of the impulses on the feet, N·s; in the vector of unknowns only."""
     LEGS = slice(6, 30)
-    """Unknowns only: joints and impulses of all legs."""
+    """Joint speeds and impulses of all legs; in the vector of unknowns only."""
     NUM_UNKNOWNS = 30
 
     SERVO_ERROR = slice(18, 30)
-    """State only: joint target minus joint angle, rad."""
+    """Servo errors: joint target minus joint angle, rad; in the state vector only."""
     ONE = slice(30, 31)
-    """State only: the constant 1."""
+    """The constant 1, which multiplies the constant terms of the equations; in the state vector only."""
     STEP = slice(31, 32)
-    """State only: number of the implicit step in the control period, from 1."""
+    """Number of the implicit step in the control period, from 1; in the state vector only."""
     NUM_STATES = 32
 
 
@@ -68,37 +84,40 @@ class AffineResponse(NamedTuple):
     """Generalised velocity at the end of a control period as an affine function of the joint targets."""
 
     offset: Floats
-    """Generalised velocity if all joint targets are zero, (n, 18), m/s and rad/s."""
+    """Generalised velocity at the end of the period if all joint targets are zero, (n, 18), m/s and rad/s."""
     per_target: Floats
     """Derivative of the generalised velocity with respect to the joint targets, (n, 18, 12), 1/s and m/s per rad."""
 
     def velocities(self, targets: Floats) -> Floats:
-        """Return the generalised velocities, (m, n, 18), for m sets of joint targets, (m, n, 12), rad."""
+        """Return the generalised velocities, (m, n, 18), for m sets of joint `targets`, (m, n, 12), rad."""
         velocities: Floats = self.offset[..., None] + self.per_target @ targets.transpose(1, 2, 0)
         return velocities.transpose(2, 0, 1)
 
 
 class StepMap(NamedTuple):
-    """One implicit step of n robots, as matrices that multiply the state before it; see `BlockLayout`."""
+    """Matrices of an implicit step of n robots; they multiply the state vector before the step.
+
+    `BlockLayout` describes the order of the state variables and unknowns.
+    """
 
     solution: Floats
-    """Matrix from the state before the step to the unknowns v⁺ and p, (n, 30, 32)."""
+    """Matrix from the state before the step to the unknowns: velocity after the step and impulses, (n, 30, 32)."""
     transition: Floats
-    """Matrix from the state before the step to the state after it, (n, 32, 32)."""
+    """Matrix from the state before the step to the state after the step, (n, 32, 32)."""
 
 
 def compute_response(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, period: float) -> AffineResponse:
-    """Compute the response of the generalised velocity to the joint targets over a control period.
+    """Compute the generalised velocity after a control period as an affine function of the joint targets.
 
     Args:
-        robot: Robot with the servo gains.
+        robot: Robot model; it supplies the servo gains.
         state: State of n robots at the beginning of the control period.
-        stance: Feet in contact, (n, 4).
+        stance: True for feet in contact during the period, (n, 4).
         wrench: External wrench on the trunks, (n, 6), N and N·m.
         period: Control period, s.
 
     Returns:
-        Affine response of n robots.
+        Affine function of each of n robots.
     """
     velocity, _ = _integrate(robot, state, stance, wrench, period, _UNIT_TARGETS, np.zeros(stance.shape))
     return AffineResponse(velocity[..., 0], velocity[..., 1:])
@@ -107,18 +126,20 @@ def compute_response(robot: Robot, state: MotionState, stance: Mask, wrench: Flo
 def predict_landing(
     robot: Robot, state: MotionState, gaps: Floats, targets: Floats, wrench: Floats, period: float
 ) -> Floats:
-    """Predict the generalised velocity after a control period in which feet may land and then stick.
+    """Predict the generalised velocity after a control period in which feet may land on the ground.
+
+    A foot that lands sticks to the ground. The feet in contact are found by iteration, see `CONTACT_ITERATIONS`.
 
     Args:
-        robot: Robot with the servo gains.
-        state: State at the beginning, of n robots.
-        gaps: Height of the feet above the ground, (n, 4), m.
+        robot: Robot model; it supplies the servo gains.
+        state: State of n robots at the beginning of the control period.
+        gaps: Height of the feet above the ground at the beginning, (n, 4), m.
         targets: Joint targets, (n, 12), rad.
         wrench: External wrench on the trunks, (n, 6), N and N·m.
         period: Control period, s.
 
     Returns:
-        Generalised velocity at the end, (n, 18), m/s and rad/s.
+        Generalised velocity at the end of the control period, (n, 18), m/s and rad/s.
     """
     in_contact = np.zeros(gaps.shape, np.bool_)
     velocity = state.generalised_velocity.copy()
@@ -144,21 +165,23 @@ def predict_landing(
 def _integrate(
     robot: Robot, state: MotionState, stance: Mask, wrench: Floats, period: float, targets: Floats, sink: Floats
 ) -> tuple[Floats, Floats]:
-    """Integrate the motion over a control period: x ← A x, `SUBSTEPS` times.
+    """Integrate the motion over a control period by `SUBSTEPS` implicit steps.
+
+    Each step multiplies the state vector (see `BlockLayout`) by the transition matrix of the step.
 
     Args:
-        robot: Robot with the servo gains.
-        state: State at the beginning, of n robots.
-        stance: Feet in contact, (n, 4).
+        robot: Robot model; it supplies the servo gains.
+        state: State of n robots at the beginning of the control period.
+        stance: True for feet in contact, (n, 4).
         wrench: External wrench on the trunks, (n, 6), N and N·m.
         period: Control period, s.
-        targets: Joint targets in c columns, (n or 1, 12, c), rad. The result is linear in the targets; initial state
-            and external forces enter the first column only.
+        targets: Joint targets in c columns, (n or 1, 12, c), rad. Initial state and external forces act in the first
+            column only; the other columns are responses to their joint targets alone.
         sink: Vertical velocity of the feet in contact, (n, 4), m/s.
 
     Returns:
         velocity: Generalised velocity at the end, for each column of targets, (n, 18, c), m/s and rad/s.
-        impulses: Impulses of the feet over the period, for the first column of targets, (n, 12), N·s.
+        impulses: Impulses on the feet over the period, for the first column of targets, (n, 12), N·s.
     """
     step_map = _assemble(robot, state, stance, wrench, period / SUBSTEPS, sink)
     x = _initial_state(state, targets)
@@ -171,7 +194,11 @@ def _integrate(
 
 
 def _initial_state(state: MotionState, targets: Floats) -> Floats:
-    """Return the initial states, (n, 32, c), for c columns of joint targets, (n or 1, 12, c), rad."""
+    """Return the state vectors before the first step, (n, 32, c), for c columns of `targets`.
+
+    The shape of `targets` is (n or 1, 12, c), rad. The first column has the initial `state` of the robots; in the other
+    columns, only the servo errors are not zero.
+    """
     b = BlockLayout
     x = np.zeros((len(state.generalised_velocity), b.NUM_STATES, targets.shape[2]))
     x[:, b.VELOCITY, 0] = state.generalised_velocity
@@ -183,23 +210,25 @@ def _initial_state(state: MotionState, targets: Floats) -> Floats:
 
 
 def _assemble(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, step: float, sink: Floats) -> StepMap:
-    """Assemble the linear map of an implicit step of length `step`, T.
+    """Assemble the matrices of an implicit step.
 
-    With the joint targets as servo error e = u - q, the unknowns solve
+    The unknowns are the generalised velocity v⁺ after the step and the impulses p on the feet. In step number i they
+    solve the following system, with the servo error e = u - q (joint targets minus joint angles), the contact
+    regularisation ε, and the symbols of the module docstring.
 
         [M + T (d + T k)   -Jᵀ] [v⁺]   [M v + T k e + T (w - h)]
-        [J                  ε ] [p ] = [s - number of step T J̇ v]
+        [J                  ε ] [p ] = [s - i T J̇ v            ]
 
     Args:
-        robot: Robot with the servo gains.
-        state: State at the beginning, of n robots.
-        stance: Feet in contact, (n, 4).
-        wrench: External wrench on the trunks, (n, 6), N and N·m.
-        step: Length of the step T, s.
-        sink: Vertical velocity of the feet in contact, (n, 4), m/s.
+        robot: Robot model; it supplies stiffness k and damping d of the servos.
+        state: State of n robots at the beginning of the control period.
+        stance: True for feet in contact, (n, 4).
+        wrench: External wrench w on the trunks, (n, 6), N and N·m.
+        step: Length T of the step, s.
+        sink: Vertical velocity s of the feet in contact, (n, 4), m/s.
 
     Returns:
-        Linear map for n robots.
+        Matrices that multiply the state vector before a step.
     """
     b = BlockLayout
     bodies = state.bodies
@@ -220,7 +249,8 @@ def _assemble(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, st
     solution[..., b.ONE] = inverse @ constant
     solution[..., b.STEP] = inverse[..., b.IMPULSE] @ per_step
 
-    # v ← v⁺, e ← e - T v⁺, 1 ← 1, number of step ← number of step + 1
+    # The transition sets the velocity to v⁺ and the servo errors to e - T v⁺, keeps the constant 1, and adds 1 to the
+    # step number.
     transition = np.zeros((count, b.NUM_STATES, b.NUM_STATES))
     transition[:, b.VELOCITY] = solution[:, b.VELOCITY]
     transition[:, b.SERVO_ERROR] = -step * solution[:, b.JOINTS]
@@ -231,21 +261,23 @@ def _assemble(robot: Robot, state: MotionState, stance: Mask, wrench: Floats, st
 
 
 def _invert(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> Floats:
-    """Invert the matrix of one step by a Schur complement, because only the trunk couples the legs.
+    """Invert the 30 x 30 matrix of an implicit step (see `_assemble`) by a Schur complement.
 
-    With trunk block A, leg blocks Lᵢ, and their coupling Uᵢ (leg to trunk) and Dᵢ (trunk to leg):
+    The legs are eliminated one by one, because the legs are coupled only through the trunk. A is the block of the
+    trunk, Lᵢ the block of leg i, and Uᵢ (leg to trunk) and Dᵢ (trunk to leg) are the coupling blocks. With the Schur
+    complement S, the blocks of the inverse are
 
         S = A - Σ Uᵢ Lᵢ⁻¹ Dᵢ
         trunk, trunk:  S⁻¹                    trunk, leg i:  -S⁻¹ Uᵢ Lᵢ⁻¹
         leg i, trunk:  -Lᵢ⁻¹ Dᵢ S⁻¹           leg i, leg j:  Lᵢ⁻¹ Dᵢ S⁻¹ Uⱼ Lⱼ⁻¹ (+ Lᵢ⁻¹ if i = j)
 
     Args:
-        bodies: Dynamics of n robots.
-        damping: Damping of the servos over a step, T (d + T k), (12,), N·m·s.
-        stance: Feet in contact, (n, 4).
+        bodies: Dynamics terms of n robots.
+        damping: Term of the servos on the diagonal, T (d + T k), (12,), N·m·s.
+        stance: True for feet in contact, (n, 4).
 
     Returns:
-        Inverse, (n, 30, 30), ordered as the unknowns of `BlockLayout`.
+        Inverse matrices, (n, 30, 30), ordered as the unknowns of `BlockLayout`.
     """
     trunk_slice = BlockLayout.TRUNK
     leg_inverse, leg_to_trunk, trunk_to_leg = _eliminate_legs(bodies, damping, stance)
@@ -259,16 +291,16 @@ def _invert(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> Floats:
 
 
 def _place_blocks(trunk_inverse: Floats, leg_by_trunk: Floats, trunk_by_leg: Floats, leg_inverse: Floats) -> Floats:
-    """Place the blocks of the inverse, see `_invert`.
+    """Assemble the inverse matrix of an implicit step from its blocks; `_invert` defines the symbols.
 
     Args:
-        trunk_inverse: S⁻¹, (n, 6, 6).
+        trunk_inverse: Inverse of the Schur complement, S⁻¹, (n, 6, 6).
         leg_by_trunk: Lᵢ⁻¹ Dᵢ of all legs, stacked vertically, (n, 24, 6).
         trunk_by_leg: Uᵢ Lᵢ⁻¹ of all legs, stacked horizontally, (n, 6, 24).
-        leg_inverse: Lᵢ⁻¹, (6, 6, 4, n).
+        leg_inverse: Inverse Lᵢ⁻¹ of the block of each leg, (6, 6, 4, n).
 
     Returns:
-        Inverse, (n, 30, 30), ordered as the unknowns of `BlockLayout`.
+        Inverse matrices, (n, 30, 30), ordered as the unknowns of `BlockLayout`.
     """
     b = BlockLayout
     count = len(trunk_inverse)
@@ -286,35 +318,40 @@ def _place_blocks(trunk_inverse: Floats, leg_by_trunk: Floats, trunk_by_leg: Flo
 
 
 def _stack_legs(blocks: Floats) -> Floats:
-    """Stack the blocks of the legs, (6, 6, 4, n), vertically; return a contiguous array, (n, 24, 6)."""
+    """Stack the `blocks` of the four legs, (6, 6, 4, n), vertically into a contiguous array, (n, 24, 6)."""
     stacked = np.ascontiguousarray(blocks.transpose(3, 2, 0, 1))
     return stacked.reshape(len(stacked), 6 * _LEGS, 6)
 
 
 def _joints_before_impulses(legs: Floats, axis: int) -> Floats:
-    """Reorder an axis of 24: from (3 joints, 3 impulses) for each leg to all joints, then all impulses."""
+    """Reorder the 24 elements along an `axis` of the array `legs` into the order of `BlockLayout`.
+
+    In `legs`, each leg has 3 joint elements followed by 3 impulse elements. In the result, all 12 joint elements come
+    before all 12 impulse elements.
+    """
     shape = legs.shape
     by_leg = legs.reshape(*shape[:axis], _LEGS, 2, 3, *shape[axis + 1 :])
     return by_leg.swapaxes(axis, axis + 1).reshape(shape)
 
 
 def _eliminate_legs(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tuple[Floats, Floats, Floats]:
-    """Invert the block of each leg by the Schur complement of its joints.
+    """Invert the block L of each leg in the matrix of an implicit step.
 
-    With the joint inertia H (damping included), the foot Jacobian J and the contact regularisation ε:
+    The unknowns of a leg are 3 joint speeds and 3 components of the foot impulse. With the Schur complement C, H is the
+    inertia of the joints with the servo damping, J the Jacobian of the foot, and ε the contact regularisation:
 
         L = [H  -Jᵀ]        C = J H⁻¹ Jᵀ + ε        L⁻¹ = [H⁻¹ - G J H⁻¹    G ]        G = H⁻¹ Jᵀ C⁻¹
             [J   ε ]                                      [-Gᵀ              C⁻¹]
 
     Args:
-        bodies: Dynamics of n robots.
-        damping: Damping of the servos over a step, (12,), N·m·s.
-        stance: Feet in contact, (n, 4). The impulse of a foot in the air is zero.
+        bodies: Dynamics terms of n robots.
+        damping: Term of the servos on the diagonal, T (d + T k), (12,), N·m·s.
+        stance: True for feet in contact, (n, 4). The impulse of a foot in the air is zero.
 
     Returns:
-        leg_inverse: L⁻¹ by leg, (6, 6, 4, n).
-        leg_to_trunk: Coupling of joints and impulses to the trunk, (6, 6, 4, n).
-        trunk_to_leg: Coupling of the trunk to joints and impulses, (6, 6, 4, n).
+        leg_inverse: Inverse L⁻¹ of each leg, (6, 6, 4, n).
+        leg_to_trunk: Blocks that couple joints and impulses of each leg to the trunk, (6, 6, 4, n).
+        trunk_to_leg: Blocks that couple the trunk to joints and impulses of each leg, (6, 6, 4, n).
     """
     joint_inertia, foot_jacobian, coupling, foot_by_trunk = _leg_blocks(bodies, damping, stance)
     joint_inverse = invert_3x3(joint_inertia)
@@ -334,17 +371,19 @@ def _eliminate_legs(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tup
 
 
 def _leg_blocks(bodies: DynamicsTerms, damping: Floats, stance: Mask) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the matrix blocks of each leg; the robots are on the last axis.
+    """Return the blocks of the inertia matrix and the foot Jacobians that belong to each leg.
+
+    The robots are on the last axis of each block.
 
     Args:
-        bodies: Dynamics of n robots.
-        damping: Damping of the servos over a step, (12,), N·m·s.
-        stance: Feet in contact, (n, 4).
+        bodies: Dynamics terms of n robots.
+        damping: Term of the servos on the diagonal, T (d + T k), (12,), N·m·s.
+        stance: True for feet in contact, (n, 4).
 
     Returns:
-        joint_inertia: Inertia of the joints of a leg, with the damping, (3, 3, 4, n).
+        joint_inertia: Inertia matrix of the joints of each leg plus `damping` on the diagonal, (3, 3, 4, n).
         foot_jacobian: Jacobian of the foot with respect to the leg's joints, zero for a foot in the air, (3, 3, 4, n).
-        coupling: Inertia between trunk and joints, (6, 3, 4, n).
+        coupling: Block of the inertia matrix between trunk and joints, (6, 3, 4, n).
         foot_by_trunk: Jacobian of the foot with respect to the trunk, zero for a foot in the air, (3, 6, 4, n).
     """
     count, legs = stance.shape

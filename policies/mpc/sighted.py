@@ -1,4 +1,4 @@
-"""Model-predictive control with a height scan, which gives the heights of footholds and swings."""
+"""Model-predictive controller that reads ground heights under footholds and swings from a height scan."""
 
 from functools import cache
 from typing import NamedTuple
@@ -21,34 +21,36 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 from quad_env.sensing.height_scan import UNSEEN, HeightScan, table_with
 
 SCAN = HeightScan(ahead=14, behind=14, aside=10, spacing=0.05)
-"""The default scan."""
+"""Default grid of the height scan: 29 x 21 points at a spacing of 0.05 m about the trunk."""
 PLANE_FILTER_TIME = 0.1
-"""Time constant of the ground plane that the trunk is kept parallel to, s."""
+"""Time constant of the low-pass filter of the ground plane to which the trunk is kept parallel, s."""
 NOISE_FLOOR_STD = 0.02
-"""Standard deviation that the noise estimate shows for a scan of terrain with steps although its noise is zero, m."""
+"""Noise floor: standard deviation estimated for a noise-free scan of terrain with steps, m."""
 SWING_SAMPLES = (0.25, 0.5, 0.75)
-"""Points of a swing at which the terrain is sampled, as fractions of the way from foothold to foothold."""
+"""Points on the way of a swing foot at which the terrain height is read, as fractions of the way to the foothold."""
 PLANE_FIT_HALF_SIZE = (0.45, 0.4)
-"""Half-length and half-width of the area in which the plane is fitted, m."""
+"""Half-length and half-width of the rectangle about the trunk in which the ground plane is fitted, m."""
 _EDGE = 1e-9
-"""Tolerance for the rounding of a position, m, and smallest variance, m²."""
+"""Tolerance for rounding errors of a position, m; also the smallest variance that a variance is divided by, m²."""
 
 
 class ScannedTerrain(NamedTuple):
     """Terrain heights on a grid about n robots, level frame."""
 
     scan: HeightScan
-    """Grid of the height scan."""
+    """Grid of the height scan: number and spacing of its points."""
     heights: Floats
-    """Height of the centre of a foot that stands on each grid point, (n, rows, columns), m."""
+    """Height of the centre of a foot that stands on each grid point, relative to the trunk centre.
+
+    Shape (n, rows, columns), m; rows run forward and columns to the left."""
 
     def at(self, positions: Floats) -> Floats:
-        """Return the heights at some positions by bilinear interpolation.
+        """Return the terrain heights at four positions per robot, by bilinear interpolation.
 
-        Positions outside of the grid get the height of its edge.
+        A position outside of the grid has the height of the nearest point on the edge.
 
         Args:
-            positions: Positions, level frame, (n, 4, 2), m.
+            positions: Positions (x, y), level frame, (n, 4, 2), m.
 
         Returns:
             Heights, level frame, (n, 4), m.
@@ -62,7 +64,10 @@ class ScannedTerrain(NamedTuple):
         return interpolated
 
     def _in_row(self, row: EnvIndices, column: "GridCell") -> Floats:
-        """Return the heights in a `row` of the grid, (n, 4), m, by linear interpolation between two columns."""
+        """Return the heights in grid rows, (n, 4), m, by linear interpolation between two columns.
+
+        `row`: indices of the rows, (n, 4); `column`: the two columns and the position between them.
+        """
         robot = np.arange(len(row))[:, None]
         height = self.heights[robot, row, column.lower]
         next_height = self.heights[robot, row, column.upper]
@@ -71,18 +76,18 @@ class ScannedTerrain(NamedTuple):
 
 
 class GridCell(NamedTuple):
-    """Two neighbouring grid points on one axis, with a foot between them, for n robots, (n, 4) each."""
+    """Two neighbouring grid points on one axis and the position of each foot between them."""
 
     lower: EnvIndices
-    """Index of the lower grid point."""
+    """Index of the grid point before the foot, (n, 4)."""
     upper: EnvIndices
-    """Index of the upper grid point; equal to `lower` at the edge."""
+    """Index of the grid point after the foot, (n, 4); equal to `lower` at the end of the axis."""
     fraction: Floats
-    """Position of the foot between both, 0 to 1."""
+    """Position of the foot between the grid points `lower` (0) and `upper` (1), (n, 4)."""
 
 
 def _locate(coordinate: Floats, count: int) -> GridCell:
-    """Return the cell of a coordinate, (n, 4), in grid steps, on an axis of `count` points."""
+    """Return the grid points around a `coordinate`, (n, 4), in grid steps; the axis has `count` points."""
     clipped = np.clip(coordinate, 0.0, count - 1.0)
     index = clipped.astype(np.intp)
     return GridCell(index, np.minimum(index + 1, count - 1), clipped - index)
@@ -90,14 +95,16 @@ def _locate(coordinate: Floats, count: int) -> GridCell:
 
 @cache
 def plane_fit_weights(scan: HeightScan) -> Floats:
-    """Return the weights with which the heights on a grid give the least-squares plane under the legs.
+    """Return the weights of a least-squares fit of a plane to the heights on a grid.
+
+    Each parameter of the plane is the sum of weight × height over the grid points within `PLANE_FIT_HALF_SIZE`.
 
     Args:
         scan: Grid of the height scan.
 
     Returns:
-        Weights for the height under the trunk centre, the rise per metre forward, and the rise per metre to the left,
-        (3, rows, columns).
+        Weights of three parameters, (3, rows, columns): height under the trunk centre, slope forward and slope to the
+        left.
     """
     x, y = np.moveaxis(scan.grid, -1, 0)
     half_length, half_width = PLANE_FIT_HALF_SIZE
@@ -110,13 +117,14 @@ def plane_fit_weights(scan: HeightScan) -> Floats:
 def make_scanned_terrain(
     scan: HeightScan, readings: Floats, ground: TerrainPlane, foot_radius: float
 ) -> ScannedTerrain:
-    """Make the terrain from the readings of a height scan.
+    """Make the terrain of n robots from the readings of their height scans.
 
     Args:
         scan: Grid of the height scan.
-        readings: Heights of the ground, (n, p), m.
-        ground: Plane through the footprints, which replaces points that are too deep to be seen.
-        foot_radius: Radius of a foot, m.
+        readings: Scanned heights of the ground at the p grid points, relative to the trunk centre, (n, p), m.
+        ground: Plane through the footprints. It gives the height at points for which the scan has no reading.
+        foot_radius: Radius of a foot, m. It is added to the readings, because a `ScannedTerrain` has the heights of
+            foot centres.
 
     Returns:
         Terrain of n robots.
@@ -127,24 +135,27 @@ def make_scanned_terrain(
 
 
 def plane_on_grid(scan: HeightScan, ground: TerrainPlane) -> Floats:
-    """Return the heights of the plane `ground` at the points of `scan`, (n, rows, columns), m."""
+    """Return the heights of the plane `ground` at the points of `scan`, (n, rows, columns), m.
+
+    Heights are relative to the trunk centre.
+    """
     grid = scan.grid
     return ground.at(*np.moveaxis(grid, -1, 0).reshape(2, -1)).reshape(-1, *grid.shape[:2])
 
 
 def denoise_terrain(terrain: ScannedTerrain, ground: TerrainPlane, noise: Floats) -> tuple[ScannedTerrain, Floats]:
-    """Shrink the scanned heights towards the plane by their noise.
+    """Shrink the scanned heights towards the ground plane, the more the larger their noise is.
 
-    The estimate of each point is linear in the reading of this point and has the least mean square error (Wiener).
+    The result is the linear estimate with the least mean square error (Wiener filter, applied to each grid point).
 
     Args:
         terrain: Scanned terrain of n robots.
         ground: Plane through the footprints.
-        noise: Variance of the heights, (n,), m².
+        noise: Noise variance of the scanned heights, (n,), m².
 
     Returns:
-        terrain: Denoised terrain.
-        kept_fraction: Fraction of the deviation from the plane that is kept, (n,).
+        terrain: Terrain with denoised heights.
+        kept_fraction: Factor on the deviation of the heights from the plane, 0 to 1, (n,). It is 1 without noise.
     """
     plane = plane_on_grid(terrain.scan, ground)
     deviation = terrain.heights - plane
@@ -154,21 +165,23 @@ def denoise_terrain(terrain: ScannedTerrain, ground: TerrainPlane, noise: Floats
 
 
 class SwingProfile(NamedTuple):
-    """Terrain under four swings of n robots, (n, 4) each, m."""
+    """Terrain heights under the swings of the four feet of n robots, level frame."""
 
     start: Floats
-    """Height at lift-off."""
+    """Terrain height at lift-off, (n, 4), m."""
     end: Floats
-    """Height at touch-down."""
+    """Terrain height at touch-down, (n, 4), m."""
     top: Floats
-    """Largest height on the way, both footholds included."""
+    """Largest terrain height between lift-off and touch-down, both included, (n, 4), m."""
 
     def over(self, _x: Floats, _y: Floats, progress: Floats) -> Floats:
-        """Return the height of the terrain under the swings, largest halfway; the function is a `Terrain`.
+        """Return a smooth height profile over the terrain: `start`, then `top` at mid-swing, then `end`.
+
+        The method has the arguments of `policies.mpc.footing.Terrain`.
 
         Args:
-            _x: Not used.
-            _y: Not used.
+            _x: Forward coordinate; not used.
+            _y: Lateral coordinate; not used.
             progress: Progress of the swings, 0 to 1, (n, 4).
 
         Returns:
@@ -180,25 +193,27 @@ class SwingProfile(NamedTuple):
 
 
 class SightedMpcWbc(MpcWbc):
-    """`MpcWbc` with footholds at the heights of a height scan.
+    """`MpcWbc` that reads the ground heights under the feet from a height scan.
 
-    Swings end at the scanned height and clear the terrain on the way. Forces are planned for feet at different heights.
-    The trunk is kept parallel to the ground under the legs, at the reference height. The plane through the footprints
-    replaces the ground if the scan is empty. The weight of the scan falls as its noise grows; with weight 0 the policy
-    acts as `MpcWbc`.
+    Swing feet land at the scanned height and clear the terrain on their way. Forces are planned for feet at different
+    heights. The trunk is kept parallel to the scanned ground under the legs, at the reference height. The more noise
+    the scan has, the more its heights are shrunk towards the plane through the footprints. If the scan is empty or only
+    noise, the policy acts as `MpcWbc`.
 
     Args:
-        parameters: Gait, cost and gains; None for the parameters of `parameters_of`.
+        parameters: Parameters of gait, estimators and cost; None for the parameters of the trot from `parameters_of`.
         robot: Robot that is controlled, or its name.
         control_period: Control period, s.
-        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are true values.
-        actuator: Drives of the joints.
-        height_scan: Height scan of the environment.
+        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are the undelayed true values.
+        actuator: Model of the joint motors.
+        height_scan: Grid of the height scan in the observations.
     """
 
     name = "mpc_wbc_sighted"
     _level: Floats = per_robot(np.zeros(3), axis=1)
-    """Filtered ground plane: height, m, and rise per metre forward and to the left, (3, n)."""
+    """Low-pass filtered ground plane fitted to the scan, (3, n).
+
+    Height under the trunk centre, m, slope forward and slope to the left, rise per metre."""
 
     def __init__(
         self,
@@ -228,14 +243,20 @@ class SightedMpcWbc(MpcWbc):
         return super()._act(observation)
 
     def _estimate_ground(self, state: MotionState, landed: Mask) -> TerrainPlane:
-        """Return the filtered plane of the scan, or the plane through the footprints if the scan has weight 0."""
+        """Update the terrain from the height scan, and return the ground plane.
+
+        The plane is the filtered plane fitted to the scan, or the plane through the footprints if the scan is empty or
+        only noise. `landed`: True for feet on the ground, (n, 4).
+        """
         ground = super()._estimate_ground(state, landed)
         scanned = make_scanned_terrain(self._scan, self._heights, ground, self.robot.foot_radius)
         noise = self._scan_noise.update(scanned.heights.reshape(self.num_envs, -1))[:, 0]
         self._terrain, kept_fraction = denoise_terrain(scanned, ground, noise)
         is_empty = (self._heights <= UNSEEN).all(axis=1)
         self._scan_weight = np.where(is_empty, 0.0, kept_fraction)[:, None]
-        """Weight of the scan relative to the plane: 0 if the scan is empty, else the kept fraction, (n, 1)."""
+        """Weight of the scan relative to the plane through the footprints, 0 to 1, (n, 1).
+
+        It is 0 if the scan is empty, and otherwise falls with the noise, see `denoise_terrain`."""
         plane = np.einsum("cij,nij->cn", plane_fit_weights(self._scan), self._terrain.heights)
         plane[1:] = np.clip(plane[1:], -MAX_SLOPE, MAX_SLOPE)
         gain = np.where(self._is_first_step, 1.0, lowpass_gain(self.control_period, PLANE_FILTER_TIME))
@@ -243,7 +264,10 @@ class SightedMpcWbc(MpcWbc):
         return TerrainPlane(*np.where(self._scan_weight[:, 0] > 0.0, self._level, ground))
 
     def _swing_terrain(self, foothold_positions: Floats, ground: TerrainPlane) -> Terrain:
-        """Return the terrain under the swings, blended by the weight of the scan."""
+        """Return the function for the terrain height under the swings to the footholds, (n, 4, 2), m.
+
+        It blends the scanned terrain with the terrain of `MpcWbc`, by the weight of the scan.
+        """
         x, y, start = self.terrain_estimator.footprints.transpose(0, 2, 1)
         footprints = np.stack((x, y), axis=-1)
         end = self._terrain.at(foothold_positions)
@@ -256,7 +280,11 @@ class SightedMpcWbc(MpcWbc):
     def _foothold_height(
         self, state: MotionState, foothold_positions: Floats, ground: TerrainPlane, stance_schedule: Mask
     ) -> Floats:
-        """Return the present height of feet that stay in stance, and scanned heights for the other feet."""
+        """Return the ground height under each foot over the horizon, level frame, (n, N or 1, 4 or 1), m.
+
+        It is the present height of a foot while the foot stays in stance, and the scanned height of its foothold
+        afterwards. If the scan has no weight, it is the height of the ground plane.
+        """
         stays_in_stance = np.cumprod(stance_schedule, axis=1).astype(np.bool_)
         scanned = self._terrain.at(foothold_positions)[:, None]
         height = np.where(stays_in_stance, state.bodies.feet[:, None, :, 2], scanned)

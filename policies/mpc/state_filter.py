@@ -1,4 +1,4 @@
-"""Kalman filter that combines the readings with their prediction from the state one control step ago."""
+"""Kalman filter that combines noisy sensor readings with their prediction one control step ago."""
 
 from typing import NamedTuple
 
@@ -11,62 +11,73 @@ from policies.mpc.readings import GROUPS, JOINT_POSITION, JOINT_VELOCITY
 from quad_env.columns import Mask
 
 PROCESS_STD = np.array([0.004, 0.15, 0.04, 0.003, 0.6])
-"""Standard deviation of the process noise of each group per control step: unit vector, rad/s, m/s, rad, rad/s."""
-ENCODER_PROCESS_STD = np.array([0.0005, 0.1])
-"""Standard deviation of the process noise of joint angle and speed if encoders read the joints, rad and rad/s.
+"""Standard deviation of the process noise per control step, for each group of readings, (5,).
 
-The prediction uses the estimated contacts in this case."""
+Gravity direction (unit vector), angular velocity, rad/s, linear velocity, m/s, joint angles, rad, joint speeds, rad/s.
+"""
+ENCODER_PROCESS_STD = np.array([0.0005, 0.1])
+"""Standard deviation of the process noise of joint angle, rad, and joint speed, rad/s, if encoders read the joints.
+
+It is smaller than in `PROCESS_STD`, because the prediction uses the estimated contacts if encoders read the joints."""
 ENCODER_NOISE_STD = np.array([0.0011, 1e3])
 """Standard deviation of the noise of 14-bit encoders: joint angle, rad, and joint speed, rad/s.
 
-The value of the speed is so large that the filter ignores the speed. A difference of two samples is not the speed at
-the time of the last sample."""
+The standard deviation of the joint speed is so large that the filter ignores this reading. The reason is that the
+difference of two encoder samples is not the speed at the time of the last sample."""
 
 
 class KalmanGains(NamedTuple):
-    """Gains of the readings of n robots."""
+    """Kalman gains of n robots: corrections per innovation (reading minus predicted reading)."""
 
     base: Floats
-    """Gains of gravity, angular velocity and velocity, (n, 3)."""
+    """Scalar gains of gravity direction, angular velocity and linear velocity, (n, 3)."""
     joints: Floats
-    """Gains from the innovations of joint angle and speed to both, (n, 2, 2)."""
+    """Gain matrix of a joint, from the innovations of angle and speed to the corrections of both, (n, 2, 2)."""
 
 
 class StateFilter(PerRobotState):
-    """Kalman filter of n robots, with one variance per group of the base and one covariance of all joints.
+    """Kalman filter of the readings of n robots.
+
+    Gravity direction, angular velocity and linear velocity have one variance each. All joints of a robot share one
+    covariance matrix of joint angle and speed.
 
     Args:
         period: Control period, s.
-        has_encoders: True if encoders read the joints. The readings of every robot are then filtered, otherwise only
-            the readings of robots with noise.
+        has_encoders: True if encoders read the joints. The readings of every robot are then filtered; otherwise only
+            noisy readings are filtered.
     """
 
     _base_variance: Floats = per_robot(np.zeros(3))
-    """Variances of gravity, angular velocity and velocity, (n, 3)."""
+    """Error variances of gravity direction (unit vector), angular velocity, rad²/s², and velocity, m²/s², (n, 3)."""
     _joint_covariance: Floats = per_robot(np.zeros((2, 2)))
-    """Covariance of joint angle and speed, (n, 2, 2)."""
+    """Error covariance of joint angle, rad, and joint speed, rad/s, (n, 2, 2)."""
 
     def __init__(self, period: float, *, has_encoders: bool) -> None:
         self._has_encoders = has_encoders
-        # State transition F: the angle increases by period · speed.
+        # The state transition F of a joint adds period times speed to the angle.
         self._joint_transition = np.array([[1.0, period], [0.0, 1.0]])
         self._joint_process_std = ENCODER_PROCESS_STD if has_encoders else PROCESS_STD[3:]
         self._joint_noise_std = ENCODER_NOISE_STD if has_encoders else np.zeros(2)
         super().__init__()
 
     def needs_filter(self, noise: Floats) -> Mask:
-        """Return True for robots that need filtered readings, (n,); `noise`: variance of each group, (n, 5)."""
+        """Return True for robots with readings that need the filter, (n,); `noise`: noise variances, (n, 5).
+
+        These are all robots if encoders read the joints, otherwise the robots with noise in any group of readings.
+        """
         needs_filter: Mask = (noise.max(axis=1) > 0.0) | self._has_encoders
         return needs_filter
 
     def correct(self, readings: Floats, predicted: Floats, noise: Floats, sample_count: NDArray[np.int64]) -> Floats:
-        """Return the filtered readings, x = x⁻ + K (z - x⁻); a first reading is returned unchanged.
+        """Return the filtered readings x = x⁻ + K (z - x⁻), with the Kalman gain K.
+
+        The first readings after a reset are returned unchanged, because there is no prediction for them.
 
         Args:
-            readings: Readings z, (n, 33).
-            predicted: Prediction x⁻ from one control step ago, (n, 33).
-            noise: Noise variance of each group, (n, 5).
-            sample_count: Number of readings since the reset, (n,).
+            readings: Sensor readings z, (n, 33).
+            predicted: Prediction x⁻ of the readings from the state one control step ago, (n, 33).
+            noise: Noise variance of each group of readings, (n, 5).
+            sample_count: Number of observations since the reset, (n,).
 
         Returns:
             Filtered readings, (n, 33).
@@ -84,17 +95,18 @@ class StateFilter(PerRobotState):
         return filtered
 
     def update_gains(self, noise: Floats, is_first: Mask) -> KalmanGains:
-        """Propagate the covariance by one control step, correct it and return the gains.
+        """Update the error covariance by one control step, and return the Kalman gains.
 
-        P⁻ = F P Fᵀ + Q, K = P⁻ (P⁻ + R)⁻¹, P = (1 - K) P⁻. A first reading does not change P, because there was no
-        prediction.
+        The covariance is propagated, P⁻ = F P Fᵀ + Q, and corrected, P = (1 - K) P⁻, with the gain K = P⁻ (P⁻ + R)⁻¹. F
+        is the state transition, Q the process noise and R the noise of the readings. The first reading after a reset
+        does not change P, because there is no prediction for it.
 
         Args:
-            noise: Noise variance of each group, (n, 5).
+            noise: Noise variance of each group of readings, (n, 5).
             is_first: True for robots with their first reading since the reset, (n,).
 
         Returns:
-            Gains K.
+            Kalman gains K.
         """
         prior_variance = self._base_variance + PROCESS_STD[:3] ** 2
         base_gain = prior_variance / (prior_variance + noise[:, :3])
@@ -108,6 +120,6 @@ class StateFilter(PerRobotState):
         return KalmanGains(base_gain, joint_gain)
 
     def clear_covariance(self, mask: Mask) -> None:
-        """Set the covariance of the robots in `mask`, (n,), to zero; their readings are taken as exact."""
+        """Set the error covariance of the robots in `mask`, (n,), to zero, because their readings are exact."""
         self._base_variance[mask] = 0.0
         self._joint_covariance[mask] = 0.0

@@ -1,4 +1,7 @@
-"""Smith predictor of the state over the delay, with the targets that have not acted yet."""
+"""Smith predictor of the robot state over the delay.
+
+It simulates the effect of the joint targets that have been sent but have not acted yet.
+"""
 
 from typing import NamedTuple
 
@@ -19,37 +22,39 @@ from quad_env.robots.robot import Robot
 UNSEEN_GROUND_DEPTH = 10.0
 """Assumed depth of the ground below the trunk before a foot has touched it, m."""
 PREDICTION_WEIGHT = 0.5
-"""Weight of the predicted joint angles and speeds; the planned ones have 1 minus this weight."""
+"""Weight of the simulated joint angles and speeds when they are averaged with the planned ones, 0 to 1."""
 MAX_PLAN_DEVIATION = 1.0
-"""Largest deviation of the prediction from the planned joint speed, rad/s.
+"""Largest deviation of the simulated from the planned joint speeds when both are averaged, rad/s.
 
-Without this limit, if a foot lands in another place than predicted, the joints deviate by up to 9 rad/s and the torques
-by 100 N·m."""
+The limit is needed because a foot may land at another place than predicted. The joint speeds would then deviate by up
+to 9 rad/s and the torques by 100 N·m."""
 
 
 class ContactGround(NamedTuple):
-    """Ground under n robots at the time of the readings: a plane, and the height of each foot above it."""
+    """Ground under n robots at the time of the readings: a plane, and heights of the contacts above it."""
 
     height: Floats
-    """Height of the plane below the trunk, relative to the trunk centre, (n,), m; changes as the trunk moves."""
+    """Height of the plane under the trunk centre, relative to the trunk centre, (n,), m; negative below the trunk."""
     unevenness: Floats
-    """Height of the contact of each foot above the plane, (n, 4), m; zero for feet in the air."""
+    """Height of each foot in contact above the plane, (n, 4), m; zero for feet in the air."""
     slope: Floats
-    """Rise of the plane per metre forward and to the left, (2, n)."""
+    """Slope of the plane forward and to the left, rise per metre, (2, n)."""
 
 
 class StatePredictor(PerRobotState):
-    """Predicts the state of n robots at the time when their next targets act.
+    """Predicts the state of n robots at the time when their next joint targets act.
+
+    The motion is simulated from the time of the readings, one control period per step of the delay.
 
     Args:
-        robot: Robot of the readings.
-        dynamics: Dynamics of the robot.
+        robot: Robot model; it supplies home pose and servo gains.
+        dynamics: Dynamics model of the robot.
         period: Control period, s.
-        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are true values.
+        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are the undelayed true values.
     """
 
     _ground_height: Floats = per_robot(-UNSEEN_GROUND_DEPTH)
-    """Height of the ground plane below the trunk, relative to the trunk centre, (n,), m."""
+    """Height of the ground plane under the trunk centre, relative to the trunk centre, (n,), m."""
 
     def __init__(self, robot: Robot, dynamics: Dynamics, period: float, joint_delay_steps: int) -> None:
         self._robot = robot
@@ -73,14 +78,16 @@ class StatePredictor(PerRobotState):
         Args:
             state: State at the time of the readings.
             observation: Observation of that state, (n, k).
-            delays: Number of control steps to predict, (n,).
-            targets: Joint targets that the motors follow, newest first, (m, n, 12), rad.
+            delays: Estimated delay of each robot: number of control steps to predict, (n,).
+            targets: Joint targets of the last m control periods as the motors follow them, newest first, (m, n, 12),
+                rad.
             wrench: External wrench on the trunks, (n, 6), N and N·m.
             ground: Ground at the time of the readings, see `locate_ground`.
-            planned: Observations with the planned joints after `joint_delay_steps`, (n, k), or None.
+            planned: Observations with joint angles and speeds as planned for the end of the delay, (n, k), or None.
+                They are used for robots with an estimated delay of `joint_delay_steps`.
 
         Returns:
-            State when the next targets act; unchanged for robots with a delay of zero.
+            State at the time when the next targets act; unchanged for robots with a delay of zero.
         """
         predicted = observation.copy()
         height = ground.height.copy()
@@ -104,15 +111,17 @@ class StatePredictor(PerRobotState):
         return after if len(robots) == len(delays) else replace_robots(state, robots, after)
 
     def locate_ground(self, state: MotionState, in_contact: Mask, slope: Floats) -> ContactGround:
-        """Locate the ground by the feet in contact; without contacts, keep its height in the world.
+        """Estimate the ground plane from the feet in contact.
+
+        If a robot has no contact, its ground plane keeps its height in the world while the trunk moves.
 
         Args:
             state: State at the time of the readings.
-            in_contact: Feet that touch the ground, (n, 4).
-            slope: Rise of the ground per metre forward and to the left, (2, n).
+            in_contact: True for feet that touch the ground, (n, 4).
+            slope: Slope of the ground forward and to the left, rise per metre, (2, n).
 
         Returns:
-            Ground relative to the trunk centre.
+            Ground at the time of the readings, relative to the trunk centre.
         """
         foot_height = _height_above(state, slope)
         count = in_contact.sum(axis=1)
@@ -123,7 +132,11 @@ class StatePredictor(PerRobotState):
         return ContactGround(self._ground_height, unevenness, slope)
 
     def _blend_with_plan(self, predicted: Floats, planned: Floats, robots: EnvIndices) -> None:
-        """Blend the predicted joint angles and speeds of some robots with the planned ones, in place."""
+        """Average the predicted joint angles and speeds of some robots with the planned ones, in place.
+
+        `predicted` and `planned`: observations, (n, k); `robots`: indices of the robots. The deviation from the plan is
+        limited by `MAX_PLAN_DEVIATION`.
+        """
         for group, max_deviation in (
             (JOINT_POSITION, self._period * MAX_PLAN_DEVIATION),
             (JOINT_VELOCITY, MAX_PLAN_DEVIATION),
@@ -134,6 +147,9 @@ class StatePredictor(PerRobotState):
 
 
 def _height_above(state: MotionState, slope: Floats) -> Floats:
-    """Return the height of the feet above the plane with the `slope` through the trunk centre, (n, 4), m."""
+    """Return the height of the feet above a plane through the trunk centre, (n, 4), m.
+
+    `slope`: slope of the plane forward and to the left, rise per metre, (2, n).
+    """
     forward, lateral = slope
     return height_above_plane((np.zeros(len(forward)), forward, lateral), state.bodies.feet.T).T

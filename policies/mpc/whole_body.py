@@ -1,10 +1,12 @@
-"""Whole-body controller: a QP for joint torques that track planned contact forces and accelerations.
+"""Whole-body controller: a quadratic program (QP) for the joint torques.
 
-The variables are the generalised acceleration and the forces of the stance feet.
+The torques track planned contact forces and accelerations.
 
-The cost penalises errors of the trunk's angular acceleration, accelerations of stance feet, errors of swing feet, and
-differences from the planned forces. The constraints are the equations of motion of the floating base (which has no
-motor), the friction pyramid, and the torque limits.
+The variables of the QP are the generalised acceleration and the contact forces of the stance feet.
+
+The cost penalises errors of the trunk's angular acceleration, errors of the foot accelerations, and deviations from the
+planned contact forces. The constraints are the equations of motion of the floating base (which has no motor), the
+friction pyramids, and the torque limits.
 """
 
 from collections.abc import Iterator
@@ -21,24 +23,26 @@ from quad_env.config import GRAVITY
 from quad_env.physics.dynamics import DynamicsTerms
 
 TRUNK_ROTATION = slice(3, 6)
-"""Angular part of the generalised velocity."""
+"""Slice of the trunk's angular velocity, or angular acceleration, in a generalised velocity or acceleration."""
 JOINT_ACCELERATION_WEIGHT = 1e-5
-"""Weight of squared joint accelerations, which makes the program definite."""
+"""Weight of the squared joint accelerations in the QP, s⁴/rad²; it keeps the Hessian positive definite."""
 BASE_ACCELERATION_WEIGHT = 1e-6
-"""Weight of squared trunk accelerations, which makes the program definite."""
+"""Weight of the squared trunk accelerations in the QP, s⁴/m² and s⁴/rad²; it keeps the Hessian positive definite."""
 _DAMPING = 1e-4
-"""Damping added to the squared Jacobian of a leg, m²; a straight leg cannot accelerate its foot along itself."""
+"""Damping added to the squared Jacobian of a leg, m².
+
+It keeps the joint accelerations finite, because a straight leg cannot accelerate its foot along itself."""
 
 
 class WholeBodyReference(NamedTuple):
-    """Reference of the whole-body controller, of n robots."""
+    """Reference accelerations and contact forces of n robots, which the whole-body controller tracks."""
 
     base_angular_acceleration: Floats
-    """Angular acceleration of the trunk, base frame, (n, 3), rad/s²."""
+    """Reference angular acceleration of the trunk, base frame, (n, 3), rad/s²."""
     foot_acceleration: Floats
-    """Accelerations of the feet, level frame, (n, 4, 3), m/s²."""
+    """Reference accelerations of the feet, level frame, (n, 4, 3), m/s²."""
     contact_force: Floats
-    """Forces on the stance feet, level frame, (n, 4, 3), N."""
+    """Planned ground reaction forces on the stance feet, level frame, (n, 4, 3), N."""
     stance: Mask
     """True for feet in stance, (n, 4)."""
 
@@ -47,11 +51,11 @@ class Torques(NamedTuple):
     """Joint torques of n robots, and the joint accelerations that the torques cause."""
 
     torque: Floats
-    """Joint torques, (n, 12), N·m."""
+    """Planned joint torques, (n, 12), N·m."""
     acceleration: Floats
-    """Joint accelerations, (n, 12), rad/s²."""
+    """Joint accelerations that the planned torques cause, (n, 12), rad/s²."""
     has_solution: Mask
-    """True if the solution is valid, (n,). For a QP without a solution torque and acceleration are zero."""
+    """True for robots with a valid solution, (n,). If a QP has no solution, torque and acceleration are zero."""
 
 
 def solve_whole_body(
@@ -63,19 +67,19 @@ def solve_whole_body(
     p: MpcParameters,
     solver: Solver = solve,
 ) -> Torques:
-    """Solve the whole-body QPs, see `make_programs`.
+    """Compute the joint torques of n robots by solving the whole-body QPs from `make_programs`.
 
     Args:
-        bodies: Dynamics of n robots.
-        reference: Accelerations and forces to track.
+        bodies: Dynamics terms of n robots.
+        reference: Accelerations and contact forces to track.
         wrench: External wrench on the trunks, (n, 6), N and N·m.
         friction: Bounds of the contact forces.
         limits: Minimum and maximum joint torques, (n, 12) each, N·m.
-        p: Weights.
-        solver: Solves the programs.
+        p: Parameters with the weights of the cost.
+        solver: Function that solves a batch of QPs.
 
     Returns:
-        Joint torques.
+        Joint torques and joint accelerations.
     """
     count, size = bodies.bias_force.shape
     torque = np.zeros((count, size - 6))
@@ -99,23 +103,25 @@ def make_programs(
     limits: tuple[Floats, Floats],
     p: MpcParameters,
 ) -> Iterator[tuple[EnvIndices, QpBatch]]:
-    """Yield the whole-body QPs, in groups of robots with the same number of stance feet.
+    """Yield the whole-body QPs of n robots, in batches of robots with the same number of stance feet.
 
-    The variables are the generalised acceleration q̈ and the forces f of the stance feet.
+    The variables are the generalised acceleration q̈ and the contact forces f of the stance feet.
 
-    Cost: Σ weight |J q̈ + J̇ q̇ - foot acceleration|² + the weighted squares of α - reference and f - reference.
-    Constraints: M q̈ + h - w - Jᵀ f = (0, τ), with τ within the limits, and the friction pyramid of f.
+    The cost is the weighted sum of the squared errors of the foot accelerations J q̈ + J̇ q̇, of the trunk's angular
+    acceleration, and of the contact forces f. The constraints are the equations of motion M q̈ + h - w - Jᵀ f = (0, τ)
+    with the torques τ within their limits, and the friction pyramid of each foot. M is the inertia matrix, h the bias
+    force and J the Jacobian of the feet.
 
     Args:
-        bodies: Dynamics of n robots.
-        reference: Accelerations and forces to track.
+        bodies: Dynamics terms of n robots.
+        reference: Accelerations and contact forces to track.
         wrench: External wrench w on the trunks, (n, 6), N and N·m.
         friction: Bounds of the contact forces.
         limits: Minimum and maximum joint torques, (n, 12) each, N·m.
-        p: Weights.
+        p: Parameters with the weights of the cost.
 
     Yields:
-        Indices of g robots, (g,), and their programs.
+        Indices of g robots, (g,), and their QPs.
     """
     foot_cost = _foot_tracking_cost(bodies, reference, p)
     lower, upper = _torque_bounds(bodies, wrench, limits)
@@ -138,7 +144,11 @@ def make_programs(
 
 
 def _foot_tracking_cost(bodies: DynamicsTerms, reference: WholeBodyReference, p: MpcParameters) -> Floats:
-    """Return Jᵀ W J and Jᵀ W (foot acceleration - J̇ q̇) side by side, (n, 18, 19)."""
+    """Return the part of the QP's cost that penalises errors of the foot accelerations, (n, 18, 19).
+
+    The first 18 columns are the Hessian Jᵀ W J, and the last one is the negative gradient Jᵀ W (a - J̇ q̇). J is the
+    Jacobian of the feet, a the reference of their accelerations and W the weights.
+    """
     count, size = bodies.bias_force.shape
     jacobian = bodies.jacobians.reshape(count, -1, size)
     priority = np.where(reference.stance, p.standing_priority, p.swinging_priority)
@@ -150,9 +160,10 @@ def _foot_tracking_cost(bodies: DynamicsTerms, reference: WholeBodyReference, p:
 
 
 def _torque_bounds(bodies: DynamicsTerms, wrench: Floats, limits: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return the lower and upper bounds of M q̈ - Jᵀ f, (n, 18) each.
+    """Return the lower and upper bounds of M q̈ - Jᵀ f, (n, 18) each, N and N·m.
 
-    Both are w - h for the floating base, which has no motor. For the joints they are -h plus the torque limits.
+    The first 6 rows are the floating base, which has no motor: both bounds are the external wrench minus the bias force
+    h. The 12 rows of the joints are the torque limits minus h.
     """
     bias = bodies.bias_force.copy()
     bias[:, :6] -= wrench
@@ -166,7 +177,19 @@ def _torque_bounds(bodies: DynamicsTerms, wrench: Floats, limits: tuple[Floats, 
 def _cost(
     reference: WholeBodyReference, foot_cost: Floats, selection: EnvSelection, group: int, p: MpcParameters
 ) -> tuple[Floats, Floats]:
-    """Return Hessian, (g, k, k), and gradient, (g, k), of the g robots in `selection`; `group` is g."""
+    """Return Hessian, (g, k, k), and gradient, (g, k), of the whole-body QPs of g robots.
+
+    Args:
+        reference: Accelerations and contact forces to track, of n robots.
+        foot_cost: Cost of the foot accelerations from `_foot_tracking_cost`, (n, 18, 19).
+        selection: Indices or slice of the g robots.
+        group: Number g of robots.
+        p: Parameters with the weights of the cost.
+
+    Returns:
+        hessian: Hessian with respect to the k variables, (g, k, k).
+        gradient: Gradient at zero, (g, k).
+    """
     size = foot_cost.shape[1]
     stance = reference.stance[selection]
     planned_force = reference.contact_force[selection][stance].reshape(group, -1)
@@ -189,9 +212,21 @@ def _cost(
 def _constraints(
     bodies: DynamicsTerms, stance: Mask, friction: Friction, selection: EnvSelection
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the constraint matrix, and the lower and upper bounds of its friction rows, for some robots.
+    """Return the constraint matrix of the whole-body QPs of g robots, and the bounds of its friction rows.
 
-    The first 18 rows give M q̈ - Jᵀ f. The torque of the motors is this expression plus the bias force h.
+    The first 18 rows of the matrix give M q̈ - Jᵀ f: generalised force minus bias force. The other rows are the friction
+    constraints of the k contact-force components.
+
+    Args:
+        bodies: Dynamics terms of n robots.
+        stance: True for stance feet, (n, 4); the g robots have the same number of them.
+        friction: Bounds of the contact forces of n robots.
+        selection: Indices or slice of the g robots.
+
+    Returns:
+        constraint_matrix: Constraint matrix, (g, 18 + 5 k / 3, 18 + k).
+        force_lower: Lower bounds of the friction rows, (g, 5 k / 3), N.
+        force_upper: Upper bounds of the friction rows, (g, 5 k / 3), N.
     """
     group, size = bodies.bias_force[selection].shape
     jacobian = bodies.jacobians[selection][stance[selection]].reshape(group, -1, size)
@@ -207,21 +242,22 @@ def _constraints(
 def leg_torques(
     bodies: DynamicsTerms, reference: WholeBodyReference, wrench: Floats, limits: tuple[Floats, Floats]
 ) -> Torques:
-    """Compute the joint torques of each leg separately, from its planned force and foot acceleration.
+    """Compute the joint torques of each leg separately, from its contact force and foot acceleration.
 
-    `Mpc` uses this function instead of the QP.
-
-    τ = M q̈ + h - Jᵀ f. The planned forces give q̈ of the trunk, and the foot acceleration gives q̈ of each leg. The
-    effect of the motion of one leg on the other legs is neglected. The planned forces must respect the friction.
+    `Mpc` uses this function instead of the whole-body QP. The torques are the joint rows of τ = M q̈ + h - Jᵀ f, with
+    the inertia matrix M, the bias force h, the Jacobian J of the feet and the planned forces f. The trunk part of q̈
+    follows from the planned forces, and the joint part from the foot accelerations. The reaction of the trunk to the
+    motion of the legs is neglected. The planned forces must be within the friction pyramid, because the function does
+    not check them.
 
     Args:
-        bodies: Dynamics of n robots.
-        reference: Accelerations and forces to track.
+        bodies: Dynamics terms of n robots.
+        reference: Accelerations and contact forces to track.
         wrench: External wrench on the trunks, (n, 6), N and N·m.
         limits: Minimum and maximum joint torques, (n, 12) each, N·m; the torques are clipped to them.
 
     Returns:
-        Joint torques.
+        Joint torques and joint accelerations.
     """
     forces = np.where(reference.stance[..., None], reference.contact_force, 0.0)
     linear = (forces.sum(axis=1) + wrench[:, :3]) / bodies.mass[:, None] - (0.0, 0.0, GRAVITY)
@@ -236,9 +272,10 @@ def leg_torques(
 
 
 def _leg_accelerations(bodies: DynamicsTerms, foot_acceleration: Floats, trunk_acceleration: Floats) -> Floats:
-    """Return joint accelerations, (n, 12), rad/s², for foot accelerations, by damped least squares.
+    """Return the joint accelerations for foot accelerations by damped least squares, (n, 12), rad/s².
 
-    `foot_acceleration`: (n, 4, 3), m/s²; `trunk_acceleration`: (n, 6), m/s² and rad/s².
+    `foot_acceleration`: accelerations of the feet, level frame, (n, 4, 3), m/s²; `trunk_acceleration`: linear, level
+    frame, m/s², then angular, base frame, rad/s², (n, 6).
     """
     trunk_part = np.einsum("nlxk,nk->nlx", bodies.jacobians[..., :6], trunk_acceleration)
     jacobian = bodies.leg_jacobians
