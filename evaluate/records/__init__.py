@@ -1,1 +1,1 @@
-"""Results folders: manifest of a run's inputs, provenance of the results, and tables of episodes."""
+"""Results folders: manifest of a run's inputs, provenance of the results, and tables of the episodes."""

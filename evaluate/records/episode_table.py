@@ -1,7 +1,6 @@
-"""`episodes.parquet`: a table with one row for each episode, which restores cells bit for bit.
+"""episodes.parquet: a table with one row per episode, from which results are restored bit for bit.
 
-The columns are policy, scenario, severity, episode, seed and the fields of `Measures`. A cell holds the episodes of one
-policy on one scenario.
+The columns are policy, scenario, severity, episode, seed and the fields of `Measures`.
 """
 
 from collections.abc import Sequence
@@ -19,29 +18,29 @@ from evaluate.records import parquet
 from quad_env.scenarios.registry import Scenario
 
 FIRST = ("outcome", "fell", "fall_reason", "failure", "fall_time", "diverged")
-"""Columns that precede the other measures."""
+"""Names of the columns that precede the other measures in the table."""
 REQUIRED = {"policy", "scenario", "episode", "seed", "outcome", "fell", "diverged", "fall_reason", "failure"}
-"""Columns that identify an episode and its outcome; a file that lacks one of them cannot be read."""
+"""Names of the columns that identify an episode and its outcome; a file that lacks one cannot be read."""
 RUN = b"run"
-"""Metadata key of the table: fingerprint (hash of all inputs) of the run."""
+"""Metadata key of the table for the fingerprint of the run: a hash of all inputs of the run."""
 _WIDTH = b"width"
-"""Metadata key of a column: length of the vectors in the column's lists."""
+"""Metadata key of a column for the length of the vectors in its lists, for example 3 for commands."""
 _EXTRA = b"extension"
-"""Metadata key of a column: marks a measure that an extension defines."""
+"""Metadata key of a column that marks it as a measure that an extension has registered."""
 _MISSING = b"missing"
-"""Metadata key of a column: marks a measure that the file lacks."""
+"""Metadata key of a column that marks it as a measure that the file lacks, filled with null."""
 
 
 @dataclass(frozen=True)
 class _ListColumn:
-    """Layout of a measure with several values for each episode."""
+    """Layout of a column with a list in each row, for a measure with several values per episode."""
 
     length: int
-    """Number of list entries if the file has none of the `siblings`."""
+    """Number of entries of each list, if the file has none of the `siblings`."""
     siblings: tuple[str, ...] = ()
-    """Other columns with lists of the same number of entries."""
+    """Names of other columns with equally long lists, from which the number of entries is taken."""
     width: int = 0
-    """Length of each entry if the entries are vectors; 0 if they are numbers."""
+    """Length of each list entry if the entries are vectors; 0 if the entries are numbers."""
 
 
 _LIST_COLUMNS = {
@@ -56,14 +55,14 @@ _TEXT_COLUMNS = {"cause", "cause_detail"}
 
 
 def table(cell: PolicyScenarioResult, episodes: NDArray[np.int64] | None = None) -> pa.Table:
-    """Convert a cell to table rows, with null in place of NaN.
+    """Convert the result of one policy on one scenario to table rows, with null in place of NaN.
 
-    Measures with several values are lists. The vectors in `commands` and `mean_velocities` are forward velocity,
-    lateral velocity and yaw rate, m/s, m/s, rad/s.
+    Measures with several values per episode become lists. The vectors in `commands` and `mean_velocities` are forward
+    velocity, lateral velocity and yaw rate, m/s, m/s, rad/s.
 
     Args:
-        cell: All or some episodes of a cell.
-        episodes: Indices of the episodes in the cell, (n,); by default 0 … n - 1.
+        cell: Result with all or some episodes of the policy on the scenario.
+        episodes: Indices of the episodes among all episodes of the policy on the scenario, (n,); by default 0 … n - 1.
 
     Returns:
         A table with one row for each episode.
@@ -90,17 +89,17 @@ def table(cell: PolicyScenarioResult, episodes: NDArray[np.int64] | None = None)
 
 
 def cell_of(rows: pa.Table, scenario: Scenario) -> PolicyScenarioResult:
-    """Convert the table rows of one policy on one scenario to a cell.
+    """Convert the table rows of one policy on one scenario back to a result.
 
     Args:
-        rows: Rows with a column for every measure.
+        rows: Rows of the episodes, with a column for every measure.
         scenario: Scenario of all rows.
 
     Returns:
-        The cell.
+        The result of the policy on the scenario.
 
     Raises:
-        ValueError: The lists of a column differ in length within the cell.
+        ValueError: The lists of a column do not all have the same length.
     """
     try:
         extra = {name: _to_numpy(rows, name) for name in extra_columns(rows)}
@@ -118,12 +117,12 @@ def cell_of(rows: pa.Table, scenario: Scenario) -> PolicyScenarioResult:
 
 
 def extra_columns(rows: pa.Table) -> list[str]:
-    """Return the names of the columns with extension measures."""
+    """Return the names of the columns of `rows` that are measures of extensions."""
     return [field.name for field in rows.schema if _EXTRA in (field.metadata or {})]
 
 
 def concatenate(tables: Sequence[pa.Table]) -> pa.Table:
-    """Concatenate tables; the value is null where a table lacks an extension measure."""
+    """Concatenate episode `tables`; the entries are null where a table lacks the measure of an extension."""
     extra = {name: table.schema.field(name) for table in tables for name in extra_columns(table)}
     if all(name in table.column_names for table in tables for name in extra):
         return pa.concat_tables(tables)
@@ -132,7 +131,15 @@ def concatenate(tables: Sequence[pa.Table]) -> pa.Table:
 
 
 def _add_null_columns(rows: pa.Table, columns: dict[str, pa.Field]) -> pa.Table:
-    """Add the columns that the rows lack, filled with null."""
+    """Add the columns that the table `rows` lacks, filled with null.
+
+    Args:
+        rows: Table of episodes.
+        columns: Name of a column -> its type and metadata.
+
+    Returns:
+        The table with all columns.
+    """
     for name, column in columns.items():
         if name not in rows.column_names:
             rows = rows.append_column(column, pa.nulls(rows.num_rows, column.type))
@@ -140,7 +147,7 @@ def _add_null_columns(rows: pa.Table, columns: dict[str, pa.Field]) -> pa.Table:
 
 
 def add_missing_measures(rows: pa.Table) -> pa.Table:
-    """Add the measures that a file of an older version lacks, filled with null.
+    """Add the measures that a file from an older version lacks, as columns filled with null.
 
     Args:
         rows: Rows of a file.
@@ -149,7 +156,7 @@ def add_missing_measures(rows: pa.Table) -> pa.Table:
         Rows with a column for every measure.
 
     Raises:
-        ValueError: A required column is missing.
+        ValueError: A column is missing that identifies an episode or its outcome.
     """
     if absent := sorted(REQUIRED - set(rows.column_names)):
         raise ValueError(f"it lacks the columns {', '.join(absent)}")
@@ -164,12 +171,22 @@ def add_missing_measures(rows: pa.Table) -> pa.Table:
 
 
 def missing_measures(rows: pa.Table) -> list[str]:
-    """Return the names of the measures that `add_missing_measures` has added."""
+    """Return the names of the measures in `rows` that `add_missing_measures` has added."""
     return [field.name for field in rows.schema if _MISSING in (field.metadata or {})]
 
 
 def _null_column(rows: pa.Table, name: str) -> pa.Array:
-    """Return a column filled with null; its lists have the lengths of the sibling columns."""
+    """Make a column filled with null for a measure that a file lacks.
+
+    The lists of a list column get the lengths of the lists in its sibling columns.
+
+    Args:
+        rows: Rows of the file.
+        name: Name of the measure.
+
+    Returns:
+        The column.
+    """
     if name in _TEXT_COLUMNS:
         return pa.nulls(rows.num_rows, pa.string())
     if name not in _LIST_COLUMNS:
@@ -183,33 +200,33 @@ def _null_column(rows: pa.Table, name: str) -> pa.Array:
 
 
 def write_parquet(cells: Sequence[PolicyScenarioResult], path: Path, run: str = "") -> None:
-    """Write the episodes of all cells into one file.
+    """Write the episodes of all results of a run into one Parquet file.
 
     Args:
-        cells: Cells in the order of the run.
+        cells: Results, one for each pair of policy and scenario, in the order of the run.
         path: File to write.
-        run: Fingerprint of the run.
+        run: Fingerprint of the run (hash of all inputs), stored in the file.
     """
     write_table(concatenate([table(cell) for cell in cells]), path, run)
 
 
 def write_table(rows: pa.Table, path: Path, run: str) -> None:
-    """Write rows into a file atomically: the file is complete, or unchanged after an error.
+    """Write rows into a Parquet file atomically: after an error, an earlier file is unchanged.
 
     Args:
         rows: Rows of a run.
         path: File to write.
-        run: Fingerprint of the run.
+        run: Fingerprint of the run (hash of all inputs), stored in the file.
     """
     parquet.write(rows, path, {RUN: run.encode()})
 
 
 def read_table(path: Path, run: str | None = None) -> pa.Table:
-    """Read the rows of a file.
+    """Read the rows of a Parquet file of episodes, after a check of its content hash.
 
     Args:
         path: File to read.
-        run: Fingerprint of the run that the file must have; None for any run.
+        run: Fingerprint (hash of all inputs) of the run that the file must belong to; None for any run.
 
     Returns:
         The rows as they were written.
@@ -224,7 +241,10 @@ def read_table(path: Path, run: str | None = None) -> pa.Table:
 
 
 def _to_arrow(values: NDArray[Any]) -> pa.Array:
-    """Convert a measure to a column: numbers, bools or texts, (n,), or numbers, (n, k) or (n, k, m)."""
+    """Convert the `values` of a measure to a column of an Arrow table.
+
+    The values are numbers, bools or texts, (n,), or numbers, (n, k) or (n, k, m) for n episodes.
+    """
     if values.dtype == object:
         return pa.array(values.tolist(), pa.string())
     if values.ndim == 1:
@@ -236,14 +256,17 @@ def _to_arrow(values: NDArray[Any]) -> pa.Array:
 
 
 def _nullable(values: NDArray[Any]) -> Any:
-    """Convert to nested lists with None for each NaN, and for each vector of a matrix that has only NaN."""
+    """Convert `values` to nested lists with None in place of NaN.
+
+    A vector that consists only of NaN also becomes None.
+    """
     if values.ndim > 1:
         return [None if np.isnan(entry).all() else _nullable(entry) for entry in values]
     return [None if np.isnan(value) else float(value) for value in values]
 
 
 def _to_numpy(rows: pa.Table, name: str) -> NDArray[Any]:
-    """Convert a column back to the array that `_to_arrow` received."""
+    """Convert the column `name` of `rows` back to the array from which `_to_arrow` made it."""
     column = rows.column(name)
     field = rows.schema.field(name)
     if not pa.types.is_list(field.type):

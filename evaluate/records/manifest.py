@@ -1,6 +1,6 @@
-"""`manifest.json`: all inputs that the results of a run depend on, written when the run starts.
+"""manifest.json: all inputs that the results of a run depend on, written when the run starts.
 
-`--resume` reads the file and checks that the inputs are still the same.
+`--resume` reads the file, and checks that the inputs are still the same.
 """
 
 import hashlib
@@ -24,68 +24,74 @@ from quad_env.serialisation import from_json_values, to_json_values
 
 NAME = "manifest.json"
 FILES = ("results.json", "episodes.parquet", "report.html", NAME)
-"""Names of the files of a finished run."""
+"""Names of the files in the results folder of a finished run."""
 CHUNKS = "parts"
-"""Name of the folder with the finished chunks (parts of cells) of an unfinished run."""
+"""Name of the folder with the finished chunks (subsets of episodes) of an unfinished run."""
 SCHEMA = 1
-"""Version of the keys in manifest.json."""
+"""Version of the format of manifest.json."""
 LAST_COMPATIBLE_REVISION = "revision 02bbde28"
-"""Last revision that can read old results.
+"""Last revision of this project that can read results of old versions.
 
-Old results are by the rules success/1 and energy/1 (version 0.2.0 and before), or have no causes of failures.
+Old results use the rules success/1 and energy/1 (version 0.2.0 and before), or have no causes of failure.
 """
 _SHA256 = "sha256"
-"""Key of the hash of all other entries in manifest.json."""
+"""Key in manifest.json of the hash of all its other keys and values."""
 _NOT_PROVENANCE = ("options", "date", "fingerprint")
-"""Fields of the manifest that no result depends on."""
+"""Names of the fields of the manifest that no result depends on."""
 _NOT_COMPARED = {"git_revision"}
-"""Versions that are not compared, because the code digest already shows every change of the code."""
+"""Names of versions that are not compared, because the hash of the code already shows every change."""
 _NOT_IN_FINGERPRINT = _NOT_COMPARED | {"blas", "simd", "libc"}
-"""Versions that do not enter the fingerprint, because results can be equal despite a difference.
+"""Names of versions that do not enter the fingerprint, because they need not affect the results.
 
-The command `compare` reports a difference of all but the git revision.
+The command `compare` reports a difference in all of them except the git revision.
 """
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """All inputs of a run, in which each policy runs its scenarios with the same seeds."""
+    """All inputs of a run, in which every policy runs its scenarios with the same seeds."""
 
     policies: Mapping[str, str]
-    """Label -> digest (hash of classes, parameters and weights) of the policy, in the order of the run."""
+    """Label of a policy -> hash of its classes, parameters and weights, in the order of the run."""
     scenarios: tuple[Scenario, ...]
     seed: int
-    """Evaluation seed."""
+    """Evaluation seed of the run, from which the seeds of all episodes are derived."""
     episodes: int
-    """Number of episodes in each cell; the number at the latest interim analysis if run --until settled."""
+    """Number of episodes of each policy on each scenario.
+
+    In a run --until settled, it is the number at the latest interim analysis.
+    """
     steps: int
-    """Control steps of an episode."""
+    """Maximum number of control steps of an episode."""
     versions: Mapping[str, str | None]
-    """Name -> version of each package, rule and library."""
+    """Name of a package, rule or library -> its version; None if the version is not known."""
     code: str
-    """SHA-256 of the packages that the results depend on."""
+    """SHA-256 of the code of the packages that the results depend on."""
     cpu: str
-    """Name of the processor."""
+    """Name of the processor, on which the last bits of the results depend."""
     options: Mapping[str, Any]
-    """Option name on the command line -> value; `--resume` reads the options from the manifest."""
+    """Name of a command-line option -> its value; `--resume` reads the options from here."""
     threads: int
-    """Threads of the simulation; no result depends on their number."""
+    """Number of processes or threads of the simulation; no result depends on it."""
     hardware: HardwareConfig = IDEAL
-    """Hardware of the robots."""
+    """Names of robot, servo gains, motors, sensors, estimator and simulator."""
     only_on: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    """Label -> names of the scenarios to run, only for policies that do not run on all scenarios."""
+    """Label of a policy -> names of the scenarios that it is restricted to.
+
+    Policies that run on all scenarios are left out.
+    """
     limit: int = 0
-    """Maximum number of episodes in each cell of a run --until settled; 0 for other runs."""
+    """Maximum number of episodes per policy and scenario of a run --until settled; 0 for other runs."""
     ended: str = ""
-    """Reason for the end of a run --until settled; empty before the end and for other runs."""
+    """Reason for the end of a run --until settled; empty before its end and for other runs."""
     date: str = ""
-    """Start date of the run, UTC; empty if it was not recorded."""
+    """Date on which the run started, UTC; empty if it was not recorded."""
     fingerprint: str = ""
-    """SHA-256 of all inputs that a result depends on, computed at the start of the run."""
+    """Fingerprint: SHA-256 of all inputs that a result depends on, computed at the start of the run."""
 
     @property
     def cells(self) -> list[tuple[Scenario, str]]:
-        """Scenario and policy of each cell, in the order of the run."""
+        """Scenario and policy label of each result of the run, in the order of the run."""
         return [
             (scenario, policy)
             for scenario in self.scenarios
@@ -95,17 +101,17 @@ class Manifest:
 
     @property
     def is_unsettled(self) -> bool:
-        """True for a run --until settled that has not ended."""
+        """True for a run --until settled that has not ended yet."""
         return bool(self.limit) and not self.ended
 
     def with_fingerprint(self) -> "Manifest":
-        """Return a copy of the manifest, with the fingerprint computed."""
+        """Return a copy of the manifest in which the field `fingerprint` is computed from the inputs."""
         return replace(self, fingerprint=_fingerprint(self.provenance()))
 
     def until_settled(self) -> "Manifest":
-        """Return the manifest of a run --until settled at the first interim analysis.
+        """Return the manifest of the same run as a run --until settled, at its first interim analysis.
 
-        The number of episodes of this manifest becomes the limit.
+        The number of episodes of this manifest becomes the maximum number of episodes.
         """
         return replace(self, limit=self.episodes, episodes=looks(self.episodes)[0]).with_fingerprint()
 
@@ -121,12 +127,12 @@ class Manifest:
         return {**contents, _SHA256: _digest(contents)}
 
     def provenance(self) -> dict[str, Any]:
-        """Return field name -> JSON value, for all fields except options, date and fingerprint."""
+        """Return all fields except options, date and fingerprint: name -> JSON value."""
         values = {name: value for name, value in vars(self).items() if name not in _NOT_PROVENANCE}
         return values | {"hardware": asdict(self.hardware), "scenarios": to_json_values(self.scenarios)}
 
     def write(self, folder: Path) -> None:
-        """Write manifest.json into a folder."""
+        """Write the manifest as manifest.json into the results `folder`."""
         write_atomically(folder / NAME, (json.dumps(self.as_json(), indent=2) + "\n").encode())
 
 
@@ -146,12 +152,12 @@ def manifest(
     Args:
         policies: Policies in the order of the run.
         scenarios: Scenarios in the order of the run.
-        options: Option name on the command line -> value.
-        seed: Evaluation seed.
-        episodes: Episodes of each policy on each scenario.
-        steps: Control steps of an episode.
-        threads: Threads of the simulation.
-        hardware: Hardware of the robots.
+        options: Name of a command-line option -> its value.
+        seed: Evaluation seed of the run.
+        episodes: Number of episodes of each policy on each scenario.
+        steps: Maximum number of control steps of an episode.
+        threads: Number of processes or threads of the simulation.
+        hardware: Names of robot, servo gains, motors, sensors, estimator and simulator.
 
     Returns:
         The manifest with its fingerprint.
@@ -174,7 +180,7 @@ def manifest(
 
 
 def read(folder: Path) -> Manifest:
-    """Read the manifest of a folder.
+    """Read and check the manifest of a results folder.
 
     Args:
         folder: Results folder.
@@ -183,7 +189,8 @@ def read(folder: Path) -> Manifest:
         The manifest.
 
     Raises:
-        UsageError: There is no manifest of this version, it has been changed, or the robot file of the run is missing.
+        UsageError: The folder has no manifest of this version, the manifest has been changed, or the robot file of the
+            run is missing.
     """
     path = folder / NAME
     if not path.is_file():
@@ -198,7 +205,10 @@ def read(folder: Path) -> Manifest:
 
 
 def _parse(path: Path) -> Manifest:
-    """Parse a manifest file; raise UsageError if it has other rule versions or has been changed."""
+    """Parse the manifest file at `path`.
+
+    UsageError is raised if the run used other rule versions, or if the file has been changed.
+    """
     contents = parse_json(read_bytes(path))
     if type(contents["schema"]) is not int or contents["schema"] != SCHEMA:
         raise ValueError("it is of another schema")
@@ -216,9 +226,14 @@ def _parse(path: Path) -> Manifest:
 
 
 def _check_robot_file(path: Path, robot: str) -> None:
-    """Raise UsageError if the robot file of a run does not exist relative to the current folder.
+    """Check that the robot file of a run exists relative to the current folder.
 
-    The message names the folder to change to.
+    Args:
+        path: Path of the manifest.
+        robot: Name of the robot, or path of its file.
+
+    Raises:
+        UsageError: The file does not exist; the message names the folder in which to run the command.
     """
     if Path(robot).suffix not in SUFFIXES or Path(robot).is_file():
         return
@@ -229,7 +244,7 @@ def _check_robot_file(path: Path, robot: str) -> None:
 
 
 def _is_changed(contents: dict[str, Any]) -> bool:
-    """Return True if the contents of manifest.json do not match the stored fingerprint and hash."""
+    """Return True if the JSON `contents` of manifest.json do not match their stored fingerprint and hash."""
     hashed = {name: value for name, value in contents.items() if name != _SHA256}
     provenance = {name: value for name, value in hashed.items() if name not in ("schema", *_NOT_PROVENANCE)}
     digest = _digest(hashed)
@@ -237,7 +252,7 @@ def _is_changed(contents: dict[str, Any]) -> bool:
 
 
 def _fingerprint(provenance: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of all inputs that a result depends on."""
+    """Return the fingerprint of a run: the SHA-256 of all inputs in `provenance` that a result depends on."""
     versions = {name: version for name, version in provenance["versions"].items() if name not in _NOT_IN_FINGERPRINT}
     inputs = {name: value for name, value in provenance.items() if name != "ended"}
     max_episodes = inputs.get("limit") or inputs["episodes"]
@@ -245,19 +260,27 @@ def _fingerprint(provenance: Mapping[str, Any]) -> str:
 
 
 def _digest(values: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of JSON values, independent of the order of the keys."""
+    """Return the SHA-256 of a dictionary of JSON values; it does not depend on the order of the keys."""
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def differences(then: Manifest, now: Manifest) -> list[str]:
-    """Describe each input that differs between the runs `then` and `now`; options are not compared."""
+    """Describe each input that differs between two runs; command-line options are not compared.
+
+    Args:
+        then: Manifest of the earlier run.
+        now: Manifest of the present run.
+
+    Returns:
+        A text for each difference, for example `numpy was 2.0 and is 2.1`.
+    """
     return list(_differences(then, now))
 
 
 def _differences(then: Manifest, now: Manifest) -> Iterator[str]:
-    """Yield a description of each difference between two manifests."""
+    """Yield a description of each input that differs between the manifests `then` and `now`."""
     for name, version in then.versions.items():
-        new = now.versions.get(name, version)  # older manifests do not have all versions
+        new = now.versions.get(name, version)  # the old version by default, because older manifests lack some versions
         if name not in _NOT_COMPARED and new != version:
             yield f"{name} was {version} and is {new}"
     if then.code != now.code:

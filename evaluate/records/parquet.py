@@ -1,4 +1,4 @@
-"""Parquet files with a content hash: written atomically, and rejected if they have been changed."""
+"""Parquet files with a content hash: written atomically, and rejected when read if they were changed."""
 
 import hashlib
 import io
@@ -14,11 +14,17 @@ from quad_env.files.reading import MAX_DATA_SIZE, read_bytes
 from quad_env.files.writing import write_atomically
 
 SHA256 = b"sha256"
-"""Metadata key of a table: hash of the table's content."""
+"""Metadata key of a table for the hash of its content."""
 
 
 def write(rows: pa.Table, path: Path, metadata: Mapping[bytes, bytes]) -> None:
-    """Write rows with metadata and their content hash into the file at `path`."""
+    """Write a table with its metadata and its content hash into a file atomically.
+
+    Args:
+        rows: Table to write.
+        path: File to write.
+        metadata: Additional metadata of the table: key -> value.
+    """
     described = rows.replace_schema_metadata(dict(metadata))
     buffer = io.BytesIO()
     hashed = described.replace_schema_metadata({**metadata, SHA256: content_hash(described).encode()})
@@ -27,7 +33,10 @@ def write(rows: pa.Table, path: Path, metadata: Mapping[bytes, bytes]) -> None:
 
 
 def read(path: Path) -> pa.Table:
-    """Read the rows of a file; raise ValueError if it is damaged or changed, OSError if it is unreadable."""
+    """Read a table from the file at `path`, and check its content hash.
+
+    ValueError is raised if the file is damaged or was changed, and OSError if it cannot be read.
+    """
     content = read_bytes(path, MAX_DATA_SIZE)
     try:
         rows = pq.ParquetFile(pa.py_buffer(content), page_checksum_verification=True).read()
@@ -42,7 +51,10 @@ def read(path: Path) -> pa.Table:
 
 
 def content_hash(rows: pa.Table) -> str:
-    """Return the SHA-256 of a table's metadata, names, types and values; the file layout does not count."""
+    """Return the SHA-256 of a table: its metadata, column names, types and values.
+
+    The layout of the Parquet file, for example its compression, does not count.
+    """
     digest = hashlib.sha256(repr(_hashed_metadata(rows.schema.metadata)).encode())
     for field, column in zip(rows.schema, rows.columns, strict=True):
         digest.update(repr((field.name, _hashed_metadata(field.metadata))).encode())
@@ -51,12 +63,19 @@ def content_hash(rows: pa.Table) -> str:
 
 
 def _hashed_metadata(metadata: Mapping[bytes, bytes] | None) -> list[tuple[bytes, bytes]]:
-    """Return the sorted metadata entries, except the hash and the entries that the Parquet format adds."""
+    """Return the sorted metadata pairs that enter the content hash.
+
+    The hash itself and the pairs that the Parquet format adds are left out.
+    """
     return sorted(pair for pair in (metadata or {}).items() if pair[0] != SHA256 and not pair[0].startswith(b"PARQUET"))
 
 
 def _add_values(digest: Any, values: pa.Array) -> None:
-    """Add the values to the digest: validity bits and bytes, or the lengths and flat values of lists."""
+    """Add the `values` of a column to the hash `digest`.
+
+    A column of numbers or texts adds its validity bits and its bytes. A column of lists adds the lengths of the lists
+    and their entries.
+    """
     values = values.combine_chunks() if isinstance(values, pa.ChunkedArray) else values
     digest.update(np.packbits(values.is_valid().to_numpy(zero_copy_only=False)).tobytes())
     if isinstance(values, pa.ListArray):

@@ -1,4 +1,4 @@
-"""Provenance of results: versions, processor, and digests (hashes) of code, policies and robot model."""
+"""Provenance of results: versions, processor, and SHA-256 digests of code, policies and robot model."""
 
 import ast
 import ctypes
@@ -24,19 +24,19 @@ from quad_env.config import FallRule
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SOURCES = ("quad_env", "policies", "evaluate")
-"""Packages of this project that the results depend on."""
+"""Names of the packages of this project that the results depend on."""
 RULES = {"success_rule": SUCCESS_RULE, "energy_rule": ENERGY_RULE, "cause_rule": CAUSE_RULE}
-"""Rule -> version; results that were computed by another version cannot be read."""
+"""Name of a rule -> its version; results of another version cannot be read."""
 DIGEST = "3-"
-"""Prefix of every policy digest: version of the algorithm that computes the digest."""
+"""Prefix of the digest of every policy: the version of the algorithm that computes the digest."""
 _SOURCE_SUFFIXES = {".py", ".xml", ".json"}
-"""Suffixes of the files that enter the code digest."""
+"""Suffixes of the files that enter the digest of the code."""
 
 
 def versions() -> dict[str, str | None]:
-    """Return name -> version of everything that the results depend on, and the git revision.
+    """Return the versions of everything that the results depend on: name -> version.
 
-    A version is None if it is not known, for example the git revision outside a repository.
+    A version is None if it is not known, for example the git revision outside of a repository.
     """
     return {
         "python": platform.python_version(),
@@ -53,16 +53,20 @@ def versions() -> dict[str, str | None]:
 
 
 def blas() -> str:
-    """Return name and version of NumPy's BLAS, and the processor kernels that OpenBLAS has selected.
+    """Return a text that names NumPy's BLAS library, its version and its processor kernels.
 
-    The environment variable `OPENBLAS_CORETYPE` overrides the selection.
+    The kernels are those that OpenBLAS has selected, because they affect the last bits of the results. The environment
+    variable `OPENBLAS_CORETYPE` overrides the selection.
     """
     library = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
     return " ".join((library["name"], library["version"], *sorted(_openblas_kernels())))
 
 
 def _openblas_kernels() -> set[str]:
-    """Return the processor kernels of this process's OpenBLAS libraries; empty if they cannot be listed."""
+    """Return the names of the processor kernels of all OpenBLAS libraries that this process has loaded.
+
+    The set is empty if the libraries cannot be listed.
+    """
     try:
         lines = Path("/proc/self/maps").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -77,7 +81,10 @@ def _openblas_kernels() -> set[str]:
 
 
 def hardware_versions(hardware: HardwareConfig) -> dict[str, str]:
-    """Return name -> version of the robot (its SHA-256) and the simulator, if they are not the default."""
+    """Return the versions of robot and simulator, as far as they are not the default.
+
+    The dictionary maps the name of the simulator to its version, and `robot` to the SHA-256 of its model.
+    """
     versions = {}
     if hardware.robot != HardwareConfig.robot:
         versions["robot"] = hardware.robot_model.sha256
@@ -87,7 +94,10 @@ def hardware_versions(hardware: HardwareConfig) -> dict[str, str]:
 
 
 def git_revision(folder: Path) -> str | None:
-    """Return the commit of a repository, with `-dirty` if tracked files differ; None outside a repository."""
+    """Return the commit of a git repository, with `-dirty` appended if tracked files differ from it.
+
+    The result is None if `folder` is not in a repository.
+    """
     revision = _git(folder, "rev-parse", "HEAD")
     if revision is None:
         return None
@@ -109,7 +119,7 @@ def cpu_model() -> str:
 
 @cache
 def code_digest() -> str:
-    """Return the SHA-256 of the packages in SOURCES: file names, Python statements and data files.
+    """Return the SHA-256 of the code of the packages in SOURCES: Python statements and data files.
 
     Comments, docstrings and the layout of Python files do not count, because no result depends on them.
     """
@@ -125,7 +135,10 @@ def code_digest() -> str:
 
 
 def _statements(source: bytes) -> bytes:
-    """Return the syntax tree of Python source as text without docstrings; invalid source is not changed."""
+    """Return the syntax tree of Python `source` as text without docstrings.
+
+    Source that is not valid Python is returned unchanged.
+    """
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError):
@@ -136,9 +149,13 @@ def _statements(source: bytes) -> bytes:
 
 
 def _add_syntax(node: ast.AST, add: Callable[[str], None]) -> None:
-    """Add a node, its fields and its children as text, without docstrings.
+    """Add the text of a syntax tree to a hash, without docstrings.
 
     Absent and empty fields are left out. The text therefore does not depend on the Python version, unlike `ast.dump`.
+
+    Args:
+        node: Root of the syntax tree.
+        add: Function that receives the parts of the text one after the other.
     """
     add(type(node).__name__)
     for name in node._fields:
@@ -160,12 +177,18 @@ def _add_syntax(node: ast.AST, add: Callable[[str], None]) -> None:
 
 
 def _is_docstring(node: Any) -> bool:
-    """Return True for a docstring of a module, class, function or attribute: a statement that is a string."""
+    """Return True if a syntax node is a docstring of a module, class, function or attribute.
+
+    Every statement that consists of a string counts as a docstring.
+    """
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
 def policy_digest(*policies: Policy) -> str:
-    """Return the SHA-256 of new policies: classes and attributes, including parameters and weights."""
+    """Return the SHA-256 of `policies` that have not run yet: their classes and all attributes.
+
+    The attributes include parameters and network weights.
+    """
     digest = hashlib.sha256()
     for piece in chain.from_iterable(_pieces(policy, ()) for policy in policies):
         digest.update(piece + b"\n")
@@ -173,14 +196,14 @@ def policy_digest(*policies: Policy) -> str:
 
 
 def _pieces(value: Any, ancestors: tuple[int, ...]) -> Iterator[bytes]:
-    """Yield the class and the contents of a value in a fixed order.
+    """Yield the class and the contents of an object in a fixed order, as text to hash.
 
     Args:
-        value: A policy or a value within it.
-        ancestors: `id` of each value that contains the value, to detect references of a value to itself.
+        value: A policy, or an attribute of it at any depth.
+        ancestors: `id` of each object that contains the object, to detect an object that contains itself.
 
     Yields:
-        Parts of the text to hash. They contain no module names, so a policy keeps its digest when its file moves.
+        Parts of the text. They contain no module names, so a policy keeps its digest when its source file moves.
     """
     kind = type(value).__qualname__
     if isinstance(value, np.ndarray) and value.dtype == object:
@@ -190,7 +213,7 @@ def _pieces(value: Any, ancestors: tuple[int, ...]) -> Iterator[bytes]:
     elif value is None or isinstance(value, bool | int | float | str | bytes):
         yield f"{kind} {value!r}".encode()
     elif isinstance(value, Path):
-        yield value.name.encode()  # name only, because the code digest contains the file's contents
+        yield value.name.encode()  # only the name, because the code digest contains the file's contents
     elif callable(value) and hasattr(value, "__qualname__"):
         yield value.__qualname__.encode()
     elif id(value) in ancestors:
@@ -204,19 +227,27 @@ def _pieces(value: Any, ancestors: tuple[int, ...]) -> Iterator[bytes]:
 
 
 def _contents(value: Any) -> list[tuple[Any, Any]]:
-    """Return the contents of a value as pairs: attribute name, key or index, and the entry."""
+    """Return the contents of an object as pairs: attribute name, dictionary key or list index, and value."""
     if isinstance(value, Mapping):
         return sorted(value.items(), key=lambda item: repr(item[0]))
     if isinstance(value, list | tuple):
         return list(enumerate(value))
-    if is_dataclass(value):  # fields only, because a dataclass may cache other attributes
+    if is_dataclass(value):  # only fields, because other attributes of a dataclass may be caches
         return sorted((field.name, getattr(value, field.name)) for field in fields(value))
     slots = {name: getattr(value, name) for name in getattr(type(value), "__slots__", ()) if hasattr(value, name)}
     return sorted((slots | getattr(value, "__dict__", {})).items())
 
 
 def _git(folder: Path, *arguments: str) -> str | None:
-    """Return the output of a git command in a folder; None if it fails."""
+    """Run a git command in a folder, and return its output.
+
+    Args:
+        folder: Folder in which the command runs.
+        *arguments: Arguments of git.
+
+    Returns:
+        The output, stripped; None if the command fails.
+    """
     command = ["git", "-C", str(folder), *arguments]
     try:
         finished = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace", timeout=10)
@@ -226,7 +257,7 @@ def _git(folder: Path, *arguments: str) -> str | None:
 
 
 def _version_of(distribution: str) -> str | None:
-    """Return the version of an installed distribution; None if it is not installed."""
+    """Return the version of the installed Python `distribution`; None if it is not installed."""
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:

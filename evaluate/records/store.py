@@ -1,6 +1,7 @@
-"""Results folder: saves the chunks of a running evaluation, and reads a run back.
+"""Results folder: saves the episodes of a running evaluation, and reads runs back.
 
-A chunk is a subset of the episodes of a cell, which is one policy on one scenario.
+A cell is the result of one policy on one scenario. A chunk is a subset of its episodes that are simulated together and
+stored in one file.
 """
 
 import re
@@ -31,53 +32,63 @@ from quad_env.scenarios.registry import Scenario
 
 EPISODES = "episodes.parquet"
 _CHUNK = re.compile(r"\d{5}-\d{7}(-[0-9a-f]{8})?\.parquet")
-"""Name of a chunk's file: cell index, index of its first episode, start of the run's fingerprint."""
+"""Pattern of the file name of a chunk (subset of episodes that are simulated together).
+
+The name contains the index of the policy-scenario pair, the index of the first episode, and the first characters of the
+run's fingerprint.
+"""
 _FIRST_EPISODE = slice(6, 13)
-"""Characters of a chunk's file name that are the index of its first episode."""
+"""Characters of a chunk's file name that are the index of the chunk's first episode."""
 _TEMPORARY = re.compile(rf"\.({'|'.join(map(re.escape, FILES))}|{_CHUNK.pattern})\..{{8}}")
-"""Name of a temporary file that a killed run left behind."""
+"""Pattern of the name of a temporary file that remains if a run is killed while it writes."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """A finished or unfinished run, read from a folder."""
+    """A finished or unfinished run, as read from its results folder."""
 
     manifest: Manifest
     cells: tuple[PolicyScenarioResult, ...]
-    """Finished cells, in the order of the run."""
+    """Finished results, one for each pair of policy and scenario, in the order of the run."""
     stored: bool = False
-    """True if all cells were read from the folder's episodes.parquet."""
+    """True if all results were read from episodes.parquet, and none from the files of an unfinished run."""
     missing_measures: tuple[str, ...] = ()
-    """Names of the measures that episodes.parquet lacks; they are NaN or None in the cells."""
+    """Names of the measures that episodes.parquet lacks; they are NaN or None in the results."""
 
     @property
     def complete(self) -> bool:
-        """True if every cell is finished and no episodes will be added."""
+        """True if every pair of policy and scenario is finished and the run will add no episodes."""
         return len(self.cells) == len(self.manifest.cells) and not self.manifest.is_unsettled
 
 
 class ChunkStore:
-    """Store of the chunks of a run that is not finished: one file for each chunk, written atomically."""
+    """Store of the finished episodes of an unfinished run, as chunks in a results folder.
+
+    A chunk is a subset of the episodes of one policy on one scenario. Each chunk is one file, which is written
+    atomically.
+    """
 
     def __init__(self, folder: Path, manifest: Manifest, resumed: bool = False) -> None:
         self.folder = folder
         self.manifest = manifest
         self.begun = resumed
-        """True if the folder belongs to this run.
+        """True if the contents of the folder belong to this run.
 
-        False before the first chunk of a new run is saved, when the folder can still hold an earlier run.
+        It is False until the first chunk of a new run is saved; the folder can still hold an earlier run until then.
         """
         self._policies = list(manifest.policies)
 
     def load(self, policy: str, scenario: Scenario) -> Sequence[EpisodeChunk]:
-        """Return the finished chunks of a cell; damaged files and files of other runs or seeds are skipped.
+        """Return the stored chunks (subsets of episodes) of one policy on one scenario.
+
+        Damaged files and files of other runs or seeds are skipped.
 
         Args:
             policy: Label of the policy.
-            scenario: Scenario of the cell.
+            scenario: Scenario.
 
         Returns:
-            Chunks; no two chunks share an episode.
+            Chunks; no two chunks have an episode in common.
         """
         if not self.begun:
             return ()
@@ -91,9 +102,10 @@ class ChunkStore:
         return chunks
 
     def save(self, chunk: EpisodeChunk) -> None:
-        """Write a `chunk`; raise OSError if that fails.
+        """Write the `chunk`, a subset of the episodes of one policy on one scenario, into a file.
 
-        The first chunk of a run replaces the earlier run in the folder.
+        The first chunk of a run replaces the earlier run in the folder. OSError is raised if the file cannot be
+        written.
         """
         cell_index = self._cell_index(chunk.cell.policy, chunk.cell.scenario)
         name = f"{cell_index:05d}-{chunk.episode_indices[0]:07d}-{self.manifest.fingerprint[:8]}.parquet"
@@ -105,11 +117,19 @@ class ChunkStore:
             self.begun = True
 
     def _cell_index(self, policy: str, scenario: Scenario) -> int:
-        """Return the index of the cell of a `policy` and a `scenario` in the order of the run."""
+        """Return the index of the pair of `policy` and `scenario` in the order of the run."""
         return self.manifest.scenarios.index(scenario) * len(self._policies) + self._policies.index(policy)
 
     def _read(self, path: Path, scenario: Scenario) -> EpisodeChunk | None:
-        """Read a chunk; return None if the file is damaged or belongs to another run or seed."""
+        """Read a stored chunk (subset of episodes).
+
+        Args:
+            path: File of the chunk.
+            scenario: Scenario of the chunk.
+
+        Returns:
+            The chunk; None if the file is damaged, or belongs to another run or to other seeds.
+        """
         try:
             rows = read_table(path, self.manifest.fingerprint)
             chunk = EpisodeChunk(rows.column("episode").to_numpy(), cell_of(rows, scenario))
@@ -120,7 +140,10 @@ class ChunkStore:
 
 
 def read_run(folder: Path) -> Run:
-    """Read the finished or unfinished run in a folder; raise UsageError or OSError if it cannot be read."""
+    """Read the finished or unfinished run in a results `folder`.
+
+    UsageError or OSError is raised if the run cannot be read.
+    """
     manifest, rows, stored = _read(folder)
     try:
         return Run(manifest, tuple(_cells(manifest, rows)), stored, tuple(missing_measures(rows)))
@@ -129,13 +152,19 @@ def read_run(folder: Path) -> Run:
 
 
 def read_rows(folder: Path) -> tuple[Manifest, pa.Table]:
-    """Read the manifest and the rows of the finished cells in a folder; raise errors as `read_run` does."""
+    """Read the manifest and the table of the finished episodes in a results `folder`.
+
+    Only the episodes of finished pairs of policy and scenario are included. Errors are raised as by `read_run`.
+    """
     manifest, rows, _ = _read(folder)
     return manifest, rows
 
 
 def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
-    """Read the manifest, the rows, and if the rows come from episodes.parquet; errors as in `read_run`."""
+    """Read the manifest and the table of the finished episodes in a results `folder`.
+
+    The third value is True if the rows are from episodes.parquet. Errors are raised as by `read_run`.
+    """
     manifest = manifests.read(folder)
     has_chunks = is_unfinished(folder)
     try:
@@ -151,7 +180,7 @@ def _read(folder: Path) -> tuple[Manifest, pa.Table, bool]:
 
 
 def _stored_rows(path: Path, manifest: Manifest) -> pa.Table:
-    """Read the rows of episodes.parquet; return an empty table if the file does not exist.
+    """Read the table episodes.parquet, and check that it contains the episodes of its run.
 
     Measures that the file lacks are added as missing values, and their names are printed on stderr.
 
@@ -160,7 +189,8 @@ def _stored_rows(path: Path, manifest: Manifest) -> pa.Table:
         manifest: Manifest of the run.
 
     Returns:
-        Rows of complete cells in the order of the run; an interrupted run may lack cells.
+        One row for each episode, in the order of the run. The table is empty if the file does not exist, and an
+        interrupted run may lack some pairs of policy and scenario.
 
     Raises:
         ValueError: The rows differ from the rows that the run wrote, or a required column is missing.
@@ -180,21 +210,23 @@ def _stored_rows(path: Path, manifest: Manifest) -> pa.Table:
 
 
 def rows_of(rows: pa.Table, policy: str, scenario: str) -> pa.Table:
-    """Return the part of the `rows` that belongs to the cell of a `policy` and a `scenario`."""
+    """Return the `rows` of an episode table that belong to one `policy` on one `scenario`."""
     return rows.filter((pc.field("policy") == policy) & (pc.field("scenario") == scenario))
 
 
 def is_unfinished(folder: Path) -> bool:
-    """Return True if the folder holds an unfinished run: a manifest and chunks."""
+    """Return True if the results `folder` holds an unfinished run: a manifest and files of chunks."""
     return (folder / manifests.NAME).is_file() and any(_chunk_files(folder))
 
 
 def remove_chunks(folder: Path, but: str = "") -> None:
-    """Remove the chunks of all runs, and temporary files that a killed run left behind.
+    """Remove the stored chunks (subsets of episodes) of all runs in a results folder.
+
+    Temporary files that a killed run left behind are removed as well.
 
     Args:
-        folder: Results folder; other files in it are kept.
-        but: File name of one chunk to keep; empty to remove all.
+        folder: Results folder; all other files in it are kept.
+        but: File name of one chunk to keep; empty to remove all chunks.
     """
     for path in _chunk_files(folder):
         if path.name != but:
@@ -205,17 +237,20 @@ def remove_chunks(folder: Path, but: str = "") -> None:
                 path.unlink(missing_ok=True)
     try:
         (folder / CHUNKS).rmdir()
-    except OSError:  # the folder does not exist or contains other files
+    except OSError:  # raised if the folder does not exist or contains other files
         return
 
 
 def _chunk_files(folder: Path) -> Iterator[Path]:
-    """Yield the paths of all chunk files, which can belong to any run."""
+    """Yield the paths of all stored chunks (subsets of episodes) in a results `folder`, of any run."""
     return (path for path in (folder / CHUNKS).glob("*.parquet") if _CHUNK.fullmatch(path.name))
 
 
 def _from_chunks(store: ChunkStore) -> Iterator[PolicyScenarioResult]:
-    """Yield each cell with a complete set of stored chunks, and report unusable files on stderr."""
+    """Yield the result of each pair of policy and scenario for which all episodes are stored.
+
+    Files that are damaged or belong to another run are counted on stderr.
+    """
     files = [path for path in _chunk_files(store.folder) if int(path.name[_FIRST_EPISODE]) < store.manifest.episodes]
     file_count = len(files)
     used = 0
@@ -233,7 +268,15 @@ def _from_chunks(store: ChunkStore) -> Iterator[PolicyScenarioResult]:
 
 
 def _cells(manifest: Manifest, rows: pa.Table) -> Iterator[PolicyScenarioResult]:
-    """Convert the rows of a run to cells, and yield the cells in the order of the run."""
+    """Convert the episode table of a run to one result for each pair of policy and scenario.
+
+    Args:
+        manifest: Manifest of the run.
+        rows: Rows of the episodes.
+
+    Yields:
+        Results in the order of the run.
+    """
     if not rows.num_rows:
         return
     for scenario, policy in manifest.cells:
@@ -243,6 +286,14 @@ def _cells(manifest: Manifest, rows: pa.Table) -> Iterator[PolicyScenarioResult]
 
 
 def _unreadable(folder: Path, error: Exception) -> UsageError:
-    """Return the error for an episodes.parquet that does not match the manifest."""
+    """Return the error for an episodes.parquet that does not belong to its manifest.
+
+    Args:
+        folder: Results folder.
+        error: Reason why the table cannot be used.
+
+    Returns:
+        The error, with the remedy in its message.
+    """
     remedy = "restore it, or run the evaluation again"
     return UsageError(f"{folder / EPISODES} cannot be read as the run of {manifests.NAME}: {error}; {remedy}")

@@ -1,1 +1,1 @@
-"""Simulation of many episodes together, batteries of scenarios, and worker processes."""
+"""Simulation of many episodes together, batteries (named lists) of scenarios, and worker processes."""

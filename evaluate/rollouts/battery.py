@@ -1,4 +1,4 @@
-"""Batteries (named lists of scenarios), and the scenarios that a name on the command line selects."""
+"""Batteries (named lists of scenarios), and selection of scenarios by names on the command line."""
 
 import runpy
 from collections.abc import Callable, Iterable
@@ -26,15 +26,15 @@ from quad_env.scenarios.scenario import Scenario, with_hardware_profile
 from quad_env.serialisation import from_json_values, to_json_values
 
 NOMINAL = ("flat", "push", "rough")
-"""Names of the first scenarios in the quick battery."""
+"""Names of the first scenarios in the battery `quick`."""
 QUICK_LEVELS: dict[str, tuple[int, ...]] = {"push": (4,), "rough": (4,)}
-"""Axis (kind of disturbance) -> indices of its severity levels in the quick battery."""
+"""Disturbance axis -> its severity levels in the battery `quick`, counted from 1 for the mildest."""
 LEVELS_ABOVE_NOMINAL = 2
-"""Number of severity levels above the nominal level in the default battery: hard and hardest."""
+"""Number of severity levels above the nominal level that the battery `default` has on each axis."""
 ALL = "all"
-"""Name of the battery of all nominal scenarios; in `push:all`, all levels of an axis."""
+"""Name of the battery of all nominal scenarios; in `push:all`, it selects all levels of an axis."""
 _FILE_SEPARATOR = ".py:"
-"""Text between the stem of a Python file and a name in the file, as in `file.py:NAME`."""
+"""Text between the name of a Python file and a variable in the file, as in `file.py:NAME`."""
 
 
 BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
@@ -51,12 +51,13 @@ BATTERIES: dict[str, Callable[[Robot], tuple[Scenario, ...]]] = {
     "full": lambda robot: _battery(robot, lambda axis: range(1, len(axis.levels) + 1), tuple(AXES)),
     ALL: lambda robot: tuple(scenarios_of(robot).values()),
 }
-"""Battery name -> function that returns the scenarios of the battery for a robot.
+"""Name of a battery -> function that receives a robot and returns the scenarios of the battery.
 
 - quick: a few scenarios for a first impression.
-- default: every axis at its nominal level and the next two levels, and with the hardware profile at the next level.
-- full: every axis at every level.
-- all: every axis at its nominal level.
+- default: every disturbance axis at its nominal severity level and the next two levels. With the hardware profile
+  (models of the real robot's motors and sensors), every axis at one level above nominal.
+- full: every disturbance axis at every severity level.
+- all: every disturbance axis at its nominal severity level.
 """
 _VALID = (
     f"{', '.join((*SCENARIOS, *BATTERIES))}, {SYNTAX_HELP}, every level of an axis such as push:all, "
@@ -67,11 +68,12 @@ _VALID = (
 def resolve(names: tuple[str, ...], robot: Robot = SIMPLE_QUAD) -> tuple[Scenario, ...]:
     """Return the scenarios that names on the command line select.
 
-    Valid forms are `push`, `push:3`, `push:all`, `payload=15+slope=10`, `full` and `file.py:NAME`.
+    Examples of valid names are `push`, `push:3` (severity level 3), `push:all`, `payload=15+slope=10`, `full` (a
+    battery) and `file.py:NAME`.
 
     Args:
         names: Names on the command line.
-        robot: Robot to which the severities are scaled.
+        robot: Robot; severities are scaled to its size.
 
     Returns:
         Scenarios in the order of the names.
@@ -101,7 +103,7 @@ def resolve_single(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
     Args:
         name: Name on the command line.
-        robot: Robot to which the severity is scaled.
+        robot: Robot; the severity is scaled to its size.
 
     Returns:
         The scenario.
@@ -116,12 +118,23 @@ def resolve_single(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 
 def is_file_reference(name: str) -> bool:
-    """Return True if a name refers to a file of the user."""
+    """Return True if a scenario name refers to a user's file: `file.py:NAME` or a terrain file."""
     return _FILE_SEPARATOR in name or split(split(name)[0])[0].endswith(TERRAIN)
 
 
 def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
-    """Return the scenarios of one name; raise ValueError with the valid names if the name is unknown."""
+    """Return the scenarios that one name on the command line selects.
+
+    Args:
+        name: Name of a scenario, battery or file.
+        robot: Robot; severities are scaled to its size.
+
+    Returns:
+        The scenarios.
+
+    Raises:
+        ValueError: The name is unknown; the message lists the valid names.
+    """
     if name in BATTERIES:
         return BATTERIES[name](robot)
     plain, with_ending = split(name)
@@ -140,24 +153,32 @@ def _named(name: str, robot: Robot) -> tuple[Scenario, ...]:
 
 
 def _hardware_scenarios(robot: Robot) -> tuple[Scenario, ...]:
-    """Return `flat`, `steady` and each axis one level above nominal, all with the hardware profile."""
+    """Return the scenarios with the hardware profile in the battery `default`, scaled to the `robot`.
+
+    They are `flat`, `steady`, and each disturbance axis at one severity level above nominal.
+    """
     levels = (axis.level(min(axis.nominal_level + 1, len(axis.levels))) for axis in axes_of(robot).values())
     return with_profile((scenarios_of(robot)[NOMINAL[0]], STEADY, *levels))
 
 
 def with_profile(scenarios: Iterable[Scenario]) -> tuple[Scenario, ...]:
-    """Return the scenarios with the robot's hardware profile; duplicates are removed."""
+    """Return the scenarios with the hardware profile (models of the real motors, sensors and delays).
+
+    Two scenarios that become equal in this way are returned only once.
+    """
     return tuple({scenario.name: scenario for scenario in map(with_hardware_profile, scenarios)}.values())
 
 
 def _battery(
     robot: Robot, levels: Callable[[Axis], Iterable[int]], nominal: tuple[str, ...] = NOMINAL
 ) -> tuple[Scenario, ...]:
-    """Return nominal scenarios, levels of each axis, and the steady walk; duplicates are removed.
+    """Return nominal scenarios, severity levels of each disturbance axis, and the steady walk.
+
+    Equal scenarios are returned only once.
 
     Args:
-        robot: Robot to which the severities are scaled.
-        levels: Function that returns the severity levels of an axis in the battery.
+        robot: Robot; severities are scaled to its size.
+        levels: Function that receives a disturbance axis and returns the indices of its levels in the battery.
         nominal: Names of the nominal scenarios.
 
     Returns:
@@ -173,7 +194,10 @@ def _battery(
 
 
 def _from_file(reference: str) -> tuple[Scenario, ...]:
-    """Return the scenarios of a reference `file.py:NAME`; raise ValueError if there are none."""
+    """Return the scenarios that the variable in a `reference` such as `file.py:NAME` contains.
+
+    ValueError is raised if the variable does not exist or contains no scenarios.
+    """
     file, _, name = reference.rpartition(":")
     contents = _run_file(Path(file))
     if name not in contents:
@@ -188,7 +212,10 @@ def _from_file(reference: str) -> tuple[Scenario, ...]:
 
 
 def _run_file(file: Path) -> dict[str, Any]:
-    """Run a Python file and return its global names -> values; raise ValueError if the file fails."""
+    """Run a user's Python `file`, and return its global variables: name -> value.
+
+    ValueError is raised if the file does not exist or fails.
+    """
     if not file.is_file():
         raise ValueError(f"there is no file {file}")
     try:
@@ -199,13 +226,21 @@ def _run_file(file: Path) -> dict[str, Any]:
 
 
 def _as_scenarios(value: Any) -> tuple[Scenario, ...]:
-    """Return a scenario or a sequence of scenarios as a tuple, or an empty tuple for another value."""
+    """Convert a scenario, or a list or tuple of scenarios, to a tuple; return () for any other `value`."""
     scenarios = tuple(value) if isinstance(value, list | tuple) else (value,)
     return scenarios if all(isinstance(scenario, Scenario) for scenario in scenarios) else ()
 
 
 def _check(scenario: Scenario, file: str) -> None:
-    """Raise ValueError if a scenario of a user's file cannot be stored in results."""
+    """Check that a scenario from a user's file has a free name and can be stored with the results.
+
+    Args:
+        scenario: Scenario to check.
+        file: Name of the file, for the error message.
+
+    Raises:
+        ValueError: The name is missing or not allowed, or the scenario contains values other than numbers and texts.
+    """
     if not isinstance(scenario.name, str) or not scenario.name:
         raise ValueError(f"a scenario in {file} needs a name, not {scenario.name!r}")
     if scenario.name in SCENARIOS or ":" in scenario.name or is_combination(scenario.name):

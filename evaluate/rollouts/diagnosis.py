@@ -1,4 +1,7 @@
-"""Diagnosis of external policies that do not walk: search for a common mistake as the explanation."""
+"""Diagnosis of external policies that do not walk: searches for a mistake in their description.
+
+The description of a policy defines its observations, joint order, signs, scales and servo gains.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,78 +23,82 @@ from quad_env.sensing.height_scan import table_with
 
 STAND = "to stand"
 COMMANDS = {STAND: (0.0, 0.0, 0.0), "forward": (0.5, 0.0, 0.0), "in a curve": (0.5, 0.0, 0.8)}
-"""Command name -> command for SimpleQuad, m/s and rad/s.
+"""Name of a test command -> forward and lateral velocity, m/s, and yaw rate, rad/s, for SimpleQuad.
 
-The walk in a curve is needed because the world frame and the base frame differ only there.
+The walk in a curve is needed because only there do the world frame and the base frame differ.
 """
 SEEDS = episode_seeds("search", 0, 2)
 SCREENING_COMMANDS = {"in a curve": COMMANDS["in a curve"]}
-"""Command of the short walk that selects the corrections for the full tests."""
+"""Name -> command of the short walk with which corrections are selected for the full tests."""
 SCREENING_SPEEDUP = 2.0
-"""Duration of a full walk divided by the duration of the short walk."""
+"""Duration of a full walk divided by the duration of the short walk that selects corrections."""
 MAX_FULL_TESTS = 10
-"""Maximum number of corrections that are tested on all commands."""
+"""Maximum number of corrections that are tested with all commands after the short walk."""
 NUM_COMBINED_CORRECTIONS = 2
-"""Number of best corrections that are combined with a second correction."""
+"""Number of best single corrections that are also tested together with a second correction."""
 
 
 @dataclass(frozen=True)
 class ServosByRow(HardwareConfig):
-    """Hardware with different servo gains for each robot."""
+    """Hardware configuration with different servo gains for each robot of a batch."""
 
     gains: Any = None
-    """Stiffness and damping, (2, n, 12), N·m/rad and N·m·s/rad."""
+    """Stiffness, N·m/rad, and damping, N·m·s/rad, of the servos of n robots, (2, n, 12)."""
 
     def env_kwargs(self, robot: Robot) -> dict[str, Any]:
-        """Return keyword argument -> value of an environment with these gains, for the policy's `robot`."""
+        """Return the keyword arguments of an environment with these servo gains: name -> value.
+
+        `robot` is the robot of the policy.
+        """
         return super().env_kwargs(robot) | {"servo": tuple(self.gains)}
 
     def mean_robot(self) -> Robot:
-        """Return the robot with the mean of all servo gains."""
+        """Return the robot with the means of all servo gains over the batch."""
         is_uniform = (self.gains == self.gains[:, :1]).all()
         return self.robot_model.with_servo(*(self.gains[:, 0] if is_uniform else self.gains.mean(axis=1)))
 
 
 def run_walk_tests(policy: Policy, robot: str, copies: int = 1) -> list[Walk]:
-    """Run a walk for each command in COMMANDS and each seed in SEEDS.
+    """Test a policy: run a walk for each command in COMMANDS and each seed in SEEDS.
 
     Args:
-        policy: Policy of the robots.
+        policy: Policy to test.
         robot: Name or path of the robot.
         copies: Number of repetitions of all walks.
 
     Returns:
-        The results of the walks.
+        Results of the walks.
     """
     return run_walks(policy, HardwareConfig(robot=robot), COMMANDS, SEEDS, copies)
 
 
 def failure_messages(walks: Sequence[Walk]) -> dict[str, str]:
-    """Return command name -> description of the worst walk, for each command that was not followed."""
+    """Describe the worst walk of each command that the policy did not follow: command name -> text."""
     worst = {walk.command_name: walk for walk in sorted(walks, key=lambda walk: walk.deviation)}
     return {name: worst[name].description for name in COMMANDS if name in worst and worst[name].deviation > 1.0}
 
 
 def has_policy_failure(walks: Sequence[Walk]) -> bool:
-    """Return True if the policy raised an error or gave no answer.
+    """Return True if the policy raised an error or returned no action in any of the `walks`.
 
-    Actions that are not finite do not count, because a wrong description can make a correct network overflow.
+    Actions that are not finite do not count, because a wrong description can make the outputs of a correct network
+    overflow.
     """
     return any(walk.failure and "not finite" not in walk.failure for walk in walks)
 
 
 def diagnose(policy: ExternalPolicy, robot: str) -> str:
-    """Search for the mistake in a policy's description that explains the policy's failure.
+    """Search for a mistake in the description of an external policy that explains why it does not walk.
 
-    The search first corrects one mistake, then several mistakes in the order of the joints. Last it combines the best
-    corrections with a second one. All corrections are tested on a short walk, and the best ones on all commands.
+    The search first corrects one mistake, then several mistakes in the order of the joints. Last, it combines the best
+    corrections with a second one. All corrections are tested on a short walk, and the best ones with all commands.
 
     Args:
-        policy: A policy with a description.
+        policy: A policy with a description of its observations and actions.
         robot: Name or path of the robot.
 
     Returns:
-        A sentence with the correction that walks best, or with the list of mistakes that were tried.
+        A sentence with the correction with which the policy walks best, or with the list of mistakes that were tried.
     """
     assert policy.spec is not None
     robot_model = HardwareConfig(robot=robot).robot_model
@@ -108,13 +115,23 @@ def diagnose(policy: ExternalPolicy, robot: str) -> str:
 
 
 def _rank(scored: tuple[float, Correction]) -> float:
-    """Return the sort key of a correction: its deviation plus its penalty."""
+    """Return the sort key of a tested correction: its largest deviation plus its penalty.
+
+    The deviation is relative to the tolerance of the success rule.
+    """
     deviation, correction = scored
     return deviation + correction.penalty
 
 
 def _explain(scored: Sequence[tuple[float, Correction]]) -> str:
-    """Return a sentence on the best correction; empty if the policy does not walk with any correction."""
+    """Return a sentence that names the best correction of a policy's description.
+
+    Args:
+        scored: Pairs of largest deviation and correction; a deviation of at most 1 counts as walking.
+
+    Returns:
+        The sentence; empty if the policy does not walk with any correction.
+    """
     walking = [pair for pair in scored if pair[0] <= 1.0]
     if not walking:
         return ""
@@ -123,15 +140,15 @@ def _explain(scored: Sequence[tuple[float, Correction]]) -> str:
 
 
 def _deviations(policy: ExternalPolicy, robot: str, candidates: Iterable[Correction]) -> list[tuple[float, Correction]]:
-    """Test corrections of a policy: all on a short walk, then the best ones on all commands.
+    """Test corrections of a policy's description: all on a short walk, then the best with all commands.
 
     Args:
-        policy: A policy with a description.
+        policy: A policy with a description of its observations and actions.
         robot: Name or path of the robot.
-        candidates: Corrections of the description.
+        candidates: Corrections to test.
 
     Returns:
-        Pairs of largest deviation on all commands and correction, sorted by the deviation on the short walk.
+        Pairs of largest deviation from any command and correction, sorted by the deviation on the short walk.
     """
     robot_model = HardwareConfig(robot=robot).robot_model
     tested = list(candidates)
@@ -154,17 +171,17 @@ def _largest_deviations(
     seeds: NDArray[np.int64],
     shortened_by: float = 1.0,
 ) -> NDArray[np.float64]:
-    """Return the largest deviation of each policy's walks from the commands.
+    """Return the largest deviation of each policy from its commands over several walks.
 
     Args:
         policies: Policies to test together, each with its own servo gains.
         robot: Name or path of the robot.
-        commands: Name -> command for SimpleQuad, m/s and rad/s.
+        commands: Name -> command for SimpleQuad, m/s, m/s, rad/s.
         seeds: Seeds of the episodes.
         shortened_by: Duration of a full walk divided by the duration of these walks.
 
     Returns:
-        Deviations, (len(policies),); see `Walk.deviation`.
+        Deviations, (len(policies),), relative to the tolerance of the success rule; see `Walk.deviation`.
     """
     rows = len(commands) * len(seeds)
     gains = np.array([(policy.robot.servo_stiffness, policy.robot.servo_damping) for policy in policies])
@@ -177,13 +194,21 @@ def _largest_deviations(
 
 
 def remarks(policy: Policy) -> tuple[str, ...]:
-    """Return a line for each incomplete field in an external policy's file."""
+    """Return a line for each incomplete field in the description file of an external policy."""
     return tuple(getattr(getattr(policy, "policy", policy), "remarks", ()))
 
 
 def warning(policy: Policy, robot: str) -> str | None:
-    """Return a warning if an external `policy` fails to stand or walk on the `robot`, a name or path."""
-    inner: Any = getattr(policy, "policy", policy)  # a safety layer holds the external policy as `policy`
+    """Test an external policy on short walks, and return a warning if it does not stand or walk.
+
+    Args:
+        policy: Policy to test; other policies than external ones are not tested.
+        robot: Name or path of the robot.
+
+    Returns:
+        The warning; None if the policy stands and walks, or was not tested.
+    """
+    inner: Any = getattr(policy, "policy", policy)  # a safety layer has the external policy as attribute `policy`
     is_described = getattr(inner, "spec", None) is not None
     if not is_described and not isinstance(inner, ExternalPolicy):
         return None
@@ -199,7 +224,10 @@ def warning(policy: Policy, robot: str) -> str | None:
 
 
 def suggest_description(policy: ExternalPolicy) -> str:
-    """Return a text on the observation that the policy received, and on describing another observation."""
+    """Return advice on describing the observation of an external policy that has no description.
+
+    The text names the observation that the policy received.
+    """
     table = table_with(policy.robot, policy.height_scan)
     names = ", ".join(f"{name} {part.stop - part.start}" for name, part in table.slices.items())
     given = f"it was given this environment's {table.size} numbers ({names})"

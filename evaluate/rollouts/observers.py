@@ -1,4 +1,4 @@
-"""Observers of a rollout: the step that they receive, and the recorder of falls."""
+"""Observers of a rollout: the data of a control step, and the observer that records falls."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,45 +14,55 @@ if TYPE_CHECKING:
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
 _REASONS = np.array([None, *FALL_REASONS[1:]], dtype=object)
-"""Fall code -> name of the fall rule; None for code 0."""
+"""Fall code of the environment -> name of the fall rule; None for code 0, which is no fall."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One control step of n robots, or the start of the robots' episodes as step 0."""
+    """State of n robots after one control step; step 0 is the start of their episodes."""
 
     number: int
-    """Number of finished control steps; 0 at the start."""
+    """Number of simulated control steps; 0 at the start."""
     env: "SimpleQuadVectorEnv"
     action: Actions
-    """Joint targets of the step, or the home pose at the start, (n, 12), rad."""
+    """Joint targets that were applied in this step, (n, 12), rad; the home pose at the start."""
     observation: NDArray[np.float32]
-    """Observation after the step, the input of the policy's next action, (n, k)."""
+    """Observation after the step, from which the policy computes its next action, (n, k)."""
     infos: dict[str, Any]
-    """Infos of the environment, with the readings that `quad_env.task.readings` describes."""
+    """Infos of the environment: name of a reading -> array; `quad_env.task.readings` describes them."""
 
 
 Observer = Callable[[Step], bool | None]
-"""Function that receives the start and every control step, and returns True to end the rollout.
+"""Function that receives the start and each control step of a rollout; it ends the rollout with True.
 
 An observer may change the policy; the change takes effect with the next action.
 """
 
 
 class FallRecorder:
-    """Observer that records the first fall of n robots, by the environment's rule or by divergence."""
+    """Observer that records the first fall of each of n robots, by the environment's rule or a divergence."""
 
     def __init__(self, count: int, steps: int) -> None:
         self.step = np.full(count, steps, dtype=np.int64)
-        """First control step after which the robot had fallen or diverged, (n,); `steps` if it did not fall."""
+        """First control step after which the robot had fallen or its simulation had diverged, (n,).
+
+        It is the number of steps if neither has happened.
+        """
         self.reason = np.full(count, None, dtype=object)
-        """Name of the fall rule in `FALL_REASONS`, or `diverged`, (n,); None if the robot did not fall."""
+        """Reason for the fall of each robot, (n,).
+
+        It is the name of a fall rule in `FALL_REASONS`, `diverged` if the simulation became unstable, or None if the
+        robot has not fallen.
+        """
         self.divergence_step = np.full(count, steps, dtype=np.int64)
-        """First control step after which the simulation had diverged, (n,); `steps` if it did not diverge."""
+        """First control step after which the simulation of the robot had diverged, (n,).
+
+        It is the number of steps if the simulation has not diverged.
+        """
         self._steps = steps
 
     def __call__(self, step: Step) -> None:
-        """Record the falls of a control step; reaching the time limit is not a fall."""
+        """Record the falls in a control step; the end of an episode at the time limit is not a fall."""
         fall = step.infos["fall"]
         diverged = step.infos["diverged"]
         index = step.number - 1
@@ -64,5 +74,5 @@ class FallRecorder:
 
     @property
     def fell(self) -> NDArray[np.bool_]:
-        """True for robots that have fallen or diverged so far, (n,)."""
+        """True for robots that have fallen, or for which the simulation has diverged, so far, (n,)."""
         return np.asarray(self.step < self._steps)

@@ -1,6 +1,6 @@
-"""The rollout loop: a policy controls n robots for one episode each, and observers receive every step.
+"""Rollout loop: a policy controls n robots for one episode each, and observers receive every step.
 
-Each robot runs exactly one episode, because restarted robots would give short episodes too much weight.
+Each robot runs exactly one episode. If fallen robots were restarted, short episodes would get too much weight.
 """
 
 from collections.abc import Callable, Generator
@@ -20,12 +20,15 @@ if TYPE_CHECKING:
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
 STEPS = 1000
-"""Number of control steps of a full episode."""
+"""Number of control steps of an episode up to the time limit."""
 REPORT_PERIOD = 25
-"""Number of control steps between two calls of the progress callback."""
+"""Number of control steps between two calls of the progress function."""
 
 Progress = Callable[[float], None]
-"""Function that receives the finished fraction of the rollout, 0 … 1; it receives 1 once, at the end."""
+"""Function that receives the finished fraction of a rollout, 0 … 1, and shows it.
+
+It receives 1 exactly once, at the end.
+"""
 
 
 def roll_out(
@@ -39,20 +42,20 @@ def roll_out(
     terminate_on_fall: bool = True,
     hardware: HardwareConfig = IDEAL,
 ) -> None:
-    """Run one episode for each seed, all together, until all episodes end or an observer stops them.
+    """Run one episode for each seed in parallel, until all episodes end or an observer ends the rollout.
+
+    ValueError is raised if the policy was made for another robot or control period.
 
     Args:
-        policy: Policy of all robots.
+        policy: Policy that controls all robots.
         scenario: Scenario or its name.
         seeds: Seeds of the episodes, (n,).
-        *observers: Functions that receive the start and every control step.
+        *observers: Functions that receive the start and every control step; see `Observer`.
         steps: Maximum number of control steps.
-        nthread: Threads of the simulation.
-        command: Command for the whole episode, (3,) or (n, 3), m/s, m/s, rad/s; None for the scenario's commands.
+        nthread: Number of threads of the simulation.
+        command: Constant velocity command, (3,) or (n, 3), m/s, m/s, rad/s; None for the commands of the scenario.
         terminate_on_fall: True to freeze a robot when it falls. The steps before the fall do not depend on it.
-        hardware: Hardware of the robots.
-
-    Raises ValueError if the policy was made for another robot or control period.
+        hardware: Names of robot, servo gains, motors, sensors, estimator and simulator.
     """
     env = make_env(
         policy,
@@ -79,18 +82,20 @@ def iterate_episode(
     command: ArrayLike | None = None,
     hardware: HardwareConfig = IDEAL,
 ) -> Generator[Step]:
-    """Iterate over one episode; each control step is simulated on demand, and a fallen robot keeps moving.
+    """Iterate over the control steps of one episode; a fallen robot keeps moving.
+
+    Each control step is simulated when it is requested.
 
     Args:
-        policy: Policy of the robot.
+        policy: Policy that controls the robot.
         scenario: Scenario or its name.
         seed: Seed of the episode.
         steps: Maximum number of control steps.
-        command: Command for the whole episode, (3,), m/s, m/s, rad/s; None for the scenario's commands.
-        hardware: Hardware of the robot.
+        command: Constant velocity command, (3,), m/s, m/s, rad/s; None for the commands of the scenario.
+        hardware: Names of robot, servo gains, motors, sensors, estimator and simulator.
 
     Yields:
-        The start and every control step.
+        The start of the episode and every control step.
     """
     env = make_env(policy, scenario, 1, steps=steps, nthread=1, terminate_on_fall=False, hardware=hardware)
     yield from _iterate_steps(policy, env, np.array([seed]), command)
@@ -99,7 +104,17 @@ def iterate_episode(
 def _iterate_steps(
     policy: Policy, env: "SimpleQuadVectorEnv", seeds: NDArray[np.int64], command: ArrayLike | None
 ) -> Generator[Step]:
-    """Yield the start and the control steps of the episodes, and close the environment at the end."""
+    """Yield the start and the control steps of some episodes, and close the environment at the end.
+
+    Args:
+        policy: Policy that controls all robots.
+        env: Environment with one robot for each seed.
+        seeds: Seeds of the episodes, (n,).
+        command: Constant velocity command, (3,) or (n, 3), m/s, m/s, rad/s; None for the commands of the scenario.
+
+    Yields:
+        The start of the episodes and every control step.
+    """
     with closing(env):
         policy.check_compatible(env.robot, env.dt)
         step = reset_episodes(env, seeds, command)
@@ -128,12 +143,12 @@ def make_env(
         scenario: Scenario or its name.
         count: Number of robots.
         steps: Maximum number of control steps of an episode; None for no limit.
-        nthread: Threads of the simulation.
+        nthread: Number of threads of the simulation.
         terminate_on_fall: True to freeze a robot when it falls.
-        hardware: Hardware of the robots.
+        hardware: Names of robot, servo gains, motors, sensors, estimator and simulator.
 
     Returns:
-        An environment that does not reset robots automatically.
+        An environment in which a robot is not reset when its episode ends.
     """
     from quad_env.envs.vector_env import SimpleQuadVectorEnv
 
@@ -152,15 +167,15 @@ def make_env(
 
 
 def reset_episodes(env: "SimpleQuadVectorEnv", seeds: NDArray[np.int64], command: ArrayLike | None) -> Step:
-    """Start an episode for each seed.
+    """Reset the environment: start an episode for each seed.
 
     Args:
         env: Environment with one robot for each seed.
         seeds: Seeds, (n,).
-        command: Command for the whole episode, (3,) or (n, 3), m/s, m/s, rad/s; None for the scenario's commands.
+        command: Constant velocity command, (3,) or (n, 3), m/s, m/s, rad/s; None for the commands of the scenario.
 
     Returns:
-        The start of the episodes, as step 0.
+        State of the robots at the start, as control step 0.
     """
     options = None if command is None else {"command": command}
     observation, infos = env.reset(seed=seeds.tolist(), options=options)
@@ -168,14 +183,14 @@ def reset_episodes(env: "SimpleQuadVectorEnv", seeds: NDArray[np.int64], command
 
 
 def advance(step: Step, action: Actions) -> tuple[Step, bool]:
-    """Simulate one control step.
+    """Simulate one control step of all robots.
 
     Args:
-        step: The previous step.
+        step: Previous control step, with the environment.
         action: Joint targets, (n, 12), rad.
 
     Returns:
-        The next step, and True if every robot's episode has ended.
+        The next control step, and True if the episodes of all robots have ended.
     """
     observation, _, terminated, truncated, infos = step.env.step(action)
     return Step(step.number + 1, step.env, action, observation, infos), bool((terminated | truncated).all())
@@ -191,19 +206,19 @@ def run(
     progress: Progress = lambda _: None,
     hardware: HardwareConfig = IDEAL,
 ) -> Episodes:
-    """Run and record one episode of the policy for each seed.
+    """Run and record one episode of a policy for each seed.
 
     Args:
-        policy: Policy of all robots.
+        policy: Policy that controls all robots.
         scenario: Scenario or its name.
         seeds: Seeds of the episodes, (n,).
-        nthread: Threads of the simulation.
-        steps: Control steps of an episode.
-        progress: Function that receives the finished fraction.
-        hardware: Hardware of the robots.
+        nthread: Number of threads of the simulation.
+        steps: Maximum number of control steps of an episode.
+        progress: Function that receives the finished fraction, 0 … 1.
+        hardware: Names of robot, servo gains, motors, sensors, estimator and simulator.
 
     Returns:
-        The recorded episodes.
+        The recorded signals of all episodes.
     """
     recorder = EpisodeRecorder(policy, seeds, steps)
 
@@ -217,19 +232,19 @@ def run(
 
 
 class EpisodeRecorder:
-    """Observer that records the signals of n episodes, in arrays with one row for each control step."""
+    """Observer of a rollout that records the signals of n episodes, one row for each control step."""
 
     def __init__(self, policy: Policy | None, seeds: NDArray[np.int64], steps: int) -> None:
         self._policy = policy
         self._seeds = seeds
         self._steps = steps
         self.falls = FallRecorder(len(seeds), steps)
-        """Falls recorded so far."""
+        """Recorder of the falls of the n robots."""
         self._failure = np.full(len(seeds), None, dtype=object)
         self._failure_step = np.full(len(seeds), steps, np.int64)
 
     def __call__(self, step: Step) -> None:
-        """Record a control step, or allocate the arrays if the step is the start."""
+        """Record the signals of a control step; if the step is the start, allocate the arrays instead."""
         if step.number == 0:
             self._allocate(step)
             return
@@ -240,7 +255,7 @@ class EpisodeRecorder:
             signal[step.number - 1] = getattr(self._policy, name) if name in POLICY_SIGNALS else values[name]
 
     def _allocate(self, start: Step) -> None:
-        """Allocate the signals that the environment and the policy have."""
+        """Allocate an array for each signal that the environment and the policy provide."""
         self._env = start.env
         robot = start.env.robot
         absent = [name for name in POLICY_SIGNALS if getattr(self._policy, name, None) is None]
@@ -255,7 +270,7 @@ class EpisodeRecorder:
         }
 
     def _record_failure(self, step: Step) -> None:
-        """Record failures of the policy for robots that had not fallen before the step."""
+        """Record errors of the policy in this control step, for robots that had not fallen before the step."""
         if (failure := getattr(self._policy, "failure", None)) is None:
             return
         self._failure = np.where(self.falls.fell, self._failure, failure)
@@ -263,7 +278,7 @@ class EpisodeRecorder:
         np.minimum(self._failure_step, step.number - 1, out=self._failure_step, where=has_failed)
 
     def episodes(self) -> Episodes:
-        """Return the recorded episodes, with zeros in the signals of steps that were not simulated."""
+        """Return the recorded episodes; signals are zero in control steps that were not simulated."""
         env = self._env
         falls = self.falls
         meter = env.simulation.meter

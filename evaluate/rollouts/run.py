@@ -1,7 +1,7 @@
-"""Execution of a comparison: splits cells into tasks, simulates the tasks, and joins the chunks.
+"""Execution of a comparison: divides the episodes into tasks, simulates them, and joins the results.
 
-A cell holds the episodes of one policy on one scenario. A task simulates some episodes of a cell together; its result
-is a chunk.
+A cell is the result of one policy on one scenario. A task simulates some of its episodes together. The result of a task
+is a chunk, that is the result of this subset of episodes.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -24,61 +24,76 @@ from quad_env.scenarios.registry import Scenario
 
 
 class StoreError(OSError):
-    """The store could not save a simulated chunk (a subset of a cell's episodes)."""
+    """Error: the store could not save a simulated chunk (a subset of the episodes of one result)."""
 
 
 class EpisodeStore(Protocol):
-    """Store of finished chunks, from which an interrupted run continues."""
+    """Interface of the store of finished episodes, from which an interrupted run continues."""
 
     def load(self, policy: str, scenario: Scenario) -> Sequence[EpisodeChunk]:
-        """Return the stored chunks of a `policy` on a `scenario`; no two chunks share an episode."""
+        """Return the stored chunks (subsets of episodes) of a policy on a scenario.
+
+        No two chunks have an episode in common.
+
+        Args:
+            policy: Label of the policy.
+            scenario: Scenario.
+
+        Returns:
+            Chunks.
+        """
 
     def save(self, chunk: EpisodeChunk) -> None:
-        """Save a simulated chunk."""
+        """Save a `chunk`: the result of some episodes of one policy on one scenario."""
 
 
 TaskProgress = Callable[[int, float], None]
-"""Progress callback with two arguments: index of the task in the list, and finished fraction, below 1."""
+"""Progress function with two arguments: index of a task in the list, and finished fraction, below 1."""
 Executor = Callable[[Sequence[Task], TaskProgress], Generator[tuple[int, EpisodeChunk]]]
-"""Function that runs tasks in any order, and yields the index and the chunk of each finished task."""
+"""Function that runs a list of tasks in any order, and reports their progress.
+
+It yields the index and the result (a chunk of episodes) of each finished task.
+"""
 
 
 @dataclass(frozen=True)
 class RunSettings:
-    """Settings of a run; only `steps` and `hardware` affect the results."""
+    """Settings for the execution of a run; only `steps` and `hardware` affect the results."""
 
     nthread: int
-    """Threads of the simulation if `executor` is None."""
+    """Number of threads of the simulation, if `executor` is None."""
     progress: CellProgress
     chunk_size: int = 256
-    """Maximum number of episodes in a chunk.
+    """Maximum number of episodes that are simulated together.
 
-    The limit bounds the memory of a run, because all episodes of a chunk are simulated together.
+    It limits the memory of a run.
     """
     store: EpisodeStore | None = None
     steps: int = field(default_factory=lambda: rollout.STEPS)
-    """Control steps of an episode."""
+    """Maximum number of control steps of an episode."""
     executor: Executor | None = None
-    """Executor of the tasks; None runs one task after the other, each on `nthread` threads."""
+    """Function that runs the tasks; None runs them one after the other in this process."""
     hardware: HardwareConfig = IDEAL
-    """Hardware of the robots."""
+    """Names of robot, servo gains, motors, sensors, estimator and simulator."""
 
 
 def run_cells(
     policies: Sequence[LabelledPolicy], scenarios: Sequence[Scenario], seeds: NDArray[np.int64], settings: RunSettings
 ) -> Iterator[PolicyScenarioResult]:
-    """Simulate and measure every cell (one policy on one scenario), except the stored parts.
+    """Simulate and measure every policy on every scenario, except for episodes that are already stored.
 
-    All policies run a scenario before the next scenario starts, so that an interrupted run has comparable cells.
+    All policies run a scenario before the next scenario starts, so that the results of an interrupted run are
+    comparable.
 
     Args:
         policies: Policies to compare.
         scenarios: Scenarios in the order of the run.
-        seeds: Seeds of the episodes, the same for every cell, (n,).
-        settings: Store, executor and hardware.
+        seeds: Seeds of the episodes, the same for every policy and scenario, (n,).
+        settings: Store, executor, hardware and other settings.
 
     Yields:
-        Each cell when all of its episodes are finished; the order of the cells depends on the executor.
+        The result of one policy on one scenario as soon as all of its episodes are finished. The order depends on the
+        executor.
     """
     pending = [
         _PendingCell(policy, scenario, seeds, settings)
@@ -107,7 +122,7 @@ def run_cells(
 
 
 def sequential(nthread: int) -> Executor:
-    """Return an executor that runs one task after the other in this process, each on `nthread` threads."""
+    """Return an executor that runs one task after the other in this process, each with `nthread` threads."""
 
     def execute(tasks: Sequence[Task], progress: TaskProgress) -> Generator[tuple[int, EpisodeChunk]]:
         for task_index, task in enumerate(tasks):
@@ -120,12 +135,12 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Epi
     """Simulate and measure the episodes of a task.
 
     Args:
-        task: Episodes to simulate.
-        nthread: Threads of the simulation.
+        task: Episodes of one policy on one scenario.
+        nthread: Number of threads of the simulation.
         progress: Function that receives the finished fraction, below 1.
 
     Returns:
-        The measured episodes.
+        The result of these episodes.
     """
     episodes = rollout.run(
         task.policy.policy_for(task.scenario),
@@ -140,7 +155,7 @@ def simulate(task: Task, nthread: int, progress: Callable[[float], None]) -> Epi
 
 
 def measure_cell(label: str, scenario: Scenario, episodes: Episodes) -> PolicyScenarioResult:
-    """Measure recorded episodes and determine the causes of failures.
+    """Compute the measures of recorded episodes, and determine the causes of failures.
 
     Args:
         label: Label of the policy.
@@ -148,14 +163,14 @@ def measure_cell(label: str, scenario: Scenario, episodes: Episodes) -> PolicySc
         episodes: Recorded signals.
 
     Returns:
-        The measured episodes as a cell.
+        The result of the policy on the scenario.
     """
     measures = with_causes(measure(episodes), episodes)
     return PolicyScenarioResult(label, scenario, episodes.seeds, episodes.fall_reason, measures, episodes.failure)
 
 
 def _save(store: EpisodeStore, chunk: EpisodeChunk) -> None:
-    """Save a chunk; raise StoreError if the operating system cannot write it."""
+    """Save a `chunk` of episodes in the `store`; raise StoreError if the operating system cannot write it."""
     try:
         store.save(chunk)
     except OSError as error:
@@ -163,7 +178,10 @@ def _save(store: EpisodeStore, chunk: EpisodeChunk) -> None:
 
 
 class _PendingCell:
-    """A cell that is not finished: its finished chunks, and the tasks for the missing episodes."""
+    """Result of one policy on one scenario that is still being simulated.
+
+    It collects the finished chunks (subsets of episodes), and makes tasks for the missing episodes.
+    """
 
     def __init__(
         self, policy: LabelledPolicy, scenario: Scenario, seeds: NDArray[np.int64], settings: RunSettings
@@ -174,7 +192,10 @@ class _PendingCell:
         self.settings = settings
         self.chunks = list(settings.store.load(policy.label, scenario)) if settings.store else []
         self.running_episodes: dict[int, float] = {}
-        """First episode index of each running task -> number of finished episodes, with fractions."""
+        """Index of the first episode of each running task -> number of its finished episodes.
+
+        The number is not whole, because running episodes count by their finished fraction.
+        """
 
     def tasks(self) -> Iterator[Task]:
         """Yield a task for each range of missing episodes: consecutive indices, at most `chunk_size`."""
@@ -191,34 +212,34 @@ class _PendingCell:
             )
 
     def report(self, task: Task, fraction: float) -> None:
-        """Report the progress of the cell after a `fraction` of the `task` is finished."""
+        """Report the progress of this policy and scenario, after a `fraction` of the `task` is finished."""
         self.running_episodes[int(task.episode_indices[0])] = fraction * len(task.episode_indices)
         finished = self.finished_episodes + sum(self.running_episodes.values())
         self.settings.progress(self.policy.label, self.scenario.name, finished / len(self.seeds))
 
     def add(self, chunk: EpisodeChunk) -> None:
-        """Add a finished chunk."""
+        """Add a `chunk` of finished episodes."""
         self.running_episodes.pop(int(chunk.episode_indices[0]), None)
         self.chunks.append(chunk)
 
     @property
     def finished_episodes(self) -> int:
-        """Number of episodes in the finished chunks."""
+        """Number of episodes that are finished and measured."""
         return sum(len(chunk.episode_indices) for chunk in self.chunks)
 
     @property
     def is_finished(self) -> bool:
-        """True if every episode is finished."""
+        """True if all episodes of the policy on the scenario are finished."""
         return self.finished_episodes == len(self.seeds)
 
     def finish(self) -> PolicyScenarioResult:
-        """Report the cell as finished and return it."""
+        """Report the policy and scenario as finished, and return their result."""
         self.settings.progress(self.policy.label, self.scenario.name, 1.0)
         return join(self.chunks)
 
 
 def _contiguous_runs(indices: NDArray[np.int64], max_length: int) -> Iterator[NDArray[np.int64]]:
-    """Split ascending indices into contiguous ranges of at most `max_length` indices."""
+    """Split ascending `indices` into ranges of at most `max_length` consecutive indices."""
     for stretch in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1):
         if len(stretch):
             yield from np.array_split(stretch, -(-len(stretch) // max_length))

@@ -1,4 +1,4 @@
-"""Walking test: several robots, each with a constant command on flat ground for a few seconds."""
+"""Walking test: robots walk on flat ground for a few seconds, each with a constant command."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,39 +19,42 @@ Command = tuple[float, float, float]
 UNITS = ("m/s", "m/s", "rad/s")
 AXES = ("forward", "to the left", "of yaw rate")
 WALK_TIME = 4.0
-"""Duration of a walk, s."""
+"""Duration of a test walk, s."""
 SETTLING_TIME = 2.0
-"""Time at the start of a walk that does not count, s."""
+"""Time at the start of a test walk that does not count, s."""
 
 
 @dataclass(frozen=True)
 class Walk:
-    """Result of a robot's walk with a constant command."""
+    """Result of a test walk of one robot with a constant command."""
 
     command_name: str
     """Name of the command, for example `forward`."""
     command: Floats
-    """Commanded velocity, heading frame, (3,), m/s and rad/s."""
+    """Command of forward and lateral velocity and yaw rate, heading frame, (3,), m/s, m/s, rad/s."""
     velocity: Floats
-    """Mean velocity, heading frame, (3,), m/s and rad/s."""
+    """Mean velocity after the settling time, heading frame, (3,), m/s, m/s, rad/s."""
     fall: str
-    """Name of the fall rule; empty if the robot did not fall."""
+    """Name of the fall rule that ended the walk; empty if the robot did not fall."""
     failure: str | None
-    """Reason for the policy's failure; None if the policy did not fail."""
+    """Error with which the policy failed, as text; None if the policy did not fail."""
     errors: Floats
-    """Velocity errors divided by the tolerances of the success rule, (3,).
+    """Absolute errors of the mean velocity divided by the tolerances of the success rule, (3,).
 
     The yaw-rate error is 0 if the robot is commanded to stand.
     """
 
     @property
     def deviation(self) -> float:
-        """Largest error, at most 1 if the robot follows its command; infinite after a fall or a failure."""
+        """Largest of the relative `errors`; it is at most 1 if the robot follows its command.
+
+        It is infinite after a fall or a failure of the policy.
+        """
         return np.inf if self.fall or self.failure else float(self.errors.max())
 
     @property
     def description(self) -> str:
-        """Description of the walk, for example `forward 0.49 of 0.50 m/s`."""
+        """Description of the walk as text, for example `forward 0.49 of 0.50 m/s`."""
         if self.failure:
             return f"commanded {self.command_name} it {self.failure}"
         if self.fall:
@@ -77,19 +80,21 @@ def run_walks(
     copies: int = 1,
     shortened_by: float = 1.0,
 ) -> list[Walk]:
-    """Run a walk for each command and seed.
+    """Run a test walk for each command and each seed.
+
+    ValueError is raised if the policy was made for another robot or control period.
 
     Args:
-        policy: Policy of all robots.
-        hardware: Hardware of the robots.
-        commands: Name -> command for SimpleQuad, m/s and rad/s. It is scaled to the size of the robot.
+        policy: Policy that controls all robots.
+        hardware: Names of robot, servo gains, motors, sensors, estimator and simulator.
+        commands: Name -> command for SimpleQuad, m/s, m/s, rad/s. Commands are scaled to the size of the robot.
         seeds: Seeds of the episodes, (k,).
-        copies: Number of repetitions of all walks, one for each policy of a stack.
-        shortened_by: Divisor of WALK_TIME and SETTLING_TIME.
+        copies: Number of repetitions of all walks, for example one for each policy if several policies are tested
+            together.
+        shortened_by: Divisor of the duration of a walk and of its settling time.
 
     Returns:
-        Walks, sorted by copy, then by command, then by seed. Raises ValueError if the policy was made for another
-        robot or control period.
+        Results of the walks, sorted by repetition, then by command, then by seed.
     """
     scale = np.array([scale_factor(policy.robot, unit) for unit in UNITS])
     command = np.tile(np.repeat(scale * np.array(list(commands.values())), len(seeds), axis=0), (copies, 1))
@@ -120,15 +125,24 @@ def run_walks(
 
 
 def _relative_errors(command: Floats, velocity: Floats, scale: Floats) -> Floats:
-    """Return the errors of mean velocities divided by the tolerances of the success rule, (n, 3)."""
+    """Return the absolute errors of mean velocities divided by the tolerances of the success rule.
+
+    Args:
+        command: Commands, (n, 3), m/s, m/s, rad/s.
+        velocity: Mean velocities, (n, 3), m/s, m/s, rad/s.
+        scale: Factors on the tolerances for the size of the robot, (3,).
+
+    Returns:
+        Relative errors, (n, 3); the yaw-rate error is 0 for a command to stand.
+    """
     planar = np.linalg.norm(command[:, :2], axis=1, keepdims=True)
     rule = RULES[SUCCESS_RULE]
     tolerance = rule.linear * scale + rule.share * np.hstack((planar, planar, np.abs(command[:, 2:])))
     errors = np.abs(velocity - command) / tolerance
-    errors[:, 2] *= command.any(axis=1)  # 0 at command zero, because many policies turn a little while standing
+    errors[:, 2] *= command.any(axis=1)  # zero for a command to stand, because many policies then turn a little
     return errors
 
 
 def _format(value: float) -> str:
-    """Format a number with two decimals; a negative zero becomes `0.00`."""
+    """Format a number with two decimals; a negative zero becomes `0.00`, not `-0.00`."""
     return f"{round(float(value), 2) + 0.0:.2f}"

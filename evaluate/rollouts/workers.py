@@ -1,4 +1,4 @@
-"""Executor that runs tasks in worker processes, so that policies run in parallel too."""
+"""Executor that runs tasks in worker processes, so that the policies run in parallel as well."""
 
 import contextlib
 import multiprocessing
@@ -23,36 +23,41 @@ from quad_env.files.text import format_exception
 from quad_env.physics.simulators import RELATIVE_STEP_TIME
 
 POLL_PERIOD = 0.1
-"""Time between two checks for Ctrl-C, and between two progress messages of a worker, s."""
+"""Time between two checks for Ctrl-C, and between two progress messages of a worker process, s."""
 SHUTDOWN_TIMEOUT = 2.0
-"""Time in which all workers must end by themselves before they are killed, s."""
+"""Time in which all worker processes must end by themselves before they are killed, s."""
 MAX_WORKERS = 30 if sys.platform == "win32" else 1024
-"""Maximum number of workers.
+"""Maximum number of worker processes.
 
-Windows waits for at most 63 objects before Python 3.13, and each worker has two: its pipe and its process.
+On Windows, a process can wait for at most 63 objects before Python 3.13. Each worker needs two objects: its pipe and
+its process.
 """
 MIN_PARALLEL_STEPS = 100_000
-"""Minimum number of control steps in MuJoCo, over all robots, for which starting workers saves time."""
-BLAS_THREADS = "OPENBLAS_NUM_THREADS"
-"""Environment variable that is set to 1 in workers.
+"""Minimum number of control steps, over all robots, for which starting worker processes saves time.
 
-The matrices are small, and the other cores are used by other workers.
+The number is for the speed of MuJoCo.
+"""
+BLAS_THREADS = "OPENBLAS_NUM_THREADS"
+"""Environment variable with the number of threads of OpenBLAS, which is set to 1 in worker processes.
+
+More threads would not help, because the matrices are small and other workers use the other cores.
 """
 
 
 class WorkerDiedError(UsageError):
-    """A worker process died, or could not be started."""
+    """Error: a worker process died, or could not be started."""
 
 
 def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Executor:
-    """Return an executor that runs tasks in worker processes; results do not depend on the `count`.
+    """Return an executor that runs tasks in worker processes; results do not depend on their number.
 
     The workers end when the process that started them ends for any reason or raises an exception. The processes use no
-    threads and no locks, so no process waits for another one that has died.
+    threads and no locks, so a process never waits for a process that has died.
 
     Args:
-        count: Maximum number of processes.
-        check: Function that is called while the executor waits; an exception of it ends the execution.
+        count: Maximum number of worker processes.
+        check: Function that is called repeatedly while the executor waits. If it raises an exception, the execution
+            ends.
 
     Returns:
         The executor. It raises WorkerDiedError if a worker dies, and passes on any exception of a task.
@@ -71,7 +76,11 @@ def process_pool(count: int, check: Callable[[], None] = lambda: None) -> Execut
 def _distribute(
     tasks: Sequence[Task], workers: list["_Worker"], progress: TaskProgress, check: Callable[[], None]
 ) -> Generator[tuple[int, EpisodeChunk]]:
-    """Yield the index and the chunk of each finished task, and send the worker its next task."""
+    """Distribute tasks to idle workers, and yield the index and the result of each finished task.
+
+    An exception of a task is raised again. `progress` receives the index of a running task and its finished fraction.
+    `check` is called repeatedly while the function waits for messages.
+    """
     remaining = iter(enumerate(tasks))
     while workers:
         check()
@@ -93,16 +102,19 @@ def _distribute(
 
 
 def estimated_steps(task: Task) -> float:
-    """Estimate the duration of a task, as a number of control steps of one robot in MuJoCo."""
+    """Estimate the effort of simulating a `task`, as an equivalent number of control steps in MuJoCo.
+
+    Control steps are counted for all robots; slower simulators count more.
+    """
     return len(task.episode_indices) * task.steps * RELATIVE_STEP_TIME[task.hardware.simulator]
 
 
 class _Worker:
-    """The parent's handle of a worker process: the process, the pipe to it, and its current task."""
+    """Handle of a worker process in its parent: the process, the pipe to it, and its current task."""
 
     def __init__(self, context: SpawnContext) -> None:
         self.task_index = -1
-        """Index of the current task; -1 before the first task."""
+        """Index of the task that the worker runs; -1 before its first task."""
         self.pipe, child_pipe = context.Pipe()
         self.process = context.Process(target=_work, args=(child_pipe, added_extensions()), daemon=False)
         with contextlib.closing(child_pipe):
@@ -117,10 +129,10 @@ class _Worker:
             raise self._death() from None
 
     def receive(self) -> Any:
-        """Return the next message of the worker.
+        """Return the next message of the worker process.
 
-        The first message is None. The messages of a task are finished fractions, then its chunk or its exception.
-        Raises WorkerDiedError if the worker has died.
+        The first message after the start is None. The messages during a task are finished fractions; the last one is
+        the result of the task or its exception. WorkerDiedError is raised if the process has died.
         """
         try:
             if self.pipe.poll():
@@ -130,7 +142,7 @@ class _Worker:
         raise self._death()
 
     def _death(self) -> WorkerDiedError:
-        """Return the WorkerDiedError with the signal or the exit code of the process."""
+        """Return the error for a dead worker process, with its signal or exit code in the message."""
         self.process.join(SHUTDOWN_TIMEOUT)
         code = self.process.exitcode
         ending = f"was killed ({signal.Signals(-code).name})" if code and code < 0 else f"has ended (exit code {code})"
@@ -138,7 +150,7 @@ class _Worker:
 
 
 def _ready_workers(workers: Sequence[_Worker]) -> list[_Worker]:
-    """Wait at most POLL_PERIOD, and return the workers that have sent a message or have died."""
+    """Wait at most POLL_PERIOD, and return the `workers` that have sent a message or have died."""
     objects = [each for worker in workers for each in (worker.pipe, worker.process.sentinel)]
     ready = connection.wait(objects, POLL_PERIOD)
     return [worker for worker in workers if worker.pipe in ready or worker.process.sentinel in ready]
@@ -146,7 +158,10 @@ def _ready_workers(workers: Sequence[_Worker]) -> list[_Worker]:
 
 @contextlib.contextmanager
 def _workers(count: int) -> Iterator[list[_Worker]]:
-    """Start `count` workers, and end them when the context ends; raise WorkerDiedError if a start fails."""
+    """Start `count` worker processes, and end them when the context ends.
+
+    WorkerDiedError is raised if a process cannot be started.
+    """
     _check_extensions()
     context = multiprocessing.get_context("spawn")
     started: list[_Worker] = []
@@ -163,7 +178,7 @@ def _workers(count: int) -> Iterator[list[_Worker]]:
 
 
 def _end(workers: Sequence[_Worker]) -> None:
-    """Close the workers' pipes so that the workers end; kill the remaining ones after SHUTDOWN_TIMEOUT."""
+    """End the worker processes by closing their pipes; kill them if they run after SHUTDOWN_TIMEOUT."""
     for worker in workers:
         worker.pipe.close()
     deadline = time.monotonic() + SHUTDOWN_TIMEOUT
@@ -177,7 +192,10 @@ def _end(workers: Sequence[_Worker]) -> None:
 
 @contextlib.contextmanager
 def _worker_environment() -> Iterator[None]:
-    """Context in which new processes use one BLAS thread and ignore Ctrl-C, because the parent handles it."""
+    """Provide a context in which new processes use one BLAS thread and ignore Ctrl-C.
+
+    Ctrl-C is ignored because the parent process handles it.
+    """
     before = os.environ.get(BLAS_THREADS)
     os.environ[BLAS_THREADS] = "1"
     try:
@@ -191,7 +209,10 @@ def _worker_environment() -> Iterator[None]:
 
 
 def _check_extensions() -> None:
-    """Raise UsageError if an extension of this process cannot be pickled for a worker process."""
+    """Raise UsageError if an extension registered in this process cannot be sent to a worker process.
+
+    Sending needs an object that can be pickled.
+    """
     try:
         pickle.dumps(added_extensions())
     except (AttributeError, TypeError, pickle.PicklingError) as error:
@@ -201,7 +222,12 @@ def _check_extensions() -> None:
 
 
 def _work(pipe: Connection, extensions: Sequence[Extension]) -> None:
-    """Run in a worker: request tasks and send the result of each, until the parent closes the pipe."""
+    """Run the loop of a worker process: receive tasks and send the results until the pipe closes.
+
+    Args:
+        pipe: Connection to the parent process.
+        extensions: Extensions to register in this process.
+    """
     exit_with_parent()
     for extension in extensions:
         add_extension(extension)
@@ -212,7 +238,15 @@ def _work(pipe: Connection, extensions: Sequence[Extension]) -> None:
 
 
 def _run_task(task: Task, pipe: Connection) -> EpisodeChunk | BaseException:
-    """Simulate a task, report its progress every POLL_PERIOD, and return the chunk or the exception."""
+    """Simulate a task, and send its progress to the parent process every POLL_PERIOD.
+
+    Args:
+        task: Task to simulate.
+        pipe: Connection to the parent process.
+
+    Returns:
+        The result of the task, or the exception that it raised.
+    """
     next_report = 0.0
 
     def report(fraction: float) -> None:
@@ -220,7 +254,7 @@ def _run_task(task: Task, pipe: Connection) -> EpisodeChunk | BaseException:
         if (now := time.monotonic()) < next_report:
             return
         next_report = now + POLL_PERIOD
-        pipe.send(float(fraction))  # raises and thereby ends the task if the parent has closed the pipe
+        pipe.send(float(fraction))  # ends the task by an exception if the parent has closed the pipe
 
     try:
         return simulate(task, 1, report)
@@ -229,7 +263,10 @@ def _run_task(task: Task, pipe: Connection) -> EpisodeChunk | BaseException:
 
 
 def _picklable(error: BaseException) -> BaseException:
-    """Return the error with its traceback as a note, or only its message if it cannot be pickled."""
+    """Return an exception that can be sent to the parent process, with the traceback as a note.
+
+    If the exception cannot be pickled, a new exception with only its message is returned.
+    """
     try:
         error.add_note(f"in a worker process:\n{''.join(traceback.format_exception(error))}")
         copy: BaseException = pickle.loads(pickle.dumps(error))
