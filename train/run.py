@@ -21,7 +21,7 @@ from train.run_folder import (
     refuse_folder_in_use,
     report_write_errors,
 )
-from train.run_record import evaluation_command, write_settings
+from train.run_record import evaluation_command, training_command, write_settings
 from train.sb3 import checkpoint
 from train.sb3.callbacks import CallbackState, TrainingCallback
 from train.sb3.log import run_logger
@@ -82,7 +82,7 @@ def _write_settings(config: TrainConfig, done: int, resumed: checkpoint.Checkpoi
     the run continues.
     """
     notices = [f"skipped a checkpoint: {damage}" for damage in (resumed.damaged if resumed else ())]
-    changed = write_settings(config, done)
+    changed = write_settings(config, done, training_command(config))
     notices += [f"the result may differ from an uninterrupted run; {change}" for change in changed]
     notices += [f"continuing at {done:,} steps"] if resumed else []
     return notices

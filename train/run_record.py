@@ -8,7 +8,7 @@ import typing
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from evaluate.analysis.results import nan_to_null
 from evaluate.hardware import HardwareConfig
@@ -19,9 +19,12 @@ from quad_env.files.writing import write_atomically
 from train.config import DEFAULTS, TrainConfig
 from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
+if TYPE_CHECKING:
+    from train.distillation.config import DistillationConfig
 
-def to_dict(config: TrainConfig) -> dict[str, Any]:
-    """Convert the settings of a training run to a dictionary of JSON types.
+
+def to_dict(config: "TrainConfig | DistillationConfig") -> dict[str, Any]:
+    """Convert the settings to a dictionary of JSON types.
 
     The options `out`, `resume` and `threads` are left out, because they do not affect the trained policy.
     """
@@ -117,11 +120,10 @@ class SettingChange(NamedTuple):
         return f"{self.option}: the run has {self.old}, the command {self.new}"
 
 
-def differences(old: TrainConfig, new: TrainConfig) -> list[SettingChange]:
-    """Return the settings that have different values in `old` and `new`.
-
-    Settings that do not affect the trained policy, such as the number of threads, are not compared.
-    """
+def differences(
+    old: "TrainConfig | DistillationConfig", new: "TrainConfig | DistillationConfig"
+) -> list[SettingChange]:
+    """Return the settings that affect the result and have different values in `old` and `new`."""
     after = dict(flatten(to_dict(new)))
     return [
         SettingChange(f"--{name}", value, after[name]) for name, value in flatten(to_dict(old)) if value != after[name]
@@ -155,9 +157,21 @@ Their versions are recorded in addition to the versions that an evaluation recor
 def training_command(config: TrainConfig) -> str:
     """Return the command line that repeats the training run with the settings `config`."""
     options = [f"--policy {config.policy}"] if config.policy != "residual" else []
-    changed = [each for each in differences(DEFAULTS[config.policy], config) if each.option != "--seed"]
-    options += [f"{each.option} {to_words(each.new)}" for each in changed]
-    return " ".join(["python -m train", *options, f"--seed {config.seed}"])
+    return " ".join(["python -m train", *options, changed_options(DEFAULTS[config.policy], config)])
+
+
+def changed_options(default: "TrainConfig | DistillationConfig", config: "TrainConfig | DistillationConfig") -> str:
+    """Return the options of a command line for the settings that differ from a default, and the seed.
+
+    Args:
+        default: Default settings.
+        config: Settings of a run, of the same class.
+
+    Returns:
+        The options, separated by spaces.
+    """
+    changed = [each for each in differences(default, config) if each.option != "--seed"]
+    return " ".join([*(f"{each.option} {to_words(each.new)}" for each in changed), f"--seed {config.seed}"])
 
 
 def evaluation_command(config: TrainConfig) -> str:
@@ -177,14 +191,13 @@ def to_words(value: Any) -> str:
     return " ".join(to_words(entry) for entry in value) if isinstance(value, list) else shlex.quote(str(value))
 
 
-def write_settings(config: TrainConfig, steps: int) -> list[str]:
-    """Write the settings of a training run, its command line, and the package versions of the current session.
-
-    A session is the part of a run that one process trains.
+def write_settings(config: "TrainConfig | DistillationConfig", steps: int, command: str) -> list[str]:
+    """Write the settings of a run, its command, and the package versions of the current session.
 
     Args:
         config: Settings of the run.
-        steps: Number of steps at the start of the session; 0 for a new run.
+        steps: Number of steps, or of labels, at the start of the session; 0 for a new run.
+        command: Command line that repeats the run.
 
     Returns:
         Messages for the user, one for each package with another version than in the first session.
@@ -194,9 +207,7 @@ def write_settings(config: TrainConfig, steps: int) -> list[str]:
     path = config.folder / RECORD_FILE
     now = versions() | packages | hardware_versions(config.hardware)
     earlier = _sessions(path) if steps else []
-    write_atomically(
-        path, _lines({"command": training_command(config), "sessions": [*earlier, {"from_steps": steps, **now}]})
-    )
+    write_atomically(path, _lines({"command": command, "sessions": [*earlier, {"from_steps": steps, **now}]}))
     first = earlier[0] if earlier else now
     changed = [name for name, version in now.items() if first.get(name) != version]
     return [f"{name}: started with {first.get(name)}, now {now[name]}" for name in changed]

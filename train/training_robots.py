@@ -18,8 +18,10 @@ from quad_env.config import TaskConfig
 from quad_env.envs.vector_env import SimpleQuadVectorEnv
 from quad_env.physics.simulators import WARP
 from quad_env.physics.state import rotation_matrix, to_heading
+from quad_env.robots.robot import Robot
 from quad_env.scenarios.registry import scenario as find_scenario
 from quad_env.seeding import episode_seeds
+from quad_env.sensing.height_scan import HeightScan
 from quad_env.task.rewards import REWARD
 from train.config import EFFORT_TERMS, SOLVER_ITERATIONS, TIMESTEP, TrainConfig
 from train.curriculum import CommandIntervalTracker, at_difficulty, with_terrain_seed
@@ -124,6 +126,14 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
         infos["_episode"] = terminated | truncated
         infos["privileged"] = self._privileged(infos)
         return observation, rewards, terminated, truncated, infos
+
+    def true_observation(self, height_scan: HeightScan | None = None) -> FloatArray:
+        """Return the observation of the true present state of all robots, see `SimpleQuadVectorEnv`, (n, m).
+
+        Args:
+            height_scan: Grid of a height scan to append; None for no scan.
+        """
+        return np.concatenate([batch.true_observation(height_scan) for batch in self.batches])
 
     def pop_statistics(self) -> dict[str, float]:
         """Return the statistics of all robots since the last call of this method, and clear them.
@@ -267,17 +277,30 @@ def make_robots(config: TrainConfig) -> MultiScenarioVectorEnv:
 
 
 def robots_per_scenario(config: TrainConfig) -> dict[str, int]:
-    """Return the number of robots that train on each scenario, as a dictionary: scenario name -> number.
+    """Return the number of robots that train on each scenario, scenario name -> number; see `distribute_robots`."""
+    return distribute_robots(config.mixture, config.ppo.envs, config.hardware.robot_model)
+
+
+def distribute_robots(mixture: Sequence[tuple[str, float]], count: int, robot: Robot) -> dict[str, int]:
+    """Return the number of robots on each scenario of a mixture, as a dictionary: scenario name -> number.
 
     The largest-remainder method rounds the shares of the mixture to whole robots. Scenarios with zero robots are left
     out. Scenarios with the robot's hardware profile (motors, delays and sensors of the real robot) come last.
+
+    Args:
+        mixture: Name and share of each scenario.
+        count: Number of robots.
+        robot: Robot to which the scenarios are scaled.
+
+    Returns:
+        The numbers of robots; their sum is `count`.
     """
-    total = sum(share for _, share in config.mixture)
-    exact = [(name, share / total * config.ppo.envs) for name, share in config.mixture]
-    ordered = sorted(exact, key=lambda entry: _uses_hardware_profile(config, entry[0]))
+    total = sum(share for _, share in mixture)
+    exact = [(name, share / total * count) for name, share in mixture]
+    ordered = sorted(exact, key=lambda entry: find_scenario(entry[0], robot).hardware)
     counts = {name: int(amount) for name, amount in ordered}
     by_remainder = sorted(exact, key=lambda entry: int(entry[1]) - entry[1])
-    for name, _ in by_remainder[: config.ppo.envs - sum(counts.values())]:
+    for name, _ in by_remainder[: count - sum(counts.values())]:
         counts[name] += 1
     return {name: count for name, count in counts.items() if count}
 

@@ -10,13 +10,15 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from quad_env import columns
-from quad_env.columns import Array, EnvIndices, EnvSelection, Mask
+from quad_env.columns import Array, EnvIndices, EnvSelection, Mask, component_reader
 from quad_env.envs import arguments
 from quad_env.envs.base import EnvKwargs, QuadEnvBase, StepOutcome
 from quad_env.physics.simulation import ALL
 from quad_env.physics.state import QuadState
 from quad_env.scenarios.episode import PushPlan
 from quad_env.scenarios.scenario import Scenario
+from quad_env.sensing.height_scan import UNSEEN, HeightScan, relative_ground_heights
+from quad_env.task.observations import observation_table
 from quad_env.task.readings import compute_readings
 
 Observation = NDArray[np.float32]
@@ -205,6 +207,30 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
 
             self._view = Camera(self.simulation.model)
         return tuple(self._view.draw(self.simulation.snapshot(i)) for i in range(self.num_envs))
+
+    def true_observation(self, height_scan: HeightScan | None = None) -> Observation:
+        """Return the observation of the true present state, with the command to track next.
+
+        The values have no noise, delay or estimation error, also if the observation of this environment has them. A
+        teacher can act on them while its student acts on the observation of the environment.
+
+        Args:
+            height_scan: Grid of a height scan to append; its rate, delay and noise are not used. None for no scan.
+
+        Returns:
+            Observation, (n, size), as in docs/environment.md.
+
+        Raises:
+            ResetNeeded: An env was never reset.
+        """
+        if not self._started.all():
+            raise ResetNeeded("reset the environments before true_observation")
+        state: QuadState[Array] = self._compute_state(ALL)
+        observation = observation_table(self.robot).observe(state, component_reader(ALL)(self._schedule.command))
+        if height_scan is None:
+            return observation
+        heights = relative_ground_heights(height_scan.points, self.scenario.terrain, state)
+        return np.concatenate((observation, np.clip(heights, UNSEEN, -UNSEEN).astype(np.float32)), axis=1)
 
     @property
     def pushes(self) -> PushPlan:

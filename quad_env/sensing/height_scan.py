@@ -163,21 +163,35 @@ class Scanner:
         return self._channel.value(clock, env_ids).astype(np.float32)
 
     def _sample(self, state: QuadState[ScalarOrBatch], clock: Clock, env_ids: EnvIndices, rows: EnvIndices) -> Array:
-        """Measure the ground heights of the robots `env_ids` relative to the trunk's centre, (k, p), m.
-
-        `rows` are the positions of these robots in the arrays of `state`. `clock` are the control steps since the start
-        of each episode, (k,).
-        """
-        cos, minus_sin = to_heading(state.rotation, cast("Any", (1.0, 0.0)))
-        columns = (*state.position, cos, -minus_sin)
-        x, y, z, cos, sin = (np.reshape(column, (-1, 1))[rows] for column in columns)
-        ahead, left = self._points.T
-        x_world = x + (cos * ahead - sin * left)
-        y_world = y + (sin * ahead + cos * left)
-        heights: Array = self._terrain.height(x_world, y_world) - z
+        """Return new samples of the robots `env_ids`, which are at `rows` of the state, (k, p), m."""
+        heights = relative_ground_heights(self._points, self._terrain, state, rows)
         if self._noise is not None:
             heights += self._noise.at(clock // self._channel.period, env_ids)
         return np.clip(heights, UNSEEN, -UNSEEN, out=heights)
+
+
+def relative_ground_heights(
+    points: Array, terrain: Terrain, state: QuadState[ScalarOrBatch], rows: EnvIndices | slice = slice(None)
+) -> Array:
+    """Return the ground heights at points around the trunks, relative to the centres of the trunks.
+
+    Args:
+        points: Positions x, y of the points, heading frame, (p, 2), m.
+        terrain: Ground.
+        state: States of n robots.
+        rows: Rows of the state to use, (k,); all by default.
+
+    Returns:
+        Heights without noise, delay and clipping, (k, p), m.
+    """
+    cos, minus_sin = to_heading(state.rotation, cast("Any", (1.0, 0.0)))
+    columns = (*state.position, cos, -minus_sin)
+    x, y, z, cos, sin = (np.reshape(column, (-1, 1))[rows] for column in columns)
+    ahead, left = points.T
+    x_world = x + (cos * ahead - sin * left)
+    y_world = y + (sin * ahead + cos * left)
+    heights: Array = terrain.height(x_world, y_world) - z
+    return heights
 
 
 def make_scanner(scan: HeightScan | None, scenario: Scenario, num_envs: int, control_rate: float) -> Scanner | None:

@@ -263,7 +263,7 @@ def forget(**values):
 
 LEFT_OUT = {
     "weights": lambda patch: patch.setattr(torch.nn.Module, "load_state_dict", lambda *_: None),
-    "optimiser": lambda patch: patch.setattr(checkpoint, "_restore_optimiser", lambda *_: None),
+    "optimiser": lambda patch: patch.setattr(checkpoint, "restore_optimiser", lambda *_: None),
     "torch's generator": lambda patch: patch.setattr(torch, "set_rng_state", lambda _: None),
     "NumPy's generator": lambda patch: patch.setattr(np.random, "set_state", lambda _: None),
     "adaptive rate": lambda patch: patch.setattr(callbacks.TrainingCallback, "_restore_rate", lambda _: None),

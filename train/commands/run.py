@@ -1,5 +1,7 @@
 """`python -m train [run]`: train a policy with PPO, a bounded correction of a base policy or one without a base.
 
+`python -m train --teacher POLICY` distils any policy into a network; see `python -m train --teacher --help`.
+
 Other commands, each with its own --help, as in `python -m train search --help`:
 """
 
@@ -11,6 +13,7 @@ from quad_env.cli import launcher
 from quad_env.cli.command_line import UsageError, normalise_option_names
 from quad_env.cli.command_line import parse as parse_options
 from quad_env.cli.program import HELP, Command, Program
+from train.commands import distil
 from train.config import DEFAULTS, TrainConfig, check
 from train.run_folder import has_checkpoint, steps_done
 from train.run_record import differences, load_config
@@ -60,8 +63,11 @@ def run(words: list[str]) -> int:
         KeyboardInterrupt: After Ctrl-C. The message has the options that continue the training, if the run has a
             checkpoint.
     """
-    config = parse(words[1:] if words[:1] == ["run"] else words)
-    # Imported here, because the import of torch takes seconds, and --help and usage errors must appear at once.
+    words = words[1:] if words[:1] == ["run"] else words
+    if distil.is_requested(words):
+        return distil.run(words)
+    config = parse(words)
+    # Imported here, because torch takes seconds to import and --help and usage errors must answer at once.
     from train.run import train
 
     launcher.raise_on_interrupt()

@@ -98,8 +98,8 @@ def restore(model: PPO, checkpoint: Checkpoint) -> None:
     """
     tensors, progress = checkpoint.tensors, checkpoint.progress
     try:
-        model.policy.load_state_dict(_with_prefix(tensors, _POLICY))
-        _restore_optimiser(model.policy.optimizer, _with_prefix(tensors, _OPTIMISER))
+        model.policy.load_state_dict(with_prefix(tensors, _POLICY))
+        restore_optimiser(model.policy.optimizer, with_prefix(tensors, _OPTIMISER))
         model.num_timesteps = int(progress["steps"])
         model._n_updates = int(progress["updates"])
         version, words, gauss = progress["python_random"]
@@ -121,7 +121,7 @@ def load_networks(model: PPO, folder: Path) -> None:
     Raises:
         UsageError: The networks in the checkpoint have another shape, or the folder has no checkpoint.
     """
-    weights = _with_prefix(load(folder).tensors, _POLICY)
+    weights = with_prefix(load(folder).tensors, _POLICY)
     try:
         model.policy.load_state_dict(weights)
     except RuntimeError as error:
@@ -129,12 +129,18 @@ def load_networks(model: PPO, folder: Path) -> None:
         raise UsageError(f"--start: the networks in {folder.parent} are of another shape ({shapes})") from None
 
 
-def _with_prefix(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
-    """Return the tensors of a checkpoint with names that start with `prefix`, under their names without it."""
+def with_prefix(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torch.Tensor]:
+    """Return the tensors, name -> array, with names that start with `prefix`; the prefix is removed from the names."""
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
-def _restore_optimiser(optimiser: torch.optim.Optimizer, moments: dict[str, torch.Tensor]) -> None:
+def restore_optimiser(optimiser: torch.optim.Optimizer, moments: dict[str, torch.Tensor]) -> None:
+    """Restore the moments of an optimiser.
+
+    Args:
+        optimiser: Optimiser, which is changed.
+        moments: `INDEX.NAME` -> array, for the moment NAME of the parameter with the index INDEX.
+    """
     state: dict[int, dict[str, torch.Tensor]] = {}
     for name, value in moments.items():
         index, moment = name.split(".")

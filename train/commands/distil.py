@@ -1,0 +1,106 @@
+"""`python -m train --teacher POLICY`: distil a policy into a network that runs alone.
+
+The student drives more and more of the time, and the teacher labels every state that the student reaches (DAgger). The
+teacher observes the true state, without noise and delay. The result is a policy bundle like that of any training.
+"""
+
+import dataclasses
+from pathlib import Path
+from typing import cast
+
+from quad_env.cli import launcher
+from quad_env.cli.command_line import UsageError
+from quad_env.cli.command_line import parse as parse_options
+from quad_env.cli.program import HELP
+from train.distillation.config import DistillationConfig, check
+from train.run_folder import CONFIG_FILE, has_checkpoint
+from train.run_record import decode, differences, load_settings
+
+NAME = "python -m train --teacher"
+TEACHER_OPTION = "--teacher"
+"""Option that selects this command."""
+
+
+def is_requested(words: list[str]) -> bool:
+    """Return True if a command line asks for a distillation, or for the continuation of one.
+
+    Args:
+        words: Words of the command line after `python -m train`.
+    """
+    if any(word.partition("=")[0] == TEACHER_OPTION for word in words):
+        return True
+    if "--resume" not in words or "--out" not in words[:-1]:
+        return False
+    folder = Path(words[words.index("--out") + 1])
+    return (folder / CONFIG_FILE).is_file() and "teacher" in load_settings(folder)
+
+
+def run(words: list[str]) -> int:
+    """Distil with the options of a command line, and return the exit code.
+
+    Args:
+        words: Words of the command line after `python -m train`.
+
+    Returns:
+        The exit code, 0.
+
+    Raises:
+        KeyboardInterrupt: After Ctrl-C. The message has the options that continue the run, if there is a checkpoint.
+    """
+    config = parse(words)
+    # Imported here, because torch takes seconds to import and --help and usage errors must answer at once.
+    from train.distillation.run import distil
+
+    launcher.raise_on_interrupt()
+    try:
+        distil(config)
+    except KeyboardInterrupt:
+        if has_checkpoint(config.folder):
+            raise KeyboardInterrupt(f"continue the run with --resume --out {config.folder}") from None
+        raise
+    return 0
+
+
+def parse(words: list[str]) -> DistillationConfig:
+    """Parse a command line to the settings of a distillation.
+
+    With --help, the function prints the help and raises SystemExit(0).
+
+    Args:
+        words: Words of the command line after `python -m train`.
+
+    Returns:
+        The settings. With --resume, options that are not given have the values of the run.
+
+    Raises:
+        UsageError: An option is unknown or its value is not valid, or an option next to --resume differs from the
+            settings of the run.
+    """
+    words = _without_teacher_of_help(words)
+    config = parse_options(DistillationConfig, words, program=NAME, description=__doc__ or "")
+    if config.resume:
+        stored = dataclasses.replace(_load(config.folder), out=config.out)
+        config = parse_options(DistillationConfig, words, program=NAME, description="", default=stored)
+        if changed := differences(stored, config):
+            fact = f"--resume continues a run with its own settings, but {'; '.join(map(str, changed))}"
+            raise UsageError(fact)
+    check(config)
+    return config
+
+
+def _without_teacher_of_help(words: list[str]) -> list[str]:
+    """Return the words without a `--teacher` that --help follows instead of a policy."""
+    kept = [
+        word
+        for word, following in zip(words, [*words[1:], ""], strict=True)
+        if not (word == TEACHER_OPTION and following in HELP)
+    ]
+    return kept
+
+
+def _load(folder: Path) -> DistillationConfig:
+    """Load the settings of the distillation in `folder`. Raises UsageError if there is none."""
+    try:
+        return cast(DistillationConfig, decode(DistillationConfig, load_settings(folder)))
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise UsageError(f"{folder} holds no distillation of this version: {error}") from None

@@ -1,0 +1,166 @@
+"""Settings of a distillation: dataclasses for the command line, its help text and config.json."""
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from evaluate import hardware
+from evaluate.hardware import HardwareConfig
+from policies.history import Inputs
+from policies.parameters import limits_of, parameter
+from quad_env.cli.command_line import UsageError, check_numbers
+from train.config import MAX_HIDDEN_LAYERS, MAX_SEED, MAX_SHARE, ValidationConfig, check_scenarios
+
+MIXTURE = (
+    ("flat:2", 0.10), ("steady", 0.03), ("flat:3", 0.04), ("push:2", 0.06), ("push:3", 0.06), ("push:4", 0.05),
+    ("rough:2", 0.05), ("rough:3", 0.05), ("rough:4", 0.03), ("force:3", 0.03), ("slope:4", 0.03), ("stairs:3", 0.04),
+    ("gravel:3", 0.04), ("soft:4", 0.03), ("slippery:4", 0.03), ("payload:3", 0.03), ("weak_motors:4", 0.03),
+    ("slow_motors:3", 0.03), ("latency:3", 0.04), ("noise:3", 0.04), ("dropout:4", 0.03), ("surprise:2", 0.03),
+    ("flat:2+hardware", 0.04), ("push:3+hardware", 0.03), ("rough:3+hardware", 0.03),
+)  # fmt: skip
+"""Default scenarios of the student, each with the fraction of the robots on it.
+
+Every axis of disturbance is included at a hard level, because a student does not learn to resist disturbances that it
+has not met. Three scenarios have the robot's hardware profile."""
+VALIDATION_SCENARIOS = ("flat", "push", "rough", "payload", "latency:3", "noise:3", "push:3+hardware")
+"""Default scenarios of the validations."""
+HISTORY_INPUTS = Inputs(lags=(0.01, 0.02, 0.04, 0.08, 0.12), averages=(0.3, 1.5))
+"""Past observations of the student.
+
+A model-based teacher integrates its position and estimates loads. The averages let the network do the same; the lags
+show the velocity of noisy readings, and delays."""
+
+
+@dataclasses.dataclass(frozen=True)
+class FitConfig:
+    """Settings of the supervised learning."""
+
+    hidden: tuple[int, ...] = dataclasses.field(default=(512, 256, 128), metadata={"limits": (1, 4096)})
+    """Hidden layer widths of the network."""
+    round_updates: int = parameter(500, limits=(1, 1_000_000))
+    """Gradient steps after each round of labels."""
+    final_updates: int = parameter(2000, limits=(0, 1_000_000))
+    """Gradient steps after the last round, over which the learning rate falls to its final value. A constant rate costs
+    success on rough ground and under pushes."""
+    minibatch: int = parameter(2048, limits=(1, 2**20))
+    """Labels in one gradient step."""
+    learning_rate: float = parameter(1e-3, limits=(1e-9, 1.0))
+    """Step size of AdamW during the rounds."""
+    final_learning_rate: float = parameter(1e-5, limits=(1e-9, 1.0))
+    """Step size of AdamW at the last gradient step."""
+    weight_decay: float = parameter(1e-4, limits=(0.0, 1.0))
+    """Weight decay of AdamW."""
+    huber: float = parameter(0.08, limits=(1e-4, 100.0))
+    """Error of a servo torque at which the loss changes from quadratic to linear, as a fraction of weight x leg
+    length."""
+
+
+@dataclasses.dataclass(frozen=True)
+class DistillationConfig:
+    """Distil a policy into a network that runs alone: dataset aggregation (DAgger) on SimpleQuad-v0."""
+
+    teacher: str = "mpc_wbc"
+    """Policy to learn from: a name, the folder of a bundle, or a file of another project. It observes the true state,
+    without noise and delay, also where the student does not."""
+    robot: str = "simple_quad"
+    """Robot: a name of quad_env.ROBOTS like go1, or the path of its MJCF, URDF or TOML."""
+    servo: str = ""
+    """Stiffness/damping of the servos, N·m/rad and N·m·s/rad, for example 35/0.5; by default from the teacher."""
+    labels: int = parameter(1_000_000, limits=(1, 10**12 - 1))
+    """Labels of the teacher (count); a label is the teacher's action on one observation of one robot."""
+    seed: int = parameter(0, limits=(0, MAX_SEED))
+    """Seed of the network, the noise and the training episodes (never shared with validation or evaluation)."""
+    out: Path | None = None
+    """Run folder, new or empty unless --resume; by default runs/ROBOT-student-SEED."""
+    resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Continue the run in --out from its last checkpoint."""
+    threads: int = parameter(2, limits=(1, 256))
+    """Threads of simulation and learner. Resume with the same number to get the same bits."""
+    trust: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Load a teacher from files that can hide code: a .zip of Stable-Baselines3, TorchScript .pt."""
+    envs: int = parameter(256, limits=(1, 65_536))
+    """Robots simulated together."""
+    round_steps: int = parameter(250, limits=(1, 1_000_000))
+    """Control steps of 10 ms in a round. After each round the network learns from all labels so far."""
+    segment_rounds: int = parameter(4, limits=(1, 1000))
+    """Rounds after which all robots start new episodes and a checkpoint is written."""
+    teacher_share: tuple[float, ...] = dataclasses.field(
+        default=(1.0, 0.5, 0.25, 0.125, 0.1, 0.0), metadata={"limits": (0.0, 1.0)}
+    )
+    """Fraction of the time in which the teacher drives, in each round; the last value also holds afterwards."""
+    drive_time: tuple[float, float] = dataclasses.field(default=(0.2, 1.5), metadata={"limits": (0.01, 100.0)})
+    """Shortest and longest time before it is drawn anew who drives a robot, s."""
+    noise: float = parameter(0.04, limits=(0.0, 10.0))
+    """Standard deviation of the noise on half of the teacher's drives: servo torque as a fraction of weight x leg
+    length."""
+    fall_margin: float = parameter(0.1, limits=(0.0, 10.0))
+    """Time before a fall of which the labels are dropped, s."""
+    joint_authority: float = parameter(2.0, limits=(1e-3, 3.0))
+    """Largest distance of the targets of thigh and calf joints from the home pose, rad."""
+    hip_authority: float = parameter(0.9, limits=(0.0, 3.0))
+    """Largest distance of the targets of hip joints from the home pose, rad."""
+    inputs: Inputs = HISTORY_INPUTS
+    """Past observations for the network. Without a clock of its own, it gets a clock of the teacher's step frequency."""
+    mixture: tuple[tuple[str, float], ...] = MIXTURE
+    """Scenarios of the student, each with its share of the robots; also combined ones, payload=15+slope=10, and
+    flat+randomised, with domain randomisation."""
+    max_episode_steps: int = parameter(1000, limits=(1, 1_000_000))
+    """Length of a training episode, control steps."""
+    fit: FitConfig = dataclasses.field(default_factory=FitConfig)
+    validation: ValidationConfig = dataclasses.field(
+        default_factory=lambda: ValidationConfig(interval=500_000, episodes=8, scenarios=VALIDATION_SCENARIOS)
+    )
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the run: `out`, or the default folder if `out` is None."""
+        return self.out if self.out is not None else Path("runs") / f"{Path(self.robot).stem}-student-{self.seed}"
+
+    @property
+    def hardware(self) -> HardwareConfig:
+        """Hardware of the robots: the robot and its servo gains, with ideal motors and the true state.
+
+        Scenarios with the hardware profile have the motors and sensors of the profile.
+        """
+        return HardwareConfig(robot=self.robot, servo=self.servo)
+
+    @property
+    def round_labels(self) -> int:
+        """Labels in a round."""
+        return self.envs * self.round_steps
+
+    @property
+    def rounds(self) -> int:
+        """Rounds of the run; the last one reaches `labels` or exceeds it."""
+        return -(-self.labels // self.round_labels)
+
+
+def check(config: DistillationConfig) -> None:
+    """Check that a distillation can run with the given settings.
+
+    Args:
+        config: Settings of the run.
+
+    Raises:
+        UsageError: A setting is not valid; the message is one line.
+    """
+    for group, part in (("", config), ("fit.", config.fit), ("validation.", config.validation)):
+        check_numbers(part, limits_of(part), group)
+    if len(config.fit.hidden) > MAX_HIDDEN_LAYERS:
+        raise UsageError(f"--fit.hidden must be at most {MAX_HIDDEN_LAYERS} widths")
+    if not config.teacher_share:
+        raise UsageError("--teacher-share needs at least one number")
+    if config.drive_time[0] > config.drive_time[1]:
+        raise UsageError(f"--drive-time: the shortest time, {config.drive_time[0]:g} s, is above the longest")
+    try:
+        hardware.check_hardware(config.hardware)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    robot = config.hardware.robot_model
+    check_scenarios("--mixture", [name for name, _ in config.mixture], robot)
+    check_scenarios("--validation.scenarios", config.validation.scenarios, robot)
+    shares = [share for _, share in config.mixture]
+    if not all(0 <= share <= MAX_SHARE for share in shares) or sum(shares) < 1e-6:
+        raise UsageError(f"--mixture needs shares from 0 to {MAX_SHARE:g}, at least one above 0, as in: flat 0.5")

@@ -1,0 +1,94 @@
+"""Teacher of a distillation: a policy that observes the true state of every robot."""
+
+import dataclasses
+
+import numpy as np
+
+import policies
+from policies.base import Actions, GaitedPolicy, Policy
+from policies.mpc.model_based import ModelBased
+from policies.residual import ResidualPolicy
+from quad_env.cli.command_line import UsageError
+from train.distillation.config import DistillationConfig
+from train.residual_env import BoolArray
+from train.training_robots import MultiScenarioVectorEnv
+
+
+def make_teacher(config: DistillationConfig, on_hardware_profile: bool = False) -> Policy:
+    """Make a new instance of the teacher.
+
+    The clock of a model-based teacher runs at a constant frequency, because the student has a constant clock. The
+    teacher knows the motors of the hardware profile, but its observation is always the true state.
+
+    Args:
+        config: Settings of the run.
+        on_hardware_profile: True for the robots on scenarios with the hardware profile.
+
+    Returns:
+        The teacher.
+
+    Raises:
+        UsageError: There is no such policy, or it does not fit the robot.
+    """
+    try:
+        teacher = config.hardware.policy(config.teacher, config.trust)
+        options = {}
+        if isinstance(teacher, ModelBased) and teacher.parameters.frequency_gain:
+            options["parameters"] = dataclasses.replace(teacher.parameters, frequency_gain=0.0)
+        if on_hardware_profile:
+            options |= {"on_hardware_profile": True, "sensors": "truth", "robot": teacher.robot}
+        return config.hardware.policy(config.teacher, config.trust, **options) if options else teacher
+    except policies.PolicyError as error:
+        raise UsageError(f"--teacher: {error}") from None
+
+
+def clock_frequency(teacher: Policy) -> float:
+    """Return the step frequency of a teacher, Hz; 0 if it has no gait clock."""
+    gait = teacher.base if isinstance(teacher, ResidualPolicy) else teacher
+    return gait.frequency if isinstance(gait, GaitedPolicy) else 0.0
+
+
+class PrivilegedTeacher:
+    """Teacher of n robots: one policy for the robots without the hardware profile, one for the robots with it.
+
+    Args:
+        config: Settings of the run.
+        robots: Robots, ordered by batches.
+    """
+
+    def __init__(self, config: DistillationConfig, robots: MultiScenarioVectorEnv) -> None:
+        self._robots = robots
+        on_profile = np.repeat(
+            [batch.scenario.hardware for batch in robots.batches], [batch.num_envs for batch in robots.batches]
+        )
+        self._groups = [
+            (make_teacher(config, profile), on_profile == profile)
+            for profile in (False, True)
+            if (on_profile == profile).any()
+        ]
+        self._height_scan = self._groups[0][0].height_scan
+        for policy, _ in self._groups:
+            policy.check_compatible(robots.robot, robots.dt)
+
+    @property
+    def policy(self) -> Policy:
+        """Policy of the first group."""
+        return self._groups[0][0]
+
+    def reset(self) -> None:
+        """Reset the teacher for all robots."""
+        for policy, rows in self._groups:
+            policy.reset(int(rows.sum()))
+
+    def reset_where(self, mask: BoolArray) -> None:
+        """Reset the teacher for the robots where `mask`, (n,), is True."""
+        for policy, rows in self._groups:
+            policy.reset_where(mask[rows])
+
+    def act(self) -> Actions:
+        """Return the joint targets of the teacher for the true present state of all robots, (n, 12), rad."""
+        observation = self._robots.true_observation(self._height_scan)
+        actions = np.empty((self._robots.num_envs, self._robots.robot.num_joints), np.float32)
+        for policy, rows in self._groups:
+            actions[rows] = policy.act(observation[rows])
+        return actions
