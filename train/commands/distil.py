@@ -90,12 +90,11 @@ def parse(words: list[str]) -> DistillationConfig:
 
 def _without_teacher_of_help(words: list[str]) -> list[str]:
     """Return the words without a `--teacher` that --help follows instead of a policy."""
-    kept = [
+    return [
         word
         for word, following in zip(words, [*words[1:], ""], strict=True)
         if not (word == TEACHER_OPTION and following in HELP)
     ]
-    return kept
 
 
 def _load(folder: Path) -> DistillationConfig:

@@ -146,11 +146,12 @@ class LabelCollector:
         teacher_drives = self._drivers.teacher_drives
         noise = self._random.standard_normal(corrections.shape, np.float32) * self._noise_std
         noise[~self._drivers.is_noisy] = 0.0
-        teacher_targets = self._home + self._authority * corrections + noise
+        teacher_targets: FloatArray = self._home + self._authority * corrections + noise
         if teacher_drives.all():
             return teacher_targets
-        student_targets = self._home + self._authority * student.corrections(inputs)
-        return np.where(teacher_drives[:, None], teacher_targets, student_targets)
+        targets: FloatArray = self._home + self._authority * student.corrections(inputs)
+        targets[teacher_drives] = teacher_targets[teacher_drives]
+        return targets
 
     def _step(self, actions: FloatArray) -> BoolArray:
         """Simulate a control step, restart finished robots, and return the mask of robots that fell, (n,)."""

@@ -102,7 +102,8 @@ class DistillationConfig:
     hip_authority: float = parameter(0.9, limits=(0.0, 3.0))
     """Largest distance of the targets of hip joints from the home pose, rad."""
     inputs: Inputs = HISTORY_INPUTS
-    """Past observations for the network. Without a clock of its own, it gets a clock of the teacher's step frequency."""
+    """Past observations for the network. If the clock is 0, the network gets a clock of the teacher's step
+    frequency."""
     mixture: tuple[tuple[str, float], ...] = MIXTURE
     """Scenarios of the student, each with its share of the robots; also combined ones, payload=15+slope=10, and
     flat+randomised, with domain randomisation."""

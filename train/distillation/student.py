@@ -1,5 +1,7 @@
 """Student of a distillation: the network in PyTorch, its supervised learning, and its policy."""
 
+import itertools
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -50,8 +52,10 @@ class StudentNetwork(nn.Module):
     def __init__(self, widths: list[int], seed: int) -> None:
         super().__init__()
         generator = torch.Generator().manual_seed(seed)
-        self.linear = nn.ModuleList(nn.Linear(a, b) for a, b in zip(widths[:-1], widths[1:], strict=True))
-        for layer in self.linear:
+        self.layers = [nn.Linear(a, b) for a, b in itertools.pairwise(widths)]
+        """Linear layers, from the input to the output."""
+        self.linear = nn.ModuleList(self.layers)  # registers the parameters of the layers
+        for layer in self.layers:
             bound = layer.in_features**-0.5
             nn.init.uniform_(layer.weight, -bound, bound, generator=generator)
             nn.init.zeros_(layer.bias)
@@ -69,9 +73,9 @@ class StudentNetwork(nn.Module):
     def forward(self, inputs: torch.Tensor) -> torch.Tensor:
         """Return the corrections, (m, 12), for `inputs`, (m, k)."""
         values = (inputs - self.mean) / self.std
-        for layer in self.linear[:-1]:
+        for layer in self.layers[:-1]:
             values = nn.functional.elu(layer(values))
-        corrections: torch.Tensor = self.linear[-1](values)
+        corrections: torch.Tensor = self.layers[-1](values)
         return corrections
 
     def corrections(self, inputs: FloatArray) -> FloatArray:
@@ -82,8 +86,8 @@ class StudentNetwork(nn.Module):
 
     def to_network(self) -> Network:
         """Return the network of a bundle; the standardisation of the inputs is folded into its first layer."""
-        weights = [_array(layer.weight).T for layer in self.linear]
-        biases = [_array(layer.bias) for layer in self.linear]
+        weights = [_array(layer.weight).T for layer in self.layers]
+        biases = [_array(layer.bias) for layer in self.layers]
         scale = 1.0 / _array(self.std)
         first = weights[0] * scale[:, None]
         biases[0] = biases[0] - (_array(self.mean) * scale) @ weights[0]
@@ -133,7 +137,7 @@ class Learner:
             errors = (self.network(inputs) - corrections) * self._scale
             loss = nn.functional.huber_loss(errors, torch.zeros_like(errors), delta=self._fit.huber)
             self.optimiser.zero_grad(set_to_none=True)
-            loss.backward()
+            loss.backward()  # type: ignore[no-untyped-call]
             nn.utils.clip_grad_norm_(self.network.parameters(), MAX_GRADIENT_NORM)
             self.optimiser.step()
             losses[index] = loss.item()

@@ -1,6 +1,7 @@
 """Teacher of a distillation: a policy that observes the true state of every robot."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ def make_teacher(config: DistillationConfig, on_hardware_profile: bool = False) 
     """
     try:
         teacher = config.hardware.policy(config.teacher, config.trust)
-        options = {}
+        options: dict[str, Any] = {}
         if isinstance(teacher, ModelBased) and teacher.parameters.frequency_gain:
             options["parameters"] = dataclasses.replace(teacher.parameters, frequency_gain=0.0)
         if on_hardware_profile:

@@ -1,0 +1,141 @@
+"""Labels of a distillation belong to the state, the robot and the episode that the student observes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from policies.base import Policy
+from policies.history import Inputs
+from policies.residual import Features, authority_of
+from quad_env.robots.simple_quad import SIMPLE_QUAD
+from quad_env.seeding import episode_seeds
+from quad_env.task.observations import observation_table
+from train.distillation import teacher as teachers
+from train.distillation.collection import DriverSchedule, LabelCollector, _precedes
+from train.distillation.config import DistillationConfig
+from train.distillation.run import make_robots
+from train.distillation.student import StudentNetwork, make_policy, make_pose
+from train.distillation.teacher import PrivilegedTeacher
+
+CONFIG = DistillationConfig(teacher="trot", envs=6, round_steps=60, max_episode_steps=40, mixture=(("flat", 1.0),))
+
+
+class Echo(Policy):
+    """Shows the observation in its targets: the home pose plus a tenth of joint angles, and the steps since a reset."""
+
+    name = "echo"
+    steps: np.ndarray
+
+    def reset(self, num_envs=1, seed=None):
+        super().reset(num_envs, seed)
+        self.steps = np.zeros(num_envs)
+
+    def _reset_rows(self, mask):
+        super()._reset_rows(mask)
+        self.steps[mask] = 0.0
+
+    def _act(self, observation):
+        self.steps += 1.0
+        targets = self.robot.home_pose.astype(np.float32) + 0.1 * observation[:, 9:21]
+        targets[:, 0] = self.robot.home_pose[0] + 0.001 * self.steps
+        return targets
+
+
+@pytest.fixture
+def collector(monkeypatch):
+    """Function that makes a collector with the teacher `Echo` for a configuration."""
+
+    def make(config):
+        monkeypatch.setattr(teachers, "make_teacher", lambda config, profile=False: Echo(robot=SIMPLE_QUAD))
+        robots = make_robots(config, SIMPLE_QUAD)
+        features = Features(make_pose(SIMPLE_QUAD), Inputs())
+        authority = authority_of(SIMPLE_QUAD, 0.9, 2.0)
+        collector = LabelCollector(config, robots, PrivilegedTeacher(config, robots), features, authority)
+        seeds = [int(seed) for seed in episode_seeds("training", 0, config.envs)]
+        collector.start_segment(seeds, np.random.default_rng(0))
+        return collector, StudentNetwork([features.width, 8, 12], 0), authority
+
+    return make
+
+
+def shown_angles(block, authority):
+    """Tenth of the joint angles that the teacher observed, (T, n, 11), rad; the first joint shows the steps."""
+    return (block.corrections * authority)[:, :, 1:]
+
+
+def input_angles(block):
+    """Joint angles relative to the home pose in the student's inputs, (T, n, 11), rad."""
+    scale = observation_table(SIMPLE_QUAD).scale[10:21]
+    return block.inputs[:, :, 10:21] / scale
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_a_label_is_of_the_state_that_the_student_observes(collector, share):
+    each, student, authority = collector(CONFIG)
+    block = each.collect(student, share)
+    assert np.abs(input_angles(block)).max() > 0.05
+    np.testing.assert_allclose(shown_angles(block, authority), 0.1 * input_angles(block), atol=1e-5)
+
+
+def test_the_teacher_observes_the_present_state_though_the_student_does_not(collector):
+    delayed = replace(CONFIG, mixture=(("latency=0.04", 1.0),))
+    each, student, authority = collector(delayed)
+    block = each.collect(student, 0.0)
+    steps = 4
+    shown, observed = shown_angles(block, authority)[:30], 0.1 * input_angles(block)[:30]
+    np.testing.assert_allclose(shown[:-steps], observed[steps:], atol=1e-5)
+    assert np.abs(shown - observed).max() > 0.005
+
+
+def test_the_teacher_is_reset_with_its_robot(collector):
+    each, student, authority = collector(CONFIG)
+    block = each.collect(student, 0.0)
+    steps = np.round((block.corrections * authority)[:, :, 0] / 0.001)
+    began = np.flatnonzero(steps[:, 0] == 1)
+    assert began.tolist() == [0, 40]
+    np.testing.assert_array_equal(steps[:40, 0], np.arange(1, 41))
+
+
+def test_who_drives_is_drawn_by_the_teachers_share():
+    drivers = DriverSchedule(CONFIG, 1000, 0.01, np.random.default_rng(0))
+    mean = []
+    for _ in range(400):
+        drivers.step(0.3)
+        mean.append(drivers.teacher_drives.mean())
+    assert np.mean(mean) == pytest.approx(0.3, abs=0.03)
+    assert drivers.is_noisy.mean() == pytest.approx(0.5, abs=0.06)
+
+
+def test_labels_shortly_before_a_fall_are_dropped():
+    fell = np.zeros((8, 2), bool)
+    fell[5, 0] = True
+    assert _precedes(fell, 3)[:, 0].tolist() == [False, False, False, True, True, True, False, False]
+    assert not _precedes(fell, 3)[:, 1].any()
+
+
+def test_the_students_policy_does_in_evaluation_as_in_training(collector, monkeypatch):
+    """Inputs, clock, history, standardisation and authority are those of the collection."""
+    inputs = Inputs(lags=(0.02,), averages=(0.3,), clock=2.5)
+    each, _, authority = collector(CONFIG)
+    each._features = Features(make_pose(SIMPLE_QUAD), inputs)
+    student = StudentNetwork([each._features.width, 16, 12], 1)
+    seeds = [int(seed) for seed in episode_seeds("training", 0, CONFIG.envs)]
+    each.start_segment(seeds, np.random.default_rng(0))
+    student.standardise(each.collect(student, 1.0).inputs.reshape(-1, each._features.width))
+    each.start_segment(seeds, np.random.default_rng(0))
+    driven = []
+    monkeypatch.setattr(each, "_step", lambda actions, step=each._step: driven.append(actions) or step(actions))
+    each.collect(student, 0.0)
+    policy = make_policy(CONFIG, SIMPLE_QUAD, student.to_network(), inputs)
+    policy.reset(CONFIG.envs)
+    robots = make_robots(CONFIG, SIMPLE_QUAD)
+    observation, _ = robots.reset(seed=seeds)
+    for step in range(60):
+        actions = policy.act(observation)
+        limited = np.clip(driven[step], SIMPLE_QUAD.joint_lower, SIMPLE_QUAD.joint_upper)
+        np.testing.assert_allclose(actions, limited, atol=2e-4)
+        observation, _, terminated, truncated, _ = robots.step(driven[step])
+        if (finished := terminated | truncated).any():
+            observation, _ = robots.reset(options={"reset_mask": finished})
+            policy.reset_where(finished)
