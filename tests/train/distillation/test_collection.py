@@ -117,7 +117,7 @@ def test_labels_shortly_before_a_fall_are_dropped():
 def test_the_students_policy_does_in_evaluation_as_in_training(collector, monkeypatch):
     """Inputs, clock, history, standardisation and authority are those of the collection."""
     inputs = Inputs(lags=(0.02,), averages=(0.3,), clock=2.5)
-    each, _, authority = collector(CONFIG)
+    each, _, _ = collector(CONFIG)
     each._features = Features(make_pose(SIMPLE_QUAD), inputs)
     student = StudentNetwork([each._features.width, 16, 12], 1)
     seeds = [int(seed) for seed in episode_seeds("training", 0, CONFIG.envs)]
