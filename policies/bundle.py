@@ -65,6 +65,10 @@ def copy(folder: Path, to: Path) -> None:
     """Copy the policy bundle in `folder` to the folder `to`: first the weights, then the description.
 
     Raises OSError if a file cannot be read or written.
+
+    Args:
+        folder: Folder of the bundle.
+        to: Folder of the copy, which is made if needed.
     """
     to.mkdir(parents=True, exist_ok=True)
     for name in (WEIGHTS, DESCRIPTION):

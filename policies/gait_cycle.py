@@ -54,7 +54,12 @@ class Gait:
 def leg_cycles(phases: Floats, duty: Floats | float) -> LegCycle:
     """Return the swing or stance state of legs from their phases and the duty factor.
 
-    `phases`, (...), are in [0, 2π) rad. `duty` is the fraction of the cycle that a foot is on the ground.
+    Args:
+        phases: Phases, (...), in [0, 2π) rad.
+        duty: Fraction of the cycle that a foot is on the ground.
+
+    Returns:
+        Swing or stance of each leg, and its progress.
     """
     fraction = phases / TURN
     swing_share = 1.0 - duty
@@ -73,7 +78,12 @@ def smoothstep(progress: Floats) -> Floats:
 def leg_phases(phase: ArrayLike, offsets: ArrayLike) -> Floats:
     """Return the phase of each leg, (..., 4), in [0, 2π) rad.
 
-    It is the `phase` of the gait clock, (...), rad, plus the phase offset of the leg in `offsets`, (4,), rad.
+    Args:
+        phase: Phase of the gait clock, (...), rad.
+        offsets: Phase offset of each leg, (4,), rad.
+
+    Returns:
+        Sum of phase and offset of each leg, modulo 2π.
     """
     return (np.asarray(phase, dtype=np.float64)[..., None] + np.asarray(offsets, dtype=np.float64)) % TURN
 

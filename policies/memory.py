@@ -108,6 +108,10 @@ def allocate(owner: Any, num_envs: int) -> None:
     """Allocate the state arrays of `owner`, and of its nested state objects, for `num_envs` robots.
 
     Every robot gets the initial values that were declared with `per_robot`.
+
+    Args:
+        owner: Object of a class that declares the arrays.
+        num_envs: Number of robots.
     """
     for name, array in declared_arrays(owner).items():
         setattr(owner, name, np.repeat(_initial_value(owner, name, array), num_envs, array.axis))

@@ -132,6 +132,9 @@ class MultiScenarioVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
 
         Args:
             height_scan: Grid of a height scan to append; None for no scan.
+
+        Returns:
+            The observation.
         """
         return np.concatenate([batch.true_observation(height_scan) for batch in self.batches])
 

@@ -82,7 +82,12 @@ def plane_height(plane: Plane, x: Floats, y: Floats) -> Floats:
 def height_above_plane(plane: Plane, prints: Floats) -> Floats:
     """Compute the height of footprints above the ground plane, (4, n), m.
 
-    `prints`, (3, 4, n), m, are the last contact positions of the four feet of n robots in the level frame.
+    Args:
+        plane: Ground plane of n robots.
+        prints: Last contact positions of the four feet, level frame, (3, 4, n), m.
+
+    Returns:
+        Heights, (4, n), m.
     """
     height: Floats = prints[2] - plane_height(plane, prints[0], prints[1])
     return height

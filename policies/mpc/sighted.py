@@ -137,7 +137,12 @@ def make_scanned_terrain(
 def plane_on_grid(scan: HeightScan, ground: TerrainPlane) -> Floats:
     """Return the heights of the plane `ground` at the points of `scan`, (n, rows, columns), m.
 
-    Heights are relative to the trunk centre.
+    Args:
+        scan: Height scan.
+        ground: Ground plane of n robots.
+
+    Returns:
+        Heights relative to the trunk centre.
     """
     grid = scan.grid
     return ground.at(*np.moveaxis(grid, -1, 0).reshape(2, -1)).reshape(-1, *grid.shape[:2])

@@ -150,7 +150,12 @@ class Channel:
     def is_new(self, clock: Clock, delay_steps: int) -> Mask:
         """Return True for robots with a sample that reaches the age `delay_steps` in this control step, (k,).
 
-        `clock` are the control steps since the start of each episode, (k,).
+        Args:
+            clock: Control steps since the start of each episode, (k,).
+            delay_steps: Age, control steps.
+
+        Returns:
+            Mask of robots, (k,).
         """
         is_new: Mask = np.logical_and(clock >= delay_steps, (clock - delay_steps) % self.period == 0)
         return is_new

@@ -238,7 +238,7 @@ def read_record(path: Path) -> dict[str, Any]:
 
 
 def lowest_success(record: Mapping[str, Any], name: str) -> float:
-    """Return the lowest success rate over all seeds, 0 to 1, on the scenario `name`."""
+    """Return the lowest success rate of all seeds in a `record`, 0 to 1, on the scenario `name`."""
     entries: Sequence[Mapping[str, Any]] = record["seeds"]
     fewest = min(int(entry["scenarios"][name]["successes"]) for entry in entries)
     return fewest / int(record["episodes"])

@@ -1,7 +1,7 @@
 """`python -m train --teacher POLICY`: distil a policy into a network that runs alone.
 
 The student drives more and more of the time, and the teacher labels every state that the student reaches (DAgger). The
-teacher observes the true state, without noise and delay. The result is a policy bundle like that of any training.
+teacher observes the true state, without noise and delay. The result is a policy bundle, as after any training.
 """
 
 import dataclasses
@@ -26,6 +26,9 @@ def is_requested(words: list[str]) -> bool:
 
     Args:
         words: Words of the command line after `python -m train`.
+
+    Returns:
+        True for a distillation.
     """
     if any(word.partition("=")[0] == TEACHER_OPTION for word in words):
         return True

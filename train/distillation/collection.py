@@ -18,7 +18,7 @@ NOISY_FRACTION = 0.5
 
 @dataclass
 class DriverSchedule:
-    """Schedule that draws who drives each of n robots, for a random time each.
+    """Schedule that draws a driver, teacher or student, for each of n robots and for random times.
 
     Args:
         config: Settings of the run.
@@ -62,7 +62,7 @@ class LabelCollector:
 
     Args:
         config: Settings of the run.
-        robots: Robots, whose finished episodes are restarted by the collector.
+        robots: Robots; the collector restarts finished episodes.
         teacher: Teacher of the robots.
         features: Inputs of the student's network.
         authority: Largest correction of each joint, (12,), rad.
@@ -141,7 +141,7 @@ class LabelCollector:
     def _choose_actions(
         self, student: StudentNetwork, inputs: FloatArray, corrections: FloatArray, teacher_share: float
     ) -> FloatArray:
-        """Return the joint targets of whoever drives each robot, (n, 12), rad."""
+        """Return the joint targets of the driver of each robot, (n, 12), rad."""
         self._drivers.step(teacher_share)
         teacher_drives = self._drivers.teacher_drives
         noise = self._random.standard_normal(corrections.shape, np.float32) * self._noise_std

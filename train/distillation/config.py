@@ -91,12 +91,12 @@ class DistillationConfig:
     )
     """Fraction of the time in which the teacher drives, in each round; the last value also holds afterwards."""
     drive_time: tuple[float, float] = dataclasses.field(default=(0.2, 1.5), metadata={"limits": (0.01, 100.0)})
-    """Shortest and longest time before it is drawn anew who drives a robot, s."""
+    """Shortest and longest time between two draws of a robot's driver, s."""
     noise: float = parameter(0.04, limits=(0.0, 10.0))
     """Standard deviation of the noise on half of the teacher's drives: servo torque as a fraction of weight x leg
     length."""
     fall_margin: float = parameter(0.1, limits=(0.0, 10.0))
-    """Time before a fall of which the labels are dropped, s."""
+    """Labels in this time before a fall are dropped, s."""
     joint_authority: float = parameter(2.0, limits=(1e-3, 3.0))
     """Largest distance of the targets of thigh and calf joints from the home pose, rad."""
     hip_authority: float = parameter(0.9, limits=(0.0, 3.0))

@@ -61,7 +61,7 @@ class LabelStore:
             write_atomically(self._path(index), format_safetensors(vars(block)))
 
     def sampler(self, minibatch: int, random: np.random.Generator) -> "LabelSampler":
-        """Return a sampler of random minibatches of all valid labels so far."""
+        """Return a sampler of all valid labels so far; `minibatch` labels are drawn with `random`."""
         return LabelSampler(self.blocks, minibatch, random)
 
     def delete_files(self) -> None:

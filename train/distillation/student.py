@@ -19,7 +19,7 @@ from train.distillation.labels import LabelSampler
 from train.residual_env import FloatArray
 
 MIN_INPUT_STD = 0.02
-"""Smallest standard deviation by which an input is divided.
+"""Smallest standard deviation in the standardisation of an input.
 
 An input that is almost constant in the first labels would otherwise become huge when it changes later."""
 MAX_GRADIENT_NORM = 1.0
@@ -34,7 +34,7 @@ def make_pose(robot: Robot) -> Stand:
 def torque_unit_as_angle(robot: Robot) -> Floats:
     """Return the change of a joint target that changes the servo torque by weight x leg length, (12,), rad.
 
-    An error of the targets or a noise on them disturbs robots of different size and stiffness alike if it is the same
+    An error of the targets or a noise on them disturbs robots of different size and stiffness equally if it is the same
     fraction of this angle.
     """
     angle: Floats = robot.mass * GRAVITY * robot.leg_length / robot.servo_stiffness
@@ -153,7 +153,7 @@ class Learner:
 
 
 def student_inputs(config: DistillationConfig, frequency: float) -> Inputs:
-    """Return the additional inputs of the student; a clock of the teacher's `frequency`, Hz, if it has none."""
+    """Return the inputs of the student in `config`, with a clock of the `frequency`, Hz, if they have no clock."""
     return config.inputs if config.inputs.clock else Inputs(config.inputs.lags, config.inputs.averages, frequency)
 
 

@@ -29,7 +29,7 @@ def make_teacher(config: DistillationConfig, on_hardware_profile: bool = False) 
         The teacher.
 
     Raises:
-        UsageError: There is no such policy, or it does not fit the robot.
+        UsageError: The policy does not exist, or it does not fit the robot.
     """
     try:
         teacher = config.hardware.policy(config.teacher, config.trust)
