@@ -1,7 +1,7 @@
-"""Extensions: objects that other packages or scripts add to the environment and the evaluation.
+"""Extensions: additions of other packages to the environment and the evaluation.
 
-An extension contains reward terms, observation terms, disturbance axes, scenarios, robots, policies and measures. An
-installed package with an entry point of the group `quad_env` adds its extension to every command:
+An extension has reward terms, observation terms, axes, scenarios, robots, policies and measures. An installed package
+with an entry point of the group `quad_env` adds its extension to every command:
 
     [project.entry-points.quad_env]
     my_project = "my_project.quadruped:EXTENSION"
@@ -17,48 +17,30 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 GROUP = "quad_env"
-"""Name of the entry-point group in which installed packages register their `Extension`."""
+"""Entry-point group of extensions."""
 
 
 @dataclass(frozen=True)
 class Extension:
-    """Objects that another package or script adds to this project; each field maps names to objects of one kind.
+    """Additions of another package or script, as a mapping of names for each kind of addition.
 
     A name must differ from the built-in names of the same kind. docs/extending.md has an example of each kind.
     """
 
     rewards: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
-    """Name of a reward term -> function that takes a `QuadState` and returns the term.
-
-    The term is used by `gym.make(..., rewards={name: weight})`.
-    """
+    """Reward terms: functions of a `QuadState`, available as `gym.make(..., rewards={name: weight})`."""
     observations: Mapping[str, Any] = field(default_factory=dict)
-    """Name of an observation term -> `quad_env.ObservationTerm`.
-
-    The term is used by `gym.make(..., observations=(name,))`.
-    """
+    """Observation terms: `quad_env.ObservationTerm`, available as `gym.make(..., observations=(name,))`."""
     axes: Mapping[str, Any] = field(default_factory=dict)
-    """Name of a disturbance axis -> `quad_env.Axis` of the same name, with scenarios of increasing severity.
-
-    The axis is used by `--scenarios NAME:all`.
-    """
+    """Axes, that is kinds of disturbance: `quad_env.Axis` of the same name, available as `--scenarios NAME:all`."""
     scenarios: Mapping[str, Any] = field(default_factory=dict)
-    """Name of a scenario -> `quad_env.Scenario` of the same name."""
+    """Scenarios: `quad_env.Scenario` of the same name."""
     robots: Mapping[str, Any] = field(default_factory=dict)
-    """Name of a robot -> `quad_env.Robot`, path of a robot model, or function.
-
-    The function takes no arguments and returns a robot or a path.
-    """
+    """Robots: a `quad_env.Robot`, the path of a robot model, or a function without arguments that returns either."""
     policies: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
-    """Name of a policy -> function or class that makes the policy.
-
-    It takes the keyword arguments `robot` and `control_period`, s.
-    """
+    """Policies: functions or classes that take the keyword arguments `robot` and `control_period`, s."""
     measures: Mapping[str, Any] = field(default_factory=dict)
-    """Name of a measure of an episode -> `evaluate.measures.extra.ExtraMeasure`.
-
-    Each measure becomes a column of `episodes.parquet`.
-    """
+    """Measures of an episode: `evaluate.measures.extra.ExtraMeasure`; each is a column of `episodes.parquet`."""
 
     def __post_init__(self) -> None:
         for kind in fields(self):
@@ -71,24 +53,24 @@ class Extension:
 
 
 KINDS = tuple(kind.name for kind in fields(Extension))
-"""Kinds of objects that an extension can add: names of the fields of `Extension`, such as `rewards`."""
+"""Kinds of additions, in the order of the fields of `Extension`."""
 _added: list[Extension] = []
-"""Extensions that `add_extension` has added to this process, in the order of the calls."""
+"""Extensions from `add_extension`, in the order of the calls."""
 _added_observers: list[Callable[[], None]] = []
-"""Functions without arguments that clear caches of names; `add_extension` calls each of them at its end."""
+"""Functions that clear caches of names; `add_extension` calls them after every addition."""
 
 
 def add_extension(extension: Extension) -> None:
-    """Add the objects of an extension to this process; worker processes of an evaluation get them, too.
+    """Add an extension to this process; worker processes of an evaluation get the extension too.
 
-    An object with a built-in name raises ValueError later, when its kind is first used, see `check_new`.
+    A built-in name raises ValueError later, in `check_new`.
 
     Args:
         extension: Extension to add.
 
     Raises:
         TypeError: The argument is not an `Extension`.
-        ValueError: Another extension has an object of the same kind and name.
+        ValueError: Another extension has an addition of the same kind and name.
     """
     if not isinstance(extension, Extension):
         raise TypeError(f"extension: expected a quad_env.Extension, got {extension!r}")
@@ -106,21 +88,18 @@ def added_extensions() -> tuple[Extension, ...]:
 
 
 def when_added(drop_cache: Callable[[], None]) -> None:
-    """Register a function without arguments, `drop_cache`, that each later call of `add_extension` calls.
-
-    The function clears a cache of names that the new extension has made incomplete.
-    """
+    """Register a function without arguments that `add_extension` calls after every later addition."""
     _added_observers.append(drop_cache)
 
 
 def named(kind: str) -> dict[str, Any]:
-    """Return the objects of one kind in all extensions.
+    """Return all additions of a kind.
 
     Args:
-        kind: Name of a field of `Extension`, such as `robots`.
+        kind: Name of a field of `Extension`.
 
     Returns:
-        Name -> object. Objects of installed packages precede objects that `add_extension` has added.
+        Name -> addition; additions of installed packages precede additions to this process.
     """
     additions: dict[str, Any] = {}
     for extension in (*_installed(), *_added):
@@ -129,17 +108,17 @@ def named(kind: str) -> dict[str, Any]:
 
 
 def check_new(kind: str, builtin: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the objects of one kind in all extensions, after a check that none has a built-in name.
+    """Return all additions of a kind after a check that no addition has a built-in name.
 
     Args:
-        kind: Name of a field of `Extension`, such as `robots`.
+        kind: Name of a field of `Extension`.
         builtin: Mapping with the built-in names of this kind as keys.
 
     Returns:
-        Name -> object.
+        Name -> addition.
 
     Raises:
-        ValueError: An object of an extension has a built-in name.
+        ValueError: An addition has a built-in name.
     """
     additions = named(kind)
     if taken := _shared_names(additions, builtin):
@@ -148,16 +127,13 @@ def check_new(kind: str, builtin: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _shared_names(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
-    """Return the names that are keys of both mappings, sorted and joined by commas; empty if there are none."""
+    """Return the names that both mappings have, sorted and joined by commas; empty if they share none."""
     return ", ".join(sorted(set(first) & set(second)))
 
 
 @cache
 def _installed() -> tuple[Extension, ...]:
-    """Return the extensions of installed packages, which register them as entry points.
-
-    An extension that cannot be loaded, or has a name of another extension, is left out with a warning.
-    """
+    """Return the extensions of installed packages; warn about and leave out an extension that is invalid."""
     extensions: list[Extension] = []
     for entry_point in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         extension = _load(entry_point)
@@ -172,13 +148,10 @@ def _installed() -> tuple[Extension, ...]:
 
 
 def _load(entry_point: EntryPoint) -> Extension | None:
-    """Import the extension that an entry point of an installed package names.
-
-    If this fails, a warning is issued, and None is returned.
-    """
+    """Return the extension of an entry point; warn and return None if it cannot be loaded."""
     try:
         extension = entry_point.load()
-    except Exception as error:  # The exception can be any, because the code of another package raises it.
+    except Exception as error:  # because the code of another package may raise any exception
         _warn(entry_point, f"{type(error).__name__}: {error}")
         return None
     if not isinstance(extension, Extension):
@@ -188,10 +161,7 @@ def _load(entry_point: EntryPoint) -> Extension | None:
 
 
 def _first_clash(extensions: list[Extension], extension: Extension) -> str | None:
-    """Return the first kind and name, such as `robots rex`, that is both in `extension` and in `extensions`.
-
-    None is returned if all names differ.
-    """
+    """Return kind and name of the first addition that another extension has too; None if all names differ."""
     for kind in KINDS:
         for name in getattr(extension, kind):
             if any(name in getattr(other, kind) for other in extensions):

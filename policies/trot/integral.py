@@ -1,7 +1,7 @@
-"""Trot with integral control: adds the integral of the velocity error to the command of the open-loop trot.
+"""Trot with integral action: the integral of the velocity error is added to the command of the trot.
 
-The open-loop trot has only the command as input. A slope, a steady force, a payload or a slippery floor therefore cause
-a steady-state velocity error, which the integral removes.
+The command is the only input of the trot. A slope, a steady force, a load or a slippery floor therefore cause a lasting
+velocity error, which the integral removes.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -26,28 +26,25 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class IntegralParameters(TrotParameters):
-    """Parameters of the trot with integral control: open-loop trot and integral of the velocity error.
+    """Parameters of the trot and of the integral.
 
-    The default values of the integral were chosen by hand on episodes with seeds of the purpose "search".
+    The defaults of the integral were chosen by hand on search episodes.
     """
 
     integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
-    """Integral gain: rate of change of the velocity correction per velocity error, (m/s²)/(m/s) = 1/s."""
+    """Rate of the velocity correction per velocity error, 1/s."""
     yaw_integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
-    """Integral gain for turning: rate of change of the yaw-rate correction per yaw-rate error, 1/s."""
+    """Rate of the yaw-rate correction per yaw-rate error, 1/s."""
     settling_time: float = parameter(0.3, limits=(0.01, 100.0), search=(0.05, 1.0), unit="s")
-    """Time constant with which the expected velocity approaches a new command, s.
-
-    The velocity error is the expected velocity minus the measured velocity."""
+    """Time constant of the expected velocity after a new command, s; the velocity error is relative to it."""
     largest_error: float = parameter(0.5, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m/s")
-    """Limit to which the forward and the lateral velocity error are clipped before the integration, m/s.
+    """Largest velocity error that the integral counts, because a larger error is caused by a push or a fall.
 
-    Larger errors are caused by a push or a fall. On SimpleQuad, the limit of the yaw-rate error has the same number, in
-    rad/s."""
+    The limit of SimpleQuad's yaw-rate error has the same number, in rad/s; this limit is in m/s."""
     largest_correction: float = parameter(0.8, limits=(0.0, 100.0), search=(0.2, 2.0), unit="m/s")
-    """Largest correction of the forward and of the lateral velocity command, m/s.
+    """Largest correction of each velocity.
 
-    On SimpleQuad, the limit of the yaw-rate correction has the same number, in rad/s."""
+    The limit of SimpleQuad's yaw-rate correction has the same number, in rad/s; this limit is in m/s."""
 
 
 SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
@@ -57,18 +54,15 @@ SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
     "yaw_gain": (0.8, 1.8),
     "yaw_per_lateral": (-0.8, 0.2),
 }
-"""Name of a parameter of `IntegralParameters` -> (lower, upper bound) in a parameter search.
-
-The dictionary includes the parameters of the command map, which the search of the open-loop trot fits by least squares
-instead."""
+"""Parameter name -> bounds of a search, also for the command map, which the search of the trot fits instead."""
 FILE = ParameterFile(Path(__file__).with_name("trot_integral.json"), IntegralParameters)  # TROT_INTEGRAL.md
 
 
 def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:
-    """Return the parameters of the trot with integral control for a `robot`, see `ParameterFile`.
+    """Return the parameters of the integral trot for a `robot`, see `ParameterFile`.
 
-    If the robot has a parameter file only for the open-loop trot, the function combines the parameters in that file
-    with integral parameters that are scaled from SimpleQuad. Raises PolicyError if a file is missing or damaged.
+    If only the trot of the robot was searched, the function takes the parameters of that trot and the scaled parameters
+    of the integral. Raises PolicyError if the file is missing or damaged.
     """
     parameters = FILE.load_for_robot(robot)
     folder = models_folder(robot)
@@ -78,10 +72,7 @@ def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:
 
 
 class TrotIntegral(Trot):
-    """Trot with integral control of the velocity, which follows a velocity command without steady-state error.
-
-    The robot steps in place if the command is zero.
-    """
+    """Trot that follows a velocity command without a lasting error; steps in place if the command is zero."""
 
     name = "trot_integral"
     parameters: IntegralParameters
@@ -93,10 +84,7 @@ class TrotIntegral(Trot):
 
     @cached_property
     def _limit_scale(self) -> Floats:
-        """Factors on the limits of the integral for forward velocity, lateral velocity and yaw rate, (3,).
-
-        All factors are 1 on SimpleQuad.
-        """
+        """Factors on the limits for forward, lateral and yaw velocity, (3,); all are 1 on SimpleQuad."""
         return np.array([1.0, 1.0, scale_to_robot(self.robot, 1.0, "rad/s") / scale_to_robot(self.robot, 1.0, "m/s")])
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
@@ -113,11 +101,7 @@ class TrotIntegral(Trot):
         return super()._act(corrected)
 
     def _velocity_error(self, observation: NDArray[np.float32]) -> Floats:
-        """Update the expected velocity of each robot, and return the velocity error.
-
-        The error is the expected minus the measured velocity (forward, lateral, yaw rate), level frame, (n, 3), m/s and
-        rad/s. The expected velocity is the low-pass filtered command.
-        """
+        """Update the expected velocity, and return expected minus measured velocity, (n, 3), m/s and rad/s."""
         command = observation[:, OBSERVATION["command"]].astype(np.float64)
         gain = lowpass_gain(self.control_period, self.parameters.settling_time)
         self._expected = self._expected + (command - self._expected) * gain

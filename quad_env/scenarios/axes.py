@@ -1,9 +1,8 @@
-"""Disturbance axes: scenarios with one disturbance of adjustable strength, from harmless to a fall.
+"""Disturbance axes: each varies one disturbance from a harmless severity to one at which robots fall.
 
-The severity is the strength of the disturbance, in a physical unit. The levels of an axis are numbered severities,
-chosen for SimpleQuad. At the last level every shipped policy that walks falls in four of five episodes. On some axes
-the last level exceeds a physical limit instead, which the docstring of the axis states. On the axis `slow` no robot
-falls.
+The severity is given in the physical unit of the axis. The levels of an axis are a few severities, chosen for
+SimpleQuad. Every shipped policy that walks falls in four of five episodes at the last level. On some axes the last
+level exceeds a physical limit instead, which the docstring of the axis states. On the axis `slow` no robot falls.
 """
 
 import math
@@ -21,15 +20,12 @@ from quad_env.scenarios.scenario import Scenario, scaled
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 
 AtSeverity = Callable[[float], Scenario]
-"""Function from a severity (strength of a disturbance, in the unit of its axis) to a scenario."""
+"""Function that returns the scenario of a severity."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Disturbance axis: a family of scenarios with one disturbance of adjustable strength (severity).
-
-    A few severities, the levels, are numbered.
-    """
+    """A disturbance with adjustable severity: a scenario for each severity, and numbered levels."""
 
     name: str
     at: AtSeverity
@@ -38,22 +34,22 @@ class Axis:
     """Description of the quantity that the severity measures, for example `mass on the trunk`."""
     unit: str
     levels: tuple[float, ...]
-    """Severities of the numbered levels, from easy to hard; decreasing if smaller is harder, as with friction."""
+    """Severities from the mildest to the hardest; decreasing if smaller is harder, as with friction."""
     nominal: float
-    """Severity of the scenario with the name of the axis, for example `push`."""
+    """Severity of the scenario that is named like the axis, without a level or a severity."""
     sentence: str = ""
-    """Description of the axis's scenarios in one sentence, for lists and reports."""
+    """Description of the axis's scenarios, one sentence."""
     scales: bool = True
-    """True if the severities are scaled to the size of another robot.
+    """True if the levels are scaled to another robot.
 
     False for `slow`, because the speed that counts as success is the same for every robot.
     """
     note: str = ""
-    """Explanation of influences on the axis's results other than the policy; it is printed with the results."""
+    """Influences on the axis's results other than the policy; printed with the results."""
 
     @property
     def harder_when_smaller(self) -> bool:
-        """True if a smaller severity is harder for the robot, as with friction."""
+        """True if a smaller severity is harder."""
         return self.levels[0] > self.levels[-1]
 
     @property
@@ -62,13 +58,13 @@ class Axis:
         return self.levels.index(self.nominal) + 1
 
     def level(self, number: int) -> Scenario:
-        """Return the scenario of a numbered level of the axis.
+        """Return the scenario of a level.
 
         Args:
             number: Number of the level, counted from 1.
 
         Returns:
-            The scenario; its name is for example `push:3` for the level 3 of the axis `push`.
+            The scenario. Its name is the axis, a colon and the number.
 
         Raises:
             ValueError: There is no level of this number; the message names the valid numbers.
@@ -78,11 +74,11 @@ class Axis:
         return self.scenario(self.levels[number - 1], f"{self.name}:{number}")
 
     def scenario(self, severity: float, name: str) -> Scenario:
-        """Return the scenario of the axis at a `severity`, in the unit of the axis, with the given `name`."""
+        """Return the scenario of a `severity` with the given `name`."""
         return replace(self.at(severity), name=name, axis=self.name, severity=severity, severity_unit=self.unit)
 
     def for_robot(self, robot: Robot) -> "Axis":
-        """Return a copy of the axis with severities that are as hard for `robot` as before for SimpleQuad."""
+        """Return the axis with levels that are as hard for `robot` as the present levels are for SimpleQuad."""
         if robot == SIMPLE_QUAD or not self.scales:
             return self
         factor = self.scaled(1.0, robot)
@@ -94,7 +90,7 @@ class Axis:
         )
 
     def scaled(self, severity: float, robot: Robot) -> float:
-        """Scale a `severity`, in the unit of the axis, so that it is as hard for `robot` as for SimpleQuad."""
+        """Return the severity that is as hard for `robot` as `severity` is for SimpleQuad."""
         return severity * (scale_factor(robot, self.unit) if self.scales and self.unit in ROBOT_SCALED_UNITS else 1.0)
 
     def of(self, robot: Robot) -> "Axis":
@@ -108,37 +104,37 @@ class Axis:
 
 
 ROBOT_SCALED_UNITS = ("m/s", "N·s", "m", "N", "kg", "N·m")
-"""Units of the severities that are scaled to the size of the robot.
+"""Units of the severities that are scaled with the size of the robot.
 
-Severities of the electronics have the units s, Hz and rad/s, and are the same for every robot.
+Severities of electronics, in s, Hz and rad/s, are the same for every robot.
 """
 _PUSH_NOTE = (
     "Pushed hard, the feet slide, and falls depend on friction and on how a simulator models it: of 24 episodes at "
     "65 N·s SimpleQuad's trot falls in 16, at friction 0.6 instead of 0.8 in 3 (docs/limits.md)."
 )
-"""Note that is printed with the results of the axis `push`; `python -m research sliding` measured its numbers."""
+"""Note on the axis `push`; measured by `python -m research sliding`."""
 AXES: dict[str, Axis] = {}
-"""Name -> built-in disturbance axis, with severities for SimpleQuad."""
+"""Name -> built-in axis for SimpleQuad."""
 
 
 @lru_cache(maxsize=32)
 def axes_of(robot: Robot) -> dict[str, Axis]:
-    """Return the built-in disturbance axes with severities scaled to `robot`: name -> axis.
+    """Return the built-in axes scaled to `robot`: name -> axis.
 
-    Batteries, the predefined lists of scenarios of the evaluator, use only built-in axes.
+    Batteries, the predefined lists of scenarios, use only built-in axes.
     """
     return {name: axis.for_robot(robot) for name, axis in AXES.items()}
 
 
 @cache
 def extension_axes() -> dict[str, Axis]:
-    """Return the disturbance axes that extensions registered by `add_extension`.
+    """Return the axes that installed extensions add.
 
     Returns:
-        Name -> axis, with severities for SimpleQuad.
+        Name -> axis for SimpleQuad.
 
     Raises:
-        ValueError: A registered object is not an `Axis` of the registered name, or the name is built-in.
+        ValueError: An entry is not an `Axis`, the axis has another name, or a built-in axis has the same name.
     """
     axes = check_new("axes", AXES)
     for name, axis in axes.items():
@@ -151,12 +147,12 @@ when_added(extension_axes.cache_clear)
 
 
 def known_axis(name: str) -> Axis | None:
-    """Return the disturbance axis `name`, built-in or of an extension, for SimpleQuad; None if unknown."""
+    """Return the built-in or extension axis `name` for SimpleQuad; None if there is no axis of this name."""
     return AXES[name] if name in AXES else extension_axes().get(name)
 
 
 def known_axes(robot: Robot) -> dict[str, Axis]:
-    """Return all disturbance axes, built-in and of extensions, scaled to `robot`: name -> axis."""
+    """Return all axes scaled to `robot`: name -> axis, built-in axes first, then axes of extensions."""
     return axes_of(robot) | {name: axis.for_robot(robot) for name, axis in extension_axes().items()}
 
 

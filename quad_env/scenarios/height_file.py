@@ -1,6 +1,6 @@
-"""Reader of a user's terrain files: heights in a grey picture (.png) or array (.npy), and a TOML file.
+"""Files of a user's terrain: a grey picture (.png) or an array (.npy) of heights, and a TOML file.
 
-The TOML file contains the name of the height file, the size of the terrain and the start of the robots.
+The TOML file names the height file, and gives the size of the terrain and the start of the robots.
 """
 
 import hashlib
@@ -17,23 +17,23 @@ from quad_env.files.reading import parse_toml, read_bytes
 from quad_env.files.text import format_exception, one_line
 
 MAX_SAMPLES = 4_000_000
-"""Maximum number of grid points of a height file, which limits the memory of a terrain."""
+"""Maximum number of height samples; bounds the memory of a terrain."""
 MAX_HEIGHT = 1e6
 """Upper limit of the magnitude of a height, far above any real ground, m."""
 KEYS = ("file", "size", "height", "start")
-"""Valid keys of the TOML file of a terrain."""
+"""Keys that the TOML file of a terrain may have."""
 EXAMPLE_LINES = 'file = "hill.png" or "hill.npy", size = [8.0, 8.0], and perhaps height = 0.4 or start = [0.0, 0.0]'
 
 
 class Heights(NamedTuple):
-    """Ground heights on a grid, m: `min_height` + `span` · `normalized`."""
+    """Heights on a grid, stored as values from 0 to 1 with an offset and a factor."""
 
     normalized: Array
-    """Heights from 0 (lowest point) to 1 (highest point), (rows, columns); rows along y, columns along x."""
+    """Height from 0, lowest, to 1, highest; rows along y, columns along x, (rows, columns)."""
     min_height: float
-    """Height of the lowest point, m."""
+    """Lowest height, m."""
     span: float
-    """Height difference between the highest and the lowest point, m; 1 if all heights are equal."""
+    """Highest minus lowest height, m; 1 if all heights are equal."""
 
 
 def parse_terrain_toml(path: Path) -> list[Any]:
@@ -43,11 +43,10 @@ def parse_terrain_toml(path: Path) -> list[Any]:
         path: Path of the TOML file.
 
     Returns:
-        Values of `file`, `size`, `height` and `start`, in this order. TOML arrays become tuples, and the value of a
-        missing key is None.
+        Values of the keys in `KEYS`, in this order. TOML arrays become tuples, missing keys become None.
 
     Raises:
-        ValueError: The file cannot be read, is not TOML or has unknown keys; the message is one line.
+        ValueError: The file cannot be read, is not TOML or has other keys; the message is one line.
     """
     content = _content(path)
     try:
@@ -61,7 +60,7 @@ def parse_terrain_toml(path: Path) -> list[Any]:
 
 
 def sha256_of(file: str) -> str:
-    """Return the SHA-256 checksum of the present content of a file.
+    """Return the SHA-256 of the present content of a file.
 
     Args:
         file: Path of the file.
@@ -77,7 +76,7 @@ def check_unchanged(file: str, sha256: str) -> None:
 
     Args:
         file: Path of the file.
-        sha256: Expected SHA-256 checksum, hexadecimal.
+        sha256: Expected SHA-256, hexadecimal.
 
     Raises:
         ValueError: The content has changed; the message is one line.
@@ -88,16 +87,15 @@ def check_unchanged(file: str, sha256: str) -> None:
 
 @lru_cache(maxsize=4)
 def read(file: str, sha256: str, peak: float | None) -> Heights:
-    """Read ground heights from a grey picture (.png) or an array (.npy).
+    """Read the heights from a picture or array file.
 
     Args:
         file: Path of the picture or array.
-        sha256: Expected SHA-256 checksum of the file, hexadecimal.
-        peak: Height of the largest value in the file, m; all values are scaled with it. None if the file is an array
-            of heights in m.
+        sha256: Expected SHA-256 of the file, hexadecimal.
+        peak: Height to which the largest value is scaled, m; None if the file is an array of heights in m.
 
     Returns:
-        Ground heights, with rows in the order of increasing y.
+        The heights.
 
     Raises:
         ValueError: The file is missing, has changed or does not contain heights; the message is one line.
@@ -114,15 +112,15 @@ def read(file: str, sha256: str, peak: float | None) -> Heights:
     if not max(-lowest, highest) < MAX_HEIGHT:
         raise ValueError(f"{file}: heights are numbers within ±{MAX_HEIGHT:g} m, not from {lowest:g} to {highest:g}")
     span = highest - lowest or 1.0
-    # The heights are rounded to single precision, because MuJoCo stores height fields in single precision and both
-    # surfaces must be equal. The rows are reversed, because in MuJoCo y increases with the row index.
+    # The heights are rounded to single precision because MuJoCo stores height fields so, and both surfaces must be
+    # equal. The rows are reversed because the rows of MuJoCo run towards +y.
     normalized = ((values[::-1] - lowest) / span).astype(np.float32).astype(np.float64)
     normalized.flags.writeable = False
     return Heights(normalized, lowest, span)
 
 
 def _content(path: Path) -> bytes:
-    """Return the bytes of the file at `path`; raise ValueError if the file cannot be read."""
+    """Return the content of a file; raise ValueError if the file cannot be read."""
     try:
         return read_bytes(path)
     except (OSError, ValueError) as error:  # ValueError because the path may contain a NUL character
@@ -130,13 +128,12 @@ def _content(path: Path) -> bytes:
 
 
 def _values(content: bytes, suffix: str, peak: float | None) -> Array:
-    """Parse the bytes of a height file to an array of heights.
+    """Parse the content of a height file.
 
     Args:
-        content: Bytes of the file.
-        suffix: Suffix of the file name in lower case, `.png` or `.npy`.
-        peak: Height of the largest value in the file, m; all values are scaled with it. None if the file is an array
-            of heights in m.
+        content: Content of the file.
+        suffix: Suffix of the file name, in lower case.
+        peak: Height to which the largest value is scaled, m; None if the file is an array of heights in m.
 
     Returns:
         Heights with the first row at the largest y, (rows, columns), m.
@@ -166,7 +163,7 @@ def _values(content: bytes, suffix: str, peak: float | None) -> Array:
 
 
 def _picture(content: bytes) -> Array:
-    """Decode the bytes of a PNG picture to its grey values, (rows, columns)."""
+    """Return the grey values of a PNG picture, (rows, columns)."""
     from PIL import Image
 
     image = Image.open(io.BytesIO(content), formats=["PNG"])
@@ -178,7 +175,7 @@ def _picture(content: bytes) -> Array:
 
 
 def _check_shape(shape: tuple[int, ...]) -> None:
-    """Raise ValueError unless `shape` is a grid of at least 2 x 2 and at most `MAX_SAMPLES` points."""
+    """Raise ValueError unless the shape is a grid of at least 2 x 2 and at most `MAX_SAMPLES` samples."""
     if len(shape) != 2 or min(shape) < 2 or shape[0] * shape[1] > MAX_SAMPLES:
         size = " x ".join(map(str, shape)) or "one number"
         raise ValueError(f"heights are at least 2 x 2 and at most {MAX_SAMPLES} samples, in rows; these are {size}")

@@ -1,4 +1,4 @@
-"""Domain randomisation: ranges and random draws of robot and ground properties for each episode."""
+"""Domain randomisation: properties of robot and ground that are drawn at random for each episode."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -13,7 +13,7 @@ LargeFraction = Annotated[float, Bounds("from 0 to 0.9", 0.0, 0.9)]
 
 
 class RandomizationSample(NamedTuple):
-    """Randomised properties of robot and ground in one episode, drawn by `DomainRandomisation.draw`."""
+    """Randomised properties of one episode, drawn by `DomainRandomisation.draw`."""
 
     friction: float
     """Factor on the ground's friction coefficient."""
@@ -28,25 +28,25 @@ class RandomizationSample(NamedTuple):
     motor_strength: Array
     """Factor on the torque limit of each joint servo, (12,)."""
     delay: float
-    """Delay from the policy to the servos, added to the scenario's latency, s."""
+    """Delay of actions, added to the delay of the scenario, s."""
     encoder_offset: Array
-    """Offset that is added to the reading of each joint encoder, (12,), rad."""
+    """Offset of each encoder reading, (12,), rad."""
 
 
 @dataclass(frozen=True)
 class DomainRandomisation(Settings):
-    """Ranges from which properties of robot and ground are drawn uniformly at every reset.
+    """Ranges of the properties of robot and ground that are drawn uniformly at every reset.
 
     A value of 0 leaves the property unchanged. For `friction` the range (1, 1) leaves the friction unchanged.
 
-    The defaults are close to the ranges of four projects:
+    The defaults are close to four projects:
 
     - MuJoCo Playground (Go1): friction 0.4 to 1, trunk mass ± 1 of 5 kg, centre of mass ± 0.05 m.
     - legged_gym (`domain_rand`): friction_range 0.5 to 1.25, added_mass_range ± 1 kg.
     - Isaac Lab (velocity tasks): centre of mass ± 0.05, 0.05 and 0.01 m.
     - Walk These Ways (Margolis and Agrawal, 2022): motor_strength_range 0.9 to 1.1, motor_offset_range ± 0.02 rad.
 
-    Projects that build on these four usually vary the servo gains by ± 20 % and have delays up to 20 ms.
+    Projects that build on the four usually have gains ± 20 % and delays up to 20 ms.
     """
 
     friction: tuple[Positive, Positive] = (0.5, 1.25)
@@ -65,7 +65,7 @@ class DomainRandomisation(Settings):
     If motors have a torque-speed curve, the current limit changes instead.
     """
     delay: Delay = 0.02
-    """Largest delay from the policy to the servos, s; the smallest delay is 0.
+    """Largest delay of actions, s; the smallest is 0.
 
     The delay is rounded to control steps and added to the scenario's `Latency`.
     """
@@ -78,10 +78,10 @@ class DomainRandomisation(Settings):
             raise ValueError(f"the range of friction must rise, got {self.friction}")
 
     def draw(self, joints: int, stream: np.random.Generator) -> RandomizationSample:
-        """Draw the randomised properties of an episode.
+        """Draw the properties of an episode.
 
-        The number of drawn random numbers does not depend on the ranges. So the range of one property does not change
-        the draws of other properties.
+        The number of random numbers does not depend on the settings. The range of one property therefore does not
+        change the draws of other properties.
 
         Args:
             joints: Number of joints.

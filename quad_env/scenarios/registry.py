@@ -1,18 +1,11 @@
-"""Registry of scenarios by name, and parser of scenario names.
+"""Scenarios by name, and the syntax of scenario names.
 
-An axis varies one disturbance; its severity is the strength of the disturbance in a physical unit. A name is one of:
+A name is a scenario `steady`, an axis `push`, a level of an axis `push:3`, a severity `push=42`, or a combination
+`payload=15+slope=10`. A name may also be a user's terrain, `hill.toml`. Any name may end with `+hardware`,
+`+randomised` or `+scan_lost`.
 
-- a scenario, `steady`;
-- an axis at its nominal severity, `push`;
-- an axis at a numbered level, `push:3`;
-- an axis at a severity, `push=42`;
-- a combination of axes and severities, `payload=15+slope=10`;
-- the TOML file of a user's terrain, `hill.toml`.
-
-Any name may end with `+hardware`, `+randomised` or `+scan_lost`.
-
-No scenario is tuned to a policy. To write a scenario, use the constructor `Scenario` or `dataclasses.replace`, and pass
-the scenario to `gym.make`.
+No scenario is tuned to a policy. To write a scenario, use the constructor or `dataclasses.replace`, and pass the
+scenario to `make`.
 """
 
 from collections.abc import Callable
@@ -39,29 +32,29 @@ SYNTAX_HELP = (
     "a terrain of yours such as hill.toml, "
     "any of them with +scan_lost, +randomised, +hardware or several of these, in this order, at its end"
 )
-"""Explanation of scenario names that are not in `SCENARIOS`, for error messages and help texts."""
+"""Syntax of scenario names other than the names in `SCENARIOS`, for error messages and help texts."""
 SEPARATOR = "+"
 EQUALS = "="
 TERRAIN = ".toml"
-"""File suffix of a user's terrain."""
+"""Suffix of the path of a user's terrain."""
 MAX_SEVERITY = 1e6
-"""Upper limit of a severity, in the unit of its disturbance axis; larger values are meaningless on every axis."""
+"""Upper limit of a severity, in the unit of its axis; larger values are meaningless on every axis."""
 STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
-"""Scenario in which the effort of policies is compared: flat ground, and 0.5 m/s straight ahead for every robot.
+"""Scenario for comparing effort: level ground, and 0.5 m/s straight ahead for every robot.
 
-The scenario belongs to no disturbance axis.
+The scenario belongs to no axis.
 """
 _LABELS = ("name", "axis", "severity", "severity_unit")
-"""Fields of `Scenario` that name and label it; a combination does not copy them from the scenarios it combines."""
+"""Fields that a combination does not take from the scenarios that it combines."""
 _MERGED_BY_FIELD = (Scenario, CommandRanges, Ground, Motors)
-"""Classes of settings that are combined field by field, because two disturbance axes may set different fields."""
+"""Classes of settings that are merged field by field, because two axes may set different fields."""
 
 
 @lru_cache(maxsize=32)
 def scenarios_of(robot: Robot) -> dict[str, Scenario]:
-    """Return the built-in scenarios of `robot`: name -> scenario.
+    """Return the named scenarios of `robot`: name -> scenario.
 
-    They are each built-in disturbance axis at its nominal severity, and `STEADY`.
+    The scenarios are each axis at its nominal severity, and `STEADY`.
     """
     return {name: axis.scenario(axis.nominal, name) for name, axis in axes_of(robot).items()} | {STEADY.name: STEADY}
 
@@ -73,11 +66,11 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
     """Return the scenario that a name describes.
 
     Args:
-        which: Name of a scenario, or a scenario, which is returned unchanged. A name is a disturbance axis `push`, a
-            level of an axis `push:3`, a severity in physical units `push=42`, a combination `payload=15+slope=10`, or
-            the file of a user's terrain `hill.toml`. A name may end with a suffix, for example `push+hardware`.
-        robot: Robot, or name of a robot. Scenarios of axes and levels are scaled, so that they are as hard for the
-            robot as for SimpleQuad.
+        which: Name of a scenario, or a scenario, which is returned unchanged. A name is an axis `push`, a level
+            `push:3`, a severity in physical units `push=42`, a combination `payload=15+slope=10`, or a user's terrain
+            `hill.toml`. A name may end with a suffix, for example `push+hardware`.
+        robot: Robot, or name of a robot. Scenarios of axes and levels are scaled to be as hard for the robot as for
+            SimpleQuad.
 
     Returns:
         The scenario for the robot.
@@ -98,17 +91,17 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
 
 
 def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
-    """Return the scenario that a name describes, or None if the name is unknown.
+    """Return the scenario that a name describes, or None if the name is neither a scenario nor an axis.
 
     Args:
         name: Name of a scenario in the syntax of the function `scenario`.
         robot: Robot of the scenario.
 
     Returns:
-        The scenario; None if the name is neither a scenario nor a disturbance axis.
+        The scenario; None if the name is unknown.
 
     Raises:
-        ValueError: The name has an invalid level, severity, combination or terrain file.
+        ValueError: The name is an invalid level, combination or terrain.
     """
     base_name, apply_suffix = split(name)
     if apply_suffix is not None:
@@ -129,10 +122,7 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
 
 
 def _extension_scenario(name: str, robot: Robot) -> Scenario | None:
-    """Return the scenario `name` that an extension registered, scaled to `robot`; None if there is none.
-
-    `name` may also be a registered disturbance axis; the result is then the axis at its nominal severity.
-    """
+    """Return the extension scenario `name`, or the extension axis `name` at nominal severity; else None."""
     scenarios = extension_scenarios()
     if name in scenarios:
         return scaled(scenarios[name], robot)
@@ -144,13 +134,13 @@ def _extension_scenario(name: str, robot: Robot) -> Scenario | None:
 
 
 def extension_scenarios() -> dict[str, Scenario]:
-    """Return the scenarios that extensions registered by `add_extension`.
+    """Return the scenarios that installed extensions add.
 
     Returns:
         Name -> scenario for SimpleQuad.
 
     Raises:
-        ValueError: A registered object is not a `Scenario` of the registered name, or the name is built-in.
+        ValueError: An entry is not a `Scenario`, its scenario has another name, or its name is built-in.
     """
     scenarios = check_new("scenarios", SCENARIOS)
     for name, entry in scenarios.items():
@@ -160,24 +150,23 @@ def extension_scenarios() -> dict[str, Scenario]:
 
 
 def split(name: str) -> tuple[str, Callable[[Scenario, Robot], Scenario] | None]:
-    """Split the last suffix (`+hardware`, `+randomised` or `+scan_lost`) off the name of a scenario.
+    """Split the last suffix off the name of a scenario.
 
     Args:
         name: Name of a scenario in the syntax of the function `scenario`.
 
     Returns:
-        base_name: Name of the scenario without the suffix.
-        apply_suffix: Function of scenario and robot that returns the scenario with the settings of the suffix; None if
-            the name has no suffix.
+        base_name: The name without its last suffix.
+        apply_suffix: Function of scenario and robot that returns the scenario with the suffix; None if there is none.
     """
     suffix = next(filter(name.endswith, SUFFIXES), "")
     return name.removesuffix(suffix), SUFFIXES.get(suffix)
 
 
 def _terrain_scenario(path: Path, robot: Robot) -> Scenario:
-    """Return a scenario on a user's terrain from a TOML file; it has the file's name and no disturbances.
+    """Return a scenario on a user's terrain, named after the file and without disturbances.
 
-    Commands are scaled to the robot, but the terrain is not.
+    Commands are scaled to the robot; the terrain is not.
     """
     if path.stem in SCENARIOS or ":" in path.stem or is_combination(path.stem):
         raise ValueError(f"{path}: a scenario of quad_env is written {path.stem}; call the file differently")
@@ -185,21 +174,21 @@ def _terrain_scenario(path: Path, robot: Robot) -> Scenario:
 
 
 def is_combination(name: str) -> bool:
-    """Return True if the scenario name contains `=` or `+`, as `push=42` or `payload=15+slope=10` do.
+    """Return True if `name` has the syntax of severities, `axis=severity`, or of a combination.
 
-    Names of other scenarios must not contain these characters.
+    Names of other scenarios must not have this syntax.
     """
     return EQUALS in name or SEPARATOR in name
 
 
 def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """Return the scenario of a name that joins disturbance axes with severities by +.
+    """Return the scenario of a name that consists of severities, `axis=severity`, joined by +.
 
-    Severities are not scaled to the robot, but commands and all other settings are. A name with one axis gives a
-    scenario of this axis. A combination of several axes belongs to no axis.
+    Severities are not scaled to the robot; commands and all other settings are. A single severity gives a scenario of
+    its axis. A combination of several severities belongs to no axis.
 
     Args:
-        name: Pairs `axis=severity`, with severities in the units of the axes, for example `payload=15+slope=10`.
+        name: Severities, each in the unit of its axis, for example `payload=15+slope=10`.
         robot: Robot of the scenario.
 
     Returns:
@@ -223,16 +212,16 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 
 
 def scaled_name(name: str, robot: Robot) -> str:
-    """Return the name of the scenario that is as hard for `robot` as `name` is for SimpleQuad.
+    """Return the name of the scenario that is as hard for `robot` as the scenario `name` is for SimpleQuad.
 
-    Severities in the name, for example 42 N·s in `push=42`, are scaled and rounded to three digits.
+    Severities in the name are scaled and rounded to three digits.
 
     Args:
         name: Name of a scenario for SimpleQuad.
-        robot: Robot to scale the severities to.
+        robot: The robot.
 
     Returns:
-        Name of the scenario for the robot.
+        The name for the robot.
     """
     base_name, apply_suffix = split(name)
     if apply_suffix is not None:
@@ -244,18 +233,12 @@ def scaled_name(name: str, robot: Robot) -> str:
 
 
 def _format_severities(severities: list[tuple[Axis, float]]) -> str:
-    """Return the shortest scenario name that `_parse_severities` parses to exactly these pairs.
-
-    `severities` are pairs of disturbance axis and severity.
-    """
+    """Return the shortest name that `_parse_severities` parses to exactly the given severities."""
     return SEPARATOR.join(f"{axis.name}{EQUALS}{repr(severity).removesuffix('.0')}" for axis, severity in severities)
 
 
 def _parse_severities(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
-    """Parse a name such as `payload=15+slope=10` to pairs of disturbance axis and severity.
-
-    `axes` are the known axes, name -> axis. ValueError is raised for an unknown axis or an invalid severity.
-    """
+    """Parse the name of a combination to pairs of axis and severity; raise ValueError if it is invalid."""
     severities = []
     for part in name.split(SEPARATOR):
         axis_name, equals, number = (word.strip() for word in part.partition(EQUALS))
@@ -269,11 +252,7 @@ def _parse_severities(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, floa
 
 
 def _parse_severity(name: str, axis: Axis, number: str, *, has_number: bool) -> float:
-    """Parse the severity of a disturbance axis in a scenario name; raise ValueError if it is invalid.
-
-    `number` is the text of the severity, and `name` the whole scenario name for the error message. `has_number` is
-    False if the name has no `=` after the axis.
-    """
+    """Parse the severity after an axis in the name of a combination; raise ValueError if it is invalid."""
     try:
         severity = float(number)
     except ValueError:
@@ -286,30 +265,30 @@ def _parse_severity(name: str, axis: Axis, number: str, *, has_number: bool) -> 
 
 @dataclass(frozen=True)
 class _AxisSetting:
-    """Value that one disturbance axis of a combination gives to one setting of the scenario."""
+    """Value of one setting of a scenario on one axis of a combination."""
 
     axis: str
-    """Name of the disturbance axis."""
+    """Name of the axis."""
     value: Any
-    """Value of the setting at the severity in the combination."""
+    """Value at the severity of the combination."""
     level_values: list[Any]
-    """Value of the setting at each level of the axis."""
+    """Value at each level of the axis."""
 
     def is_set(self, default: Any) -> bool:
-        """Return True if the disturbance axis changes this setting from its `default` value.
+        """Return True if the axis sets a value other than the `default` at any severity.
 
-        The values at all levels are tested too, because the value at one severity may happen to equal the default.
+        The levels are tested too, because the value at one severity may happen to equal the default.
         """
         return any(value != default for value in (self.value, *self.level_values))
 
     def of_field(self, name: str) -> "_AxisSetting":
-        """Return the setting of the same axis that is the field `name` of this setting's values."""
+        """Return the value of the field `name` of this setting on the same axis."""
         level_values = [getattr(value, name) for value in self.level_values]
         return _AxisSetting(self.axis, getattr(self.value, name), level_values)
 
 
 def _combine(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
-    """Combine scenarios of different disturbance axes, `parts`, to one scenario with the given `name`."""
+    """Return a scenario that combines the settings of `parts`, scenarios on different axes."""
     axes = known_axes(robot)
     settings = []
     for part in parts:
@@ -320,22 +299,21 @@ def _combine(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
 
 
 def _merge(default: Any, settings: list[_AxisSetting], name: str, path: str = "") -> Any:
-    """Merge the values that the disturbance axes of a combination give to one setting of the scenario.
+    """Merge the values of one setting on all axes of a combination.
 
-    Objects of the classes `_MERGED_BY_FIELD` are merged field by field. In all other cases at most one axis may change
-    the setting, unless the values are equal.
+    Objects of the classes `_MERGED_BY_FIELD` are merged field by field.
 
     Args:
         default: Value of the setting if there are no disturbances.
-        settings: Value of the setting from each axis.
+        settings: Value of the setting on each axis.
         name: Name of the combination, for error messages.
         path: Description of the setting for error messages, empty or with a leading space.
 
     Returns:
-        Value of the setting in the combination.
+        The merged value.
 
     Raises:
-        ValueError: Two axes change the setting to different values.
+        ValueError: Two axes set different values.
     """
     if isinstance(default, _MERGED_BY_FIELD):
         merged = {}

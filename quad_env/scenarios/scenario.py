@@ -1,4 +1,4 @@
-"""Scenario: terrain, disturbances, commands and start of an episode, with scaling to another robot."""
+"""Scenario: complete definition of an episode except the seed, with scaling to another robot."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -14,21 +14,18 @@ from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.terrain import Flat, SmoothRandom, Stairs, Terrain
 
 HARDWARE = "+hardware"
-"""Name suffix of scenarios with the robot's hardware profile: realistic motors, delays, sensors and estimator."""
+"""Name suffix of scenarios with the robot's hardware profile: motors, delays, sensors and estimator."""
 RANDOMISED = "+randomised"
-"""Name suffix of scenarios with domain randomisation: properties of robot and ground vary between episodes."""
+"""Name suffix of scenarios with domain randomisation."""
 SCAN_LOST = "+scan_lost"
-"""Name suffix of scenarios in which every point of the height scan reads -2 m, as for unseen ground."""
+"""Name suffix of scenarios in which the height scan shows nothing."""
 SUFFIX_FIELDS = {SCAN_LOST: "scan_lost", RANDOMISED: "randomisation", HARDWARE: "hardware"}
-"""Name suffix -> name of the field of `Scenario` that the suffix sets, in the order of the suffixes in a name."""
+"""Name suffix -> field of the scenario that the suffix sets, in the order of the suffixes in a name."""
 
 
 @dataclass(frozen=True)
 class Scenario(Settings):
-    """Definition of an episode, except its seed: terrain, disturbances, commands and initial state.
-
-    The field of a disturbance is None if the scenario does not have this disturbance.
-    """
+    """Terrain, disturbances, commands and initial state of an episode; None if a disturbance is absent."""
 
     name: str
     terrain: Terrain = field(default_factory=Flat)
@@ -36,10 +33,10 @@ class Scenario(Settings):
     commands: CommandRanges = field(default_factory=CommandRanges)
     start: StartNoise | AnyPose = field(default_factory=StartNoise)
     severity: float = 0.0
-    """Strength of the disturbance that the scenario's axis varies, in `severity_unit`; 0 if `axis` is empty."""
+    """Severity on the scenario's axis, in `severity_unit`; 0 if the scenario belongs to no axis."""
     severity_unit: str = ""
     axis: str = ""
-    """Name of the disturbance axis that the scenario belongs to, see `quad_env.scenarios.axes`; empty if none."""
+    """Name of the axis of `quad_env.scenarios.axes` that contains the scenario; empty if there is none."""
     force: SteadyForce | None = None
     ground: Ground = field(default_factory=Ground)
     motors: Motors = field(default_factory=Motors)
@@ -53,43 +50,34 @@ class Scenario(Settings):
     False for ideal motors, no delays, and observations of the true state.
     """
     randomisation: DomainRandomisation | None = None
-    """Ranges of robot and ground properties that are drawn at random for each episode; None for fixed properties."""
+    """Ranges of the properties of robot and ground that are drawn for each episode; None to draw nothing."""
     scan_lost: bool = False
-    """True if the height scan fails: every point of the scan reads -2 m, the value of unseen ground."""
+    """True if the height scan is lost: every point of the scan reads -2 m, the value of unseen ground."""
 
     @property
     def suffix(self) -> str:
-        """Concatenated name suffixes of the scenario, for example `+randomised+hardware`; empty if none."""
+        """Name suffixes that belong to the fields of the scenario, joined; empty if there are none."""
         return "".join(end for end, field in SUFFIX_FIELDS.items() if getattr(self, field))
 
 
 def with_hardware_profile(scenario: Scenario) -> Scenario:
-    """Return `scenario` with the robot's hardware profile and the name suffix `+hardware`.
-
-    The hardware profile has realistic motors, delays, sensors and estimator. A scenario that has it stays unchanged.
-    """
+    """Return the `scenario` with the hardware profile and its name suffix; unchanged if it has both."""
     return _with_settings(scenario, hardware=True)
 
 
 def _with_randomisation(scenario: Scenario, robot: Robot) -> Scenario:
-    """Return `scenario` with domain randomisation and the name suffix `+randomised`.
-
-    A scenario that has randomisation ranges keeps them; otherwise it gets the default ranges, scaled to `robot`.
-    """
+    """Return the scenario with domain randomisation, by default with the default ranges for the robot."""
     default = scaled(Scenario("default", randomisation=DomainRandomisation()), robot).randomisation
     return _with_settings(scenario, randomisation=scenario.randomisation or default)
 
 
 def _without_scan(scenario: Scenario, _: Robot) -> Scenario:
-    """Return `scenario` with a failed height scan and the name suffix `+scan_lost`."""
+    """Return the scenario with a lost height scan."""
     return _with_settings(scenario, scan_lost=True)
 
 
 def _with_settings(scenario: Scenario, **settings: Any) -> Scenario:
-    """Return `scenario` with changed fields, field name -> new value, and with matching name suffixes.
-
-    The scenario is returned unchanged if no field changes.
-    """
+    """Return the scenario with changed settings and matching name suffixes; unchanged if nothing differs."""
     changed = replace(scenario, **settings)
     name = scenario.name.removesuffix(scenario.suffix) + changed.suffix
     return scenario if changed == scenario else replace(changed, name=name)
@@ -100,23 +88,22 @@ SUFFIXES: dict[str, Callable[[Scenario, Robot], Scenario]] = {
     RANDOMISED: _with_randomisation,
     SCAN_LOST: _without_scan,
 }
-"""Name suffix -> function of scenario and robot that returns the scenario with this suffix and its settings."""
+"""Name suffix -> function of scenario and robot that returns the scenario with the suffix."""
 
 
 def scaled(scenario: Scenario, robot: Robot) -> Scenario:
     """Scale a scenario of SimpleQuad to another robot by dynamic similarity.
 
-    Commands are scaled at equal Froude number. Pushes are scaled so that they change the robot's speed by the same
-    fraction of the commands. Forces and loads are scaled by weight, terrain by leg length, and torques by weight times
-    leg length. Times, noise, friction, angles and the field `severity` do not change. The torque limit is at most the
-    robot's rated torque.
+    Commands are scaled at equal Froude number, and pushes at equal speed change relative to the commands. Forces and
+    loads are scaled by weight, terrain by leg length, and torques by weight times leg length. Times, noise, friction,
+    angles and the severity do not change. The torque limit is at most the robot's rated torque.
 
     Args:
         scenario: Scenario of SimpleQuad.
         robot: Robot to scale the scenario to.
 
     Returns:
-        The scaled scenario; the same object if the robot is SimpleQuad.
+        The scaled scenario.
     """
     if robot == SIMPLE_QUAD:
         return scenario
@@ -137,7 +124,7 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
 
 
 def _scaled_motors(motors: Motors, robot: Robot) -> Motors:
-    """Scale the torque limit of SimpleQuad's motors to `robot`; the result is at most its rated torque."""
+    """Return the motors with a scaled torque limit, at most the robot's rated torque."""
     if motors.torque_limit is None:
         return motors
     torque_limit = scale_factor(robot, "N·m") * motors.torque_limit
@@ -145,7 +132,7 @@ def _scaled_motors(motors: Motors, robot: Robot) -> Motors:
 
 
 def _scaled_payload(payload: Payload | None, robot: Robot) -> Payload | None:
-    """Scale mass and lengths of SimpleQuad's payload to `robot`; None stays None."""
+    """Return the payload with scaled mass and lengths."""
     if payload is None:
         return None
     length_factor = scale_factor(robot, "m")
@@ -159,7 +146,7 @@ def _scaled_payload(payload: Payload | None, robot: Robot) -> Payload | None:
 
 
 def _scaled_randomisation(randomisation: DomainRandomisation | None, factor: float) -> DomainRandomisation | None:
-    """Multiply the lengths in the randomisation ranges by `factor`; None stays None."""
+    """Return the domain randomisation with scaled lengths."""
     if randomisation is None:
         return None
     forward, left, up = randomisation.centre_of_mass
@@ -167,7 +154,7 @@ def _scaled_randomisation(randomisation: DomainRandomisation | None, factor: flo
 
 
 def _scaled_terrain(terrain: Terrain, factor: float) -> Terrain:
-    """Multiply the lengths of stairs and random ground by `factor`; other terrains stay unchanged."""
+    """Return the terrain with scaled lengths; a user's height field keeps its size."""
     if isinstance(terrain, Stairs):
         landing = max(1.0, factor) * terrain.landing  # because smaller robots need as much room at the start
         lengths = {name: factor * getattr(terrain, name) for name in ("rise", "run", "half_width")}

@@ -1,4 +1,4 @@
-"""Schedule of the episodes of n robots: seeds, commands, pushes and elapsed control steps."""
+"""Present episodes of n robots: seeds, commands, pushes and elapsed control steps."""
 
 from collections.abc import Sequence
 
@@ -13,9 +13,9 @@ from quad_env.seeding import assign_seeds, fresh_seeds
 
 
 class EpisodeSchedule:
-    """Schedule of n robots' episodes: it starts episodes, and gives the commands and pushes of each step.
+    """Present episodes of n robots.
 
-    Each seed defines a sequence of episodes. A robot that gets a seed runs the episodes of this sequence in order,
+    Each seed defines a sequence of episodes. A robot that gets a seed runs the episodes of the sequence in order,
     independent of the other robots.
 
     Args:
@@ -27,7 +27,7 @@ class EpisodeSchedule:
     Attributes:
         pushes: Pushes in the present episode of each robot.
         step_count: Control steps since the start of each robot's episode, (n,).
-        command: Velocity command of the next control step, (n, 3): forward and lateral m/s, yaw rate rad/s.
+        command: Command of the next control step: forward and lateral velocity, m/s, and yaw rate, rad/s, (n, 3).
     """
 
     def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> None:
@@ -46,9 +46,9 @@ class EpisodeSchedule:
         self.command = np.zeros((num_envs, 3))
         self._has_fixed_command = np.zeros(num_envs, bool)
         self._manual_force: Array | None = None
-        """Force on each trunk from the last call of `apply_push`, world frame, (n, 2), N; None before a call."""
+        """Force of the last call of `apply_push`, world frame, (n, 2), N."""
         self._manual_push_end = np.zeros(num_envs, np.int64)
-        """Control step of each robot's episode at which the push from `apply_push` ends, (n,)."""
+        """Control step at which the push of the last call ends, (n,)."""
 
     def reseed(self, seed: int | Sequence[int] | None, mask: Mask) -> None:
         """Set the seeds of the next episodes.
@@ -66,15 +66,14 @@ class EpisodeSchedule:
                 self._next_number[i] = 0
 
     def reset(self, env_ids: NDArray[np.intp], fixed_command: Array | None) -> list[EpisodeSample]:
-        """Start the next episode of k robots.
+        """Start the next episodes of some robots.
 
         Args:
             env_ids: Indices of the robots, (k,).
-            fixed_command: Velocity commands of all robots for the whole episode, (n, 3): forward and lateral m/s, yaw
-                rate rad/s. None to draw commands at random.
+            fixed_command: Commands of all robots for the whole episode, (n, 3); None to draw commands.
 
         Returns:
-            Random draws of the new episodes of the k robots.
+            New episodes of the k robots.
         """
         for i in env_ids:
             episode = EpisodeSample(self._robot, self._scenario, self._seeds[i], self._next_number[i], self._dt)
@@ -89,9 +88,9 @@ class EpisodeSchedule:
         return [self._episodes[i] for i in env_ids]
 
     def resample_commands(self, env_ids: EnvSelection) -> None:
-        """Draw a new velocity command for each robot of `env_ids` at the end of its command interval.
+        """Draw a command for each robot of `env_ids` that begins a command interval.
 
-        Robots with a fixed command keep this command. The interval is `CommandRanges.interval`.
+        Robots with a fixed command keep the command.
         """
         begins_interval = self.step_count[env_ids] % self._interval == 0
         if np.count_nonzero(begins_interval):
@@ -100,15 +99,12 @@ class EpisodeSchedule:
                 self.command[i] = self._episodes[i].next_command()
 
     def fix_commands(self, commands: Array) -> None:
-        """Set the velocity commands of all robots, (n, 3), until the end of their episodes.
-
-        A command is forward m/s, lateral m/s and yaw rate rad/s. No new commands are drawn in these episodes.
-        """
+        """Hold the `commands` of all robots, (n, 3), until the end of each episode, and draw no new commands."""
         self.command[:] = commands
         self._has_fixed_command[:] = True
 
     def apply_push(self, forces: Array, steps: int) -> None:
-        """Push the trunks from the next control step on, in addition to the planned pushes of the scenario.
+        """Push the trunks in addition to the planned pushes.
 
         Args:
             forces: Force on each trunk, world frame, (n, 2), N.
