@@ -8,7 +8,7 @@ import typing
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from evaluate.analysis.results import nan_to_null
 from evaluate.hardware import HardwareConfig
@@ -19,11 +19,8 @@ from quad_env.files.writing import write_atomically
 from train.config import DEFAULTS, TrainConfig
 from train.run_folder import CONFIG_FILE, RECORD_FILE, VALIDATIONS_FILE
 
-if TYPE_CHECKING:
-    from train.distillation.config import DistillationConfig
 
-
-def to_dict(config: "TrainConfig | DistillationConfig") -> dict[str, Any]:
+def to_dict(config: Any) -> dict[str, Any]:
     """Convert the settings to a dictionary of JSON types.
 
     The options `out`, `resume` and `threads` are left out, because they do not affect the trained policy.
@@ -120,9 +117,7 @@ class SettingChange(NamedTuple):
         return f"{self.option}: the run has {self.old}, the command {self.new}"
 
 
-def differences(
-    old: "TrainConfig | DistillationConfig", new: "TrainConfig | DistillationConfig"
-) -> list[SettingChange]:
+def differences(old: Any, new: Any) -> list[SettingChange]:
     """Return the settings that affect the result and have different values in `old` and `new`."""
     after = dict(flatten(to_dict(new)))
     return [
@@ -160,7 +155,7 @@ def training_command(config: TrainConfig) -> str:
     return " ".join(["python -m train", *options, changed_options(DEFAULTS[config.policy], config)])
 
 
-def changed_options(default: "TrainConfig | DistillationConfig", config: "TrainConfig | DistillationConfig") -> str:
+def changed_options(default: Any, config: Any) -> str:
     """Return the options of a command line for the settings that differ from a default, and the seed.
 
     Args:
@@ -191,7 +186,7 @@ def to_words(value: Any) -> str:
     return " ".join(to_words(entry) for entry in value) if isinstance(value, list) else shlex.quote(str(value))
 
 
-def write_settings(config: "TrainConfig | DistillationConfig", steps: int, command: str) -> list[str]:
+def write_settings(config: Any, steps: int, command: str) -> list[str]:
     """Write the settings of a run, its command, and the package versions of the current session.
 
     Args:
