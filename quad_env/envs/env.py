@@ -120,7 +120,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
                 m/s, yaw rate rad/s, (3,). If it is None, commands are drawn at random.
 
         Returns:
-            observation: First observation, (size,).
+            obs: First observation, (size,).
             info: Dictionary, key -> number or array; docs/environment.md lists the keys.
 
         Raises:
@@ -152,7 +152,7 @@ class SimpleQuadEnv(QuadEnvBase, gym.Env[NDArray[np.float32], NDArray[np.float32
             action: Joint targets, (12,), rad; targets beyond the joint limits are clipped.
 
         Returns:
-            observation: Observation after the step, (size,).
+            obs: Observation after the step, (size,).
             reward: Sum of the reward terms.
             terminated: True if the robot fell, or if its simulation diverged.
             truncated: Always False, because the `TimeLimit` wrapper handles the time limit.

@@ -122,7 +122,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
                 episode: forward m/s, lateral m/s, yaw rate rad/s. "reset_mask", (n,) bool, is True for envs to reset.
 
         Returns:
-            observations: Observations of all robots, (n, size).
+            obs: Observations of all robots, (n, size).
             infos: Dictionary, key -> array (n, ...); docs/environment.md lists the keys.
         """
         mask, fixed_command = arguments.parse_reset_options(options, self.num_envs)
@@ -140,7 +140,7 @@ class SimpleQuadVectorEnv(QuadEnvBase, VectorEnv[Observation, NDArray[np.float32
             actions: Joint targets, (n, 12), rad; targets beyond the joint limits are clipped.
 
         Returns:
-            observations: Observations after the step, (n, size).
+            obs: Observations after the step, (n, size).
             rewards: Sum of the reward terms of each robot, (n,).
             terminated: True for robots that fell, or that have a diverged simulation, (n,).
             truncated: True for robots at the time limit, (n,).
