@@ -84,7 +84,7 @@ def _annotations(settings_class: type) -> dict[str, tuple[Any, tuple[Bounds, ...
 
 
 def _bounds(hint: Any) -> Iterator[Bounds]:
-    """Yield all `Bounds` in a type annotation, also those within `tuple[...]`, `... | None` and the like."""
+    """Yield all `Bounds` in a type annotation, also those within `tuple[...]`, `... | None` and similar types."""
     yield from (item for item in getattr(hint, "__metadata__", ()) if isinstance(item, Bounds))
     for part in get_args(hint):
         yield from _bounds(part)

@@ -33,7 +33,7 @@ LIMITS: dict[str, dict[str, int]] = {
     "evaluate": {"packed assignments of two": 2},
     "train": {"packed assignments of two": 3},
     "live": {},
-    "research": {"functions over 40 lines": 1, "packed assignments of two": 1},
+    "research": {"packed assignments of two": 1},
     "benchmarks": {"packed assignments of two": 1},
 }
 """Package -> kind -> largest count; 0 if a kind is absent."""

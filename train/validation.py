@@ -1,12 +1,14 @@
 """Validation of a policy during training: an evaluation on seeds that training and final evaluation never use."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import Any
 
 from evaluate.hardware import HardwareConfig
 from evaluate.measures.metrics import summarise
 from evaluate.rollouts.rollout import run
 from policies.base import Policy
+from quad_env.cli.format import whole_percent
 from quad_env.seeding import episode_seeds
 from train.config import ValidationConfig
 from train.curriculum import with_terrain_seed
@@ -47,6 +49,38 @@ def validate(
         profile_policy = hardware_profile if hardware_profile and scenario.hardware else policy
         results[name] = summarise(run_scenario(profile_policy, scenario))
     return results
+
+
+def validation_record(steps: int, results: Results) -> dict[str, Any]:
+    """Return a validation as it is stored in the list of the validations of a run.
+
+    Args:
+        steps: Number of steps, or of labels, at the validation.
+        results: Scenario name -> metric name -> mean over the episodes.
+
+    Returns:
+        Dictionary with the keys "steps", "success", "score", "cost_of_transport" and "scenarios".
+    """
+    return {
+        "steps": steps,
+        "success": mean_success_rate(results),
+        "score": mean_score(results),
+        "cost_of_transport": total_cost_of_transport(results),
+        "scenarios": results,
+    }
+
+
+def best_validation(validations: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """Return the best of the `validations` of a run by `ranking_key`, the earliest if several are equal."""
+    return min(validations, key=lambda validation: ranking_key(validation["scenarios"]))
+
+
+def describe_validation(validation: Mapping[str, Any]) -> str:
+    """Describe a `validation` in one line: success on all scenarios and on each, and cost of transport."""
+    results: Results = validation["scenarios"]
+    rates = ", ".join(f"{name} {whole_percent(means['success_rate'])}" for name, means in results.items())
+    success = whole_percent(validation["success"])
+    return f"{success} succeed ({rates}), cost of transport {validation['cost_of_transport']:.2f}"
 
 
 def ranking_key(results: Results) -> tuple[float, float]:

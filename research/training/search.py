@@ -131,29 +131,14 @@ def make_problem(options: FeedbackSearchOptions) -> SearchProblem[Parameters]:
     ranges = scaled_ranges(target.ranges, file.kind, robot)
 
     def costs(candidates: list[Parameters], seeds: Seeds) -> Floats:
-        """Compute the mean cost of each candidate over all scenarios and episodes; smaller is better.
-
-        Args:
-            candidates: Parameter sets.
-            seeds: Seeds of the episodes.
-
-        Returns:
-            Mean costs, (candidates,).
-        """
+        """Return the mean cost of each of the `candidates` in the episodes of the `seeds`, (candidates,)."""
         walks = run_candidates(name, candidates, exercises, seeds, "search", options.steps, threads, hardware)
         episode_values = [episode_costs(measure(walk)) for walk in walks]
         mean: Floats = np.reshape(episode_values, (len(exercises), len(candidates), -1)).mean(axis=(0, 2))
         return mean
 
     def conclude(after: Parameters) -> tuple[str, str]:
-        """Compare the result of the search with the present parameters on validation episodes.
-
-        Args:
-            after: Parameters that the search has found.
-
-        Returns:
-            Two texts: the adopted parameters, new or present, as JSON; and the report, Markdown.
-        """
+        """Compare `after` with the present parameters; return the adopted ones as JSON, and a report in Markdown."""
         seeds = episode_seeds("validation", options.seed, options.check_episodes)
         walks, differences = compare_parameters(name, in_force, after, exercises, seeds, threads, hardware)
         is_better, decision = adoption_decision(differences)

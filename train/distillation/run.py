@@ -39,7 +39,7 @@ from train.run_folder import (
 from train.run_record import changed_options, decode, to_dict, write_settings, write_validations
 from train.sb3 import checkpoint
 from train.training_robots import MultiScenarioVectorEnv, distribute_robots
-from train.validation import mean_score, mean_success_rate, ranking_key, total_cost_of_transport, validate
+from train.validation import best_validation, describe_validation, validate, validation_record
 
 
 def distil(config: DistillationConfig) -> None:
@@ -220,23 +220,14 @@ class Distillation:
         config = self._config
         policy = self._policy()
         results = validate(policy, config.validation, config.threads, config.hardware)
-        means = {
-            "success": mean_success_rate(results),
-            "score": mean_score(results),
-            "cost_of_transport": total_cost_of_transport(results),
-        }
         validations = self._state.validations
-        validations.append({"steps": self._label_count, **means, "scenarios": results})
-        best = min(validations, key=lambda each: ranking_key(each["scenarios"]))
+        validations.append(validation_record(self._label_count, results))
+        best = best_validation(validations)
         if best is validations[-1]:
             self._save(policy, BEST)
         write_validations(config.folder, int(best["steps"]), validations)
         write_curve(validations, config.folder / CURVE_FILE)
-        rates = ", ".join(f"{name} {whole_percent(values['success_rate'])}" for name, values in results.items())
-        self._print(
-            f"{self._label_count:>10,} labels, validation: {whole_percent(means['success'])} succeed ({rates}), "
-            f"cost of transport {means['cost_of_transport']:.2f}"
-        )
+        self._print(f"{self._label_count:>10,} labels, validation: {describe_validation(validations[-1])}")
 
     def _write_settings(self) -> list[str]:
         """Write the settings of the run, and return notices for the user."""
@@ -275,19 +266,16 @@ class Distillation:
 
 
 _NETWORK = "network."
-_OPTIMISER = "optimiser."
 
 
 def _capture(learner: Learner, steps: int, state: DistillationState) -> checkpoint.Checkpoint:
     """Return a checkpoint with copies of the network and the moments of its optimiser."""
     tensors = {_NETWORK + name: value for name, value in learner.network.state_dict().items()}
-    for index, moments in learner.optimiser.state_dict()["state"].items():
-        tensors |= {f"{_OPTIMISER}{index}.{name}": torch.as_tensor(value) for name, value in moments.items()}
-    copies = {name: value.detach().clone().contiguous() for name, value in tensors.items()}
-    return checkpoint.Checkpoint(copies, {"steps": steps, "remembered": vars(state)})
+    tensors |= checkpoint.optimiser_tensors(learner.optimiser)
+    return checkpoint.Checkpoint(checkpoint.copies(tensors), {"steps": steps, "remembered": vars(state)})
 
 
 def _restore_learner(learner: Learner, resumed: checkpoint.Checkpoint) -> None:
     """Restore the network and the optimiser from a checkpoint; raise KeyError or RuntimeError if they do not fit."""
     learner.network.load_state_dict(checkpoint.with_prefix(resumed.tensors, _NETWORK))
-    checkpoint.restore_optimiser(learner.optimiser, checkpoint.with_prefix(resumed.tensors, _OPTIMISER))
+    checkpoint.restore_optimiser(learner.optimiser, resumed.tensors)

@@ -1,6 +1,7 @@
 """Student of a distillation: the network in PyTorch, its supervised learning, and its policy."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -28,7 +29,7 @@ MAX_GRADIENT_NORM = 1.0
 
 def make_pose(robot: Robot) -> Stand:
     """Make the base of the student's policy: the home pose, with the servo gains of `robot`."""
-    return Stand(robot=robot.with_servo(robot.servo_stiffness, robot.servo_damping))
+    return Stand(robot=robot.with_servo())
 
 
 def torque_unit_as_angle(robot: Robot) -> Floats:
@@ -154,7 +155,7 @@ class Learner:
 
 def student_inputs(config: DistillationConfig, frequency: float) -> Inputs:
     """Return the inputs of the student in `config`, with a clock of the `frequency`, Hz, if they have no clock."""
-    return config.inputs if config.inputs.clock else Inputs(config.inputs.lags, config.inputs.averages, frequency)
+    return config.inputs if config.inputs.clock else replace(config.inputs, clock=frequency)
 
 
 def make_policy(config: DistillationConfig, robot: Robot, network: Network, inputs: Inputs) -> ResidualPolicy:

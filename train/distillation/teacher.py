@@ -71,11 +71,6 @@ class PrivilegedTeacher:
         for policy, _ in self._groups:
             policy.check_compatible(robots.robot, robots.dt)
 
-    @property
-    def policy(self) -> Policy:
-        """Policy of the first group."""
-        return self._groups[0][0]
-
     def reset(self) -> None:
         """Reset the teacher for all robots."""
         for policy, rows in self._groups:

@@ -20,7 +20,6 @@ from evaluate.records.provenance import REPOSITORY, git_revision
 from policies import ResidualPolicy
 from policies.bundle import save as save_bundle
 from quad_env.cli.command_line import UsageError
-from quad_env.cli.format import whole_percent
 from quad_env.cli.interrupt import Interrupt
 from train.config import TrainConfig
 from train.curriculum import update_difficulties
@@ -40,7 +39,7 @@ from train.training_robots import (
     segment_steps,
     training_seeds,
 )
-from train.validation import Results, mean_score, mean_success_rate, ranking_key, total_cost_of_transport, validate
+from train.validation import best_validation, describe_validation, validate, validation_record
 
 FIRST_CHECKPOINT_DEADLINE = 30.0
 """Time within which a session writes its first checkpoint, s.
@@ -98,7 +97,7 @@ class CallbackState:
     @property
     def best(self) -> int:
         """Number of learner steps at the best validation; the earliest if several validations are equally good."""
-        return int(min(self.validations, key=lambda validation: ranking_key(validation["scenarios"]))["steps"])
+        return int(best_validation(self.validations)["steps"])
 
 
 class TrainingCallback(BaseCallback):
@@ -276,34 +275,26 @@ class TrainingCallback(BaseCallback):
         policy = self._policy()
         with self._display.estimator.validation(self.num_timesteps):
             results = validate(policy, config.complete_validation, config.threads, config.hardware, self._policy(True))
-        means = {
-            "success": mean_success_rate(results),
-            "score": mean_score(results),
-            "cost_of_transport": total_cost_of_transport(results),
-        }
-        self._state.validations.append({"steps": self.num_timesteps, **means, "scenarios": results})
+        self._state.validations.append(validation_record(self.num_timesteps, results))
         is_best = self._state.best == self.num_timesteps
         if is_best:
             self._save(policy, BEST)
-        self._report_validation(means, results, is_best)
+        self._report_validation(is_best)
 
-    def _report_validation(self, means: Mapping[str, float], results: Results, is_best: bool) -> None:
+    def _report_validation(self, is_best: bool) -> None:
         """Log, write and print the results of the last validation.
 
-        Args:
-            means: Metric name -> mean over all scenarios.
-            results: Scenario name -> metric name -> mean over the episodes.
-            is_best: True if the result is the best of the run so far.
+        `is_best` is True if the result is the best of the run so far.
         """
         state = self._state
-        for scenario, figures in {"": means, **results}.items():
+        last = state.validations[-1]
+        means = {name: value for name, value in last.items() if name not in ("steps", "scenarios")}
+        for scenario, figures in {"": means, **last["scenarios"]}.items():
             for name, value in figures.items():
                 self.logger.record("/".join(filter(None, ("validation", scenario, name))), value)
         write_validations(self._config.folder, state.best, state.validations)
         write_curve(state.validations, self._config.folder / CURVE_FILE)
-        rates = ", ".join(f"{name} {whole_percent(figures['success_rate'])}" for name, figures in results.items())
-        line = f"{whole_percent(means['success'])} succeed ({rates})"
-        line += f", cost of transport {means['cost_of_transport']:.2f}"
+        line = describe_validation(last)
         if is_best:
             line += "  best so far"
         self._display.note(f"{state.validated:>10,} validation: {line}")

@@ -74,8 +74,7 @@ def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np
         The checkpoint, with copies of all arrays.
     """
     tensors = {_POLICY + name: value for name, value in model.policy.state_dict().items()}
-    for index, moments in model.policy.optimizer.state_dict()["state"].items():
-        tensors |= {f"{_OPTIMISER}{index}.{name}": torch.as_tensor(value) for name, value in moments.items()}
+    tensors |= optimiser_tensors(model.policy.optimizer)
     numpy_state = np.random.get_state(legacy=False)["state"]  # noqa: NPY002 - SB3 shuffles with the global generator
     key = torch.from_numpy(numpy_state["key"].astype(np.int64))
     tensors |= {"random.torch": torch.get_rng_state(), "random.numpy": key}
@@ -83,7 +82,7 @@ def capture(model: PPO, remembered: dict[str, Any], actions: Sequence[NDArray[np
     progress |= {"python_random": random.getstate(), "numpy_random_position": int(numpy_state["pos"])}
     if actions:
         tensors[_ACTIONS] = torch.from_numpy(np.stack(actions))
-    return Checkpoint({name: value.detach().clone().contiguous() for name, value in tensors.items()}, progress)
+    return Checkpoint(copies(tensors), progress)
 
 
 def restore(model: PPO, checkpoint: Checkpoint) -> None:
@@ -99,7 +98,7 @@ def restore(model: PPO, checkpoint: Checkpoint) -> None:
     tensors, progress = checkpoint.tensors, checkpoint.progress
     try:
         model.policy.load_state_dict(with_prefix(tensors, _POLICY))
-        restore_optimiser(model.policy.optimizer, with_prefix(tensors, _OPTIMISER))
+        restore_optimiser(model.policy.optimizer, tensors)
         model.num_timesteps = int(progress["steps"])
         model._n_updates = int(progress["updates"])
         version, words, gauss = progress["python_random"]
@@ -134,15 +133,32 @@ def with_prefix(tensors: dict[str, torch.Tensor], prefix: str) -> dict[str, torc
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
-def restore_optimiser(optimiser: torch.optim.Optimizer, moments: dict[str, torch.Tensor]) -> None:
+def copies(tensors: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """Return contiguous copies of `tensors`, name -> array, that later training steps do not change."""
+    return {name: value.detach().clone().contiguous() for name, value in tensors.items()}
+
+
+def optimiser_tensors(optimiser: torch.optim.Optimizer) -> dict[str, torch.Tensor]:
+    """Return the moments of an optimiser, name in a checkpoint -> array.
+
+    The name is `optimiser.INDEX.NAME` for the moment NAME of the parameter with the index INDEX.
+    """
+    return {
+        f"{_OPTIMISER}{index}.{name}": torch.as_tensor(value)
+        for index, moments in optimiser.state_dict()["state"].items()
+        for name, value in moments.items()
+    }
+
+
+def restore_optimiser(optimiser: torch.optim.Optimizer, tensors: dict[str, torch.Tensor]) -> None:
     """Restore the moments of an optimiser.
 
     Args:
         optimiser: Optimiser, which is changed.
-        moments: `INDEX.NAME` -> array, for the moment NAME of the parameter with the index INDEX.
+        tensors: Arrays of a checkpoint; `optimiser_tensors` says the names of the moments.
     """
     state: dict[int, dict[str, torch.Tensor]] = {}
-    for name, value in moments.items():
+    for name, value in with_prefix(tensors, _OPTIMISER).items():
         index, moment = name.split(".")
         state.setdefault(int(index), {})[moment] = value
     optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})
