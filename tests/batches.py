@@ -1,4 +1,4 @@
-"""Every batch of robots that a command begins, however deep below it: what it was really made with."""
+"""Recorder of every batch of robots that a command creates, with the arguments that the batch received."""
 
 import contextlib
 import inspect
@@ -21,16 +21,16 @@ class Batch:
     threads: int
     seeds: tuple[int, ...]
     sensed: bool
-    """Whether what the sensors read is in the infos."""
+    """True if the step information contains sensor readings."""
 
     @property
     def purpose(self) -> str:
-        """What its first seed is for."""
+        """Purpose of the first seed of the batch (training, validation, search, evaluation)."""
         return PURPOSES[self.seeds[0] >> 48]
 
     @property
     def warms(self) -> bool:
-        """Whether its motors become warm."""
+        """True if the batch simulates the temperature of its motors."""
         return self.env.simulation.winding_temperature is not None
 
 

@@ -1,4 +1,4 @@
-"""What all tests share: headless rendering, and property tests that draw the same examples every time."""
+"""Configuration of all tests: headless rendering, and property tests that draw the same examples in every run."""
 
 import contextlib
 import ctypes.util
@@ -27,7 +27,7 @@ if "MUJOCO_GL" not in os.environ and sys.platform == "linux":
     os.environ["MUJOCO_GL"] = "egl" if ctypes.util.find_library("EGL") else "osmesa"
 
 LONGEST = 240.0
-"""For a command that a test runs, s, on a busy machine: who waits for what it never does is not left waiting."""
+"""s. Longest duration of a command that a test runs, on a busy machine; the test fails then instead of waiting."""
 RENDER_ONE_PIXEL = """
 import mujoco
 model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
@@ -81,17 +81,17 @@ def _running(command: list[str], longest: float = LONGEST, **options: Any) -> It
 
 @pytest.fixture(scope="session")
 def running() -> Callable[..., contextlib.AbstractContextManager[subprocess.Popen[str]]]:
-    """Context with the process of a command; it is ended after `longest`, and however a test ends nothing is left of
-    it.
+    """Return a function that runs a command as a context.
 
-    What is left would be a failure of another test, whichever runs when its pipes are collected.
+    The process is ended after `longest`, and whenever the test ends. A process that outlives its test would let another
+    test fail when its pipes are collected.
     """
     return _running
 
 
 @pytest.fixture
 def display() -> Iterator[str]:
-    """A virtual display, whose server ends with the test whatever becomes of the window."""
+    """Yield the name of a virtual display; its server ends with the test."""
     reading, writing = os.pipe()
     command = ["Xvfb", "-displayfd", str(writing), "-screen", "0", "640x480x24", "-nolisten", "tcp"]
     server = subprocess.Popen(command, pass_fds=[writing], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

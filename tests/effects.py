@@ -1,4 +1,4 @@
-"""What an option of a command is for, as the tests of every option put it, and what a command called as a user does."""
+"""Effects of command-line options: an option must change a value that the test can read."""
 
 import contextlib
 import inspect
@@ -21,7 +21,7 @@ Reading = Callable[[Any], Any]
 
 @dataclass(frozen=True)
 class Effect:
-    """What an option is for: these words turn a reading, whatever it was, into what is expected."""
+    """Option of a command, and the value that a reading must have if the option is given."""
 
     words: str
     reading: Reading
@@ -32,7 +32,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Called:
-    """What a program does with these words, once it is asked for."""
+    """Command with given arguments; it runs when a result is first requested."""
 
     main: Callable[[list[str]], int]
     words: list[str]
@@ -42,7 +42,7 @@ class Called:
 
     @cached_property
     def done(self) -> tuple[int, list[Batch], str]:
-        """Exit code, the robots that were simulated, and what is printed."""
+        """Exit code, simulated batches of robots, and printed text."""
         printed = io.StringIO()
         with begun() as found, pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
             patch.setattr(outputs, "write_report", lambda *_, **about: self._note("report", about))
@@ -63,7 +63,7 @@ class Called:
 
     @property
     def code(self) -> int:
-        """Of the exit."""
+        """Exit code of the command."""
         return self.done[0]
 
     @property
@@ -74,11 +74,11 @@ class Called:
 
     @property
     def said(self) -> str:
-        """What is printed."""
+        """Text that the command printed."""
         return self.done[2]
 
     def of(self, name: str, argument: str) -> list[Any]:
-        """That argument in each call of that function, repeated values once."""
+        """Return the argument `argument` of all calls of the function `name`, without repetitions."""
         assert self.code in {0, 1}
         found = [each[argument] for each in self.calls.get(name, [])]
         return [value for place, value in enumerate(found) if value not in found[:place]]
@@ -95,7 +95,7 @@ def check_other_than_usual(kind: Any, words: list[str], names: Iterable[str]) ->
 
 
 def check_all(effects: Mapping[str, Effect], made: Called) -> None:
-    """Of options whose words were all given in one call."""
+    """Check the effects of options that were all given in one call."""
     assert {name: each.reading(made) for name, each in effects.items()} == {
         name: each.expected for name, each in effects.items()
     }

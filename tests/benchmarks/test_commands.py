@@ -1,4 +1,4 @@
-"""Each command runs, prints what fits into a terminal and writes its figures; mistakes are one line and exit code 2."""
+"""Each benchmark runs, prints a table that fits into a terminal, and writes its numbers; user errors are one line."""
 
 import importlib
 import json

@@ -1,4 +1,4 @@
-"""What is compared does the same work."""
+"""Compared benchmarks do the same work."""
 
 import gymnasium as gym
 import numpy as np

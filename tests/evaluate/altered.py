@@ -1,4 +1,4 @@
-"""Rows of results that are not what was written."""
+"""Copies of results with altered rows."""
 
 import dataclasses
 import shutil

@@ -22,7 +22,7 @@ from tests.seams import replace_simulation, without_report
 
 @dataclass(frozen=True)
 class Run:
-    """What the command wrote, and what it said of its progress."""
+    """Results folder of a command, its results, and its text on stderr."""
 
     folder: Path
     results: dict[str, Any]
@@ -31,7 +31,7 @@ class Run:
 
 @pytest.fixture
 def no_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A report of which the page, whose plots take seconds, is left out."""
+    """Leave out the report, because its plots take seconds."""
     without_report(monkeypatch)
 
 
@@ -52,7 +52,7 @@ EPISODES = 5
 
 @pytest.fixture(scope="session")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """A comparison of three policies, one of which always falls, on two scenarios."""
+    """Run a comparison of three policies on two scenarios; one of the policies always falls."""
     import contextlib
     import io
 
@@ -94,7 +94,7 @@ def made_up_cell() -> Callable[..., PolicyScenarioResult]:
 
 
 def fallen(policy: str, scenario: str, falls: int, error: Sequence[float]) -> PolicyScenarioResult:
-    """Episodes of which the first so many fell after 2 s; nobody was pushed."""
+    """Return episodes; the first `falls` of them fell after 2 s, and no robot was pushed."""
     count = len(error)
     fell = np.arange(count) < falls
     cell = outcomes(policy, fell, error, resolve((scenario,))[0])

@@ -1,4 +1,4 @@
-"""Every example as a user runs it, with few steps, and what it says of itself."""
+"""Every example runs as a user runs it, with few steps, and prints the expected text."""
 
 import contextlib
 import re
@@ -22,9 +22,9 @@ class Run(NamedTuple):
 
     options: str
     prints: str
-    """A pattern of what it prints, or of a part of it."""
+    """Regular expression for a part of the printed text."""
     packages: str = ""
-    """What it needs that the tests' own installation may lack."""
+    """Packages that the example needs and that the installation of the tests may lack."""
 
 
 RUNS = {
@@ -54,7 +54,7 @@ RUNS = {
 
 @pytest.fixture(scope="module")
 def where(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder that all of them run in: `read_parquet` reads what `own_policy` leaves."""
+    """Return the folder of all examples, because `read_parquet` reads the results of `own_policy`."""
     return tmp_path_factory.mktemp("examples")
 
 

@@ -1,4 +1,4 @@
-"""Another learner on the environment of the residual as it is: PPO in one file, which learns, and what it leaves."""
+"""Another learner on the environment of the residual: PPO in one file learns and writes its files."""
 
 from typing import Any
 
@@ -19,7 +19,8 @@ from train.residual_env import ResidualVectorEnv
 
 
 class Aim(VectorEnv[Any, Any, Any]):
-    """Pays for actions near what is seen, 16 robots at once, in episodes of ten steps that are cut."""
+    """Vector environment that rewards actions near the observation, with 16 robots and truncated episodes of ten
+    steps."""
 
     num_envs = 16
     single_observation_space = Box(-1.0, 1.0, (2,), np.float32)

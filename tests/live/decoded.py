@@ -21,5 +21,5 @@ def read_mcap(path: Path) -> Decoded:
 
 
 def events_of(decoded: Decoded) -> list[tuple[int, str]]:
-    """Control step, or start of an episode, at whose end each event was, and its line."""
+    """Return the lines of all events, each with the control step after which it happened."""
     return [(stamp // 10_000_000, line.msg) for stamp, line in decoded.get("/events", [])]

@@ -87,7 +87,7 @@ def test_success_breaks_where_half_no_longer_succeed(cells, made_up_cell) -> Non
     assert of["falls"].found == "never"
     assert (of["success"].found, of["success"].ci) == ("crossed", (35.0, 50.0))
     fallen = {(point.policy, point.of): point for point in breaking_points(cells)}
-    assert fallen["trot", "success"].severity50 == fallen["trot", "falls"].severity50  # who falls does not succeed
+    assert fallen["trot", "success"].severity50 == fallen["trot", "falls"].severity50  # a fall is no success
 
 
 def point(**changes: Any) -> AxisBreakingPoint:

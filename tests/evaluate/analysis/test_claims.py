@@ -9,7 +9,7 @@ from evaluate.analysis.ranking import AdjacentPair, Ranking, correct_p_values, e
 
 
 def neighbours(better: str, worse: str, p_value: float) -> AdjacentPair:
-    """That differ by a tenth of a score, by as much from episode to episode."""
+    """Return a pair of policies with scores that differ by 0.1, and with a p-value."""
     return AdjacentPair(better, worse, 0.1, 0.1, (0.0, 0.2), p_value)
 
 
@@ -55,7 +55,7 @@ def test_the_first_look_of_a_run_until_settled_costs_what_it_spends() -> None:
 
 
 def test_a_ranking_on_one_scenario_claims_what_its_comparison_claims() -> None:
-    """One claim, not two, and that of the ranking: 0.004 · 8 at the first look, over its own weight."""
+    """There is one claim, the claim of the ranking: 0.004 · 8 at the first interim analysis, over its own weight."""
     alone = ranked(neighbours("a", "b", 0.004), scenarios=("flat",), episodes=10)
     of, found = correct_p_values(alone, [compared("flat", "a", "b", 0.5, 0.004)], limit=40)
     assert (of.neighbours[0].p_value_holm, found[0].p_value_holm) == (pytest.approx(0.032), pytest.approx(0.032))

@@ -1,4 +1,4 @@
-"""Families of comparisons, and what a comparison claims."""
+"""Families of comparisons, and claims of a comparison."""
 
 import numpy as np
 import pytest

@@ -15,7 +15,7 @@ NONE = (np.nan, np.nan)
 
 
 def front(**policies: tuple[float, float]) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]]]:
-    """The front, and by which of it each policy is dominated, from success and cost."""
+    """Return the Pareto front, and for each policy the policies of the front that dominate it."""
     points = [ParetoPoint(name, success, NONE, cost, NONE) for name, (success, cost) in policies.items()]
     found = find_pareto_front("flat", points)
     return found.front, {point.policy: point.dominated_by for point in found.points}

@@ -1,4 +1,4 @@
-"""Whether the ranking of policies survives from one run to another."""
+"""Rank correlation of policies between two runs."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ POLICIES = "abc"
 
 
 def first(*counts: int) -> np.ndarray:
-    """Policies that succeed in so many of the first of 40 episodes, (3, 40)."""
+    """Return the successes of policies in 40 episodes, (3, 40); each policy succeeds in its first `counts` episodes."""
     return (np.arange(40) < np.array(counts)[:, None]).astype(float)
 
 

@@ -34,7 +34,7 @@ def run(made_up_cell):
 
 
 def alike(generator: np.random.Generator, worse: int, count: int = COUNT) -> tuple[dict, dict]:
-    """Two policies that succeed in the same hard or easy episodes; the second fails in one more each of so many."""
+    """Return the successes of two policies; the second policy fails in up to `worse` more episodes of each axis."""
     ease = generator.random(count) < 0.5
     first = {name: ease.copy() for name in AXES}
     second = {name: ease.copy() for name in AXES}
@@ -141,7 +141,7 @@ def test_the_episodes_that_would_be_needed_are_those_of_the_formula_and_find_the
 
 
 def test_policies_that_are_alike_in_every_episode(run) -> None:
-    """Alike in success and not in all else: another episode may differ."""
+    """Policies with equal success may differ in other metrics, and further episodes may differ."""
     of = dict.fromkeys(AXES, np.arange(COUNT) < 10)
     ranked = run(errors={"other": 0.1}, trot=of, other=of).ranking
     assert ranked.neighbours[0].ci[0] < 0.0 < ranked.neighbours[0].ci[1]

@@ -1,4 +1,4 @@
-"""results.json and episodes.parquet: what the contract promises of them."""
+"""The files results.json and episodes.parquet keep the documented format."""
 
 import json
 import math

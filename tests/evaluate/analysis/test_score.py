@@ -1,4 +1,4 @@
-"""The score: axes alike, severities alike, episodes what chance draws."""
+"""Score: axes and severities have equal weights, and the episodes are the random sample."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Records of causes in which nothing happens but what a test puts into them."""
+"""Episode records for tests of causes; nothing happens in them except the given signals."""
 
 from typing import Any
 
@@ -25,9 +25,10 @@ FOLLOWS = "onset", "window", "shank", "capture_point_offset"
 def recorded(
     scenario: Scenario | None = None, number: int = 1, end: int = END, robot: Robot = SIMPLE_QUAD, **known: Any
 ) -> EpisodeSignals:
-    """Of two robots the second, which has fallen at step 200 by default; `known`: signals, or what follows from them.
+    """Return the record of the second of two robots; by default it has fallen at step 200.
 
-    Without them the onset is at step 150 and the window about it.
+    Without further arguments the onset is at step 150, with the default window before and after it. `known` has
+    signals, or values that follow from signals.
     """
     signals = {name: known.pop(name) for name in [*known] if name not in FOLLOWS}
     scenario = scenario or Scenario("made")

@@ -112,7 +112,7 @@ def check_legs_and_rises_are_those_that_were_hit() -> None:
 
 
 def check_feet_are_above_the_ground_that_the_rules_see() -> None:
-    """What the rules take for the ground under each foot is what the environment measured its height above."""
+    """The rules use the same ground height under each foot as the environment."""
     each = records_of(OTHER_TRIP)[0]
     feet, (points, _) = each.signal("foot_position"), each.shank
     above = feet[..., 2] - each.ground(feet) - SIMPLE_QUAD.foot_radius

@@ -16,7 +16,8 @@ from tests.quad_env.robots.alike import alike
 
 
 def plain(**known: Any) -> EpisodeSignals:
-    """A record whose onset and window follow from its signals, upright at its height but for these."""
+    """Return a record of an upright robot at its height, except for the given signals; onset and window follow from
+    them."""
     height, quaternion = signal("height"), signal("quaternion")
     height[:], quaternion[..., 0] = SIMPLE_QUAD.home_height, 1.0
     record = recorded(**{"height": height, "quaternion": quaternion} | known)
@@ -87,7 +88,7 @@ def test_a_gait_that_sways_is_ordinary_up_to_a_fifth_more_and_thrice_the_thresho
 
 
 def test_of_a_gait_98_in_100_steps_are_ordinary() -> None:
-    """Of 60 steps that are known one that tilts by 0.35 rad is none, and three are."""
+    """With 60 known steps, one step with a tilt of 0.35 rad is ordinary, and three are not."""
     for stumbles, onset in ((1, 170), (3, END)):
         tilt = signal("tilt")
         tilt[:, 1], tilt[30 : 30 + stumbles, 1], tilt[170:, 1] = 0.1, 0.35, 0.3
@@ -114,7 +115,8 @@ def test_the_cause_is_looked_for_about_the_onset_or_after_the_first_second() -> 
 
 
 def test_thresholds_go_with_the_robot(tmp_path: Path) -> None:
-    """Of a quarter of the length: lengths are a quarter, times and speeds half; angles and shares are the same."""
+    """On a robot with a quarter of the size, lengths are a quarter, times and speeds half, and angles and fractions
+    equal."""
     small, own = recorded(robot=alike(tmp_path, longer=0.25)), recorded()
     factors = {"rise": 0.25, "look back": 0.5, "slide": 0.5, "tilt": 1.0, "sliding": 1.0}
     for name, factor in factors.items():

@@ -70,7 +70,7 @@ def test_a_push_counts_by_how_far_it_moves_the_capture_point() -> None:
 
 
 def test_a_push_may_be_the_cause_from_1_2_s_before_the_onset_until_a_push_s_length_after_it() -> None:
-    """What is unusual may begin while the push still acts, and a push that begins after that is none."""
+    """An anomaly may begin while the push still acts; a push that begins after the anomaly is not its cause."""
     assert [event.step for event in pushed(29, 30, 150, 155, 160, 161)] == [30, 150, 155, 160]
     assert [event.step for event in pushed(198, 199, 200, onset=195)] == [198, 199]  # none after the fall
     assert not pushed(140, end=STEPS)  # that did not fall
@@ -94,8 +94,11 @@ def test_a_steady_force_counts_where_the_robot_gives_way_to_it(way: float, count
 
 @pytest.mark.parametrize(("friction", "factor"), [(0.25, 1.0), (0.8, 0.5 / 0.8)])
 def test_feet_that_stand_and_slide_count_by_their_share_and_the_ground(friction: float, factor: float) -> None:
-    """Of 50 steps the first foot slides at 0.6 m/s in the last ten, the second at 0.3; the third lands then, and
-    counts from its second step on; the last swings: 10 of 50 + 50 + 9, by 0.55."""
+    """The first foot slides at 0.6 m/s in the last 10 of 50 steps, and the second foot at 0.3 m/s.
+
+    The third foot lands then and counts from its second step on; the last foot swings. The fraction is 10 of 50 + 50 +
+    9 steps, over 0.55.
+    """
     points, velocity = np.zeros((2, END, 4, 4, 3))
     velocity[150:, 0, 3, 1], velocity[150:, 1, 3, 0] = 0.6, 0.3
     velocity[150:151, 2, 3, 0] = 2.0
@@ -121,7 +124,7 @@ def test_motors_count_by_the_share_of_time_and_joints_at_their_own_limit() -> No
 
 
 def test_motors_with_a_curve_count_at_their_speed_without_load_too() -> None:
-    """9.6 of 10 rad/s in ten steps; motors without a curve, whose heat is not known, may turn as fast as they do."""
+    """The speed is 9.6 of 10 rad/s in ten steps; motors without a torque-speed curve may turn at this speed."""
     speed, unknown = signal("peak_speed"), np.full_like(signal("joule_heat"), np.nan)
     speed[150:, 1, 1] = 9.6
     (event,) = rules.motor_saturation(recorded(peak_speed=speed, speed_limit=10.0))

@@ -124,7 +124,7 @@ def upright(
 
 
 def test_an_upright_robot_is_too_slow_stalled_or_off_its_command_where_it_is_worst() -> None:
-    """Of two intervals the second; certain below 0.8 of the command."""
+    """The second of two intervals is the worst; the cause is certain below 0.8 of the command."""
     good, slow, still = (1.0, 0.0, 0.0), (0.6, 0.0, 0.0), (0.1, 0.0, 0.0)
     found = upright([good, slow])
     assert (found.event.cause, found.event.step, found.certain) == (rules.SLOW, 300, True)

@@ -51,7 +51,7 @@ def test_the_table_fits_into_80_columns_and_shows_severities_and_rates(folder) -
 
 
 def test_every_other_option_is_that_of_a_comparison(monkeypatch) -> None:
-    """What `axes` asks for is what `--scenarios NAME:all` and the same words ask for."""
+    """The command `axes` runs the same plan as `--scenarios NAME:all` with the same options."""
     asked = []
     monkeypatch.setattr(plan, "check", lambda options: asked.append(options) or None)
     monkeypatch.setattr(execution, "execute", lambda *_, **__: 0)

@@ -1,4 +1,4 @@
-"""The command: mistakes are one line and exit code 2 before anything runs; Ctrl-C keeps what was done."""
+"""The command: user errors are one line and exit code 2 before the simulation; Ctrl-C keeps the finished episodes."""
 
 import errno
 import json

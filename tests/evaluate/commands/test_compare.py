@@ -77,7 +77,7 @@ def test_another_definition_of_a_scenario_is_named_and_other_seeds_are_refused(r
 
 
 def test_of_runs_of_one_seed_the_common_episodes_are_paired(run, tmp_path, capsys) -> None:
-    """Three episodes of five: those of the same seeds, whatever came after them."""
+    """Three of five episodes are common: the episodes with the same seeds."""
     b = other(run, tmp_path / "b", lambda rows: rows.filter(pc.less(rows.column("episode"), 3)), episodes=3)
     code, said = compare(capsys, run.folder, b, "--json", tmp_path / "found.json")
     assert code == 0
@@ -125,7 +125,7 @@ def test_other_policies_are_ranked_with_those_of_the_first_run(run, tmp_path, ca
 
 
 def test_a_policy_of_both_runs_stands_with_its_folder_unless_it_is_the_same_to_the_bit(run, tmp_path, capsys) -> None:
-    """Of trot all of B's episodes fail: its score falls from A's by as much as `ranking` has of the neighbours."""
+    """All episodes of trot fail in B; its score falls by the amount that the ranking reports between its neighbours."""
 
     def worse(rows: pa.Table) -> pa.Table:
         policies, outcomes = (rows.column(name).to_pylist() for name in ("policy", "outcome"))
@@ -164,7 +164,7 @@ def test_effort_is_compared_too_and_the_cost_is_that_of_all_episodes(run, tmp_pa
 
 
 def test_the_answer_whether_the_ranking_survives(run, tmp_path, capsys) -> None:
-    """Three policies of which two always fail: trot first in A, stand in B; with two there is nothing to rank."""
+    """Two of three policies always fail: trot is first in A and stand in B; two policies cannot be ranked."""
 
     def swapped(rows: pa.Table) -> pa.Table:
         policies = rows.column("policy").to_pylist()

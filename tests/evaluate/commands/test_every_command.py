@@ -51,12 +51,12 @@ def drawn(seed: int, count: int) -> list[tuple[int, ...]]:
 
 
 def written(name: str) -> Reading:
-    """Whether there is such a file, with something in it."""
+    """Return a reading that is True if the command has written the file `name` with some content."""
     return lambda made: bool(made.done and (made.folder / name).stat().st_size)
 
 
 def called(function: str, argument: str) -> Reading:
-    """That argument of the function, in each call."""
+    """Return a reading of the argument `argument` in each call of the function."""
     return lambda made: made.of(function, argument)
 
 

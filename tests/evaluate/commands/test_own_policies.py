@@ -1,4 +1,4 @@
-"""Anyone's policy, at the command line: judged beside ours, its failures its own, found again by replay."""
+"""A user's policy on the command line is compared with the shipped ones, and its failures can be replayed."""
 
 from pathlib import Path
 

@@ -16,7 +16,7 @@ from quad_env.cli.command_line import UsageError
 
 @pytest.fixture
 def made(monkeypatch: pytest.MonkeyPatch) -> list[FilmSpec]:
-    """What is filmed, into empty files."""
+    """Return the films that the command would write; each file contains only its title."""
     found: list[FilmSpec] = []
 
     def write(take: FilmSpec, path: Path, progress) -> None:

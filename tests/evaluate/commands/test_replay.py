@@ -1,4 +1,4 @@
-"""Any row of a results folder can be run again; what differs is named, and why."""
+"""Any row of a results folder can be simulated again; differences are named, with the reason."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Films are what happens, at the speed they say, of every policy in the same episode; files are whole or absent."""
+"""Films show the simulated motion at the stated speed, all policies in the same episode; files are whole or absent."""
 
 import sys
 from pathlib import Path
@@ -79,7 +79,7 @@ def test_a_strip_is_of_the_whole_film(tmp_path: Path) -> None:
 def test_every_policy_walks_the_same_episode_and_the_last_frame_says_what_came_of_each() -> None:
     """Two of the same do the same, to the last pixel; the outcome stands on a bar along the bottom."""
     pictures = np.array(images_of(take_of("trot", "trot", "stand", scenario=quad_env.scenario("flat"), steps=150), FEW))
-    first, same, other = np.split(pictures[:, HEADER + 40 :], 3, axis=2)  # below what is written
+    first, same, other = np.split(pictures[:, HEADER + 40 :], 3, axis=2)  # below the text
     assert (first == same).all()
     assert (first[0] == other[0]).all()
     assert np.abs(first - other)[1:].max(axis=(1, 2, 3)).min() > 40

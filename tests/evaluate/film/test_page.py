@@ -29,7 +29,7 @@ STEPS, SEED, HOSTILE = 250, 4, "</script><b>trot"
 
 @dataclass
 class Written:
-    """A page of two policies, one of which falls."""
+    """Page with two policies, one of them falls."""
 
     text: str = ""
     data: dict[str, Any] = field(default_factory=dict)
@@ -56,7 +56,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Written:
 
 @pytest.fixture(scope="module", params=[0, 1])
 def both(request: pytest.FixtureRequest, page: Written) -> tuple[dict[str, Any], Episodes]:
-    """What the page has of each policy, and the record of the same episode as an evaluation makes it."""
+    """Return the data of the page for each policy, and the record of the same episode by the evaluator."""
     policy = policies.make(("document", "trot")[request.param])
     return page.data["episodes"][request.param], rollout.run(policy, SCENARIO, np.array([SEED]), steps=STEPS)
 

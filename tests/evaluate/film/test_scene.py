@@ -28,7 +28,7 @@ PUSHED = quad_env.Scenario("pushed", pushes=Pushes(count=2, window=(1.0, 2.0), i
 
 @pytest.fixture(scope="module")
 def shown() -> list[tuple[Step, dict[Colour, Arrow]]]:
-    """Of each control step of a trot that turns and is pushed, by their colour."""
+    """Return each control step of a trot that turns and is pushed, with its arrows by colour."""
     steps = iterate_episode(policies.make("trot"), PUSHED, 4, steps=220, command=(0.5, 0.0, 0.5))
     start = next(steps)
     scene, told = Scene(start), []
@@ -52,7 +52,7 @@ def angle_between(first: float, second: float) -> float:
 def test_the_velocity_points_along_the_way_that_the_robot_goes(shown) -> None:
     for now in (60, 90, 110):
         way = shown[now][0].infos["position"][0] - shown[now - 50][0].infos["position"][0]
-        halfway = 0.25 * 0.5  # turned since the middle of that half second, of which it is the mean, rad
+        halfway = 0.25 * 0.5  # rad; yaw since the middle of that half second, because the mean refers to it
         drawn = direction(shown[now][1][VELOCITY])
         assert angle_between(drawn, np.arctan2(way[1], way[0]) + halfway) < 0.12
         length = np.linalg.norm(np.subtract(shown[now][1][VELOCITY].end, shown[now][1][VELOCITY].start))

@@ -1,4 +1,4 @@
-"""Controlled stops, told from what was recorded of an episode."""
+"""Controlled stops, detected in the record of an episode."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What the motors did and what a residual made of its authority: by hand."""
+"""Measures of motor effort and of the corrections of a residual, against values computed by hand."""
 
 from collections.abc import Callable
 
@@ -20,7 +20,7 @@ STEPS = 50
 SETTLING = 10
 JUDGED = STEPS - SETTLING
 FALL = 30
-"""Half of what is judged comes before the fall, in the episodes that fall."""
+"""Step of the fall in the episodes with a fall; half of the judged steps come before it."""
 
 
 def signal(name: str, change: Callable[[np.ndarray], None]) -> np.ndarray:
@@ -98,7 +98,7 @@ def test_shares_of_the_motors_limits() -> None:
 
 
 def test_torque_rate() -> None:
-    """One joint of twelve whose torque changes by 12 N·m with every control step of 0.1 s: 120 N·m/s."""
+    """The torque of one of twelve joints changes by 12 N·m in every control step of 0.1 s: 120 N·m/s."""
     assert measured("torque_rate", **joints("torque_change", (ALL, 0, 12.0))) == pytest.approx(10.0)
 
 

@@ -1,4 +1,4 @@
-"""How a robot steps, stands still and carries its trunk: by hand."""
+"""Measures of steps, standing and trunk height, against values computed by hand."""
 
 from typing import Any
 
@@ -24,7 +24,10 @@ def measured(name: str, **changes: Any) -> Any:
 
 
 def trotting(delay: int = 0, swing: int = 16) -> np.ndarray:
-    """Contacts of a trot of 0.4 s whose hind feet are `delay` steps late, each foot `swing` steps in the air."""
+    """Return the contacts of a trot with a period of 0.4 s.
+
+    The hind feet touch down `delay` steps late, and each foot swings for `swing` steps.
+    """
     contact = empty_signal(SIMPLE_QUAD, "foot_contact", STEPS, 1)
     time = np.arange(STEPS)
     for foot, start in ((FL, 0), (HR, delay), (FR, STRIDE // 2), (HL, STRIDE // 2 + delay)):
@@ -69,7 +72,7 @@ def test_flight() -> None:
 
 
 def test_trunk_height() -> None:
-    """Three quarters of the home pose's, but for the first second and what comes after a fall."""
+    """The height is three quarters of the home pose; the first second and the steps after a fall do not count."""
     height = empty_signal(SIMPLE_QUAD, "height", STEPS, 1) + np.float32(0.75 * SIMPLE_QUAD.home_height)
     height[:SETTLING], height[FALL:] = 1.0, 0.1
     assert measured("trunk_height", height=height, **FELL) == pytest.approx(0.75)

@@ -65,7 +65,7 @@ def test_the_first_second_is_not_judged_and_a_step_costs_at_most_the_cap() -> No
 
 
 def test_every_step_from_the_fall_to_the_time_limit_costs_the_cap() -> None:
-    # 90 judged steps: 27 upright with an error of 0.5 m/s and 0.3 rad/s, then 63 billed.
+    # 90 judged steps: 27 upright with an error of 0.5 m/s and 0.3 rad/s, then 63 with the maximum error.
     measures = measure((0.7, 0.4, 0.2), fall_step=SETTLING + 27)
     assert measures.velocity_error == pytest.approx([0.3 * 0.5 + 0.7 * 2.0])
     assert measures.yaw_rate_error == pytest.approx([0.3 * 0.3 + 0.7 * 3.0])
@@ -171,7 +171,7 @@ def test_falling_earlier_never_lowers_an_error(velocities, falls) -> None:
 
 
 def test_a_summary_is_the_plain_mean_over_episodes() -> None:
-    """Of a robot that falls at once and one that does not move, told to walk at 1 m/s and to turn at 0.5 rad/s."""
+    """One robot falls at once; the other does not move at a command of 1 m/s and 0.5 rad/s."""
     command, falls = np.full((STEPS, 2, 3), (1.0, 0.0, 0.5), np.float32), np.array([SETTLING, STEPS])
     summary = metrics.summarise(
         uneventful(SIMPLE_QUAD, STEPS, 2, dt=DT, command_steps=COMMAND_STEPS, command=command, fall_step=falls)

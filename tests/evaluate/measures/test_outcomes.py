@@ -72,7 +72,7 @@ def test_deviations_are_told_in_what_is_allowed():
 def test_every_interval_has_to_be_followed_and_the_way_is_that_of_all():
     forward, still = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     assert judged([forward, still], [forward, still]) == "succeeded"
-    # Its deviations are 0.8 and 1.1 of what is allowed: within it in the mean, but not in every interval.
+    # Its deviations are 0.8 and 1.1 of the limit: the mean is within the limit, but not every interval.
     assert judged([forward] * 2, [(1.0 - 0.8 * 0.35, 0.0, 0.0), (1.0 - 1.1 * 0.35, 0.0, 0.0)]) == "off_command"
     assert judged([forward, forward], [forward, still]) == "stalled"  # one interval is enough
     assert judged([(0.1, 0.0, 0.0), still], [still, still]) == "stalled"
@@ -129,7 +129,7 @@ def asked(forward):
 
 
 class Stopped(Safe):
-    """The trot under a safety layer that is told to stop it after 2 s."""
+    """Trot with a safety layer that receives a stop request after 2 s."""
 
     steps = 0
 
@@ -179,7 +179,7 @@ def test_isaac_labs_thresholds_are_of_the_mean_errors_of_the_steps(errors, expec
     [("trot", 0.4, True), ("stand", 0.4, True), ("stand", 0.6, False), ("document", 0.4, False)],
 )
 def test_kept_episodes_succeed_by_another_rule_as_their_record_does(policy, forward, by_isaac_lab):
-    """What `report --success` shows of a run, against the rule on the steps themselves."""
+    """The result of `report --success` equals the rule on the recorded steps."""
     episodes = run(policies.make(policy), asked(forward), SEED, steps=STEPS)
     cell = PolicyScenarioResult(policy, asked(forward), SEED, episodes.fall_reason, measure(episodes), episodes.failure)
     for rule in RULES.values():

@@ -1,4 +1,4 @@
-"""What pushes do: by hand."""
+"""Measures of pushes, against values computed by hand."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""How commands are followed, by hand, of robots that fall at different times."""
+"""Measures of command tracking, by hand, for robots that fall at different times."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from evaluate.measures.tracking import (
 
 
 def test_intervals_begin_a_second_after_their_command_and_travel_after_the_first_second() -> None:
-    """Of 1000 steps with a command every 400, of which each is settled after 100."""
+    """Of 1000 steps, every 400th has a new command; an interval is settled 100 steps after its command."""
     found = command_intervals(1000, 400, 100)
     assert found.settled == (slice(100, 400), slice(500, 800), slice(900, 1000))
     assert found.travelled == (slice(100, 400), slice(400, 800), slice(800, 1000))

@@ -67,7 +67,7 @@ def assert_refused(folder: Path, words: str) -> None:
 
 
 def rewritten(folder: Path, change: Callable[[pa.Table], pa.Table]) -> None:
-    """Rows changed by somebody who knows nothing of the hash, and keeps it."""
+    """Change the rows of a run, and keep the old hash."""
     path = folder / EPISODES
     rows = pq.read_table(path)
     pq.write_table(change(rows).replace_schema_metadata(rows.schema.metadata), path)
@@ -134,7 +134,7 @@ def test_a_flipped_bit_of_the_footer_is_refused(folder) -> None:
             rows = read_table(path, run)
         except ValueError:
             continue
-        harmless += 1  # statistics, say: what is read is what was written
+        harmless += 1  # for example in statistics: the rows that are read are the rows that were written
         path.write_bytes(good)
         assert rows.equals(read_table(path, run))
     assert harmless < footer * 8 // 997

@@ -1,4 +1,4 @@
-"""Chunk store of a run under way: parts by cell, episodes, seeds and run; and what is removed of others."""
+"""Chunk store of a running evaluation: parts by cell, episodes, seeds and run, and removal of other runs' parts."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -73,7 +73,7 @@ def test_parts_go_to_the_place_of_their_cell_and_come_back_from_there_alone(tmp_
 
 
 def test_no_episode_is_found_twice(tmp_path, manifest, part) -> None:
-    """Nor is a part that has it, the rest of which is simulated again."""
+    """A part that shares an episode with a loaded part is not loaded; its other episodes are simulated again."""
     store = ChunkStore(tmp_path, manifest, True)
     store.save(part(numbers=(0, 1, 2)))
     store.save(part(numbers=(2, 3)))
@@ -93,7 +93,7 @@ def test_parts_of_other_runs_of_other_seeds_and_of_later_episodes_are_left_out(t
 
 
 def test_a_folder_is_another_run_s_until_the_first_part_and_only_this_run_s_then(tmp_path, manifest, part) -> None:
-    """Parts of the other run are neither loaded nor removed before; what is no part stays."""
+    """Until then, parts of the other run are neither loaded nor removed; files that are no parts stay."""
     before = ChunkStore(tmp_path, replace(manifest, code="before").with_fingerprint())
     before.save(part(numbers=(0, 1)))
     before.save(part(numbers=(2, 3)))

@@ -1,4 +1,4 @@
-"""Results of an older version, whose table lacks a measure: read with missing values, and said in one line."""
+"""Results of an older version without a measure are read with missing values, and a line names the measure."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ OPTIONAL = [name for name in MEASURE_NAMES if name not in REQUIRED]
 
 
 def values(measures: Measures, name: str) -> list:
-    """The measure of each episode, with None for what is missing."""
+    """Return a measure of each episode, with None for missing values."""
     found = getattr(measures, name)
     return found.tolist() if found.dtype == object else np.where(np.isnan(found), None, found).tolist()
 

@@ -1,4 +1,4 @@
-"""What the figures were made with: digests that change with what they are of, and with nothing else."""
+"""Provenance of results: a digest changes with its object and with nothing else."""
 
 import json
 import os
@@ -18,7 +18,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 def elsewhere(repository: Path, code: str) -> str:
-    """What code prints in another process, with another BLAS kernel."""
+    """Return the text that code prints in another process, with another BLAS kernel."""
     command, chosen = [sys.executable, "-c", code], os.environ | {"OPENBLAS_CORETYPE": "Prescott"}
     return subprocess.run(command, cwd=repository, env=chosen, capture_output=True, text=True, check=True).stdout
 
@@ -57,7 +57,7 @@ def test_one_weight_more_or_less_shows(part) -> None:
 
 
 def test_arrays_of_objects_count_by_what_they_hold_not_by_where_that_lies() -> None:
-    """Of a policy from outside, which notes failures in one, a run could not be resumed by another process."""
+    """Otherwise a run with an external policy that records its failures in such an array could not be resumed."""
 
     def noting(*failures):
         policy = policies.make("trot")
@@ -85,7 +85,7 @@ def test_the_codes_digest_is_of_names_and_contents(tmp_path, monkeypatch) -> Non
 
 @pytest.fixture
 def sources(tmp_path, monkeypatch) -> Path:
-    """A module of a repository of its own, of which the code's digest is."""
+    """Create a repository with one module, as the subject of the code digest."""
     module = tmp_path / "policies" / "a.py"
     module.parent.mkdir()
     module.write_text('"""Doc."""\n\nX = 1\n"""Unit."""\n\n\ndef f():\n    return "text"\n', encoding="utf-8")

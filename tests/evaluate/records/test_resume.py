@@ -57,7 +57,7 @@ raise SystemExit(main(sys.argv[3:]))
 
 
 def a_page(results: Results, path: Path, **_options) -> None:
-    """Instead of the report, whose plots take a second."""
+    """Write a short text instead of the report, because its plots take a second."""
     write_atomically(path, repr(results_to_json(results)).encode())
 
 
@@ -124,7 +124,7 @@ def unfinished(whole: Path, folder: Path) -> Path:
 
 
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """How many episodes each rollout from now on has."""
+    """Return a list that receives the number of episodes of each rollout."""
     simulated: list[int] = []
     run = rollout.run
 

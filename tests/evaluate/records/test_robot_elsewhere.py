@@ -1,4 +1,4 @@
-"""Results of a run whose robot is a file that is not found from here: one line says where to go."""
+"""Results of a run with the file of a robot that cannot be found from here: one line names the folder to go to."""
 
 from pathlib import Path
 

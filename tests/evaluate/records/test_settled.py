@@ -30,7 +30,7 @@ def short():
 
 @pytest.fixture(scope="module")
 def settled(tmp_path_factory) -> tuple[Path, str]:
-    """The folder of a run in one go, and what it printed."""
+    """Return the folder of an uninterrupted run, and the text that it printed."""
     folder = tmp_path_factory.mktemp("settled")
     code, said = evaluate(*RUN, *ONE, folder)
     assert code == 0, said

@@ -24,7 +24,7 @@ EPISODES = 12
 
 
 def watch_clipping(patch: pytest.MonkeyPatch) -> list[str]:
-    """What reaches beyond its figure, of every figure that is saved from now on; how many there were stands first."""
+    """Return the parts that reach beyond their figure in all figures saved from now on; first the number of figures."""
     seen = ["0"]
     save = Figure.savefig
 
@@ -44,7 +44,7 @@ def watch_clipping(patch: pytest.MonkeyPatch) -> list[str]:
 
 
 def measured(generator: np.random.Generator, successes: int, falls: int) -> Measures:
-    """Episodes of which no two figures are alike."""
+    """Return random measures of episodes; no two values are equal."""
     names = [name for name in MEASURE_NAMES if name not in OF_CAUSES]
     drawn = {name: generator.uniform(0.1, 1.9, EPISODES) for name in names}
     drawn |= dict.fromkeys(OF_CAUSES, np.full(EPISODES, None, dtype=object)) | {"cause_time": np.full(EPISODES, np.nan)}
@@ -81,7 +81,7 @@ def cell_of(policy: str, scenario: Scenario, generator: np.random.Generator) -> 
 
 @dataclass(frozen=True)
 class Files:
-    """What a comparison leaves in its folder."""
+    """Files of a comparison in its folder."""
 
     folder: Path
     clipped: list[str]

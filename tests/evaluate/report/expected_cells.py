@@ -19,7 +19,7 @@ Said = list[float] | str
 
 
 class Report:
-    """A page, and what its cells must say by results.json."""
+    """Report page, with the expected text of its table cells by results.json."""
 
     def __init__(self, files: Files) -> None:
         self.found = files.results
@@ -38,7 +38,7 @@ class Report:
         return found
 
     def scenario(self, axis: str, severity: float | None = None) -> str:
-        """The first scenario of an axis, or that of a severity."""
+        """Return the first scenario of an axis, or the scenario with a severity."""
         names = (name for name in self.scenarios if name.split(":")[0] == axis)
         return next(name for name in names if severity is None or self.scenarios[name]["severity"] == severity)
 
@@ -138,7 +138,7 @@ def known(value: float, *ends: float) -> Said:
 
 
 def shows(cell: tuple[str, ...], said: Said) -> bool:
-    """Whether a cell has these numbers and no others, each to the digits that it shows."""
+    """Return True if a table cell has exactly these numbers, each to the number of digits that it shows."""
     if isinstance(said, str):
         return cell == (said,)
     shown = re.findall(r"-?\d+(?:\.\d+)?", " ".join(cell).replace("−", "-"))
@@ -149,7 +149,7 @@ def shows(cell: tuple[str, ...], said: Said) -> bool:
 
 
 def wrong(report: Report, table: PageTable) -> Iterator[str]:
-    """Cells that do not say what their headings name."""
+    """Yield the table cells that differ from the values that their headings name."""
     heads = table.heads
     for cells in table.rows[1:]:
         row = dict(zip(heads, cells, strict=True))

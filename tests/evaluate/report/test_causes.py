@@ -1,4 +1,4 @@
-"""Bars of causes: what share of an axis's episodes failed for each cause, the hardware profile apart."""
+"""Bars of causes: fraction of an axis's episodes that failed for each cause, separately for the hardware profile."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The report leads to the page of each failure that it names, or else says what makes it."""
+"""The report links the page of each failure, or shows the command that makes it."""
 
 import re
 from pathlib import Path

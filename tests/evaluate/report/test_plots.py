@@ -1,4 +1,4 @@
-"""What the report's plots are drawn from."""
+"""Data of the report's plots."""
 
 import itertools
 
@@ -30,7 +30,7 @@ def test_no_label_of_a_page_is_clipped(four) -> None:
 
 
 def score(policy: str, **axes: int) -> Score:
-    """A score on axes with so many severities."""
+    """Return a score on axes; `axes`: axis -> number of its severities."""
     rates = {axis: (0.5,) * severities for axis, severities in axes.items()}
     return Score(policy, 0.5, (0.4, 0.6), rates, 0.0, (0.0, 0.0), 1.0)
 

@@ -25,7 +25,7 @@ def page(run) -> str:
 
 
 class Outline(HTMLParser):
-    """What a page refers to, and its tags."""
+    """References and tags of an HTML page."""
 
     def __init__(self, page: str) -> None:
         super().__init__()
@@ -47,7 +47,7 @@ def test_the_page_needs_nothing_but_itself(page) -> None:
 
 
 def test_the_answer_comes_first_and_the_sections_in_their_order(page, four, run) -> None:
-    """Who is best and by how much, the ranking and its front, and where each is weak, before any other table."""
+    """Before any other table the report has the best policy, the ranking and its front, and the weak scenarios."""
     ranking = run.results["ranking"]
     best, second = (each["policy"] for each in ranking["places"][:2])
     head = unescape(re.findall("<h1>(.*?)</h1>", page)[0])

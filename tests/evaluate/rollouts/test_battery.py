@@ -1,4 +1,4 @@
-"""What a name on the command line stands for; scenarios in a user's file."""
+"""Names of scenarios on the command line, and scenarios in a user's file."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -97,7 +97,7 @@ def test_what_is_no_scenario_in_a_file_is_one_line(tmp_path, refused, content, w
 
 
 def test_two_terrains_of_one_name_are_told_apart_in_a_line(tmp_path) -> None:
-    """Files of one name in two folders: the line names both, and what to do; the remedy works."""
+    """For files of one name in two folders, the line names both and a remedy, and the remedy works."""
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
         np.save(tmp_path / folder / "hill.npy", np.zeros((4, 4)))

@@ -49,7 +49,7 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def made(described: PolicySpec, robot: str) -> NetworkPolicy:
-    """The policy as it is served, in this process, with what is asked of one that is."""
+    """Return the policy as a served one, but in this process."""
     policy = NetworkPolicy(described, robot=robot)
     policy.spec, policy.close = described, lambda: None
     return policy

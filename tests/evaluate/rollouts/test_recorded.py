@@ -112,7 +112,7 @@ def test_a_divergence_is_noted_though_the_robot_has_fallen_before_and_is_its_own
 
 
 def cell(numbers: Sequence[int], policy: str = "trot") -> PolicyScenarioResult:
-    """Of episodes whose every figure tells their number."""
+    """Return a cell; each measure of an episode encodes the number of the episode."""
     found = measure(uneventful(SIMPLE_QUAD, 200, len(numbers)))
     of_each = np.array(numbers, np.float64)
     fields = {}
@@ -159,7 +159,7 @@ class Kept:
 
 
 def simulated(store: Kept, count: int = 10, names: Sequence[str] = ("trot", "stand"), **settings: Any) -> Any:
-    """Cells, tasks and shares of a run whose tasks come back in another order."""
+    """Return cells, tasks and progress of a run; its tasks finish in another order."""
     tasks: list[Task] = []
     shares: list[tuple[str, float]] = []
 
@@ -227,7 +227,10 @@ def test_a_policy_runs_on_its_own_scenarios_alone_and_on_the_hardware_profile_as
 
 
 def test_another_rule_of_success_makes_successes_of_those_alone_that_follow_it() -> None:
-    """Off by 0.1 m/s, allowed 0.05 or 0.2; a fall and a failure of the policy are none, what had failed stays so."""
+    """Errors are 0.1 m/s, and 0.05 or 0.2 m/s are allowed.
+
+    A fall or a failure of the policy is no success, and earlier failures stay.
+    """
     found = cell(range(4))
     velocities = np.zeros((4, 1, 3))
     velocities[..., 0] = 0.9

@@ -88,7 +88,7 @@ def test_the_policy_is_shown_the_latest_observation() -> None:
 
 
 def after(number: int, fall: list[str], diverged: list[bool]) -> Step:
-    """What observers are told of robots that fell for those reasons."""
+    """Return the step that observers receive for robots with these causes of a fall."""
     codes = np.array([quad_env.FALL_REASONS.index(reason) for reason in fall], np.int8)
     return Step(number, None, None, None, {"fall": codes, "diverged": np.array(diverged)})
 

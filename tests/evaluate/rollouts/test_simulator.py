@@ -1,4 +1,4 @@
-"""A run in Drake: what of a battery it takes, what is refused, what it says, and that its episodes come again."""
+"""Run in Drake: supported scenarios, refused options, messages, and reproducible episodes."""
 
 from dataclasses import asdict, replace
 from pathlib import Path

@@ -114,13 +114,13 @@ class Stuck(type(policies.make("stand"))):
 
 
 def children(process: int) -> set[int]:
-    """Processes whose parent it is."""
+    """Return the process ids of the children of a process."""
     texts = [path.read_text(encoding="utf-8") for path in Path(f"/proc/{process}/task").glob("*/children")]
     return {int(number) for text in texts for number in text.split()}
 
 
 def runs(process: int) -> bool:
-    """Whether it is there, and no zombie that waits to be looked after."""
+    """Return True if a process exists and is no zombie."""
     try:
         return Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] not in "ZX"
     except OSError:

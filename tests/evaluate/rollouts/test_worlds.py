@@ -1,4 +1,4 @@
-"""A run with the hardware profile and without it: a policy for each, batteries, and what excludes the profile."""
+"""Runs with and without the hardware profile: policies, batteries, and options that exclude the profile."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Breaking points of falls whose cause is known."""
+"""Breaking points of falls with a known cause."""
 
 import numpy as np
 import pytest
@@ -94,7 +94,8 @@ def test_a_breaking_point_lies_within_its_interval() -> None:
 
 
 def test_a_bracket_is_of_exact_tests_in_their_order() -> None:
-    """Of 20 episodes 5 are shown to be fewer than half (P = 0.021), 6 are not (0.058), and 15 are shown to be more."""
+    """Of 20 episodes, 5 are significantly fewer than half (P = 0.021), 6 are not (0.058), and 15 are significantly
+    more."""
     fails = (0, 5, 6, 5, 14, 15, 20)
     failed = np.array([np.arange(20) < count for count in fails])
     assert bracket_levels(failed) == (1, 5)
@@ -102,7 +103,7 @@ def test_a_bracket_is_of_exact_tests_in_their_order() -> None:
 
 
 def test_each_side_of_a_bracket_errs_with_a_chance_of_one_in_forty() -> None:
-    """Of 24 episodes P(7 or fewer) = 0.032 shows nothing, P(6 or fewer) = 0.011 does; 17 and 18 mirror them."""
+    """With 24 episodes P(7 or fewer) = 0.032 is not significant, P(6 or fewer) = 0.011 is; 17 and 18 mirror them."""
     failed = np.array([np.arange(24) < count for count in (0, 7, 17, 24)])
     assert bracket_levels(failed) == (0, 3)
     failed = np.array([np.arange(24) < count for count in (0, 6, 18, 24)])

@@ -36,7 +36,10 @@ def test_boundaries_spend_the_level_times_the_share_to_the_power_of_three_halves
 
 @pytest.mark.parametrize("policies", [2, 6])
 def test_the_second_boundary_is_that_of_the_normal_distribution_in_two_dimensions(policies) -> None:
-    """Chance of a first sum within ± z₁ √¼ and a second beyond ± z₂ √½, of correlation √½: what is spent in between."""
+    """The probability that the first sum is within ± z₁ √¼ and the second beyond ± z₂ √½ is the spent error.
+
+    The correlation of both sums is √½.
+    """
     levels, level = nominal_levels(96, policies), LEVEL / (policies - 1)
     first, second = (-ndtri(levels[n] / 2.0) for n in (24, 48))
     both = multivariate_normal(cov=[[1.0, np.sqrt(0.5)], [np.sqrt(0.5), 1.0]], abseps=1e-10, releps=1e-10)
@@ -69,7 +72,8 @@ def test_neighbours_are_compared_pair_by_pair_from_the_best_on() -> None:
 
 
 def by_a_point(more: int, pairs: int) -> dict[str, np.ndarray]:
-    """Scores of two policies, of which the first is one point better in so many of the episodes, else one worse."""
+    """Return the scores of two policies; the first is one point better in `more` of the episodes, else one point
+    worse."""
     return {"first": np.repeat([1.0, -1.0], [more, pairs - more]), "second": np.zeros(pairs)}
 
 
@@ -92,8 +96,10 @@ def test_each_further_policy_leaves_less_for_two_neighbours() -> None:
 
 
 def test_two_are_given_up_by_the_level_of_the_last_look() -> None:
-    """Better in 26 of 48 episodes, p = 0.665: the chance at 96 is 5.6 % by the last level, 0.0282, and would be 2.9 %
-    by that of the look, 0.0121; in 25 of 48, p = 0.885, it is 2.3 %."""
+    """Better in 26 of 48 episodes, p = 0.665: the probability at 96 is 5.6 % by the last level, 0.0282.
+
+    By the level of the present interim analysis, 0.0121, it would be 2.9 %. With 25 of 48, p = 0.885, it is 2.3 %.
+    """
     (near,), (equal,) = (compare_adjacent_policies(by_a_point(more, 48), 96) for more in (26, 25))
     assert (near.p_value, equal.p_value) == pytest.approx((0.665, 0.885), abs=0.01)
     assert (near.futile, equal.futile) == (False, True)

@@ -40,7 +40,7 @@ def test_a_p_value_is_neither_zero_nor_more_than_one() -> None:
 
 
 def test_random_sign_flips_have_the_chances_of_all_of_them() -> None:
-    """Twenty differences near the 5 % level; the mean over 30 seeds, whose standard error is 0.0004."""
+    """Twenty differences near the 5 % level; the mean over 30 seeds has a standard error of 0.0004."""
     differences = np.random.default_rng(7).laplace(0.42, 1.0, 20)
     signs = np.array(list(itertools.product((1.0, -1.0), repeat=10)))
     sums = (signs @ differences[:10])[:, None] + signs @ differences[10:]
@@ -61,7 +61,7 @@ def test_the_observed_flip_is_counted_with_the_random_ones(monkeypatch) -> None:
 
 
 def test_sums_that_are_equal_on_paper_count_as_equal() -> None:
-    """Of tenths, whose sums differ in their last bits by the order of summation; by whole numbers they do not."""
+    """Sums of tenths differ in their last bits by the order of summation; sums of whole numbers do not."""
     signs = np.array(list(itertools.product((1, -1), repeat=9)))
     for seed in range(60):
         tenths = np.random.default_rng(seed).integers(-4, 10, 9)

@@ -45,15 +45,17 @@ def test_bootstrap_interval_is_scipys() -> None:
 
 @pytest.mark.parametrize(("pairs", "tail"), [(12, 0.010757), (128, 0.023484)])
 def test_difference_interval_has_students_tails(monkeypatch, pairs, tail) -> None:
-    """Of 12 pairs t is 2.20099 instead of 1.96, and 12 / 11 the variance: tails of Φ(−2.29885) = 1.0757 % each."""
+    """With 12 pairs t is 2.20099 instead of 1.96, and the variance is 12 / 11: tails of Φ(−2.29885) = 1.0757 % each."""
     evenly = np.linspace(0.0, 1.0, 100_001)
     monkeypatch.setattr(intervals, "_resampled_sums", lambda values, *_: evenly * len(values))
     assert difference_interval(np.arange(float(pairs))) == pytest.approx((tail, 1.0 - tail), abs=2e-6)
 
 
 def test_a_bootstrap_interval_is_moved_twice_by_its_bias(monkeypatch) -> None:
-    """Of symmetric values, so that nothing accelerates, 40 % of whose resamples lie below: z = -0.25335, and the ends
-    are the quantiles Φ(2 z ± 1.95996) of resamples that are spread evenly from 0 to 1."""
+    """The values are symmetric, so the acceleration is zero; 40 % of the resamples lie below: z = -0.25335.
+
+    The ends are the quantiles Φ(2 z ± 1.95996) of resamples that are spread evenly from 0 to 1.
+    """
     evenly = np.linspace(0.0, 1.0, 100_001)
     monkeypatch.setattr(intervals, "_resampled_sums", lambda values, *_: evenly * len(values))
     symmetric = 0.4 + np.array([-0.3, -0.1, 0.1, 0.3] * 5)
@@ -79,7 +81,7 @@ def test_every_resample_draws_as_many_values_as_there_are(size) -> None:
 
 
 def test_values_that_agree_may_hide_as_many_others_as_wilsons_interval_has_for_none() -> None:
-    """Of none of 24, Wilson's upper end is z² / (24 + z²) = 3.8415 / 27.8415 = 0.13798."""
+    """For 0 of 24, the upper end of Wilson's interval is z² / (24 + z²) = 3.8415 / 27.8415 = 0.13798."""
     unseen = 0.13798
     assert bootstrap_interval(np.full(24, 2.0), (0.0, 2.0)) == pytest.approx((2.0 - 2.0 * unseen, 2.0), abs=1e-4)
     assert bootstrap_interval(np.full(24, 0.5), (0.0, 2.0)) == pytest.approx((0.43101, 0.70697), abs=1e-4)

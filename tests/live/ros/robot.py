@@ -1,4 +1,4 @@
-"""The command `python -m quad_env ros` as a test runs it, beside nodes that know ROS alone."""
+"""The command `python -m quad_env ros` in a test, next to nodes that use only ROS."""
 
 import json
 import os
@@ -76,7 +76,7 @@ class Robot:
 
     @property
     def said(self) -> str:
-        """What it has printed."""
+        """Text that the command has printed."""
         return self._said.read_text(encoding="utf-8")
 
     def wait_for(self, text: str, count: int = 1) -> None:
@@ -109,7 +109,7 @@ class Robot:
 
 @dataclass(frozen=True)
 class Walk:
-    """What a robot did, a row a control step."""
+    """Record of a walk, one row per control step."""
 
     targets: np.ndarray
     joints: np.ndarray
@@ -119,7 +119,7 @@ class Walk:
     """Height of its centre, m."""
     commands: np.ndarray
     turns: np.ndarray
-    """Of the trunk, x y z w."""
+    """Orientation of the trunk, quaternion x y z w."""
 
 
 def recorded(path: Path) -> Walk:
@@ -141,5 +141,5 @@ def recorded(path: Path) -> Walk:
 
 
 def received(path: Path, topic: str) -> list[dict[str, list[float]]]:
-    """What `nodes/listen.py` wrote of a topic."""
+    """Return the messages of a topic that `nodes/listen.py` wrote."""
     return [fields for name, _, fields in json.loads(path.read_text(encoding="utf-8")) if name == topic]

@@ -17,7 +17,7 @@ CROUCHED = HOME + np.tile([0.0, 0.2, -0.4], 4)
 
 
 class Scene:
-    """A robot behind the interface, and what was said at its terminal."""
+    """Robot with its ROS bridge, and the text on its terminal."""
 
     def __init__(self, policy: Policy, scenario: str = "flat") -> None:
         self.session = Session(policy, scenario)

@@ -1,4 +1,4 @@
-"""Where ROS is found, on which interface it listens, and mistakes at the command line; none of it needs ROS."""
+"""Search for ROS, its network interface, and errors on the command line; these tests do not need ROS."""
 
 import os
 import sys

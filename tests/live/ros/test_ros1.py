@@ -24,7 +24,7 @@ FOLLOWED, SILENT = "/position_controller/command is followed", "nothing good on 
 
 @dataclass(frozen=True)
 class Story:
-    """A robot that marched, whose node was killed, and to which nonsense was sent after that."""
+    """Record of a robot that marched, lost its node, and then received malformed messages."""
 
     walk: Walk
     said: str
@@ -38,7 +38,7 @@ class Story:
 def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
     folder = tmp_path_factory.mktemp("story")
     table = march(folder / "table")
-    # Slower than the wall's clock, for machines whose cores have others to serve: 0.2 s of silence are 0.33 s there.
+    # Simulated time is slower than wall time, because the cores may be busy: 0.2 s of silence are 0.33 s of wall time.
     robot = Robot(folder, "--record", str(folder / "walk.mcap"), "--real-time-factor", "0.6")
     try:
         robot.wait_for("Ctrl-C ends it")
@@ -123,7 +123,7 @@ def address() -> str:
 def check_reach(robot: Robot, address: str, network: bool) -> None:
     ports = robot.ports()
     assert robot.port in ports
-    assert len(ports) == 3  # the master's, the node's, and that of its messages
+    assert len(ports) == 3  # the addresses of the master, of the node, and of its messages
     assert [refused(address, port) for port in ports] == 3 * [not network]
     assert [refused("127.0.0.1", port) for port in ports] == 3 * [False]
 

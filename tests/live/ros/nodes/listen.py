@@ -1,4 +1,4 @@
-"""A node that writes what the robot tells: `listen.py SECONDS FILE`, a JSON list of [topic, wall time, fields]."""
+"""Node that records the messages of the robot: `listen.py SECONDS FILE`, a JSON list of [topic, wall time, fields]."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""A node that publishes what no robot can follow, 20 of each kind, and in the end good messages."""
+"""Node that publishes 20 malformed messages of each kind, and valid messages at the end."""
 
 import io
 import math
