@@ -1,1 +1,1 @@
-"""Evaluator: compares policies over the same episodes, and writes a ranking, statistics and a report."""
+"""Evaluator: simulates policies in the same episodes, and writes their ranking, statistics and a report."""

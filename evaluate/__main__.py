@@ -6,12 +6,15 @@ Other commands, each with its own --help, as in `python -m evaluate axes --help`
 import sys
 from pathlib import Path
 
-if __name__ == "__main__":  # because a `quad_env.py` in the user's folder must not be imported
+if __name__ == "__main__":
+    # The project's folder comes first on the import path, because Python must not import a `quad_env.py` in the current
+    # folder of the user instead of this project's package.
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from quad_env.cli import launcher
 
-if __name__ == "__main__":  # before the slow imports, because Ctrl-C must end the process during an import
+if __name__ == "__main__":
+    # This call precedes the slow imports, because Ctrl-C must end the process at once during an import as well.
     launcher.leave_on_interrupt()
 
 from functools import partial
@@ -40,33 +43,41 @@ MOVED["rescore"] = "gone, with --trace: `python -m evaluate report FOLDER --succ
 MOVED["merge"] = (
     "not there: runs are not merged, and `python -m evaluate compare A B` ranks the policies of two together"
 )
-"""Name of a removed subcommand -> message that names its replacement."""
+"""Name of a removed subcommand of `python -m evaluate` -> text of the error message that names its replacement."""
 
 
 def compare(words: list[str]) -> int:
-    """Compare policies and return the exit code; `words`, the command line, may start with policy names."""
+    """Run the evaluation that compares policies, and return the exit code of the process.
+
+    Args:
+        words: Words of the command line after `python -m evaluate`. The names of the policies may come first; they are
+            then read as values of the option --policies.
+
+    Returns:
+        The exit code.
+    """
     if words and not words[0].startswith("-"):
         words = ["--policies", *words]
     plan = _plan(words)
-    from evaluate.commands.execution import execute  # imported late, because wrong options should be reported at once
+    from evaluate.commands.execution import execute  # The slow import is last: wrong options are reported before it.
 
     return execute(plan)
 
 
 def _plan(words: list[str]) -> "Plan":
-    """Parse and check the command line.
+    """Parse the options of an evaluation from the command line, and check them.
 
-    If --resume is given, the options of the interrupted run replace the default values of the options.
+    If --resume is given, the options with which the interrupted run was started become the default values.
 
     Args:
-        words: Words of the command line.
+        words: Words of the command line after `python -m evaluate`, all of them options and their values.
 
     Returns:
-        The checked plan of the evaluation.
+        The checked plan of the evaluation: its policies, scenarios, episodes and output files.
     """
     read = partial(parse, EvaluateOptions, words, program=NAME, description=f"{__doc__}{PROGRAM.listing()}")
     options = read()
-    from evaluate.commands.plan import check, load_run_options  # imported late, because --help must be quick
+    from evaluate.commands.plan import check, load_run_options  # The slow import is last, because --help must be quick.
 
     return check(read(default=load_run_options(options.out)) if options.resume else options)
 
@@ -75,10 +86,12 @@ PROGRAM = Program(NAME, COMMANDS, compare, MOVED)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the subcommand that the command line `arguments` names, and return the exit code.
+    """Run the subcommand of `python -m evaluate` that the command line names, and return the exit code.
+
+    If the command line names no subcommand, policies are compared.
 
     Args:
-        arguments: Words of the command line; None for the command line of this process.
+        arguments: Words of the command line after `python -m evaluate`; None for the command line of this process.
 
     Returns:
         The exit code of the process.

@@ -1,7 +1,7 @@
-"""Data classes of a comparison of policies: labelled policies, tasks, chunks and cells.
+"""Data classes of an evaluation: policies with labels, tasks to simulate, and measured episodes.
 
-A cell is the result of one policy on one scenario: all of its measured episodes. A chunk is a subset of these episodes
-that are simulated together.
+A cell is a policy-scenario pair with its measured episodes. A chunk is a subset of these episodes that are simulated
+together. A task is the input of the simulation of one chunk.
 """
 
 import dataclasses
@@ -22,33 +22,39 @@ from quad_env.seeding import episode_seeds
 
 @dataclass(frozen=True)
 class LabelledPolicy:
-    """A policy with the label that names it in every result: the name or path that the user gave."""
+    """A policy with the label that names it in every result of the evaluation."""
 
     label: str
+    """Name or path of the policy, as the user gave it on the command line."""
     policy: Policy
-    """Policy that runs on every scenario.
+    """Policy object that runs on the scenarios without the hardware profile.
 
-    If `hardware_policy` exists, it runs instead on the scenarios with the hardware profile.
+    It also runs on the scenarios with the hardware profile if `hardware_policy` is None.
     """
     only_on: tuple[str, ...] = ()
-    """Names of the scenarios that the policy is restricted to; empty if it runs on all scenarios."""
+    """Names of the scenarios that the policy is restricted to; empty if the policy runs on all scenarios."""
     hardware_policy: Policy | None = None
-    """The same policy, made for the robot's hardware profile (models of the real motors and sensors).
+    """The same policy as a second object, made for the hardware profile of the robot.
 
-    It is None if `policy` runs on all scenarios.
+    The hardware profile consists of models of the robot's real motors and sensors. The value is None if `policy` runs
+    on all scenarios.
     """
 
     def runs_on(self, scenario: Scenario) -> bool:
-        """Return True if the policy runs on the scenario."""
+        """Return True if the evaluation runs this policy on the `scenario`, as `only_on` specifies."""
         return not self.only_on or scenario.name in self.only_on
 
     def policy_for(self, scenario: Scenario) -> Policy:
-        """Return the policy for a scenario: `hardware_policy` if it exists and the scenario needs it."""
+        """Return the policy object that runs on a `scenario`.
+
+        It is `hardware_policy` if this object exists and the scenario has the hardware profile (models of the robot's
+        real motors and sensors). Otherwise it is `policy`.
+        """
         return self.hardware_policy if scenario.hardware and self.hardware_policy is not None else self.policy
 
     @property
     def variants(self) -> tuple[Policy, ...]:
-        """The policy objects with this label: `policy`, and `hardware_policy` if it exists."""
+        """The one or two policy objects with this label: `policy`, and `hardware_policy` if it is not None."""
         return (self.policy,) if self.hardware_policy is None else (self.policy, self.hardware_policy)
 
 
@@ -59,19 +65,21 @@ def load_labelled_policy(
     trust: bool = False,
     only_on: Sequence[str] = (),
 ) -> LabelledPolicy:
-    """Load a policy, and load it again for the hardware profile if its scenarios need both versions.
+    """Load a policy for an evaluation, in a second version for the hardware profile if it is needed.
 
-    The hardware profile of a robot models the motors, sensors and delays of the real robot.
+    The hardware profile consists of models of the motors, sensors and delays of the real robot. The second version is
+    loaded if the policy runs both on scenarios with the hardware profile and on scenarios without it.
 
     Args:
         label: Name or path of the policy.
-        hardware: Hardware of the robots in scenarios that do not use the hardware profile.
-        scenarios: Scenarios of the run, with or without the hardware profile.
-        trust: True to load files that can contain hidden code.
+        hardware: Robot, motors and sensors in the scenarios without the hardware profile.
+        scenarios: All scenarios of the evaluation, with or without the hardware profile.
+        trust: True to load policy files that can run hidden code while they are loaded.
         only_on: Names of the scenarios that the policy runs on; empty for all scenarios.
 
     Returns:
-        The labelled policy. An external policy is loaded only once, because it has its own process and servo gains.
+        The policy with its label. A policy in a process of its own is loaded only once, because it brings its own servo
+        gains.
     """
     profiles = {scenario.hardware for scenario in scenarios if not only_on or scenario.name in only_on}
     policy = hardware.policy(label, trust, on_hardware_profile=profiles == {True})
@@ -83,61 +91,81 @@ def load_labelled_policy(
 
 @dataclass(frozen=True)
 class PolicyScenarioResult:
-    """Result of one policy on one scenario (a cell of the results): all measured episodes.
+    """Result of one policy on one scenario: the measures and outcomes of n episodes.
 
     All policies run a scenario with the same seeds, so that policies can be compared episode by episode.
     """
 
     policy: str
-    """Label of the policy: the name or path that the user gave."""
+    """Label of the policy: the name or path that the user gave on the command line."""
     scenario: Scenario
+    """Scenario of all episodes of this result."""
     seeds: NDArray[np.int64]
-    """Seeds of the episodes, (n,)."""
+    """Seed with which the environment was reset at the start of each episode, (n,)."""
     fall_reason: NDArray[np.object_]
-    """Reason for the fall in each episode, (n,).
+    """Reason for the robot's fall in each of n episodes, as text, (n,).
 
-    It is the name of the fall rule, `diverged` if the simulation became unstable, or None if the robot did not fall.
+    It is the name of the condition that ended the episode, for example `trunk_contact`. It is `diverged` if the
+    simulation became numerically unstable, and None if the robot did not fall.
     """
     measures: Measures
+    """Measures of the n episodes, for example outcome and velocity error, each an array (n, …)."""
     failure: NDArray[np.object_]
-    """Error with which the policy failed in each episode, (n,); None if the policy did not fail."""
+    """Error message with which the policy failed in each of n episodes, (n,); None if it did not fail.
+
+    An exception of the policy is an example of an error.
+    """
 
     @property
     def episodes(self) -> int:
-        """Number of episodes, n."""
+        """Number n of episodes in this result."""
         return len(self.seeds)
 
 
 @dataclass(frozen=True)
 class EpisodeChunk:
-    """Result of some episodes of one policy on one scenario that were simulated together.
+    """Subset of the episodes of one policy on one scenario that were simulated together, with their measures.
 
-    It is stored as one file, so that an interrupted run continues after the last stored chunk.
+    Each subset is stored as one file, so that an interrupted evaluation can be resumed with the subsets that are
+    missing.
     """
 
     episode_indices: NDArray[np.int64]
-    """Indices of these episodes among all episodes of the policy on the scenario, (n,)."""
+    """Index of each of the n episodes in this subset among all episodes of the policy on the scenario, (n,)."""
     cell: PolicyScenarioResult
-    """Result of the policy on the scenario that contains only these episodes."""
+    """Measures and outcomes of the n episodes in this subset, in the order of `episode_indices`."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """Episodes of one policy on one scenario to simulate together, with all inputs of the simulation."""
+    """Inputs of the simulation of n episodes of one policy on one scenario, which are simulated together.
+
+    Tasks are independent of each other, so they can run in parallel processes.
+    """
 
     policy: LabelledPolicy
+    """Policy that controls the robot."""
     scenario: Scenario
+    """Scenario of all episodes: the terrain, disturbances and commands."""
     episode_indices: NDArray[np.int64]
-    """Indices of these episodes among all episodes of the policy on the scenario, (n,)."""
+    """Index of each of the n episodes to simulate among all episodes of the policy on the scenario, (n,)."""
     seeds: NDArray[np.int64]
-    """Seeds of the episodes, (n,)."""
+    """Seed with which the environment is reset for each of the n episodes, (n,)."""
     steps: int
-    """Maximum number of control steps of an episode."""
+    """Number of control steps after which an episode ends at the latest (its time limit)."""
     hardware: HardwareConfig
+    """Names of robot, servo gains, motors, sensors, estimator and simulator."""
 
 
 def join(chunks: Sequence[EpisodeChunk]) -> PolicyScenarioResult:
-    """Join subsets of the episodes of one policy on one scenario; `chunks` may come in any order."""
+    """Join subsets of the episodes of one policy on one scenario to one result, sorted by episode index.
+
+    Args:
+        chunks: Subsets of the episodes, in any order. No two of them have an episode in common.
+
+    Returns:
+        The result with the episodes of all subsets.
+    """
     order = np.argsort(np.concatenate([chunk.episode_indices for chunk in chunks]))
     cells = [chunk.cell for chunk in chunks]
     measures = {name: np.concatenate([getattr(cell.measures, name) for cell in cells])[order] for name in MEASURE_NAMES}
@@ -152,14 +180,15 @@ def join(chunks: Sequence[EpisodeChunk]) -> PolicyScenarioResult:
 
 
 def _join_extra(cells: Sequence[PolicyScenarioResult], order: NDArray[np.intp]) -> dict[str, NDArray[np.float64]]:
-    """Join the measures that extensions define, over all subsets of episodes of one policy and scenario.
+    """Join the measures that users have registered as extensions, over all subsets of episodes.
 
     Args:
-        cells: Results of the subsets.
-        order: Permutation that sorts the concatenated episodes by index, (n,).
+        cells: Result of each subset of the episodes of one policy on one scenario.
+        order: Permutation that sorts the n concatenated episodes by their index, (n,).
 
     Returns:
-        Name of the measure -> value of each episode, (n,); NaN in the episodes of a subset that lacks the measure.
+        Name of the measure -> value in each episode, (n,). It is NaN in the episodes of a subset that lacks the
+        measure.
     """
     names = dict.fromkeys(name for cell in cells for name in cell.measures.extra)
     joined = {}
@@ -170,16 +199,17 @@ def _join_extra(cells: Sequence[PolicyScenarioResult], order: NDArray[np.intp]) 
 
 
 def apply_success_rule(cell: PolicyScenarioResult, rule: SuccessRule) -> PolicyScenarioResult:
-    """Return a copy of a result with the outcomes of its episodes by another success rule.
+    """Return a copy of a result in which another success rule decides which episodes succeed.
 
-    An episode that succeeded before and fails by the new rule gets the outcome `off_command`.
+    A success rule gives the largest velocity errors of a successful episode. An episode that succeeded before and fails
+    by the new rule gets the outcome `off_command`.
 
     Args:
         cell: Result of one policy on one scenario, with outcomes by any success rule.
         rule: Success rule to apply.
 
     Returns:
-        The result with new outcomes.
+        A copy of `cell` with the new outcome of each episode; all other measures are unchanged.
     """
     measures = cell.measures
     has_policy_failure = np.array([reason is not None for reason in cell.failure], np.bool_)
@@ -191,15 +221,15 @@ def apply_success_rule(cell: PolicyScenarioResult, rule: SuccessRule) -> PolicyS
 
 
 def evaluation_seeds(seed: int, count: int) -> NDArray[np.int64]:
-    """Return the seeds of the first `count` evaluation episodes for the run's `seed`, (count,).
+    """Return the seeds with which an evaluation resets the environment in its first `count` episodes.
 
-    Training and validation never use these seeds.
+    Training, validation and searches for parameters never use these seeds.
 
     Args:
-        seed: Evaluation seed of the run.
+        seed: Evaluation seed that the user chose with --seed.
         count: Number of episodes.
 
     Returns:
-        Seeds of the episodes, (count,).
+        Seed of each episode, (count,). A larger `count` gives the same seeds first, and then further ones.
     """
     return episode_seeds("evaluation", seed, count)

@@ -1,6 +1,6 @@
-"""Configuration of a run's robots: names of robot, servos, motors, sensors, estimator and simulator.
+"""Hardware of the simulated robots: names of robot, servo gains, motors, sensors, estimator and simulator.
 
-Functions import other packages only when they are called, because the command-line help must be quick.
+The functions of this module import other packages only when they are called, because --help must be quick.
 """
 
 import sys
@@ -18,30 +18,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class HardwareConfig:
-    """Names of robot, servo gains, motor model, sensor model, state estimator and simulator.
+    """Hardware of the simulated robots: names of robot, servo gains, motors, sensors, estimator and simulator.
 
     Each field except `servo` has the name and the meaning of a keyword argument of `SimpleQuadVectorEnv`.
     """
 
     actuator: str = "ideal"
+    """Name of the motor model; `ideal` for servo motors that only their torque limit restricts."""
     sensors: str = "truth"
+    """Name of the sensor model; `truth` if the policy observes the true state."""
     estimator: str = "complementary"
+    """Name of the state estimator that computes the observation from the readings of the sensors."""
     robot: str = "simple_quad"
-    """Name of a built-in robot, or path of a robot description in MJCF, URDF or TOML."""
+    """Name of a built-in robot, or path of a file that describes a robot in MJCF, URDF or TOML."""
     servo: str = ""
-    """Servo gains for this project's controllers: `stiffness/damping`, N·m/rad and N·m·s/rad.
+    """Servo gains for this project's controllers, as text `stiffness/damping`, N·m/rad and N·m·s/rad.
 
-    Each policy keeps its own gains if the text is empty.
+    Each policy keeps its own servo gains if the text is empty.
     """
     simulator: str = "mujoco"
-    """Physics simulator, one of `quad_env.physics.simulators.SIMULATORS`."""
+    """Name of the physics simulator, one of `quad_env.physics.simulators.SIMULATORS`."""
 
     @property
     def robot_model(self) -> "Robot":
-        """Robot that `robot` names, with the servo gains of `servo`.
+        """Robot object with the name or file `robot`, and with the servo gains `servo` if they are given.
 
-        The property loads the robot. It can raise ValueError for a wrong `servo`, and the errors of
-        `quad_env.robots.registry.get_robot`.
+        The property loads the robot. It raises ValueError if `servo` is not `stiffness/damping`, and the errors of
+        `quad_env.robots.registry.get_robot` if the robot cannot be loaded.
         """
         from quad_env.robots.registry import get_robot
 
@@ -55,9 +58,13 @@ class HardwareConfig:
             raise ValueError(f"servo is stiffness/damping above 0, such as 35/0.5, not {self.servo!r}") from None
 
     def env_kwargs(self, robot: "Robot") -> dict[str, Any]:
-        """Return the keyword arguments of an environment for a policy.
+        """Return the keyword arguments with which to make an environment with this hardware for a policy.
 
-        The result maps argument names to values. Its robot has the servo gains of the policy's `robot`.
+        Args:
+            robot: Robot of the policy. The environment's robot gets the servo gains of this robot.
+
+        Returns:
+            Name of the keyword argument -> value.
         """
         robot_model = self.robot_model.with_servo(robot.servo_stiffness, robot.servo_damping)
         names = ("actuator", "sensors", "estimator", "simulator")
@@ -66,18 +73,18 @@ class HardwareConfig:
     def policy(
         self, name_or_path: str, trust: bool = False, *, on_hardware_profile: bool = False, **options: Any
     ) -> "Policy":
-        """Make a new policy for the robot of this configuration; raise PolicyError if the policy is unknown.
+        """Make a new policy object for this hardware; raise PolicyError if the policy is unknown.
 
         Args:
             name_or_path: Name or path of the policy, as for `policies.resolve`.
-            trust: True to load files that can contain hidden code.
+            trust: True to load policy files that can run hidden code while they are loaded.
             on_hardware_profile: True to make the policy for scenarios with the hardware profile (models of the real
                 robot's motors and sensors). This project's controllers then use the servo gains of the robot's
                 manufacturer.
             **options: Further keyword arguments of the policy, for example `parameters`.
 
         Returns:
-            The policy.
+            The policy object.
         """
         import policies
         from quad_env.actuation.hardware import hardware_profile
@@ -92,16 +99,19 @@ class HardwareConfig:
 
     @property
     def is_customized(self) -> bool:
-        """True if the motor model, the sensor model or the estimator differs from the default."""
+        """True if the motor model, the sensor model or the estimator differs from the default in IDEAL."""
         return replace(self, robot=IDEAL.robot, servo="", simulator=IDEAL.simulator) != IDEAL
 
 
 IDEAL = HardwareConfig()
-"""Default configuration: the robot SimpleQuad with ideal motors and the true state, in MuJoCo."""
+"""Default hardware: the robot SimpleQuad with ideal motors in MuJoCo, and policies that observe the true state."""
 
 
 def describe_hardware(hardware: HardwareConfig) -> str:
-    """Return a sentence such as ` Robot: go1.` for each part of `hardware` that is not the default."""
+    """Describe the parts of `hardware` that differ from the default, for example ` Robot: go1.`, in words.
+
+    The text has one sentence for each of these parts, with a space before it. It is empty for the default hardware.
+    """
     text = ""
     if hardware.robot != IDEAL.robot:
         text += f" Robot: {hardware.robot}."
@@ -116,14 +126,14 @@ def describe_hardware(hardware: HardwareConfig) -> str:
 
 
 def parse_robot_option(robot: str, option: str = "--robot") -> HardwareConfig:
-    """Make the default hardware configuration with the robot that a command-line option names.
+    """Convert the robot that a command-line option names to default hardware with this robot.
 
     Args:
-        robot: Name of a robot, or path of its description.
+        robot: Value of the option: name of a built-in robot, or path of a file that describes a robot.
         option: Name of the option, for the error message.
 
     Returns:
-        The default configuration with this robot.
+        The default hardware (ideal motors, true state, MuJoCo) with this robot.
 
     Raises:
         UsageError: The robot does not exist or cannot be loaded.
@@ -137,17 +147,18 @@ def parse_robot_option(robot: str, option: str = "--robot") -> HardwareConfig:
 
 
 def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None) -> None:
-    """Check that all names of a hardware configuration exist and that the simulator supports them.
+    """Check that the robot, motors, sensors, estimator and simulator of `hardware` exist and fit together.
 
     A robot from a user's file is also checked for plausibility. Implausible properties are printed as warnings.
 
     Args:
-        hardware: Configuration to check.
-        scenario: Scenario to simulate; None for flat ground.
+        hardware: Names of robot, servo gains, motors, sensors, estimator and simulator.
+        scenario: Scenario that the simulator must support; None for flat ground.
 
     Raises:
-        ValueError: A name is unknown (the message lists the valid names). The robot cannot be loaded. An estimator is
-            named, but no sensors. The simulator does not support the scenario or the hardware.
+        ValueError: A name is unknown (the message lists the valid names), or the robot cannot be loaded. Another reason
+            is an estimator that is named although the sensors are the true state. The last reason is a simulator that
+            does not support the scenario or the hardware.
     """
     from quad_env.actuation.models import find_actuator
     from quad_env.physics.simulators import check_simulator
@@ -157,7 +168,7 @@ def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None)
 
     try:
         robot = hardware.robot_model
-    except (OSError, ImportError) as error:  # raised if the robot's file or a required package is missing
+    except (OSError, ImportError) as error:  # These are raised if the robot's file or a required package is missing.
         raise ValueError(str(error)) from error
     if robot.source is not None:
         _print_warnings(robot)
@@ -169,7 +180,7 @@ def check_hardware(hardware: HardwareConfig, scenario: "Scenario | None" = None)
 
 @lru_cache
 def _print_warnings(robot: "Robot") -> None:
-    """Print warnings about implausible properties of a user's `robot`, at most once for each robot."""
+    """Print warnings on stderr about implausible properties of a user's `robot`, at most once for each robot."""
     from quad_env.robots.leg_names import find_contradictions
     from quad_env.robots.plausibility import find_warnings
 

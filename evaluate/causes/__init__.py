@@ -1,1 +1,1 @@
-"""Causes of failed episodes, such as a trip or a slip, determined by rules on the recorded signals."""
+"""Causes of failed episodes, such as a trip or a slip; rules determine them from the recorded signals."""

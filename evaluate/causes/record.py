@@ -1,4 +1,4 @@
-"""Signals of one failed episode, and quantities derived from them, as input of the rules for causes."""
+"""Recorded signals of one failed episode, and quantities computed from them, for the search for its cause."""
 
 import json
 from dataclasses import dataclass, replace
@@ -19,26 +19,31 @@ from quad_env.scenarios.scenario import Scenario
 
 _FILE = Path(__file__).with_name("thresholds.json")
 THRESHOLDS: dict[str, tuple[float, str, str]] = json.loads(_FILE.read_text(encoding="utf-8"))
-"""Name of a threshold -> value, unit, and reason for the value, for all rules that determine causes."""
+"""Thresholds of the rules that determine the cause of a failed episode: name -> (value, unit, reason for the value).
+
+The values hold for the robot SimpleQuad. The file thresholds.json contains them.
+"""
 SHANK_SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])
 """Sample points on a shank, as fractions of its length from the knee (0) to the foot (1), (4,)."""
 
 
 @dataclass(frozen=True)
 class EpisodeSignals:
-    """Signals of one failed episode, with one row for each control step before the episode's end.
+    """Signals of one failed episode, as input of the rules that determine the cause of the failure.
 
-    The episode is selected by its index `number` among the recorded `episodes`.
+    Each signal has one row for each control step before the robot's fall, or before the time limit.
     """
 
     episodes: Episodes
+    """Recorded signals of n episodes; this object describes the one with the index `number`."""
     scenario: Scenario
+    """Scenario (terrain, disturbances and commands) of the episodes."""
     number: int
     """Index of the failed episode among the recorded `episodes`."""
 
     @cached_property
     def end(self) -> int:
-        """First control step after which the robot had fallen; the number of steps if it did not fall.
+        """Index of the control step during which the robot fell; the number of steps if it did not fall.
 
         The recorded signals have no meaning from this step on.
         """
@@ -50,58 +55,70 @@ class EpisodeSignals:
         return self.end < self.episodes.steps
 
     def signal(self, name: str) -> Floats:
-        """Return the recorded signal `name` of this episode up to its end, (end, …), as float64."""
+        """Return the recorded signal `name` in the control steps before the fall or the time limit, (end, …).
+
+        The names, for example `tilt`, are fields of `Episodes`. The values are converted to float64.
+        """
         return np.asarray(getattr(self.episodes, name)[: self.end, self.number], np.float64)
 
     def threshold(self, name: str) -> float:
-        """Return the threshold `name`; lengths, times and speeds are scaled to the size of the robot's legs."""
+        """Return the threshold `name` of THRESHOLDS, scaled to this robot, in m, s, m/s, rad or without unit.
+
+        Lengths, times and speeds are scaled from the leg length of SimpleQuad to the leg length of this robot.
+        """
         value, unit, _ = THRESHOLDS[name]
         return value * (scale_factor(self.episodes.robot, unit) if unit in ("m", "s", "m/s") else 1.0)
 
     def steps(self, name: str) -> int:
-        """Convert the threshold `name`, a time in s, to a number of control steps, at least 1."""
+        """Convert the threshold `name` of THRESHOLDS, a time in s, to a number of control steps, at least 1."""
         return max(1, round(self.threshold(name) / self.episodes.dt))
 
     @cached_property
     def sampled(self) -> EpisodeSample:
-        """Random quantities of the episode (friction, pushes, delays, …), drawn again from the episode's seed."""
+        """Random conditions of this episode, for example friction, pushes and delays.
+
+        They are not recorded. They are drawn again from the seed of the episode, with the same result.
+        """
         seed = int(self.episodes.seeds[self.number])
         return EpisodeSample(self.episodes.robot, self.scenario, seed, 0, self.episodes.dt)
 
     @cached_property
     def rotation(self) -> Floats:
-        """Rotation matrix of the trunk from the base frame to the world frame, (end, 3, 3)."""
+        """Rotation matrix from the base frame (fixed to the trunk) to the world frame, (end steps, 3, 3)."""
         return np.moveaxis(np.array(rotation_matrix(to_components(self.signal("quaternion")))), -1, 0)
 
     @cached_property
     def velocity(self) -> Floats:
-        """Horizontal velocity of the trunk, world frame, x and y, (end, 2), m/s."""
+        """Horizontal velocity of the trunk in each control step, world frame, x and y, (end steps, 2), m/s."""
         yaw = np.arctan2(self.rotation[:, 1, 0], self.rotation[:, 0, 0])
         rotation_world_from_heading = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
         return np.asarray(np.einsum("ijt,tj->ti", rotation_world_from_heading, self.signal("heading_velocity")[:, :2]))
 
     @cached_property
     def time_constant(self) -> float:
-        """Time constant with which a standing robot topples, √(h / g) with the trunk's standing height h, s."""
+        """Time constant √(h / g) of the linear inverted pendulum, with which a standing robot topples, s.
+
+        h is the height of the trunk in the home pose, m, and g is the gravitational acceleration, m/s².
+        """
         return float(np.sqrt(self.episodes.robot.home_height / GRAVITY))
 
     @cached_property
     def capture_point_offset(self) -> Floats:
-        """Capture point (Pratt et al. 2006) relative to the mean position of the feet.
+        """Capture point minus the mean position of the four feet, world frame, x and y, (end steps, 2), m.
 
-        It is in the world frame, x and y, (end, 2), m. Its distance from the feet shows how far the robot is off
-        balance.
+        The capture point is the point on the ground at which the robot would have to step to come to rest (Pratt et al.
+        2006). The longer this vector is, the more the robot is off balance.
         """
         feet = self.signal("foot_position")[:, :, :2].mean(axis=1)
         return np.asarray(self.signal("position")[:, :2] + self.velocity * self.time_constant - feet)
 
     @cached_property
     def shank(self) -> tuple[Floats, Floats]:
-        """Positions and velocities of the sample points on the four shanks.
+        """Pair of arrays: positions, m, and velocities, m/s, of four points on each of the four shanks.
 
-        The four points of a shank lie at the fractions SHANK_SAMPLES of its length; the last one is the foot. A
-        velocity is the mean over the control step before. Both arrays are in the world frame, (end, 4 legs, 4 points,
-        3), m and m/s.
+        Both arrays are in the world frame, (end steps, 4 legs, 4 points, 3). The points lie at the fractions
+        SHANK_SAMPLES of the shank's length, from the knee to the foot. The last point is the foot. Each velocity is the
+        mean since the previous control step.
         """
         to_knees = replace(self.episodes.robot, calf_length=0.0)
         knee = feet_in_world(to_knees, self.signal("position"), self.rotation, self.signal("joint_position"))[
@@ -111,15 +128,22 @@ class EpisodeSignals:
         return points, np.diff(points, axis=0, prepend=points[:1]) / self.episodes.dt
 
     def ground(self, points: Floats) -> Floats:
-        """Return the height of the ground at the positions `points`, world frame, (…, 2 or 3), m."""
+        """Return the height of the ground below or above each position in `points`, world frame, (…), m.
+
+        Args:
+            points: Positions, world frame, m, (…, 2) or (…, 3). Only the coordinates x and y count.
+
+        Returns:
+            Height of the ground, (…), m.
+        """
         return np.asarray(self.scenario.terrain.height(points[..., 0], points[..., 1]), np.float64)
 
     @cached_property
     def onset(self) -> int:
-        """Control step at which the failure begins.
+        """Index of the control step at which the failure begins.
 
-        It is the first step after the last one in which tilt, trunk height and capture point were all within their
-        usual ranges.
+        In this step and in all later steps, the tilt, the height of the trunk or the capture point is outside of its
+        usual range. In the step before, all three were within their usual ranges.
         """
         offset = planar(self.capture_point_offset) - planar(self.signal("command")) * self.time_constant
         depth = -self.signal("height") / self.episodes.robot.home_height
@@ -131,17 +155,17 @@ class EpisodeSignals:
         return int(np.flatnonzero(np.append(True, ~is_unusual)).max())
 
     def _exceeds_usual(self, signal: Floats, limit: float) -> Bools:
-        """Return the mask of the control steps in which a signal is unusually large.
+        """Return the mask of the control steps in which a signal is larger than usual in this episode.
 
-        The signal must exceed `limit` and a range that is usual in this episode. The usual range is computed from the
-        steps well before the fall. Only `limit` counts if there are too few of these steps.
+        The usual range of the signal is a quantile of its values in the control steps well before the fall. A value is
+        unusual if it exceeds both `limit` and the usual range. Only `limit` counts if there are too few of these steps.
 
         Args:
-            signal: Signal of each step, (end,).
-            limit: Threshold, in the unit of the signal.
+            signal: Value of the signal in each control step, (end,).
+            limit: Threshold that an unusual value must exceed at least, in the unit of the signal.
 
         Returns:
-            True for steps with an unusually large signal, (end,).
+            True for control steps with an unusually large value, (end,).
         """
         usual = signal[self.steps("start") : max(0, self.end - self.steps("before the fall"))]
         if len(usual) > self.steps("stride"):
@@ -152,10 +176,10 @@ class EpisodeSignals:
 
     @cached_property
     def window(self) -> slice:
-        """Control steps in which the rules search for causes.
+        """Range of the control steps in which the rules search for the cause of the failure.
 
-        They are the steps around the onset of the failure. If the robot did not fall, they are all steps after the
-        first second.
+        If the robot fell, the range extends from shortly before to shortly after the onset of the failure. If it did
+        not fall, the range contains all control steps after the first second of the episode.
         """
         if not self.fell:
             return slice(self.episodes.settling, self.end)

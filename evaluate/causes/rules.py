@@ -1,8 +1,8 @@
-"""Rules for causes of failure: each rule searches a failed episode for one cause and yields events.
+"""Rules that find the cause of a failed episode: each rule is a function that searches for one kind of cause.
 
-An event is a possible cause with a score. An instantaneous event, for example a collision of a foot with a step,
-happens in one control step. A lasting event, for example low friction or sensor noise, begins within the searched
-control steps.
+A rule yields events. An event is a possible cause with a score, which is the measured quantity divided by a threshold.
+An instantaneous event, for example a collision of a foot with a step, happens in one control step. A lasting event, for
+example low friction or sensor noise, continues from the control step in which it begins.
 """
 
 from collections.abc import Iterator
@@ -33,39 +33,45 @@ STALLED = "stalled"
 POLICY = "policy_error"
 UNCLEAR = "unclear"
 CAUSES = (TRIP, SLIP, PUSH, MOTOR, REACH, ESTIMATE, SIGNAL, GAIT, SLOW, STALLED, POLICY, UNCLEAR)
-"""Names of all causes of failure; each failed episode has exactly one."""
+"""Names of all causes of failure, as in results.json; each failed episode has exactly one cause."""
 CAUSE_RULE = "causes/1"
-"""Version of these rules, which is written into the manifest of every run."""
+"""Version of the rules that determine causes of failure; manifest.json of every evaluation contains it."""
 TRIP_WINDOW_STEPS = 3
-"""Number of control steps before a leg hits an obstacle over which the speed of the leg is averaged."""
+"""Number of control steps over which the speed of a leg before a collision with an obstacle is averaged."""
 SATURATION_WINDOW_STEPS = 5
 """Number of control steps over which a motor torque is averaged before it is compared with its limit."""
 MIN_TRIP_SCORE = 0.5
-"""Minimum score of a collision of a leg that is yielded as a trip event."""
+"""Minimum score with which a collision of a leg is yielded as an event (a possible cause of a failure).
+
+The score is the measured quantity divided by its threshold. An event needs a score of 1 to be the cause, but smaller
+scores count in the decision if no event reaches 1.
+"""
 
 
 class Event(NamedTuple):
-    """A possible cause of a failed episode, found by one of the rules."""
+    """Event in a failed episode that may have caused the failure; the rules of this module find it."""
 
     cause: str
-    """Name of the cause, one of CAUSES."""
+    """Name of the kind of cause, one of CAUSES, for example `trip`."""
     step: int
-    """Control step in which the event began, counted from the start of the episode."""
+    """Index of the control step in which the event began, counted from the start of the episode."""
     score: float
     """Measured quantity divided by its threshold; an event with a score of 1 or more can be the cause."""
     description: str
+    """Description for the user, for example `front left foot hits the edge of a step (0.15 m) at 0.9 m/s`."""
     is_instantaneous: bool = False
+    """True if the event happens in one control step, for example a collision; False if it lasts."""
 
 
 def trips(record: EpisodeSignals, window: slice | None = None) -> Iterator[Event]:
-    """Find trips: swing legs that hit an obstacle and lose speed where the ground rises.
+    """Find trips: a swing leg hits an obstacle and loses speed at a place where the ground rises.
 
     Args:
-        record: Signals of the episode.
-        window: Control steps to search; None to search `record.window`.
+        record: Signals of the failed episode.
+        window: Range of control steps to search; None for the steps around the onset of the failure.
 
     Yields:
-        The trip event with the highest score, for each control step in which a leg is hit.
+        The trip with the highest score in each control step in which a leg hits an obstacle.
     """
     window = window or record.window
     steps = np.arange(max(window.start, TRIP_WINDOW_STEPS), min(window.stop, record.end - 1))
@@ -84,16 +90,16 @@ def trips(record: EpisodeSignals, window: slice | None = None) -> Iterator[Event
 
 
 def _shank_blows(record: EpisodeSignals, steps: Ints) -> tuple[Floats, Floats, Floats]:
-    """Compute speed, loss of speed and rise of the ground at each sample point of the four shanks.
+    """Compute the quantities from which a collision of a shank is detected, at four points on each shank.
 
     Args:
-        record: Signals of the episode.
-        steps: Control steps in which a collision may have happened, (k,).
+        record: Signals of the failed episode.
+        steps: Indices of the control steps in which a collision may have happened, (k,).
 
     Returns:
-        speed: Mean horizontal speed before the step, (k, 4 legs, 4 points), m/s.
-        speed_lost: Decrease of the speed along the direction of motion before the step, same shape, m/s.
-        rise: Rise of the ground along this direction, same shape, m.
+        speed: Mean horizontal speed of the point in the control steps before, (k, 4 legs, 4 points), m/s.
+        speed_lost: Decrease of the velocity along its previous direction, (k, 4 legs, 4 points), m/s.
+        rise: Ground height ahead of the point minus ground height behind it, (k, 4 legs, 4 points), m.
     """
     points, velocity = record.shank
     before = _running_mean(velocity[..., :2], TRIP_WINDOW_STEPS)[steps - 1]
@@ -108,23 +114,26 @@ def _rise_ahead(record: EpisodeSignals, points: Floats, direction: Floats) -> Fl
     """Return the ground height just ahead of moving points minus the ground height just behind them.
 
     Args:
-        record: Signals of the episode.
-        points: Horizontal positions, world frame, (…, 2), m.
-        direction: Unit vectors of the direction of motion, world frame, (…, 2).
+        record: Signals of the failed episode, which contain the terrain.
+        points: Horizontal positions of the points, world frame, x and y, (…, 2), m.
+        direction: Direction of motion of each point as a unit vector, world frame, x and y, (…, 2).
 
     Returns:
-        Rise of the ground, (…), m.
+        Difference of the ground heights, (…), m; positive if a point moves towards higher ground.
     """
     ahead = record.threshold("reach of a riser") * direction
     return np.asarray(record.ground(points + ahead) - record.ground(points - ahead))
 
 
 def _touching(record: EpisodeSignals, steps: Ints) -> Bools:
-    """Return the mask of the sample points on swing legs that touch an obstacle.
+    """Return the mask of the points on the shanks of swing legs that are in contact with an obstacle.
+
+    Each shank has four points; the last one is the foot. The recorded signals show contact for each foot, but only one
+    common contact for all other parts of the legs.
 
     Args:
-        record: Signals of the episode.
-        steps: Control steps, (k,).
+        record: Signals of the failed episode.
+        steps: Indices of the control steps, (k,).
 
     Returns:
         True for points in contact, (k, 4 legs, 4 points).
@@ -137,7 +146,11 @@ def _touching(record: EpisodeSignals, steps: Ints) -> Bools:
 
 
 def trunk_blow(record: EpisodeSignals) -> Iterator[Event]:
-    """Find a collision of the trunk with rising ground that happens while the trunk's posture is ordinary."""
+    """Find a collision of the trunk with an obstacle, for example a step, that ended the episode as a fall.
+
+    The collision counts only if the failure began shortly before and the tilt of the trunk was small. Otherwise the
+    robot was already falling.
+    """
     last = record.end - 1
     episodes = record.episodes
     is_ordinary = record.signal("tilt")[last] <= 2 * record.threshold("tilt") and record.onset >= last - record.steps(
@@ -155,10 +168,10 @@ def trunk_blow(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def slides(record: EpisodeSignals) -> Iterator[Event]:
-    """Find stance feet that slide on the ground.
+    """Find slips: stance feet that slide on the ground.
 
-    The score is lower on ground with high friction, because there the controller rather than the ground causes the
-    sliding.
+    The score is smaller if the friction coefficient is high, because the controller rather than the ground then causes
+    the sliding.
     """
     window = record.window
     friction = record.sampled.friction
@@ -175,9 +188,10 @@ def slides(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def pushes(record: EpisodeSignals) -> Iterator[Event]:
-    """Find pushes shortly before the onset of the failure, and a steady force that shifts the robot.
+    """Find pushes shortly before the onset of a fall, and a steady external force that shifts the robot.
 
-    The score of a push is the displacement of the capture point by the push, divided by its threshold.
+    The score of a push is the displacement of the capture point that it causes, divided by a threshold. The score of a
+    steady force is the force as a fraction of the robot's weight, divided by a threshold.
     """
     if not record.fell:
         return
@@ -201,7 +215,10 @@ def pushes(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def motor_saturation(record: EpisodeSignals) -> Iterator[Event]:
-    """Find motors at their torque or speed limit, and servos with low bandwidth that lag their targets."""
+    """Find motors at their torque or speed limit, and servos that follow their joint targets too slowly.
+
+    The delay of a servo counts only if the scenario limits the bandwidth of the servos.
+    """
     yield _saturation(record)
     bandwidth = record.scenario.motors.bandwidth
     if bandwidth is not None:
@@ -212,9 +229,10 @@ def motor_saturation(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def _saturation(record: EpisodeSignals) -> Event:
-    """Return the event of motors at their torque limit or at the speed limit of their torque-speed curve.
+    """Return the event that motors were at their torque limit, or at the speed limit of their torque-speed curve.
 
-    The speed limit counts only if the motor model has a torque-speed curve.
+    The speed limit counts only if the motor model has a torque-speed curve. The score is the fraction of joints and
+    control steps at a limit, divided by its threshold.
     """
     window = record.window
     episodes = record.episodes
@@ -234,9 +252,10 @@ def _saturation(record: EpisodeSignals) -> Event:
 
 
 def limits(record: EpisodeSignals) -> Iterator[Event]:
-    """Find stance legs with a joint at its limit, and stance legs that are almost fully stretched.
+    """Find stance legs that cannot reach further: a joint is at its limit, or the leg is almost fully stretched.
 
-    Joint targets are not checked, because crouching gaits usually have targets beyond a joint limit.
+    Only measured joint angles count. Joint targets do not, because crouching gaits usually have targets beyond a joint
+    limit.
     """
     window = record.window
     robot = record.episodes.robot
@@ -254,9 +273,10 @@ def limits(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def estimation_error(record: EpisodeSignals) -> Iterator[Event]:
-    """Find large errors of the tilt and the velocity that the policy observes.
+    """Find large errors of the tilt and the horizontal velocity that the policy observes.
 
-    Each observation is compared with the true state at the time of measurement, because the observation delay is known.
+    Each observation is compared with the true state at the time at which it was measured. A delay of the observation
+    alone is therefore no error.
     """
     if record.episodes.observed is None:
         return
@@ -274,7 +294,10 @@ def estimation_error(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def delay_or_dropout(record: EpisodeSignals) -> Iterator[Event]:
-    """Find delays of observations and actions, and joint targets that were lost before the failure."""
+    """Find a delay of observations and actions, and joint targets that servos did not receive before the failure.
+
+    The score of a delay is the delay divided by the robot's time constant of falling and by a threshold.
+    """
     if delay_steps := record.sampled.action_delay + _observation_delay_steps(record):
         delay = delay_steps * record.episodes.dt
         description = f"readings and actions are {1000 * delay_steps * record.episodes.dt:.0f} ms late together"
@@ -284,9 +307,10 @@ def delay_or_dropout(record: EpisodeSignals) -> Iterator[Event]:
 
 
 def _dropouts(record: EpisodeSignals) -> Iterator[Event]:
-    """Find servos that received no joint targets for some time shortly before the onset of the failure.
+    """Find servos that received no joint targets for some time (a dropout) shortly before the failure began.
 
-    The score is the largest change of the joint target that a servo missed, divided by its threshold.
+    A servo holds its last target during a dropout. The score is the largest difference, in rad, between the targets
+    that the policy sent meanwhile and this last target, divided by its threshold.
     """
     window = record.window
     dt = record.episodes.dt
@@ -307,11 +331,11 @@ def _dropouts(record: EpisodeSignals) -> Iterator[Event]:
 
 
 RULES = (trips, trunk_blow, slides, pushes, motor_saturation, limits, estimation_error, delay_or_dropout)
-"""Rules that are applied to episodes in which the robot fell."""
+"""Rules that search for the cause if the robot fell; the events of all of these rules are compared."""
 UPRIGHT_RULES = (motor_saturation, slides, estimation_error, delay_or_dropout, limits)
-"""Rules that are applied to failed episodes in which the robot stayed upright.
+"""Rules that search for the cause if an episode failed although the robot stayed upright, in order of priority.
 
-The first rule that yields an event with a score of at least 1 decides.
+The first rule that yields an event with a score of at least 1 determines the cause.
 """
 
 
@@ -321,7 +345,15 @@ def _can_rise(record: EpisodeSignals) -> bool:
 
 
 def _leg_name(record: EpisodeSignals, leg: int) -> str:
-    """Return the name of the leg with the index `leg` (FL, FR, RL, RR), for example `front left`."""
+    """Return the name of a leg in words, for example `front left`; `record` contains the robot.
+
+    Args:
+        record: Signals of the failed episode, with the robot.
+        leg: Index of the leg in the order FL, FR, RL, RR.
+
+    Returns:
+        The name of the leg.
+    """
     robot = record.episodes.robot
     end = "front" if robot.hip_positions[leg, 0] > 0.0 else "hind"
     side = "left" if robot.side[leg] > 0.0 else "right"
@@ -329,49 +361,66 @@ def _leg_name(record: EpisodeSignals, leg: int) -> str:
 
 
 def _joint_name(record: EpisodeSignals, joint: int) -> str:
-    """Return the name of the joint with the index `joint`, 0 … 11, for example `front left thigh`."""
+    """Return the name of a joint in words, for example `front left thigh`.
+
+    Args:
+        record: Signals of the failed episode, with the robot.
+        joint: Index of the joint, 0 … 11: three joints (hip, thigh, calf) for each leg in the order FL, FR, RL, RR.
+
+    Returns:
+        The name of the joint.
+    """
     return f"{_leg_name(record, joint // 3)} {('hip', 'thigh', 'calf')[joint % 3]}"
 
 
 def _rise_text(record: EpisodeSignals, height: float) -> str:
-    """Describe an obstacle of the given `height` in m, for example `the edge of a step (0.15 m)`."""
+    """Describe an obstacle in words, for example `the edge of a step (0.15 m)`.
+
+    Args:
+        record: Signals of the failed episode; the terrain of its scenario determines the noun.
+        height: Height of the obstacle, m.
+
+    Returns:
+        The description.
+    """
     obstacle = "the edge of a step" if isinstance(record.scenario.terrain, Stairs) else "a rise"
     return f"{obstacle} ({height:.2f} m)"
 
 
 def _observation_delay_steps(record: EpisodeSignals) -> int:
-    """Return the delay of the observations in the scenario, in control steps; 0 if there is no delay."""
+    """Return the delay of the observations in the scenario of an episode, in control steps; 0 for no delay."""
     latency = record.scenario.latency
     return 0 if latency is None else round(latency.observation / record.episodes.dt)
 
 
 def _running_mean(values: Floats | Bools, length: int) -> Floats:
-    """Return the running mean of the rows of `values`.
+    """Return the mean of a signal over the last `length` control steps, for each control step.
 
     Args:
-        values: Values with one row for each control step, (steps, …).
-        length: Number of rows to average: each row and the rows before it.
+        values: Value of the signal in each control step, (steps, …). Values before the first step count as 0.
+        length: Number of control steps in each mean: the step itself and the steps before it.
 
     Returns:
-        Means, (steps, …).
+        Mean that ends at each control step, (steps, …), in the unit of `values`.
     """
     sums = np.cumsum(np.concatenate((np.zeros((length, *values.shape[1:])), values)), axis=0)
     return np.asarray((sums[length:] - sums[:-length]) / length)
 
 
 def _root_mean_square(values: Floats) -> float:
-    """Return the root mean square of `values`, (steps,), in their unit."""
+    """Return the root mean square of `values`, (steps,), over all control steps, in the unit of the values."""
     return float(np.sqrt((values**2).mean()))
 
 
 def _first_step(window: slice, mask: Bools) -> int:
-    """Return the first control step of a window in which any entry of `mask` is true.
+    """Return the index of the first control step of a range in which a condition holds for any of k feet or joints.
 
     Args:
-        window: Control steps of the window.
-        mask: Condition in each step of the window, (steps, k).
+        window: Range of control steps.
+        mask: True if the condition holds, for each control step of the range and each foot or joint, (steps, k).
 
     Returns:
-        Index of the control step; the start of the window if all entries are false.
+        Index of the control step, counted from the start of the episode. It is the start of the range if the condition
+        never holds.
     """
     return int(window.start + np.argmax(mask.any(axis=1)))

@@ -1,4 +1,4 @@
-"""Timeline of an episode for the user: at most five events, sorted by time, that explain the outcome."""
+"""Timeline of an episode: at most five events, sorted by time, that explain its outcome to the user."""
 
 from collections.abc import Iterable
 
@@ -13,22 +13,22 @@ from evaluate.measures.metrics import Measures
 from evaluate.measures.outcomes import SUCCEEDED
 
 MAX_CAUSES = 3
-"""Maximum number of events in a timeline that have different causes."""
+"""Maximum number of possible causes in the timeline of a failed episode; each of them has one event."""
 
 
 def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tuple[float, str]]:
-    """Return the main events of an episode, sorted by time.
+    """Return the main events of an episode, sorted by time, to explain its outcome to the user.
 
-    For a failed episode, they are the event that decided the cause, and the strongest events of up to two other causes.
-    If the robot fell, the time at which it left its ordinary gait is added. The outcome comes last.
+    The events of a failed episode are the cause of the failure, and the strongest events of up to two other possible
+    causes. If the robot fell, the departure from its ordinary gait is added. The last event is the outcome.
 
     Args:
-        episodes: Recorded episodes.
-        measures: Measures of these episodes.
-        number: Index of the episode.
+        episodes: Recorded signals of n episodes.
+        measures: Measures of the same n episodes.
+        number: Index of the explained episode, 0 … n − 1.
 
     Returns:
-        Pairs of time (s) and description, for example `front left foot hits the edge of a step (0.15 m) at 0.9 m/s`.
+        Pairs of time, s, and description, for example `front left foot hits the edge of a step (0.15 m) at 0.9 m/s`.
     """
     outcome = str(measures.outcome[number]).replace("_", " ")
     if outcome == SUCCEEDED or episodes.scenario is None:
@@ -38,7 +38,7 @@ def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tu
     moments = _events(decided)
     if record.fell and record.end:
         if decided.event.cause in (GAIT, UNCLEAR) and decided.event.step == record.onset:
-            moments = []  # because the departure from the gait, added below, is the same event
+            moments = []  # The departure from the gait, which is added below, is the same event.
         moments.append(_departure(record))
         outcome += f" ({episodes.fall_reason[number].replace('_', ' ')})"
     cause = decided.event.cause.replace("_", " ")
@@ -49,9 +49,15 @@ def timeline(episodes: Episodes, measures: Measures, number: int = 0) -> list[tu
 
 
 def _events(decided: Verdict) -> list[tuple[int, str]]:
-    """Return the control step and the description of the deciding event and of other strong events.
+    """Return control step and description of the event that caused a failure, and of up to two other events.
 
-    The others are the events with the highest scores of up to two other causes.
+    The other events belong to other possible causes. Of each cause, the event with the highest score is chosen.
+
+    Args:
+        decided: Verdict on the failed episode.
+
+    Returns:
+        Pairs of control step and description, the cause of the failure first.
     """
     strongest = {decided.event.cause: decided.event}
     for event in sorted(decided.triggered_events, key=lambda event: -event.score):
@@ -60,7 +66,10 @@ def _events(decided: Verdict) -> list[tuple[int, str]]:
 
 
 def _departure(record: EpisodeSignals) -> tuple[int, str]:
-    """Return the control step and a description of the robot's departure from its ordinary gait."""
+    """Return the control step at which the robot left its ordinary gait before a fall, and a description of it.
+
+    The description contains the tilt and the capture point of the robot in this control step.
+    """
     step = min(record.onset, record.end - 1)
     tilt = np.degrees(record.signal("tilt")[step])
     offset = planar(record.capture_point_offset)[step]
@@ -71,5 +80,8 @@ def _departure(record: EpisodeSignals) -> tuple[int, str]:
 
 
 def in_lines(moments: Iterable[tuple[float, str]]) -> list[str]:
-    """Format pairs of time and description as lines of text, for example `2.41 s  the trunk meets a rise`."""
+    """Format the events `moments`, pairs of time (s) and description, as one line of text for each event.
+
+    An example of a line is `2.41 s  the trunk meets a rise (0.08 m)`.
+    """
     return [f"{time:.2f} s  {description}" for time, description in moments]

@@ -1,4 +1,4 @@
-"""Verdict on a failed episode: the event that caused the failure, and whether this is certain."""
+"""Choice of the cause of a failed episode among the events that the rules find, and its certainty."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -17,36 +17,39 @@ from quad_env.robots.similarity import scale_factor
 from quad_env.scenarios.scenario import Scenario
 
 TRIGGERED = 1.0
-"""Minimum score of an event that can be the cause of a failure."""
+"""Minimum score of an event that can be the cause of a failure; a score is a quantity divided by its threshold."""
 MAX_FAILURE_LENGTH = 120
-"""Maximum length of a policy's error message in the description of a cause, characters."""
+"""Number of characters after which a policy's error message is cut in the description of a failure's cause."""
 
 
 class Verdict(NamedTuple):
-    """Cause of a failed episode.
-
-    It has the deciding event, a flag that is true if the cause is certain, and all events with a score of at least 1.
-    """
+    """Cause of a failed episode: the event that caused the failure, and the certainty of this choice."""
 
     event: Event
+    """Event that caused the failure, for example a collision of a foot with a step."""
     certain: bool
+    """True if the event certainly caused the failure; False if this is only likely."""
     triggered_events: tuple[Event, ...] = ()
+    """All events of the episode with a score (quantity / threshold) of at least 1.
+
+    They are sorted by time if the robot fell, and otherwise by the priority of the rules.
+    """
 
     @property
     def detail(self) -> str:
-        """Description of the deciding event, followed by `(certain)` or `(likely)`."""
+        """Description of the event that caused the failure, followed by `(certain)` or `(likely)`."""
         return f"{self.event.description} ({'certain' if self.certain else 'likely'})"
 
 
 def with_causes(measures: Measures, episodes: Episodes) -> Measures:
-    """Add the causes of failure to the `measures` of `episodes`.
+    """Add the cause of each failed episode, its time and its description to the measures of n episodes.
 
     Args:
-        measures: Measures without causes of failure.
-        episodes: Recorded episodes of the measures.
+        measures: Measures of n episodes, with the outcome but without the causes of failure.
+        episodes: Recorded signals of the same n episodes.
 
     Returns:
-        Measures with causes; unchanged if the scenario of the episodes is not known.
+        A copy of the measures with causes; `measures` itself if the scenario of the episodes is not known.
     """
     if episodes.scenario is None:
         return measures
@@ -64,12 +67,14 @@ def with_causes(measures: Measures, episodes: Episodes) -> Measures:
 def verdict(record: EpisodeSignals, measures: Measures) -> Verdict:
     """Determine the cause of a failed episode.
 
+    The cause is `policy_error` if the policy failed. Otherwise rules search for the cause in the recorded signals.
+
     Args:
         record: Signals of the failed episode.
-        measures: Measures of all episodes in `record.episodes`, with outcomes.
+        measures: Measures of all n episodes in `record.episodes`, with the outcome of each episode.
 
     Returns:
-        The cause of the failure: an error of the policy, or a cause that the rules find.
+        The event that caused the failure, and the certainty of this choice.
     """
     number = record.number
     if measures.outcome[number] == outcomes.POLICY_ERROR:
@@ -80,10 +85,17 @@ def verdict(record: EpisodeSignals, measures: Measures) -> Verdict:
 
 
 def _verdict_on_fall(record: EpisodeSignals) -> Verdict:
-    """Choose the cause of a fall: the first instantaneous event, otherwise the strongest lasting event.
+    """Choose the cause of a fall: the first instantaneous event, otherwise the lasting event with the highest score.
 
-    Only events with a score of at least 1 count. A joint limit is chosen only if there is no other event. The cause is
-    unclear if the scenario starts in a random pose, or if the robot falls within its first control steps.
+    Only events with a score (quantity / threshold) of at least 1 count. A joint limit is chosen only if no other event
+    has this score. The cause is `unclear` if the scenario starts in a random pose, or if the robot falls within the
+    first control steps.
+
+    Args:
+        record: Signals of the episode in which the robot fell.
+
+    Returns:
+        The event that caused the fall, and the certainty of this choice.
     """
     if isinstance(record.scenario.start, AnyPose) or record.end <= rules.TRIP_WINDOW_STEPS:
         return Verdict(Event(rules.UNCLEAR, 0, 1.0, "it never came to an ordinary gait"), False)
@@ -101,19 +113,19 @@ def _verdict_on_fall(record: EpisodeSignals) -> Verdict:
 
 
 def _is_certain(record: EpisodeSignals, first: Event, triggered_events: tuple[Event, ...]) -> bool:
-    """Return True if an event is certainly the cause of a fall.
+    """Return True if an event certainly caused a fall.
 
-    The score of the event must be high, and no event of another cause may begin earlier or at the same time. If the
-    event is a trip, the robot must not have survived an equally strong trip before. Joint limits are never certain, and
-    do not count as another cause.
+    The score of the event must be high, and no event with another cause may begin earlier or at the same time. If the
+    event is a trip, the robot must not have tripped earlier in the episode and stayed upright. A joint limit is never a
+    certain cause, and it does not count as another cause.
 
     Args:
-        record: Signals of the episode.
-        first: Event that was chosen as the cause.
-        triggered_events: All events with a score of at least 1.
+        record: Signals of the episode in which the robot fell.
+        first: Event that was chosen as the cause of the fall.
+        triggered_events: All events with a score (quantity / threshold) of at least 1.
 
     Returns:
-        True if the cause is certain.
+        True if the event certainly caused the fall.
     """
     has_competing_cause = any(
         event.step <= first.step for event in triggered_events if event.cause not in (first.cause, rules.REACH)
@@ -121,23 +133,24 @@ def _is_certain(record: EpisodeSignals, first: Event, triggered_events: tuple[Ev
     is_usual = False
     if (
         first.cause == rules.TRIP and first.step < record.end
-    ):  # because the legs may have been hit as hard before, but the robot did not fall
+    ):  # An earlier trip that did not make the robot fall shows that this trip need not be the cause.
         is_usual = any(event.score >= TRIGGERED for event in trips(record, slice(0, record.window.start)))
     is_strong = first.score >= record.threshold("certain") and first.cause != rules.REACH
     return is_strong and not has_competing_cause and not is_usual
 
 
 def _verdict_without_event(record: EpisodeSignals, max_score: float) -> Verdict:
-    """Choose the cause of a fall if no event has a score of at least 1: the gait itself, or unclear.
+    """Choose the cause of a fall if no event has a score (quantity / threshold) of at least 1.
 
-    The cause is unclear if the score of an event was nearly 1, or if the simulation diverged.
+    The cause is then `gait`: the gait of the robot itself leads to the fall. It is `unclear` if the score of an event is
+    nearly 1, or if the simulation diverged.
 
     Args:
-        record: Signals of the episode.
-        max_score: Largest score of all events, below TRIGGERED.
+        record: Signals of the episode in which the robot fell.
+        max_score: Largest score of the events other than joint limits, below 1.
 
     Returns:
-        The cause. It can be certain only if the scenario has no disturbance.
+        The cause of the fall. It can be certain only if the scenario has no disturbance.
     """
     if max_score >= record.threshold("nearly") or record.episodes.diverged[record.number]:
         return Verdict(Event(rules.UNCLEAR, record.onset, 1.0, "no rule decides"), False)
@@ -150,17 +163,17 @@ def _verdict_without_event(record: EpisodeSignals, max_score: float) -> Verdict:
 
 
 def _verdict_on_upright(record: EpisodeSignals, measures: Measures) -> Verdict:
-    """Choose the cause of a failure in which the robot stayed upright.
+    """Choose the cause of a failed episode in which the robot stayed upright.
 
-    It is the first event by UPRIGHT_RULES with a score of at least 1. If there is none, the cause is the deviation from
-    the velocity command.
+    The cause is the first event that UPRIGHT_RULES find with a score (quantity / threshold) of at least 1. If there is
+    no event of this kind, the cause follows from the deviation of the robot's velocity from the command.
 
     Args:
-        record: Signals of the episode.
-        measures: Measures of all episodes in `record.episodes`.
+        record: Signals of the failed episode.
+        measures: Measures of all n episodes in `record.episodes`.
 
     Returns:
-        The cause of the failure.
+        The event that caused the failure, and the certainty of this choice.
     """
     events = [event for rule in rules.UPRIGHT_RULES for event in rule(record)]
     if triggered_events := tuple(event for event in events if event.score >= TRIGGERED):
@@ -180,17 +193,17 @@ def _verdict_on_upright(record: EpisodeSignals, measures: Measures) -> Verdict:
 
 
 def worst_interval(measures: Measures, number: int) -> int:
-    """Return the index of the interval of constant command with the largest velocity error.
+    """Return the index of the command interval (interval of constant command) with the worst velocity error.
 
-    The error is relative to the tolerance of the success rule. Intervals in which the robot hardly moved although a
-    velocity was commanded come first.
+    The velocity error is divided by the tolerance of the success rule. An interval in which the robot covered too
+    little of the commanded distance counts as worse: 10 is added to this quotient.
 
     Args:
         measures: Measures of n episodes.
-        number: Index of the episode.
+        number: Index of the episode, 0 … n − 1.
 
     Returns:
-        Index of the command interval.
+        Index of the command interval within the episode.
     """
     rule = outcomes.RULES[outcomes.SUCCESS_RULE]
     commands = measures.commands[number]
@@ -199,17 +212,17 @@ def worst_interval(measures: Measures, number: int) -> int:
 
 
 def _off_command(record: EpisodeSignals, measures: Measures, interval: int) -> tuple[str, str, bool]:
-    """Determine the cause of a deviation from the velocity command that no event explains.
+    """Determine the cause of a deviation from the velocity command if no event explains the deviation.
 
     Args:
-        record: Signals of the episode.
-        measures: Measures of all episodes in `record.episodes`.
-        interval: Index of the command interval with the largest deviation.
+        record: Signals of the failed episode, in which the robot stayed upright.
+        measures: Measures of all n episodes in `record.episodes`.
+        interval: Index of the command interval (interval of constant command) with the largest deviation.
 
     Returns:
-        cause: Name of the cause: stalled, too slow, gait or unclear.
-        description: Text with the commanded and the achieved velocity.
-        certain: True if the cause is certain, as far as this deviation shows.
+        cause: Name of the cause: `stalled`, `too_slow`, `gait` or `unclear`.
+        description: Text with the commanded and the achieved velocity, m/s or rad/s.
+        certain: True if the velocities alone make this cause certain.
     """
     command = measures.commands[record.number, interval]
     velocity = measures.mean_velocities[record.number, interval]
@@ -235,5 +248,5 @@ def _off_command(record: EpisodeSignals, measures: Measures, interval: int) -> t
 
 
 def _velocity_text(velocity: np.ndarray) -> str:
-    """Format a velocity (forward, m/s, left, m/s, yaw rate, rad/s), (3,), as text."""
+    """Format a `velocity`, (3,), as text: forward and left, m/s, and yaw rate, rad/s, heading frame."""
     return f"{velocity[0]:.2f} m/s forward, {velocity[1]:.2f} m/s left, {velocity[2]:.2f} rad/s"
