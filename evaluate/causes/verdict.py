@@ -142,8 +142,8 @@ def _is_certain(record: EpisodeSignals, first: Event, triggered_events: tuple[Ev
 def _verdict_without_event(record: EpisodeSignals, max_score: float) -> Verdict:
     """Choose the cause of a fall if no event has a score (quantity / threshold) of at least 1.
 
-    The cause is then `gait`: the gait of the robot itself leads to the fall. It is `unclear` if the score of an event is
-    nearly 1, or if the simulation diverged.
+    The cause is then `gait`: the gait of the robot itself leads to the fall. The cause is `unclear` if the score of an
+    event is nearly 1, or if the simulation diverged.
 
     Args:
         record: Signals of the episode in which the robot fell.
