@@ -1,1 +1,1 @@
-"""Confidence intervals, significance tests and breaking points."""
+"""Statistics of an evaluation: confidence intervals, significance tests and breaking points of policies."""

@@ -1,10 +1,13 @@
-"""Breaking points: the severity of an axis at which half of the episodes fail.
+"""Breaking point of a policy: the severity of a disturbance at which half of the episodes fail.
 
-A level is one severity of the axis. The breaking point is the severity at which a monotone regression of the failure
-rate crosses one half. The regression is piecewise linear over the logarithm of severity. Its interval starts at the
-last level at which significantly less than half of the episodes fail. It ends at the first level at which significantly
-more than half fail. The tests are exact. Levels are tested in order, from the mildest until a level is not significant,
-and from the hardest in the same way. This fixed order makes a correction for the number of levels unnecessary.
+A disturbance, for example pushes, is tested at several severities. The failure rate is the fraction of failed episodes
+at one severity. The breaking point is the severity at which a monotone regression of the failure rate crosses one half.
+The regression is piecewise linear over the logarithm of severity.
+
+The confidence interval starts at the last severity at which significantly less than half of the episodes fail. It ends
+at the first severity at which significantly more than half fail. The tests are exact binomial tests. Severities are
+tested in order from the mildest, until a test is not significant, and from the hardest in the same way. Because of this
+fixed order, no correction for the number of severities is needed.
 """
 
 from dataclasses import dataclass
@@ -16,40 +19,47 @@ import numpy as np
 from evaluate.statistics.intervals import CONFIDENCE, Bools, Floats, Interval
 
 MIN_LEVELS = 3
-"""Minimum number of severities from which a breaking point is computed."""
+"""Minimum number of tested severities of a disturbance from which a breaking point is computed."""
 
 BreakingPointKind = Literal["crossed", "never", "always"]
-"""Result of the search for a breaking point; see `BreakingPoint.found`."""
+"""Result of the search for a breaking point (the severity at which half of the episodes fail).
+
+`crossed`: the failure rate crosses one half between the mildest and the hardest severity. `never`: less than half fail
+at the hardest severity. `always`: half or more fail at the mildest severity.
+"""
 
 
 @dataclass(frozen=True)
 class BreakingPoint:
-    """Breaking point of a policy on an axis, made by `breaking_point`."""
+    """Severity of a disturbance at which half of the episodes of a policy fail, with a confidence interval."""
 
     found: BreakingPointKind
-    """Where the failure rate crosses one half.
+    """Result of the search for the severity at which half of the episodes fail.
 
-    `crossed`: between the mildest and the hardest level. `never`: less than half fail at the hardest level. `always`:
-    half or more fail at the mildest level.
+    `crossed`: the failure rate crosses one half between the mildest and the hardest severity. `never`: less than half
+    fail at the hardest severity. `always`: half or more fail at the mildest severity.
     """
     severity50: float
-    """Severity at which half of the episodes fail; NaN if `found` is `never` or `always`."""
+    """Severity at which half of the episodes fail, in the unit of the disturbance, for example N·s.
+
+    It is NaN if `found` is `never` or `always`.
+    """
     ci: Interval
-    """95 % interval of the severity; an end is infinite if it lies beyond the tested levels."""
+    """95 % confidence interval of `severity50`, in its unit; an end beyond the tested severities is infinite."""
 
 
 def breaking_point(severities: Floats, failed: Bools) -> BreakingPoint:
-    """Compute the breaking point of one policy on one axis.
+    """Compute the severity of a disturbance at which half of the episodes of a policy fail.
 
     Args:
-        severities: Severities, the mildest first, (k,).
-        failed: True for each failed one of n episodes at each severity, (k, n).
+        severities: Tested severities of the disturbance, the mildest first, (k,).
+        failed: True for failed episodes, for each of k severities and n episodes, (k, n).
 
     Returns:
-        Breaking point and interval.
+        Breaking point with its 95 % confidence interval.
 
     Raises:
-        ValueError: There are too few severities, or they are out of order.
+        ValueError: There are fewer than MIN_LEVELS severities, one is negative, or they are not in order.
     """
     steps = np.diff(severities)
     if len(severities) < MIN_LEVELS or severities.min() < 0.0 or not ((steps > 0).all() or (steps < 0).all()):
@@ -63,18 +73,18 @@ def breaking_point(severities: Floats, failed: Bools) -> BreakingPoint:
 
 
 def monotone_curve(severities: Floats, rates: Floats) -> tuple[Floats, Floats]:
-    """Fit a monotone curve of failure rate over severity by centred isotonic regression.
+    """Fit a curve of the failure rate over the severity of a disturbance that never falls (isotonic regression).
 
-    The curve is linear in ln(severity) between its points. Neighbouring levels with decreasing failure rates are merged
-    into one point at their mean (Oron and Flournoy 2017, Statistics in Biopharmaceutical Research 9). A severity of 0
-    is left out because it has no logarithm.
+    The curve is linear in ln(severity) between its points. If the failure rate falls from one severity to the next,
+    centred isotonic regression merges them into one point at their mean (Oron and Flournoy 2017, Statistics in
+    Biopharmaceutical Research 9). A severity of 0 is left out because it has no logarithm.
 
     Args:
-        severities: Severities, the mildest first, (k,).
-        rates: Proportion of failed episodes at each severity, (k,).
+        severities: Tested severities of the disturbance, the mildest first, (k,).
+        rates: Fraction of failed episodes at each severity, (k,).
 
     Returns:
-        Severities and failure rates of the points of the curve, the mildest first.
+        Severities, and failure rates, of the m ≤ k points of the curve, the mildest first, (m,) each.
     """
     from scipy.optimize import isotonic_regression
 
@@ -92,16 +102,18 @@ def monotone_curve(severities: Floats, rates: Floats) -> tuple[Floats, Floats]:
 
 
 def bracket_levels(failed: Bools) -> tuple[int, int]:
-    """Return the indices of the two levels between which the failure rate crosses one half.
+    """Return the indices of the two tested severities between which the failure rate crosses one half.
 
-    At the first index and at all milder levels, significantly less than half of the episodes fail. At the second index
-    and at all harder levels, significantly more than half fail. Each test is binomial, one-sided, at a level of 2.5 %.
+    At the first one and at all milder severities, significantly less than half of the episodes fail. At the second one
+    and at all harder severities, significantly more than half fail. Each test is a one-sided binomial test with a
+    significance level of 2.5 %.
 
     Args:
-        failed: True for each failed one of n episodes at each of k levels, the mildest first, (k, n).
+        failed: True for failed episodes, for each of k severities, the mildest first, and n episodes, (k, n).
 
     Returns:
-        The two indices. The first is −1 if no mild level is significant; the second is k if no hard level is.
+        The two indices. The first is −1 if the mildest severity is not significant; the second is k if the hardest
+        severity is not significant.
     """
     from scipy.stats import binom
 
@@ -114,9 +126,18 @@ def bracket_levels(failed: Bools) -> tuple[int, int]:
 
 
 def _severity_interval(severities: Floats, levels: tuple[int, int]) -> Interval:
-    """Return the severities of two level indices in ascending order; infinite for an index of −1 or k."""
+    """Return the interval between the severities with two given indices, the smaller severity first.
+
+    Args:
+        severities: Tested severities of a disturbance, the mildest first, (k,).
+        levels: Index of the milder severity and index of the harder severity. An index of −1 or k stands for a severity
+            beyond the mildest or the hardest one.
+
+    Returns:
+        Lower and upper end of the interval, in the unit of the severities; infinite for an index of −1 or k.
+    """
     is_rising = severities[-1] > severities[0]
     beyond_hardest = np.inf if is_rising else -np.inf
-    padded = [*severities.tolist(), beyond_hardest, -beyond_hardest]  # index −1 reads the last entry
+    padded = [*severities.tolist(), beyond_hardest, -beyond_hardest]  # Index −1 reads the last entry, index k reads ±∞.
     low, high = sorted((padded[levels[0]], padded[levels[1]]))
     return (low, high)

@@ -1,6 +1,6 @@
-"""95 % confidence intervals of proportions and means, and the resamples of all bootstraps.
+"""95 % confidence intervals of proportions and means over episodes, and random resamples for the bootstrap.
 
-Every bootstrap has a fixed seed, so that the same episodes always give the same report.
+Every bootstrap has a fixed random seed, so that the same episodes always give the same report.
 """
 
 from collections.abc import Iterator
@@ -12,25 +12,28 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Interval = tuple[float, float]
-"""Lower and upper end of an interval."""
+"""Lower and upper end of a confidence interval, in the unit of the estimated quantity; NaN if not defined."""
 
 CONFIDENCE = 0.95
-"""Confidence level of every interval."""
+"""Confidence level of every interval: the probability that it contains the true value."""
 UNBOUNDED = (-np.inf, np.inf)
-"""Smallest and largest possible value of a quantity that has no limits."""
+"""Smallest and largest possible value of a quantity without limits, as an argument of the interval functions."""
 RESAMPLES = 9999
-"""Number of resamples of a bootstrap."""
+"""Number of random resamples of the episodes from which a bootstrap interval is computed."""
 MAX_CACHED_VALUES = 12_000_000
-"""Largest set of resamples that is drawn once and reused, number of values (96 MB)."""
-BLOCK_VALUES = 500_000
-"""Number of values drawn at once from a set that is too large for the cache.
+"""Largest array of bootstrap resamples that is cached for reuse, as a number of 8-byte values (96 MB).
 
-The block size limits the memory, because a large set is drawn again at each use.
+Larger arrays are drawn again at each use.
+"""
+BLOCK_VALUES = 500_000
+"""Number of values of bootstrap resamples that are drawn at once if all of them are too large for the cache.
+
+The resamples are drawn in blocks of this size to limit the use of memory.
 """
 
 
 def wilson_interval(successes: float, trials: float) -> Interval:
-    """Compute the Wilson interval of the proportion `successes` / `trials`; (NaN, NaN) for 0 trials."""
+    """Compute the 95 % Wilson score interval of the proportion `successes` / `trials`; (NaN, NaN) for 0 trials."""
     from scipy.special import ndtri
 
     if trials == 0:
@@ -45,13 +48,20 @@ def wilson_interval(successes: float, trials: float) -> Interval:
 
 
 def mean_proportion_interval(proportions: Floats) -> Interval:
-    """Compute the interval of the mean of independent proportions in 0 … 1; (NaN, NaN) for an empty array.
+    """Compute the 95 % interval of the mean of n independent proportions, (n,), 0 … 1.
 
-    The interval is Wilson's, for an effective number of yes-or-no trials. This number gives the mean the variance that
-    the proportions show; Student's t replaces the normal distribution. The method is used for clustered proportions in
-    surveys (Korn and Graubard 1998, Survey Methodology 24; with Wilson's interval: Dean and Pagano 2015, Journal of
-    Survey Statistics and Methodology 3). Each proportion counts as one trial if all are equal, because equal
-    proportions give no estimate of their variance.
+    The function computes Wilson's interval for an effective number of yes-or-no trials. With this number of trials, the
+    variance of the mean equals the variance that is estimated from the proportions. A factor replaces the quantile of
+    the normal distribution by the quantile of Student's t. The method is used for clustered proportions in surveys
+    (Korn and Graubard 1998, Survey Methodology 24; with Wilson's interval: Dean and Pagano 2015, Journal of Survey
+    Statistics and Methodology 3). If all proportions are equal, they give no estimate of the variance. Each of them
+    then counts as one trial.
+
+    Args:
+        proportions: Proportions, for example the fraction of successful scenarios of each of n seeds, (n,), 0 … 1.
+
+    Returns:
+        The interval of the mean; (NaN, NaN) for an empty array.
     """
     from scipy.special import ndtri, stdtrit
 
@@ -68,19 +78,20 @@ def mean_proportion_interval(proportions: Floats) -> Interval:
 
 
 def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval:
-    """Compute Tango's score interval of the difference of two paired proportions, a − b.
+    """Compute Tango's 95 % score interval of the difference between two paired proportions, a − b.
 
-    The interval inverts the score form of McNemar's test, as Wilson's interval inverts the test of one proportion
-    (Tango 1998, Statistics in Medicine 17). Its width is positive even if a and b agree in every pair. A bootstrap
-    interval would then have no width and would claim certainty.
+    An example is the difference between the success rates of policies a and b in the same episodes. The interval
+    consists of the differences that the score form of McNemar's test does not reject (Tango 1998, Statistics in
+    Medicine 17). Its width is positive even if a and b agree in every pair; a bootstrap interval would then have the
+    width 0.
 
     Args:
-        only_a: Number of pairs in which a alone is true.
-        only_b: Number of pairs in which b alone is true.
+        only_a: Number of pairs (episodes) in which only a is true (succeeds).
+        only_b: Number of pairs (episodes) in which only b is true (succeeds).
         pairs: Number of all pairs.
 
     Returns:
-        The interval; (NaN, NaN) for 0 pairs.
+        The interval of the difference, within −1 … 1; (NaN, NaN) for 0 pairs.
     """
     from scipy.optimize import brentq
     from scipy.special import ndtri
@@ -91,7 +102,15 @@ def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval
     quantile = float(ndtri(0.5 + CONFIDENCE / 2))
 
     def excess(hypothesis: float, sign: float) -> float:
-        """Return the score at a hypothetical difference minus `sign` · quantile; 0 at an interval end."""
+        """Return Tango's score of a difference minus `sign` · quantile; the value is 0 at an end of the interval.
+
+        Args:
+            hypothesis: Hypothetical difference between the two proportions, −1 … 1.
+            sign: 1 for the lower end of the interval, −1 for the upper end.
+
+        Returns:
+            The function value of which a root is searched, in standard deviations.
+        """
         return _score(only_a, only_b, pairs, hypothesis) - sign * quantile
 
     low = brentq(excess, -1.0, difference, args=(1.0,)) if difference > -1.0 else -1.0
@@ -100,12 +119,22 @@ def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval
 
 
 def _score(only_a: int, only_b: int, pairs: int, difference: float) -> float:
-    """Return Tango's score: observed minus hypothetical difference, in standard deviations.
+    """Return Tango's score of a hypothetical difference between two paired proportions, a − b.
 
-    Under the hypothesis, the expected proportion q of `only_b` solves 2n q² + B q − b δ(1 − δ) = 0 (Tango's
-    equation 14). There n is `pairs`, b is `only_b`, δ is `difference`, and B is `linear`.
+    The score is the observed difference minus the hypothetical difference δ, in standard deviations. The standard
+    deviation follows from the expected proportion q of the pairs in which only b is true. It solves
+    2n q² + B q − b δ(1 − δ) = 0 (Tango's equation 14) with n = `pairs`, b = `only_b` and B = `linear`.
+
+    Args:
+        only_a: Number of pairs in which only a is true.
+        only_b: Number of pairs in which only b is true.
+        pairs: Number of all pairs.
+        difference: Hypothetical difference δ, −1 … 1.
+
+    Returns:
+        The score, in standard deviations; infinite if the observed pairs are impossible for this δ.
     """
-    if abs(difference) == 1.0:  # because a difference of ±1 allows only one outcome in every pair
+    if abs(difference) == 1.0:  # A difference of ±1 is possible only if all pairs have the same outcome.
         return float(np.copysign(np.inf, -difference))
     linear = -only_a - only_b + (2 * pairs - only_a + only_b) * difference
     constant = -only_b * difference * (1.0 - difference)
@@ -118,18 +147,19 @@ def _score(only_a: int, only_b: int, pairs: int, difference: float) -> float:
 
 
 def bootstrap_interval(values: Floats, bounds: Interval = UNBOUNDED, seed: int = 0) -> Interval:
-    """Compute the bias-corrected and accelerated (BCa) bootstrap interval of a mean.
+    """Compute the 95 % bias-corrected and accelerated (BCa) bootstrap interval of the mean of n values.
 
-    The correction is needed because falls skew the distribution of errors over episodes. This function returns the
-    interval of `scipy.stats.bootstrap(method="BCa")`; its cached resamples make it four times faster.
+    Both corrections are needed because falls skew the distribution of errors over episodes. This function gives the
+    same interval as `scipy.stats.bootstrap(method="BCa")`. It is four times faster because resamples are cached.
 
     Args:
-        values: Values, (n,). If all are equal, the interval is from `identical_values_interval`.
+        values: Values, for example the velocity error of each episode, (n,). If all are equal, the interval is from
+            `identical_values_interval`.
         bounds: Smallest and largest possible value.
-        seed: Seed of the resamples.
+        seed: Seed of the random resamples.
 
     Returns:
-        The interval; (NaN, NaN) for fewer than two values or if a value is NaN.
+        The interval, in the unit of the values; (NaN, NaN) for fewer than two values or if a value is NaN.
     """
     from scipy.special import ndtr, ndtri
 
@@ -149,20 +179,22 @@ def bootstrap_interval(values: Floats, bounds: Interval = UNBOUNDED, seed: int =
 
 
 def difference_interval(differences: Floats, bounds: Interval = UNBOUNDED, seed: int = 0) -> Interval:
-    """Compute the bootstrap interval of the mean of paired differences.
+    """Compute the 95 % bootstrap interval of the mean of n paired differences between two policies.
 
-    The ends are percentiles of the resampled means. The percentiles are widened from the normal distribution to
-    Student's t, and from n to n − 1 (Hesterberg 2015, The American Statistician 69). BCa is not used, because its
-    skewness would come from the few episodes in which one policy fell. Its intervals would cover 90 % instead of 95 %
-    (`python -m research calibration`).
+    The ends of the interval are percentiles of the resampled means. The percentiles are chosen for Student's t instead
+    of the normal distribution, and for a variance with n − 1 instead of n in the denominator. Both widen the interval
+    (Hesterberg 2015, The American Statistician 69). The BCa bootstrap is not used, because it would estimate the
+    skewness from the few episodes in which one policy fell. Its intervals would contain the true difference in 90 %
+    instead of 95 % of all cases (`python -m research calibration`).
 
     Args:
-        differences: Paired differences, (n,). If all are equal, the interval is from `identical_values_interval`.
+        differences: Difference in each episode, (n,). If all are equal, the interval is from
+            `identical_values_interval`.
         bounds: Smallest and largest possible difference.
-        seed: Seed of the resamples.
+        seed: Seed of the random resamples.
 
     Returns:
-        The interval; (NaN, NaN) for fewer than two pairs.
+        The interval, in the unit of the differences; (NaN, NaN) for fewer than two episodes.
     """
     from scipy.special import ndtr, stdtrit
 
@@ -175,18 +207,18 @@ def difference_interval(differences: Floats, bounds: Interval = UNBOUNDED, seed:
 
 
 def identical_values_interval(values: Floats, bounds: Interval) -> Interval:
-    """Compute the interval of the mean of a population from which n equal values were drawn.
+    """Compute the 95 % interval of a population mean if all n values of the sample are equal.
 
-    Different values may exist that the sample missed. Their largest plausible proportion is the upper Wilson limit for
-    0 successes in n trials, for example 14 % for n = 24. The interval allows them to lie anywhere within the bounds
-    (after Hanley and Lippman-Hand 1983, JAMA 249).
+    The population may contain other values that the sample missed. Their largest plausible proportion is the upper end
+    of the Wilson interval for 0 successes in n trials, for example 14 % for n = 24. The interval assumes that these
+    values can be anywhere within the bounds (after Hanley and Lippman-Hand 1983, JAMA 249).
 
     Args:
-        values: Equal values, (n,).
+        values: Equal values, for example the velocity error of each episode, (n,).
         bounds: Smallest and largest possible value.
 
     Returns:
-        The interval; (NaN, NaN) for fewer than two values.
+        The interval, in the unit of the values; (NaN, NaN) for fewer than two values.
     """
     if len(values) < 2:
         return (np.nan, np.nan)
@@ -197,7 +229,7 @@ def identical_values_interval(values: Floats, bounds: Interval) -> Interval:
 
 
 def _are_equal(values: Floats) -> bool:
-    """Return True if all values are equal up to rounding."""
+    """Return True if all `values`, (n,), are equal up to rounding errors (a relative difference of 1e-9)."""
     return bool(np.ptp(values) <= 1e-9 * np.abs(values).max())
 
 
@@ -206,13 +238,23 @@ def _resampled_sums(values: Floats, count: int, seed: int) -> Floats:
 
 
 def percentile_interval(resampled: Floats) -> Interval:
-    """Return the 2.5 % and 97.5 % quantiles of the values of a statistic in m resamples, (m,)."""
+    """Return the 2.5 % and 97.5 % quantiles of a statistic that was computed in each bootstrap resample.
+
+    Args:
+        resampled: Value of the statistic in each of m resamples, (m,).
+
+    Returns:
+        The percentile interval of the statistic, in its unit.
+    """
     low, high = np.quantile(resampled, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
     return (float(low), float(high))
 
 
 def resamples(size: int, count: int, seed: int) -> Iterator[Floats]:
-    """Draw bootstrap resamples, each as the number of times that each value of the sample is drawn.
+    """Draw bootstrap resamples of a sample, in blocks that limit the use of memory.
+
+    A resample draws `size` values from the sample, with replacement. It is represented by the number of times that each
+    value of the sample is drawn, so that `counts @ values` is the sum of the resample.
 
     Args:
         size: Number of values in the sample and in each resample.
@@ -220,7 +262,7 @@ def resamples(size: int, count: int, seed: int) -> Iterator[Floats]:
         seed: Seed of the random draws.
 
     Yields:
-        Blocks of resamples: a row for each resample, with the count of each value of the sample, (…, size).
+        Block of resamples: counts of each value of the sample, with one row per resample, (rows, size).
     """
     if size * count <= MAX_CACHED_VALUES:
         yield _cached_counts(size, count, seed)
@@ -233,13 +275,31 @@ def resamples(size: int, count: int, seed: int) -> Iterator[Floats]:
 
 @lru_cache(maxsize=4)
 def _cached_counts(size: int, count: int, seed: int) -> Floats:
-    """Draw all resamples at once and cache them, (count, size)."""
+    """Draw all bootstrap resamples at once, (count, size), and cache the read-only array for the next call.
+
+    Args:
+        size: Number of values in the sample and in each resample.
+        count: Number of resamples.
+        seed: Seed of the random draws.
+
+    Returns:
+        Number of times that each value of the sample is drawn, for each resample, (count, size).
+    """
     counts = _draw_counts(np.random.default_rng(seed), size, count)
     counts.flags.writeable = False
     return counts
 
 
 def _draw_counts(generator: np.random.Generator, size: int, count: int) -> Floats:
-    """Draw resamples, and count the draws of each value of the sample in each resample, (count, size)."""
+    """Draw bootstrap resamples with a random generator.
+
+    Args:
+        generator: Random generator.
+        size: Number of values in the sample and in each resample.
+        count: Number of resamples.
+
+    Returns:
+        Number of times that each value of the sample is drawn, for each resample, (count, size).
+    """
     indices = generator.integers(0, size, (count, size), dtype=np.int32) + size * np.arange(count)[:, None]
     return np.bincount(indices.ravel(), minlength=count * size).reshape(count, size).astype(np.float64)

@@ -1,15 +1,15 @@
-"""Group-sequential test of adjacent policies of a ranking; its error rate holds over all looks.
+"""Group-sequential test of adjacent policies of a ranking, with a limited error rate over all interim analyses.
 
-A look is an interim analysis of the episodes so far. A look compares the paired p-value of a pair with the nominal
-level of the look (Jennison and Turnbull 2000, Group Sequential Methods, chapter 3). The nominal levels follow from a
-spending function (Kim and DeMets 1987, Biometrika 74). At a fraction t of the maximum number of episodes, the test has
-spent α t^(3/2) of the error probability α. This function spends less at early looks than Pocock's boundary, and less at
-late looks than O'Brien and Fleming's boundary.
+An interim analysis (look) tests the episodes that have been simulated so far. It compares the paired p-value of two
+adjacent policies with a nominal significance level (Jennison and Turnbull 2000, Group Sequential Methods, chapter 3).
+The nominal levels follow from an α-spending function (Kim and DeMets 1987, Biometrika 74). At a fraction t of the
+maximum number of episodes, the test has spent α t^(3/2) of the error probability α. This function spends less of α at
+early interim analyses than Pocock's boundary. It spends less at late ones than O'Brien and Fleming's boundary.
 
-Each of the P − 1 adjacent pairs of P policies has α = LEVEL / (P − 1). The data choose the pairs, but this choice needs
-no correction. Two equal policies stay adjacent with a large gap only if no third policy lies between them. These pairs
-form no cycle. There are therefore at most P − 1 of them. `python -m research calibration --only settled` checks the
-error rate.
+A ranking of P policies has P − 1 adjacent pairs, and each pair has α = LEVEL / (P − 1). The scores decide which pairs
+are adjacent, but this selection needs no correction. Two policies with equal true scores are adjacent with a large
+difference only if the score of no third policy lies between them. Pairs of this kind form no cycle, so there are at
+most P − 1 of them. `python -m research calibration --only settled` checks the error rate.
 """
 
 import math
@@ -24,47 +24,53 @@ from evaluate.statistics.intervals import Floats
 from evaluate.statistics.significance import sign_flip_test
 
 LEVEL = 0.045
-"""Probability of any false claim on adjacent policies: nine tenths of the 5 % of a report.
+"""Largest probability that a report claims any difference between adjacent policies that does not exist.
 
-The remaining tenth belongs to the claims on single scenarios.
+It is nine tenths of the 5 % of a whole report. The remaining tenth belongs to the claims on single scenarios.
 """
 LOOKS = 4
-"""Number of looks, equally spaced up to the maximum number of episodes."""
+"""Number of interim analyses of a run --until settled, equally spaced up to the maximum number of episodes."""
 FUTILITY_POWER = 0.05
-"""Predictive power below which the test of a pair is futile, a probability."""
+"""Predictive power, 0 … 1, below which more episodes are futile for the test of two adjacent policies.
+
+The predictive power is the probability that the last interim analysis distinguishes the two policies.
+"""
 _POINTS = 401
-"""Number of integration points between the lower and the upper boundary of the test statistic."""
+"""Number of points of the numerical integration between the lower and the upper boundary of the test statistic."""
 
 
 class AdjacentTest(NamedTuple):
-    """Test of two adjacent policies of a ranking at one look, made by `compare_adjacent_policies`."""
+    """Test of two adjacent policies of a ranking in one interim analysis, made by `compare_adjacent_policies`."""
 
     ahead: str
-    """Policy with the higher score."""
+    """Name of the policy with the higher score."""
     behind: str
-    """Policy with the lower score."""
+    """Name of the policy with the lower score."""
     p_value: float
-    """p-value of the paired, two-sided sign-flip permutation test, not corrected."""
+    """p-value of the paired, two-sided sign-flip permutation test, before any correction."""
     distinguished: bool
-    """True if the p-value is below the nominal level of this look."""
+    """True if the p-value is below the nominal significance level of this interim analysis."""
     futile: bool
-    """True if the last look will probably not distinguish the pair: predictive power below FUTILITY_POWER."""
+    """True if the last interim analysis will probably not distinguish the two policies.
+
+    The probability that it distinguishes them (predictive power) is below FUTILITY_POWER.
+    """
 
 
 def looks(max_episodes: int) -> tuple[int, ...]:
-    """Return the number of episodes at each look; the last look has `max_episodes`."""
+    """Return the number of episodes at each interim analysis; the last one has `max_episodes`."""
     return tuple(sorted({math.ceil(max_episodes * look / LOOKS) for look in range(1, LOOKS + 1)}))
 
 
 def compare_adjacent_policies(values: Mapping[str, Floats], max_episodes: int) -> list[AdjacentTest]:
-    """Test each pair of adjacent policies at one look.
+    """Rank the policies in one interim analysis, and test each pair of adjacent policies.
 
     Args:
-        values: Policy -> score of each episode so far, (n,). All policies ran the same n episodes.
-        max_episodes: Number of episodes at the last look.
+        values: Name of the policy -> score of each episode so far, (n,). All policies ran the same n episodes.
+        max_episodes: Number of episodes at the last interim analysis.
 
     Returns:
-        Tests of the pairs, the best policy first.
+        Test of each adjacent pair, the pair with the best policy first.
     """
     ranked = sorted(values, key=lambda policy: -values[policy].mean())
     levels = nominal_levels(max_episodes, len(ranked)) if len(ranked) > 1 else {}
@@ -78,39 +84,42 @@ def compare_adjacent_policies(values: Mapping[str, Floats], max_episodes: int) -
 
 
 def correction(episodes: int, max_episodes: int, policies: int) -> float:
-    """Return the factor that corrects the p-values of adjacent policies for the other looks.
+    """Return the factor that corrects the p-values of adjacent policies for the number of interim analyses.
 
     Args:
-        episodes: Number of episodes at the look.
-        max_episodes: Number of episodes at the last look.
-        policies: Number of policies.
+        episodes: Number of episodes at the interim analysis that gave the p-values.
+        max_episodes: Number of episodes at the last interim analysis.
+        policies: Number of ranked policies.
 
     Returns:
-        The level of a test with a single look, divided by the nominal level of this look.
+        Significance level of a test with a single analysis, divided by the nominal level of this interim analysis.
     """
     return LEVEL / (policies - 1) / nominal_levels(max_episodes, policies)[episodes]
 
 
 @lru_cache(maxsize=64)
 def nominal_levels(max_episodes: int, policies: int) -> dict[int, float]:
-    """Compute the nominal level of every look, for the two-sided p-value of each adjacent pair.
+    """Compute the nominal significance level of every interim analysis.
 
-    The boundaries follow from the recursion of Armitage, McPherson and Rowe (1969, Journal of the Royal Statistical
-    Society A 132).
+    Two adjacent policies are distinguished if their two-sided p-value is below this level. The levels follow from the
+    recursion of Armitage, McPherson and Rowe (1969, Journal of the Royal Statistical Society A 132). The recursion
+    propagates the probability density of the test statistic from one interim analysis to the next.
 
     Args:
-        max_episodes: Number of episodes at the last look.
-        policies: Number of policies.
+        max_episodes: Number of episodes at the last interim analysis.
+        policies: Number of ranked policies.
 
     Returns:
-        Number of episodes at the look -> nominal level.
+        Number of episodes at the interim analysis -> nominal significance level, 0 … 1.
     """
     from scipy.optimize import brentq
     from scipy.special import ndtr
 
     levels = dict[int, float]()
-    sums = np.zeros(1)  # values of the test statistic at the previous look
-    density = np.ones(1)  # probability of each value, while no earlier look has distinguished the pair
+    # `sums` are values of the test statistic at the previous interim analysis. `density` is the probability of each
+    # value in the case that no earlier interim analysis has distinguished the two policies.
+    sums = np.zeros(1)
+    density = np.ones(1)
     previous_share = 0.0
     spent = 0.0
     for episodes in looks(max_episodes):
@@ -126,9 +135,19 @@ def nominal_levels(max_episodes: int, policies: int) -> dict[int, float]:
 
 
 def _propagate_density(sums: Floats, density: Floats, scale: float, bound: float) -> tuple[Floats, Floats]:
-    """Return values of the test statistic within ±`bound` at the next look, and their probabilities.
+    """Propagate the density of the test statistic to the next interim analysis, within its boundaries.
 
-    The test statistic grows by a normal increment with the standard deviation `scale`.
+    Until then, the test statistic changes by a normally distributed increment with mean 0.
+
+    Args:
+        sums: Values of the test statistic at this interim analysis, (k,).
+        density: Probability of each of these values, (k,).
+        scale: Standard deviation of the increment.
+        bound: Boundary at the next interim analysis; larger absolute values distinguish the two policies.
+
+    Returns:
+        Values of the test statistic between −`bound` and `bound` at the next interim analysis, and the probability of
+        each value, (_POINTS,) each.
     """
     points, step = np.linspace(-bound, bound, _POINTS, retstep=True)
     kernel = np.exp(-(((points[:, None] - sums) / scale) ** 2) / 2.0) / (scale * math.sqrt(2.0 * math.pi))
@@ -138,9 +157,20 @@ def _propagate_density(sums: Floats, density: Floats, scale: float, bound: float
 
 
 def _excess(bound: float, sums: Floats, density: Floats, scale: float, chance: float) -> float:
-    """Return the probability of a test statistic beyond ±`bound` at the next look, minus `chance`.
+    """Return the probability that the test statistic exceeds ±`bound` at the next interim analysis, minus `chance`.
 
-    The test statistic grows by a normal increment with the standard deviation `scale`.
+    The root of this function is the boundary at the next interim analysis. Until then, the test statistic changes by a
+    normally distributed increment with mean 0.
+
+    Args:
+        bound: Boundary to test.
+        sums: Values of the test statistic at this interim analysis, (k,).
+        density: Probability of each of these values, (k,).
+        scale: Standard deviation of the increment.
+        chance: Wanted probability that the test statistic exceeds the boundary.
+
+    Returns:
+        Difference of the two probabilities.
     """
     from scipy.special import ndtr
 
@@ -148,17 +178,18 @@ def _excess(bound: float, sums: Floats, density: Floats, scale: float, chance: f
 
 
 def predictive_power(p_value: float, share: float, last_level: float) -> float:
-    """Compute the predictive power: the probability that the last look distinguishes two policies.
+    """Compute the predictive power: the probability that the last interim analysis distinguishes two policies.
 
-    The prior of the difference is flat (Spiegelhalter, Freedman and Blackburn 1986, Controlled Clinical Trials 7).
+    The true difference between the policies has a flat prior distribution (Spiegelhalter, Freedman and Blackburn 1986,
+    Controlled Clinical Trials 7).
 
     Args:
-        p_value: Two-sided p-value at this look.
-        share: Fraction of the maximum number of episodes that is done, 0 … 1.
-        last_level: Nominal level of the last look.
+        p_value: Two-sided p-value of the difference at this interim analysis.
+        share: Fraction of the maximum number of episodes that has been simulated, 0 … 1.
+        last_level: Nominal significance level of the last interim analysis.
 
     Returns:
-        Probability, 0 … 1; exactly 0 or 1 at the last look.
+        Probability, 0 … 1; exactly 0 or 1 at the last interim analysis.
     """
     from scipy.special import ndtr, ndtri
 

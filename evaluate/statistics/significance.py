@@ -1,4 +1,4 @@
-"""Paired tests of the difference between two policies, and the correction for multiple tests."""
+"""Paired significance tests of the difference between two policies, and Holm's correction for multiple tests."""
 
 import itertools
 from collections.abc import Sequence
@@ -8,23 +8,37 @@ import numpy as np
 from evaluate.statistics.intervals import Bools, Floats
 
 EXACT_PAIRS = 13
-"""Largest number n of pairs for which the test enumerates all 2^n sign flips (8192 flips)."""
-FLIPS = 9_999
-"""Number of random sign flips for more than EXACT_PAIRS pairs."""
-MORE_FLIPS = 99_999
-"""Total number of sign flips if fewer than MIN_EXCEEDANCES of the first FLIPS reach the observed mean.
+"""Largest number n of paired episodes for which the sign-flip test enumerates all 2^n sign vectors (8192).
 
-FLIPS alone give no p-value below 1/10000. Times the number of comparisons of a full benchmark run, this p-value could
-never be significant.
+For more pairs, the test draws sign vectors at random.
+"""
+FLIPS = 9_999
+"""Number of random sign vectors that the sign-flip test draws first for more than EXACT_PAIRS paired episodes."""
+MORE_FLIPS = 99_999
+"""Total number of random sign vectors of the sign-flip test if the first FLIPS give a very small p-value.
+
+The first FLIPS alone give no p-value below 1/10000. Holm's correction multiplies it by the number of comparisons. In a
+full benchmark run, the product would never be significant.
 """
 MIN_EXCEEDANCES = 10
-"""Number of random flips that must reach the observed mean; with fewer, the test draws MORE_FLIPS."""
+"""Minimum number of sign vectors, of the first FLIPS, with a mean of at least the observed size.
+
+If there are fewer, the sign-flip test draws further sign vectors, up to MORE_FLIPS.
+"""
 BYTE_SIGNS = np.array(list(itertools.product((1.0, -1.0), repeat=8)))
-"""Signs of eight pairs, ±1, in a row for each value of a random byte, (256, 8)."""
+"""Signs, 1 or −1, of eight paired differences, with one row for each value of a random byte, (256, 8)."""
 
 
 def mcnemar(a: Bools, b: Bools) -> float:
-    """Compute the exact two-sided p-value of McNemar's test for paired outcomes `a` and `b`, (n,) each."""
+    """Compute the exact two-sided p-value of McNemar's test: do two policies succeed equally often?
+
+    Args:
+        a: Outcome of the first policy in each episode, for example True for success, (n,).
+        b: Outcome of the second policy in the same episodes, (n,).
+
+    Returns:
+        The p-value; 1 if the outcomes agree in every episode.
+    """
     from scipy.stats import binomtest
 
     only_a = int((a & ~b).sum())
@@ -35,23 +49,27 @@ def mcnemar(a: Bools, b: Bools) -> float:
 
 
 def sign_flip_test(differences: Floats, seed: int = 0) -> float:
-    """Compute the two-sided permutation p-value of a mean paired difference.
+    """Compute the two-sided p-value of the mean of paired differences by a sign-flip permutation test.
 
-    The p-value is the proportion of sign flips with a mean of at least the observed size. The test enumerates all sign
-    flips of up to EXACT_PAIRS pairs. For more pairs it draws FLIPS random sign flips, or MORE_FLIPS if almost none of
-    the first reaches the observed mean. The observed signs count as one further flip (Phipson and Smyth 2010). The
-    p-value is valid after either draw. A result that is significant after the second draw was so after the first.
-    `scipy.stats.permutation_test(permutation_type="samples")` gives the same p-value. The table of sums of eight pairs
-    makes this function many times faster.
+    If two policies are equal, each difference is as likely positive as negative. A sign vector multiplies each
+    difference by 1 or −1. The p-value is the proportion of sign vectors with a mean of at least the observed size.
+
+    The test enumerates all sign vectors for up to EXACT_PAIRS pairs. For more pairs it draws FLIPS random sign vectors,
+    or MORE_FLIPS if fewer than MIN_EXCEEDANCES of these reach the observed size. The observed signs count as one
+    further sign vector (Phipson and Smyth 2010). The p-value is valid after either draw. A result that is significant
+    after the second draw is also significant after the first draw.
+
+    `scipy.stats.permutation_test(permutation_type="samples")` gives the same p-value. This function is many times
+    faster, because it adds the differences in groups of eight with a table of their sums.
 
     Args:
-        differences: Paired differences, (n,).
-        seed: Seed of the random flips.
+        differences: Difference between two policies in each episode, (n,).
+        seed: Seed of the random sign vectors.
 
     Returns:
-        The p-value.
+        The p-value, 0 … 1.
     """
-    # The tolerance is needed because the order of summation differs between flips: equal sums may differ by rounding.
+    # The tolerance is needed because equal sums can differ by rounding: the order of summation is not always the same.
     observed = np.abs(differences.sum()) - 1e-12 * np.abs(differences).sum()
     if len(differences) <= EXACT_PAIRS:
         signs = np.array(list(itertools.product((1.0, -1.0), repeat=len(differences))))
@@ -65,9 +83,22 @@ def sign_flip_test(differences: Floats, seed: int = 0) -> float:
 
 
 def _flips_as_large(differences: Floats, observed: float, flips: int, generator: np.random.Generator) -> int:
-    """Count random sign flips with a sum of at least the observed size; a byte flips eight pairs."""
+    """Count the random sign vectors for which the sum of the signed differences has at least the observed size.
+
+    A sign vector multiplies each difference by 1 or −1. One random byte gives the signs of eight differences.
+
+    Args:
+        differences: Paired differences, (n,).
+        observed: Absolute value of the observed sum of the differences, minus a tolerance for rounding.
+        flips: Number of random sign vectors to draw.
+        generator: Random generator.
+
+    Returns:
+        Number of sign vectors, 0 … `flips`.
+    """
     padded = np.pad(differences, (0, -len(differences) % 8)).reshape(-1, 8)
-    tables = padded @ BYTE_SIGNS.T  # sum of eight signed differences for each value of a byte, (bytes, 256)
+    # The sum of eight signed differences for each group of eight and each value of a random byte, (bytes, 256).
+    tables = padded @ BYTE_SIGNS.T
     byte_indices = np.arange(len(padded))
     count = 0
     for block in np.array_split(np.arange(flips), max(1, flips // 10_000)):
@@ -79,17 +110,19 @@ def _flips_as_large(differences: Floats, observed: float, flips: int, generator:
 def holm(p_values: Sequence[float], weights: Sequence[float] | None = None) -> list[float]:
     """Correct p-values for the number of tests by Holm's method with weights (Holm 1979).
 
-    The p-values are sorted by p-value over weight. Each is multiplied by the sum of the remaining weights over its own
-    weight. With equal weights, this factor is m − k + 1 for the k-th smallest of m p-values. If the corrected p-values
-    are compared with a level, the probability of any false claim is at most this level. This holds for any dependence
-    between the tests.
+    The tests are sorted by the quotient p-value / weight. Each p-value is multiplied by the sum of the weights from
+    this test to the last one, divided by its own weight. With equal weights, this factor is m − k + 1 for the k-th
+    smallest of m p-values.
+
+    A test is significant if its corrected p-value is below a significance level. The probability of any false positive
+    is then at most this level, for any dependence between the tests.
 
     Args:
-        p_values: p-values of the tests.
-        weights: Positive weight of each test; None for equal weights.
+        p_values: Uncorrected p-value of each of m tests, (m,).
+        weights: Positive weight of each test, (m,); None for equal weights.
 
     Returns:
-        Corrected p-values, in the order of `p_values`.
+        Corrected p-value of each test, at most 1, in the order of `p_values`.
     """
     shares = np.ones(len(p_values)) if weights is None else np.asarray(weights, np.float64)
     weighted = np.asarray(p_values, np.float64) / shares
