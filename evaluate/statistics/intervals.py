@@ -109,7 +109,7 @@ def paired_proportion_interval(only_a: int, only_b: int, pairs: int) -> Interval
             sign: 1 for the lower end of the interval, −1 for the upper end.
 
         Returns:
-            The function value of which a root is searched, in standard deviations.
+            The difference, in standard deviations. The root search looks for its zero.
         """
         return _score(only_a, only_b, pairs, hypothesis) - sign * quantile
 

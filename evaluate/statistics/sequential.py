@@ -167,7 +167,7 @@ def _excess(bound: float, sums: Floats, density: Floats, scale: float, chance: f
         sums: Values of the test statistic at this interim analysis, (k,).
         density: Probability of each of these values, (k,).
         scale: Standard deviation of the increment.
-        chance: Wanted probability that the test statistic exceeds the boundary.
+        chance: Wanted probability that the test statistic exceeds the boundary (the error probability to spend).
 
     Returns:
         Difference of the two probabilities.
