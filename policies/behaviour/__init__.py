@@ -1,4 +1,7 @@
-"""Behaviours of a robot as a state machine, and the motions that perform the behaviours."""
+"""Behaviours of a robot: stand, walk, run, jump, fall and recover.
+
+A state machine selects the behaviour of each robot; leg motions and a trot perform it.
+"""
 
 from policies.behaviour.machine import BehaviourMachine
 from policies.behaviour.policy import Behaviour

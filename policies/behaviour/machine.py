@@ -1,4 +1,7 @@
-"""State machine of the behaviours; the transition table defines all its transitions."""
+"""State machine of the behaviours (stand, walk, run, jump, fall, recover) of n robots.
+
+The table `policies.behaviour.transitions.TRANSITIONS` defines all transitions between these states.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,30 +13,33 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 _SOURCE = np.zeros((len(TRANSITIONS), len(State)), np.bool_)
-"""Mask (transitions, states): True if the transition can start from the state."""
+"""Mask, (transitions, states): True if the transition (row of `TRANSITIONS`) can start from the `State`."""
 for _number, _transition in enumerate(TRANSITIONS):
     _SOURCE[_number, list(_transition.sources)] = True
 _TARGET = np.array([transition.target for transition in TRANSITIONS], np.int8)
-"""State after each transition, (transitions,)."""
+"""Number of the `State` after each transition (row of `TRANSITIONS`), (transitions,)."""
 
 
 class BehaviourMachine(PerRobotState):
-    """States of n robots, changed by `request` and `observe`.
+    """State machine for the behaviour of n robots; the current behaviour of a robot is its `State`.
 
-    `request` triggers transitions on demand. `observe` triggers the transitions that need no request. The policy
-    `Behaviour` uses one object of this class.
+    `request` takes transitions that a caller asks for, for example to a jump. `observe` takes transitions that follow
+    from the observation, for example to a fall. The policy `Behaviour` uses one object of this class.
 
     Args:
-        start: State after a reset.
-        robot: Robot.
+        start: State of each robot after a reset.
+        robot: Robot with the home pose and the link lengths.
         period: Time between two calls of `observe`, s.
     """
 
     ticks: NDArray[np.int64] = per_robot(0)
-    """Control steps since each robot entered its state, (n,)."""
+    """Number of control steps since each robot entered its current state, (n,)."""
     _state: NDArray[np.int8] = per_robot()
+    """Number of the current `State` of each robot, (n,)."""
     _changed: Mask = per_robot(True)
+    """True for robots that have entered a state since the last call of `take_changes`, (n,)."""
     _holds: Mask = per_robot(np.zeros(len(GUARDS), np.bool_))
+    """True if a condition held in the latest observation, (n, len(GUARDS)), in the order of `GUARDS`."""
 
     def __init__(self, start: State = State.STAND, robot: Robot = SIMPLE_QUAD, period: float = CONTROL_PERIOD) -> None:
         self._robot = robot
@@ -42,28 +48,28 @@ class BehaviourMachine(PerRobotState):
 
     @property
     def state(self) -> NDArray[np.int8]:
-        """Copy of the `State` of each robot, (n,)."""
+        """Copy of the current `State` of each robot, as a number, (n,)."""
         return self._state.copy()
 
     def take_changes(self) -> Mask:
-        """Return True for robots that have entered a state since the last call of this method, (n,)."""
+        """Return True for robots that have entered a new state since the last call of this method, (n,)."""
         changed = self._changed
         self._changed = np.zeros_like(changed)
         return changed
 
     def request(self, name: str, mask: ArrayLike | None = None) -> Mask:
-        """Ask some robots for a behaviour.
+        """Request a change of behaviour from some robots.
 
         Args:
-            name: One of REQUESTS.
-            mask: Robots, (n,) bool; all by default.
+            name: Name of the requested behaviour, one of `REQUESTS`, for example `jump`.
+            mask: True for robots that are asked, (n,) bool; None asks all robots.
 
         Returns:
-            True for robots that refuse the request, (n,), because the transition table does not allow it under the
-            conditions of the latest observation.
+            True for robots that refuse the request, (n,). They refuse it if the transition table does not allow it in
+            their state, or under the conditions of their latest observation.
 
         Raises:
-            ValueError: The name is unknown.
+            ValueError: The name is not one of `REQUESTS`.
         """
         if name not in REQUESTS:
             raise ValueError(f"unknown request {name!r}; valid: {', '.join(REQUESTS)}")
@@ -71,16 +77,21 @@ class BehaviourMachine(PerRobotState):
         return asked & ~self._take(name, asked)
 
     def observe(self, observation: NDArray[np.float32]) -> None:
-        """Count a control step, and take the transitions that an `observation`, (n, k), triggers by itself."""
+        """Count one control step, and take the transitions that need no request.
+
+        Their conditions are evaluated from the `observation`, (n, k), of all robots.
+        """
         self.ticks += 1
         holds = conditions(self._robot, self._period, observation, self._state, self.ticks)
         self._holds = np.stack([holds[guard] for guard in GUARDS], axis=1)
         self._take("", np.ones(len(self._state), np.bool_))
 
     def _take(self, request: str, asked: Mask) -> Mask:
-        """Take the first transition of each robot in the mask `asked` that applies to a `request`.
+        """Take the first applicable transition of the table for each robot in the mask `asked`, (n,).
 
-        Returns True for the robots that took a transition, (n,).
+        A transition applies if it starts from the state of the robot, has the name `request`, and its condition holds.
+        The empty name selects the transitions that need no request. Returns True for robots that have changed their
+        state, (n,).
         """
         taken = np.full(len(self._state), -1, np.int64)
         for number, transition in reversed([*enumerate(TRANSITIONS)]):

@@ -1,4 +1,4 @@
-"""Motions of the legs: damping, a controlled stop, and sequences of poses, for example the jump."""
+"""Joint motions of robots over time: damping, a controlled stop, and sequences of poses such as a jump."""
 
 from abc import ABC, abstractmethod
 from typing import Any
@@ -16,17 +16,19 @@ Floating = NDArray[np.floating[Any]]
 
 
 class Motion(PerRobotState, ABC):
-    """Base class of motions: joint targets over time for n robots.
+    """Base class of motions: each object computes joint targets over time, for n robots.
 
     The targets of a robot depend only on the calls of `start` for this robot and on its observations.
 
     Args:
-        robot: Robot.
+        robot: Robot that moves.
         control_period: Time between two calls of `targets`, s.
     """
 
     _target: Floats = per_robot()
+    """Joint targets of the last control step, or joint angles at the start, (n, 12), rad."""
     _ticks: NDArray[np.int64] = per_robot(0)
+    """Number of control steps since the start of the motion of each robot, (n,)."""
 
     def __init__(self, robot: Robot, control_period: float) -> None:
         self._robot = robot
@@ -34,16 +36,21 @@ class Motion(PerRobotState, ABC):
         super().__init__(_target=robot.home_pose)
 
     def start(self, mask: Mask, joints: Floats) -> None:
-        """Start the motion of the k robots in the `mask`, (n,), from the joint angles `joints`, (k, 12), rad."""
+        """Start the motion of k robots from given joint angles.
+
+        Args:
+            mask: True for the k robots that start the motion, (n,) bool.
+            joints: Joint angles or last joint targets of these robots, (k, 12), rad.
+        """
         self._target[mask] = joints
         self._ticks[mask] = 0
 
     @abstractmethod
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
-        """Compute the joint targets of some robots for one control step.
+        """Compute the joint targets of k robots for one control step.
 
         Args:
-            rows: Indices of the robots, (k,).
+            rows: Indices of the k robots in the batch, (k,).
             observation: Observation of these robots, (k, m).
             joints: Joint angles of these robots, (k, 12), rad.
 
@@ -55,17 +62,17 @@ class Motion(PerRobotState, ABC):
 def interpolate_toward(
     current: Floats, goal: Floats, elapsed: Floating, duration: ArrayLike, control_period: float
 ) -> Floats:
-    """Return the joint targets of the next control step on a straight way to a goal.
+    """Compute the joint targets of the next control step by linear interpolation to goal angles.
 
     Args:
-        current: Current targets, (k, 12), rad.
-        goal: Targets at the end, (k, 12), rad.
-        elapsed: Time since the start, (k,), s.
-        duration: Duration of the way from the start to the goal, (k,), s.
+        current: Joint targets of the last control step, (k, 12), rad.
+        goal: Joint targets at the end of the interpolation, (k, 12), rad.
+        elapsed: Time since the start of the interpolation, (k,), s.
+        duration: Duration of the interpolation from the start to the goal, (k,), s.
         control_period: Control period, s.
 
     Returns:
-        Targets of the next control step, (k, 12), rad.
+        Joint targets of the next control step, (k, 12), rad.
     """
     remaining_steps = np.maximum((np.asarray(duration) - elapsed) / control_period, 0.0) + 1.0
     target: Floats = current + (goal - current) / remaining_steps[:, None]
@@ -73,40 +80,50 @@ def interpolate_toward(
 
 
 class Damp(Motion):
-    """Damping: targets equal the joint angles, so the servos only damp and the robot sinks slowly."""
+    """Damping of the joints: the targets equal the joint angles, so that the robot sinks slowly."""
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
-        """Return the joint angles `joints` unchanged; `rows` and `observation` are not used."""
+        """Return the current angles `joints`, (k, 12), rad, as targets; `rows` and `observation` are unused."""
         return joints
 
 
 LOWERING_SPEED = 0.2
-"""Speed at which the trunk is lowered in a controlled stop, m/s; above 0.3 m/s a stop would not count as controlled."""
-FOLDING_SPEED = 4.0
-"""Largest rate of a joint target in a controlled stop, rad/s."""
-STOP_HEIGHT = 0.2
-"""Height of the hip joints above the centres of the feet after a controlled stop, m.
+"""Vertical speed at which a controlled stop lowers the trunk, m/s.
 
-The knees cannot fold to a smaller height without a fall."""
+Above 0.3 m/s, a stop would not count as controlled."""
+FOLDING_SPEED = 4.0
+"""Largest rate of change of a joint target in a controlled stop, rad/s."""
+STOP_HEIGHT = 0.2
+"""Height of the hip joints above the centres of the feet at the end of a controlled stop, m.
+
+A robot that folds its knees further falls."""
 STOP_OUTWARD = 0.04
-"""Outward distance of the feet from the position of a leg that hangs straight down, m."""
+"""Outward displacement of the feet in a controlled stop, m; at 0 the legs would hang straight down."""
 
 
 class Stop(Motion):
-    """Controlled stop: the feet move below the hips, and the trunk sinks slowly to STOP_HEIGHT."""
+    """Controlled stop: the feet move below the hips, and the hips sink slowly to STOP_HEIGHT above the feet."""
 
     _height: Floats = per_robot(0.0)
+    """Commanded height of the hip joints above the centres of the feet, (n,), m.
+
+    It is NaN between the start of a stop and its first control step."""
 
     def start(self, mask: Mask, joints: Floats) -> None:
-        """Start the motion of the robots in the `mask`, (n,), from their `joints`, (k, 12), rad."""
+        """Start the controlled stop of k robots.
+
+        Args:
+            mask: True for the k robots that stop, (n,) bool.
+            joints: Joint angles or last joint targets of these robots, (k, 12), rad.
+        """
         super().start(mask, joints)
         self._height[mask] = np.nan
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
-        """Compute the joint targets of some robots; see `Motion.targets`.
+        """Compute the joint targets of k robots in a controlled stop, for one control step.
 
         Args:
-            rows: Indices of the robots, (k,).
+            rows: Indices of the k robots in the batch, (k,).
             observation: Observation of these robots, (k, m).
             joints: Joint angles of these robots, (k, 12), rad.
 
@@ -127,17 +144,19 @@ class Stop(Motion):
 
 
 def jump_keyframes(robot: Robot) -> tuple[tuple[float, float, float, float], ...]:
-    """Return the keyframes of the jump: crouch, thrust, flight and landing, stand.
+    """Return the four keyframes of the jump: crouch; thrust; flight and landing; stand.
 
-    The keyframes come from a random search for the smallest pitch among jumps that rise by 0.165 m or more. The trunk
-    pitches because all knees bend backward. The feet are behind the hips at take-off, which reduces this pitch.
+    A random search has found the keyframes. It minimised the pitch angle of the trunk among jumps that rise by at least
+    0.165 m. The trunk pitches because all knees bend backward. At take-off the feet are behind the hips,
+    because this reduces the pitch angle.
 
     Args:
-        robot: Robot.
+        robot: Robot; the last keyframe is its home pose.
 
     Returns:
-        Four numbers for each keyframe. Lengths: forward position of the feet relative to the hips, m, and height of the
-        hips above the centres of the feet, m. Times: duration of the way to the pose, s, and of the hold, s.
+        One tuple of four numbers for each keyframe. The first two numbers are the forward position of the feet relative
+        to the hips, m, and the height of the hips above the centres of the feet, m. The last two numbers are the
+        duration of the motion to this pose, s, and the time for which the pose is held, s.
     """
     return (
         (0.007, 0.377, 0.35, 0.1),
@@ -148,14 +167,14 @@ def jump_keyframes(robot: Robot) -> tuple[tuple[float, float, float, float], ...
 
 
 class PoseSequence(Motion):
-    """Motion through a sequence of poses at fixed times.
+    """Motion through a fixed sequence of poses, with linear interpolation between them.
 
     Args:
-        robot: Robot.
+        robot: Robot that moves.
         control_period: Time between two calls of `targets`, s.
         poses: Joint angles of p poses, (p, 12), rad.
-        durations: Duration of the way to each pose, (p,), s.
-        holds: Duration of the hold of each pose, (p,), s.
+        durations: Duration of the motion to each pose, (p,), s.
+        holds: Time for which each pose is held, (p,), s.
     """
 
     def __init__(
@@ -167,10 +186,10 @@ class PoseSequence(Motion):
         self._begins = np.concatenate(([0.0], np.cumsum(self._durations + holds)[:-1]))
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
-        """Compute the joint targets of some robots; see `Motion.targets`.
+        """Compute the joint targets of k robots on their way through the poses, for one control step.
 
         Args:
-            rows: Indices of the robots, (k,).
+            rows: Indices of the k robots in the batch, (k,).
             observation: Observation of these robots, (k, m).
             joints: Joint angles of these robots, (k, 12), rad.
 
@@ -188,16 +207,34 @@ class PoseSequence(Motion):
 
 
 HOLD_TIME = 0.4
-"""Duration of the motion to the home pose, s."""
+"""Duration of the motion to the home pose when a robot enters the behaviour `State.STAND`, s."""
 
 
 def make_hold(robot: Robot, control_period: float) -> PoseSequence:
-    """Make the motion of a `robot` to its home pose within HOLD_TIME, for a `control_period`, s."""
+    """Make the motion of a robot to its home pose, which it reaches after HOLD_TIME and then holds.
+
+    Args:
+        robot: Robot with the home pose.
+        control_period: Time between two control steps, s.
+
+    Returns:
+        The motion.
+    """
     return PoseSequence(robot, control_period, robot.home_pose[None], [HOLD_TIME], [0.0])
 
 
 def make_jump(robot: Robot, control_period: float) -> PoseSequence:
-    """Make the jump of a `robot` for a `control_period`, s; the joint servos absorb the landing."""
+    """Make the motion of a jump in place from the poses of `jump_keyframes`.
+
+    After the flight, the compliance of the joint servos absorbs the landing.
+
+    Args:
+        robot: Robot that jumps.
+        control_period: Time between two control steps, s.
+
+    Returns:
+        The motion.
+    """
     forwards, heights, durations, holds = np.transpose(jump_keyframes(robot))
     frames = zip(forwards, heights, strict=True)
     feet = [[(forward, side * robot.hip_offset, -height) for side in robot.side] for forward, height in frames]

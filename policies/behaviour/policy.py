@@ -1,4 +1,7 @@
-"""Policy of behaviours: a state machine selects the behaviour, and a motion or a gait performs it."""
+"""Policy with several behaviours: stand, walk, run, jump, fall and recover.
+
+A state machine selects the behaviour of each robot. A joint motion, or a trot to walk and run, performs it.
+"""
 
 from typing import Unpack
 
@@ -15,32 +18,42 @@ from policies.trot.open_loop import Trot
 from quad_env import OBSERVATION
 
 WALKING_SPEED = 0.6
-"""Largest horizontal speed of a walking robot, m/s; a running robot follows the command without this limit."""
+"""Limit of the commanded horizontal speed in the behaviour `State.WALK`, m/s.
+
+In the behaviour `State.RUN`, the command is not limited."""
 RUN_ABOVE = 0.7
-"""Commanded speed above which a walking robot starts to run if `follow` is True, m/s."""
+"""Commanded horizontal speed above which a walking robot starts to run, m/s; used if `Behaviour(follow=True)`."""
 WALK_BELOW = 0.5
-"""Commanded speed below which a running robot walks again if `follow` is True, m/s."""
+"""Commanded horizontal speed below which a running robot walks again, m/s; used if `Behaviour(follow=True)`."""
 MOVE_ABOVE = 0.02
-"""Command component above which a standing robot walks if `follow` is True, m/s or rad/s; below, it stands."""
+"""Limit of the absolute command components between standing and walking, m/s or rad/s.
+
+With `Behaviour(follow=True)`, a standing robot walks if a component is above the limit. A walking robot stands if all
+components are below it."""
 BLEND_TIME = 0.2
-"""Duration of the blend from the targets of the last behaviour to the targets of the gait, s."""
+"""Duration of the blend from the last joint targets to the targets of the trot when a robot starts to walk, s."""
 
 _COMMAND = OBSERVATION["command"]
 
 
 class Behaviour(Policy):
-    """Policy with behaviours: each robot is in one `State`, which `state` returns and `request` changes.
+    """Policy with several behaviours, for example walk, jump and recover.
+
+    Each robot has one behaviour at a time, its `State`. The property `state` returns it, and `request` changes it.
 
     Args:
-        start: State after a reset.
-        follow: True to request stand, walk and run automatically from the commanded velocity. If False, call `request`.
+        start: State of each robot after a reset.
+        follow: True: change between stand, walk and run automatically, from the commanded velocity. False: only
+            `request` causes these changes.
         **kwargs: See `Policy`.
     """
 
     name = "behaviour"
     stiff_servos = True
     _targets: Floats = per_robot()
+    """Joint targets of the last action, (n, 12), rad; the home pose after a reset."""
     _was_moving: Mask = per_robot(False)
+    """True for robots that walked or ran in the last control step, (n,)."""
 
     def __init__(self, start: State = State.STAND, follow: bool = True, **kwargs: Unpack[PolicyKwargs]) -> None:
         super().__init__(**kwargs)
@@ -59,11 +72,19 @@ class Behaviour(Policy):
 
     @property
     def state(self) -> NDArray[np.int8]:
-        """`State` of each robot, (n,)."""
+        """Current `State` of each robot, as a number, (n,)."""
         return self.machine.state
 
     def request(self, name: str, mask: ArrayLike | None = None) -> Mask:
-        """Request the behaviour `name` of the robots in the `mask`; see `BehaviourMachine.request`."""
+        """Request a change of behaviour from some robots.
+
+        Args:
+            name: Name of the requested behaviour, one of `REQUESTS`, for example `jump`.
+            mask: True for robots that are asked, (n,) bool; None asks all robots.
+
+        Returns:
+            True for robots that refuse the request, (n,), see `BehaviourMachine.request`.
+        """
         return self.machine.request(name, mask)
 
     def _allocate(self, num_envs: int) -> None:
@@ -87,7 +108,7 @@ class Behaviour(Policy):
             within = state == behaviour
             if within.any():
                 if (entering := within & changed).any():
-                    # The motion starts from the last targets, so that the change of behaviour is smooth.
+                    # The motion starts from the last joint targets, because the targets would jump otherwise.
                     motion.start(entering, self._targets[entering])
                 members = np.flatnonzero(within)
                 targets[members] = motion.targets(members, rows[members], joints[members])
@@ -95,7 +116,11 @@ class Behaviour(Policy):
         return to_actions(self.robot, targets)
 
     def _gait_targets(self, observation: NDArray[np.float32], state: NDArray[np.int8]) -> Floats:
-        """Return the targets, (n, 12), rad: blended gait targets in walk and run, else the last targets."""
+        """Return the joint targets of the trot for robots that walk or run, (n, 12), rad.
+
+        Robots in other behaviours keep their last joint targets. When a robot starts to walk, its last targets are
+        blended with the targets of the trot. `state` is the `State` of each robot, (n,).
+        """
         moving = (state == State.WALK) | (state == State.RUN)
         starting = moving & ~self._was_moving
         self._was_moving = moving
@@ -113,7 +138,7 @@ class Behaviour(Policy):
         return np.where(moving[:, None], blended, self._targets)
 
     def _request_from_command(self, observation: NDArray[np.float32]) -> None:
-        """Request stand, walk or run from the commanded velocity."""
+        """Request the behaviours stand, walk and run according to the commanded velocity of each robot."""
         command = observation[:, _COMMAND].astype(np.float64)
         state = self.machine.state
         speed = np.sqrt(command[:, 0] ** 2 + command[:, 1] ** 2)
@@ -129,7 +154,11 @@ class Behaviour(Policy):
 
 
 def limit_to_walking_speed(command: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Limit the horizontal velocity of commands, (n, 3), to WALKING_SPEED."""
+    """Return velocity commands with a horizontal speed of at most WALKING_SPEED.
+
+    The direction of motion and the yaw rate of a `command` do not change. Its columns are forward velocity, m/s,
+    lateral velocity, m/s, and yaw rate, rad/s, (n, 3).
+    """
     speed = np.sqrt(command[:, 0] ** 2 + command[:, 1] ** 2)
     share = np.minimum(1.0, np.float32(WALKING_SPEED) / np.maximum(speed, np.float32(1e-6)))
     return np.concatenate((command[:, :2] * share[:, None], command[:, 2:]), axis=1)

@@ -1,11 +1,11 @@
-"""Recovery from any pose: a sequence of key poses that depends on the direction of gravity.
+"""Recovery of a fallen robot from any pose: key poses in a sequence that depends on the direction of gravity.
 
 1. A robot on the ground gathers its legs and waits until it lies on its back, because a kick from the side rarely
    succeeds. If it comes to rest on its side, it rocks: it gathers the legs as if the other side were the lower one.
-2. From its back the robot swings all legs at once, rolls over its lower side and lands on bent legs.
+2. From its back the robot kicks: it swings all legs at once, rolls over its lower side and lands on bent legs.
 3. An upright robot tucks its legs under its hips and stands up.
 
-A robot that fails on the way starts again. After a failed kick it rolls over the other side.
+If a step fails, the robot starts again with step 1. After a failed kick it rolls over the other side.
 """
 
 from dataclasses import dataclass
@@ -23,33 +23,34 @@ from quad_env.robots.robot import Robot
 
 
 class Phase(IntEnum):
-    """Phase of the recovery."""
+    """Phase of the recovery of a fallen robot."""
 
     SETTLE = 0
     """The joints are damped until the robot lies still."""
     GATHER = 1
-    """The legs move to the gathered pose."""
+    """The legs move to a gathered pose, from which the robot can kick."""
     ROCK = 2
-    """The legs stay gathered. The robot lies neither on its back nor upright, or a kick has failed."""
+    """The legs stay gathered, because the robot lies on its side or a kick has failed."""
     KICK = 3
-    """All legs swing, and the robot rolls over."""
+    """All legs swing at once, so that the robot rolls over from its back."""
     LAND = 4
-    """The legs are bent for the landing."""
+    """The legs are bent, because the robot lands on its feet."""
     TUCK = 5
-    """The legs are tucked under the hips."""
+    """The legs are tucked under the hips of the upright robot, before it stands up."""
     STAND = 6
-    """The legs move to the home pose."""
+    """The legs move to the home pose, which lifts the trunk."""
 
 
 Legs = tuple[float, float, float, float, float, float]
-"""Angles of hip (positive outward), thigh and calf of a front leg, then the same of a hind leg, rad."""
+"""Six joint angles, rad: hip (positive outward), thigh and calf of a front leg, then the same of a hind leg."""
 
 
 @dataclass(frozen=True)
 class RecoveryParameters:
-    """Parameters of the recovery, found by a search.
+    """Parameters of the recovery of a fallen robot, found by a search: key poses, durations and limits.
 
-    Fields with `lower` are for the legs on the side to which gravity points, fields with `upper` for the other side.
+    Fields with `lower` in their names are for the legs on the lower side of the robot, to which gravity points. Fields
+    with `upper` are for the legs on the other side.
     """
 
     gather_lower: Legs = (-0.4307, -0.9243, -1.5535, -0.161, -1.3987, -0.0802)
@@ -59,68 +60,73 @@ class RecoveryParameters:
     land: Legs = (0.3966, 0.728, -1.6909, 0.4828, 1.075, -1.9985)
     tuck: Legs = (0.3108, 1.2458, -2.3518, 0.3277, 1.3659, -2.3119)
     gather_blend: float = 0.204
-    """Duration of the blend from the last pose to the pose of the phase GATHER, s.
-
-    The other fields `..._blend` are the same for their phases."""
+    """Duration of the blend from the last pose to the key pose of the phase GATHER, s."""
     land_blend: float = 0.1454
+    """Duration of the blend from the last pose to the key pose of the phase LAND, s."""
     tuck_blend: float = 0.3537
+    """Duration of the blend from the last pose to the key pose of the phase TUCK, s."""
     stand_blend: float = 0.3717
+    """Duration of the blend from the last pose to the key pose of the phase STAND, s."""
     gather_time: float = 0.3422
-    """Duration of the phase GATHER, s; the other fields `..._time` are the same for their phases."""
+    """Duration of the phase GATHER, s."""
     kick_time: float = 0.75
-    """Longest duration of the phase KICK, s."""
+    """Longest duration of the phase KICK, s. After this time a kick counts as failed."""
     land_time: float = 0.2227
+    """Duration of the phase LAND, s."""
     tuck_time: float = 0.4128
+    """Duration of the phase TUCK, s."""
     righted: float = 0.4178
-    """Cosine of the tilt above which a kick has succeeded."""
+    """Cosine of the tilt of the trunk (1: upright) above which a kick can count as successful.
+
+    The robot must also turn more slowly than `caught`."""
     lost: float = 0.2974
-    """Cosine of the tilt below which landing, tucking or standing has failed."""
+    """Cosine of the tilt of the trunk (1: upright) below which a phase LAND, TUCK or STAND has failed."""
     caught: float = 7.0765
-    """Angular velocity about each axis below which a kicked robot is ready to land, rad/s."""
+    """Angular velocity about each base axis below which a robot changes from the phase KICK to LAND, rad/s."""
     kick_minimum: float = 0.0507
-    """Shortest time in the phase KICK before a kick may count as successful or failed, s."""
+    """Time since the start of the phase KICK before which a kick counts neither as successful nor as failed, s."""
     upright: float = 0.5215
-    """Cosine of the tilt above which no kick is needed."""
+    """Cosine of the tilt of the trunk (1: upright) above which a robot stands up and needs no kick."""
 
 
 SETTLE_TIME = 0.1
-"""Longest duration of the phase SETTLE, s."""
+"""Longest duration of the phase SETTLE, in which a fallen robot comes to rest with damped joints, s."""
 SETTLE_MINIMUM = 0.05
-"""Shortest duration of the phase SETTLE, s."""
+"""Shortest duration of the phase SETTLE, in which a fallen robot comes to rest with damped joints, s."""
 SETTLED_TURNING = 2.5
-"""Angular velocity about each axis below which a fallen robot lies still, rad/s."""
+"""Angular velocity of the trunk about each base axis below which a fallen robot lies still, rad/s."""
 ROCK_BLEND = 0.05
-"""Duration of the blend to the pose of the phase ROCK, s."""
+"""Duration of the blend from the last pose to the key pose of the phase ROCK, s."""
 ROCK_TIME = 0.3
-"""Duration of the phase ROCK, s."""
+"""Duration of the phase ROCK, in which a robot on its side gathers its legs to roll onto its back, s."""
 FLAT = -0.95
-"""Cosine of the tilt below which a robot lies on its back."""
+"""Cosine of the tilt of the trunk (1: upright, -1: upside down) below which a robot lies on its back."""
 KICK_BLEND = 0.01
-"""Duration of the blend to the pose of the phase KICK, s; so short that the servos limit the motion."""
+"""Duration of the blend to the key pose of the phase KICK, s; it is so short that the servos limit the motion."""
 STRANDED_AFTER = 0.4
-"""Time in the phase KICK after which a kick has failed if the robot hardly turns, s."""
+"""Time in the phase KICK after which a kick has failed if the robot turns more slowly than STRANDED_TURNING, s."""
 STRANDED_TURNING = 0.5
-"""Angular velocity about each axis below which a robot hardly turns, rad/s."""
+"""Angular velocity of the trunk about each base axis below which a robot has stopped rolling, rad/s."""
 STAND_TIME = 0.75
-"""Time in the phase STAND after which the result is checked, s.
+"""Time in the phase STAND after which the pose of the robot is checked, s.
 
-A robot that leans starts again with GATHER. A robot with misplaced legs goes back to TUCK."""
+A robot that tilts too far starts again with the phase GATHER. A robot with misplaced joints goes back to TUCK."""
 LEVEL = 0.9
-"""Cosine of the tilt below which a robot leans."""
+"""Cosine of the tilt of the trunk (1: upright) below which a robot in the phase STAND tilts too far."""
 
 
 class Recovery(Motion):
-    """Recovery from any pose, in the phases of `Phase`.
+    """Motion of a fallen robot from any pose to its home pose, in the phases of `Phase`.
 
     Args:
-        robot: Robot.
+        robot: Robot that moves.
         control_period: Time between two calls of `targets`, s.
     """
 
     phase: NDArray[np.int64] = per_robot(0)
-    """`Phase` of each robot, (n,)."""
+    """Current `Phase` of the recovery of each robot, as a number, (n,)."""
     _left_lower: NDArray[np.int64] = per_robot(0)
-    """1 if the left side of a robot is the lower side, else 0, (n,)."""
+    """1 for robots with the left side as the lower side, to which gravity points, else 0, (n,)."""
 
     def __init__(self, robot: Robot, control_period: float) -> None:
         super().__init__(robot, control_period)
@@ -134,15 +140,20 @@ class Recovery(Motion):
         )
 
     def start(self, mask: Mask, joints: Floats) -> None:
-        """Start the recovery of the robots in the `mask`, (n,), from their `joints`, (k, 12), rad."""
+        """Start the recovery of k robots.
+
+        Args:
+            mask: True for the k robots that start the recovery, (n,) bool.
+            joints: Joint angles or last joint targets of these robots, (k, 12), rad.
+        """
         super().start(mask, joints)
         self.phase[mask] = Phase.SETTLE
 
     def targets(self, rows: NDArray[np.intp], observation: Floats, joints: Floats) -> Floats:
-        """Compute the joint targets of some robots; see `Motion.targets`.
+        """Compute the joint targets of k robots in the recovery, for one control step.
 
         Args:
-            rows: Indices of the robots, (k,).
+            rows: Indices of the k robots in the batch, (k,).
             observation: Observation of these robots, (k, m).
             joints: Joint angles of these robots, (k, 12), rad.
 
@@ -162,7 +173,10 @@ class Recovery(Motion):
         return target
 
     def _next(self, rows: NDArray[np.intp], observation: Floats) -> NDArray[np.int64]:
-        """Return the next phase of some robots, (k,), and update which side of each robot is lower."""
+        """Return the next phase of k robots, (k,), and update their lower sides.
+
+        `rows` are the indices of the robots in the batch, (k,), and `observation` is their observation, (k, m).
+        """
         phase = self.phase[rows]
         gravity = observation[:, OBSERVATION["projected_gravity"]]
         turning = np.abs(observation[:, OBSERVATION["angular_velocity"]]).max(axis=1)
@@ -181,13 +195,13 @@ class Recovery(Motion):
     def _next_phase(
         self, phase: NDArray[np.int64], time: Floating, up: Floats, turning: Floats, misplaced: Mask
     ) -> NDArray[np.int64]:
-        """Return the next phase of some robots, (k,).
+        """Return the next phase of k robots from their motion and from the time in the current phase.
 
         Args:
             phase: Current phase, (k,).
-            time: Time in the phase, (k,), s.
-            up: Cosine of the tilt, (k,).
-            turning: Largest angular velocity about an axis, (k,), rad/s.
+            time: Time since the start of the current phase, (k,), s.
+            up: Cosine of the tilt of the trunk, 1 if upright, (k,).
+            turning: Largest absolute angular velocity about a base axis, (k,), rad/s.
             misplaced: True for robots with a joint farther than POSE_TOLERANCE from the home pose, (k,).
 
         Returns:
@@ -215,15 +229,15 @@ class Recovery(Motion):
 
 
 def key_poses(robot: Robot, p: RecoveryParameters) -> Floats:
-    """Return the joint angles of the pose of each phase, for a lower right side and for a lower left side.
+    """Return the key pose of each phase of the recovery, separately for each lower side of the robot.
 
     Args:
-        robot: Robot.
-        p: Parameters of the recovery.
+        robot: Robot with the home pose and the joint limits.
+        p: Parameters of the recovery, with the joint angles of the key poses.
 
     Returns:
-        Joint angles, indexed by phase and by 0 for right or 1 for left, (7, 2, 12), rad. The entry of the phase SETTLE
-        is not used.
+        Joint angles within the joint limits, (7, 2, 12), rad. The axes are the phase, the lower side (0: right,
+        1: left) and the joint. The angles of the phase SETTLE are not used.
     """
     home = tuple(robot.home_pose.reshape(-1, 2, 3)[:, 0].ravel())  # angles of a front leg, then of a hind leg
     lower = (home, p.gather_lower, p.gather_lower, p.kick_lower, p.land, p.tuck, home)

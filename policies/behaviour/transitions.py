@@ -1,4 +1,4 @@
-"""States of the behaviour machine, its transition table, and the conditions of transitions."""
+"""Transition table of the behaviours: states, transitions between them, and conditions of the transitions."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -15,12 +15,16 @@ from quad_env.robots.robot import Robot
 
 
 class State(IntEnum):
-    """Behaviour of a robot; a robot is in exactly one state at a time."""
+    """Behaviour of a robot. A robot is in exactly one of these states at a time."""
 
     STAND = 0
+    """The robot stands in its home pose."""
     WALK = 1
+    """The robot follows the command in a trot, at a limited speed."""
     RUN = 2
+    """The robot follows the command in a trot, without a limit of the speed."""
     JUMP = 3
+    """The robot jumps in place once, and then stands."""
     FALL = 4
     """The joints are damped until the robot has stopped tumbling."""
     RECOVER = 5
@@ -29,12 +33,12 @@ class State(IntEnum):
 
 @dataclass(frozen=True)
 class Transition:
-    """Row of the transition table. If several rows apply, the first row is taken."""
+    """Transition between behaviours: a row of the table `TRANSITIONS`."""
 
     sources: tuple[State, ...]
     """States in which the transition can start."""
     request: str
-    """Request that triggers the transition; empty if the condition alone triggers it."""
+    """Name of the request that triggers the transition; empty if the condition `guard` alone triggers it."""
     guard: str
     """Name of the condition that must hold, a key of `conditions`; empty if no condition must hold."""
     target: State
@@ -42,7 +46,7 @@ class Transition:
 
 
 ON_ITS_LEGS = (State.STAND, State.WALK, State.RUN, State.JUMP)
-"""States in which a robot is on its legs."""
+"""States in which a robot is on its legs, and from which it can fall."""
 
 TRANSITIONS = (
     Transition((State.WALK,), "stand", "", State.STAND),
@@ -57,39 +61,45 @@ TRANSITIONS = (
     Transition((State.RECOVER,), "", "in home pose", State.STAND),
     Transition((State.RECOVER,), "", "late", State.FALL),
 )
+"""Transition table of the behaviours. If several rows apply to a robot, the first of them is taken."""
 
 REQUESTS = tuple(dict.fromkeys(row.request for row in TRANSITIONS if row.request))
-"""Names of all requests in the transition table."""
+"""Names of all requests in the transition table: stand, walk, run and jump."""
 GUARDS = tuple(dict.fromkeys(row.guard for row in TRANSITIONS if row.guard))
-"""Names of all conditions in the transition table."""
+"""Names of all conditions in the transition table, which `conditions` evaluates."""
 
 TIME_LIMIT: dict[State, float] = {State.JUMP: 3.0, State.FALL: 0.5, State.RECOVER: 8.0}
-"""State -> time in the state after which the condition `late` holds, s. In other states `late` never holds."""
+"""State -> time in this state after which the condition `late` holds, s. In other states `late` never holds."""
 
 TOPPLING_TILT = np.deg2rad(60.0)
-"""Tilt above which a robot changes to the state FALL, rad; 10° less than in the fall rule, `FallRule.tilt`."""
+"""Tilt of the trunk above which a robot on its legs changes to the state FALL, rad.
+
+The value is 10° below the tilt at which the environment counts a fall, `FallRule.tilt`."""
 _FALL_RULE = FallRule()
 HOME_TILT = np.deg2rad(10.0)
-"""Largest tilt of a robot that counts as in its home pose, rad."""
+"""Largest tilt of the trunk at which a robot counts as in its home pose, rad."""
 POSE_TOLERANCE = 0.15
-"""Largest distance of each joint from the home pose, rad; a servo sags by 0.02 rad under the weight of the robot."""
+"""Largest deviation of each joint angle from the home pose at which a robot counts as in its home pose, rad.
+
+Under the weight of the robot, a servo deviates by 0.02 rad."""
 STILL_LINEAR = 0.3
-"""Speed of the trunk along each axis below which a robot is still, m/s."""
+"""Absolute trunk velocity along each base axis below which a robot may count as still, m/s."""
 STILL_ANGULAR = 0.5
-"""Angular velocity of the trunk about each axis below which a robot is still, rad/s."""
+"""Absolute angular velocity of the trunk about each base axis below which a robot may count as still, rad/s."""
 SETTLED_ANGULAR = 1.5
-"""Angular velocity of the trunk about each axis below which a fall is over, rad/s."""
+"""Absolute angular velocity of the trunk about each base axis below which a fall is over, rad/s."""
 MINIMUM_TIME = 0.1
-"""Shortest time in a state before the conditions `in home pose` and `settled` can hold, s."""
+"""Time since the start of a state before which the conditions `in home pose` and `settled` cannot hold, s."""
 JUMP_TIME = 0.9
-"""Shortest time in the state JUMP before the condition `landed` can hold, s."""
+"""Time since the start of a jump before which the condition `landed` cannot hold, s."""
 
 _NEVER = 2**62
+"""Number of control steps that no episode reaches."""
 
 
 @cache
 def _limit_ticks(control_period: float) -> NDArray[np.int64]:
-    """Return the number of control steps after which the condition `late` holds, by state, (states,)."""
+    """Return, for each state, the number of control steps after which `late` holds, (states,)."""
     return np.array([round(TIME_LIMIT[state] / control_period) if state in TIME_LIMIT else _NEVER for state in State])
 
 
@@ -100,17 +110,17 @@ def conditions(
     state: NDArray[np.int8],
     ticks: NDArray[np.int64],
 ) -> dict[str, Mask]:
-    """Evaluate the conditions of the transition table.
+    """Evaluate the conditions of the transition table for n robots.
 
     Args:
-        robot: Robot.
+        robot: Robot with the home pose and the link lengths.
         control_period: Control period, s.
-        observation: Observation, (n, k).
-        state: State of each robot, (n,).
+        observation: Observation of the robots, (n, k).
+        state: Current `State` of each robot, (n,).
         ticks: Number of control steps since each robot entered its state, (n,).
 
     Returns:
-        Name of each condition -> mask of the robots for which it holds, (n,).
+        Name of each condition, as in `GUARDS` -> mask of the robots for which the condition holds, (n,).
     """
     rows = observation.astype(np.float64)
     gravity = rows[:, OBSERVATION["projected_gravity"]]
@@ -131,6 +141,6 @@ def conditions(
 
 
 def _largest(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the largest magnitude of each row, (n,)."""
+    """Return the largest absolute value of each row of `values`, (n, k), as an array (n,)."""
     magnitude: NDArray[np.float64] = np.abs(values).max(axis=1)
     return magnitude

@@ -1,1 +1,1 @@
-"""Motion state of the robots and the forces on their feet, from observations without contact sensors."""
+"""Motion state of the robots, and estimates of the forces on their feet; contact sensors are not needed."""

@@ -1,9 +1,9 @@
-"""Forces on the feet, estimated from joint torques and the robot's dynamics.
+"""Estimator of the forces on the feet, from joint torques and the dynamics of the robot.
 
-The equations of motion are averaged over the last control period. The generalised force that the motion needed, minus
-the torques of the servos, comes from the environment. Its components at the joints of a leg give the force on the foot.
-The method is the simplest form of a momentum observer; see De Luca and Mattone, "Sensorless robot collision detection
-and hybrid force/motion control", ICRA 2005.
+The equations of motion are averaged over the last control period. They give the generalised force that the observed
+motion needs. The servos provide a part of it; the rest is a force of the environment. The components of this rest at
+the joints of a leg give the force on the foot of the leg. The method is the simplest form of a momentum observer; see
+De Luca and Mattone, "Sensorless robot collision detection and hybrid force/motion control", ICRA 2005.
 """
 
 from typing import NamedTuple
@@ -20,51 +20,64 @@ from quad_env.physics.dynamics import DynamicsTerms
 from quad_env.robots.robot import Robot
 
 LEG_DAMPING = 1e-4
-"""Damping added to the squared Jacobian of a leg, m², because a straight leg shows no force along itself."""
+"""Damping of the least-squares solution for the force on a foot, m².
+
+It is added to the diagonal of J Jᵀ, with the Jacobian J of the leg. It is needed because a force along a straight leg
+causes no joint torque."""
 
 
 class PeriodMotion(NamedTuple):
-    """Mean motion of n robots over the last control period; over the last two if encoders read joints."""
+    """Mean motion of n robots over the last control period.
+
+    With joint encoders, it is the mean over the last two control periods.
+    """
 
     acceleration: Floats
-    """Generalised acceleration, (n, 18), m/s² and rad/s²."""
+    """Mean generalised acceleration of trunk and joints, (n, 18), m/s² and rad/s²."""
     angle: Floats
-    """Joint angles, (n, 12), rad."""
+    """Mean joint angles, (n, 12), rad."""
     speed: Floats
-    """Joint speeds, (n, 12), rad/s."""
+    """Mean joint speeds, (n, 12), rad/s."""
     targets: Floats
-    """Joint targets, (n, 12), rad."""
+    """Mean joint targets, (n, 12), rad."""
 
 
 class FootForces(NamedTuple):
-    """Forces on the feet of n robots, and the generalised force of the environment."""
+    """Estimated forces on the feet of n robots, and the generalised force of the environment."""
 
     forces: Floats
-    """Forces on the feet, level frame, (n, 4, 3), N. An estimate may pull downward, which no ground does."""
+    """Forces of the environment on the feet, level frame, (n, 4, 3), N.
+
+    Because of estimation errors, the vertical component can be negative, although the ground cannot pull a foot."""
     generalised: Floats
-    """Generalised force of the environment, (n, 18), N and N·m."""
+    """Generalised force of the environment on trunk and joints, (n, 18), N and N·m.
+
+    The order is the order of `MotionState.generalised_velocity`."""
 
 
 class FootForceEstimator(PerRobotState):
-    """Estimates the forces on the feet of n robots, once per control period.
+    """Estimator of the forces on the feet of n robots, which `estimate` updates once per control period.
 
     Args:
         robot: Robot with the servo gains.
         period: Control period, s.
-        actuator: Drives of the joints.
-        encoders: True if joint speeds are differences of two encoder angles, and thus means over a control period.
+        actuator: Actuator model of the joints.
+        encoders: True if each observed joint speed is the difference of two encoder angles. It is then a mean over a
+            control period, and not the speed at the time of the observation.
     """
 
     _has_last: Mask = per_robot(False)
-    """True for robots with a previous reading, (n,)."""
+    """True for robots with a previous call of `estimate` since their reset, (n,)."""
     _last_velocity: Floats = per_robot(np.zeros(18))
-    """Last generalised velocity, (n, 18)."""
+    """Generalised velocity in the previous call of `estimate`, (n, 18), m/s and rad/s."""
     _last_angles: Floats = per_robot(np.zeros(12))
-    """Last joint angles, (n, 12), rad."""
+    """Joint angles in the previous call of `estimate`, (n, 12), rad."""
     _last_targets: Floats = per_robot(np.zeros(12))
-    """Last joint targets, (n, 12), rad."""
+    """Joint targets in the previous call of `estimate`, (n, 12), rad."""
     _last_trunk_acceleration: Floats = per_robot(np.zeros(6))
-    """Last trunk acceleration, (n, 6), m/s² and rad/s²."""
+    """Trunk acceleration that the previous call of `estimate` computed, (n, 6), m/s² and rad/s².
+
+    The first three components are linear, level frame; the last three are angular, base frame."""
 
     def __init__(self, robot: Robot, period: float, actuator: Actuator = IDEAL, *, encoders: bool = False) -> None:
         self._period = period
@@ -73,12 +86,16 @@ class FootForceEstimator(PerRobotState):
         super().__init__()
 
     def estimate(self, motion: MotionState) -> FootForces:
-        """Estimate the mean forces of the last control period, and store the readings for the next call.
+        """Estimate the mean forces on the feet in the last control period.
 
-        M q̈ + h - τ = Σ Jᵢᵀ fᵢ + w: the joint rows of each leg give the force fᵢ, the trunk rows give the wrench w.
+        The equations of motion are M q̈ + h - τ = Σ Jᵢᵀ fᵢ + w, with the inertia matrix M, the generalised acceleration
+        q̈, the bias force h and the joint torques τ. On the right are the Jacobians Jᵢ and forces fᵢ of the feet, and
+        the wrench w of the environment on the trunk. The rows of the joints of leg i give fᵢ.
+
+        The method stores the motion state for its next call. Call it once per control period.
 
         Args:
-            motion: State at the time of the readings, with the joint targets that led to it and the load.
+            motion: Motion state of n robots at present, with the joint targets of the last control period.
 
         Returns:
             Forces on the feet, and the generalised force of the environment.
@@ -90,10 +107,10 @@ class FootForceEstimator(PerRobotState):
         return FootForces(_forces_by_leg(bodies, needed[:, 6:]), needed)
 
     def _period_motion(self, motion: MotionState) -> PeriodMotion:
-        """Return the mean motion since the last readings, and store the present ones.
+        """Return the mean motion since the previous motion state, and store the present motion state.
 
-        An encoder speed is the mean over one period. The difference of two speeds gives the mean acceleration over two
-        periods, so that the forces are means over two periods as well.
+        The joint speed of an encoder is a mean over one control period. The difference of two of these speeds gives the
+        mean acceleration over two periods. With encoders, all other means are therefore also over two periods.
         """
         period = self._period
         velocity = motion.generalised_velocity
@@ -106,14 +123,14 @@ class FootForceEstimator(PerRobotState):
         self._has_last = np.ones_like(self._has_last)
 
         acceleration = (velocity - last_velocity) / period
-        # Correction for the rotation of the level frame, which turns with the robot: ω × v.
+        # The level frame turns with the robot. The term ω × v is therefore added to the derivative of its velocities.
         acceleration[:, 0] -= motion.angular_velocity[:, 2] * velocity[:, 1]
         acceleration[:, 1] += motion.angular_velocity[:, 2] * velocity[:, 0]
         last_trunk_acceleration = self._last_trunk_acceleration
         self._last_trunk_acceleration = acceleration[:, :6].copy()
         curvature = period / 12.0 * (velocity[:, 6:] - last_velocity[:, 6:])
         if not self._encoders:
-            # Mean of the cubic that has the angle and the speed of both readings.
+            # The angle is the mean of the cubic polynomial with the angles and the speeds of both motion states.
             return PeriodMotion(
                 acceleration=acceleration,
                 angle=0.5 * (motion.joint_position + last_angles) - curvature,
@@ -129,14 +146,15 @@ class FootForceEstimator(PerRobotState):
         )
 
     def _or_last(self, present: Floats, last: Floats) -> Floats:
-        """Return the last values, (n, k); the present values for robots that have no previous reading."""
+        """Return `last`, (n, k), but `present` for robots without a previous call of `estimate`."""
         return np.where(self._has_last[:, None], last, present)
 
 
 def _forces_by_leg(bodies: DynamicsTerms, joint_torques: Floats) -> Floats:
-    """Return the forces on the feet, (n, 4, 3), N, that cause given joint torques, (n, 12), N·m.
+    """Compute the forces on the feet, level frame, (n, 4, 3), N, that cause given joint torques.
 
-    The solution is by damped least squares.
+    `bodies` has the Jacobians of the legs, and `joint_torques` has the shape (n, 12), N·m. The solution is by damped
+    least squares, see `LEG_DAMPING`.
     """
     jacobians = bodies.leg_jacobians
     squares = np.matmul(jacobians, jacobians.swapaxes(2, 3)) + LEG_DAMPING * np.eye(3)

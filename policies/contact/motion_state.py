@@ -1,4 +1,4 @@
-"""Motion state of the robots, computed from their observations, and the dynamics terms at this state."""
+"""Motion state of the robots, computed from their observations, and the terms of the equations of motion."""
 
 from typing import NamedTuple
 
@@ -13,31 +13,32 @@ from quad_env.robots.robot import Robot
 
 
 class MotionState(NamedTuple):
-    """Motion, command and dynamics of n robots; made by `compute_motion_state`.
+    """Motion, command and dynamics terms of n robots; `compute_motion_state` computes them from an observation.
 
-    The level frame has its origin at the trunk centre, z up and x ahead.
+    The level frame has its origin at the trunk centre, x along the heading and z up.
     """
 
     tilt: Floats
-    """Roll and pitch, (n, 2), rad."""
+    """Roll and pitch of the trunk, (n, 2), rad."""
     rotation: Floats
-    """Rotation from the base to the level frame, (n, 3, 3)."""
+    """Rotation matrix from the base frame to the level frame (trunk centre, x ahead, z up), (n, 3, 3)."""
     velocity: Floats
     """Velocity of the trunk centre, level frame, (n, 3), m/s."""
     angular_velocity: Floats
     """Angular velocity of the trunk, level frame, (n, 3), rad/s."""
     generalised_velocity: Floats
-    """Generalised velocity of `quad_env.physics.dynamics`, (n, 18).
+    """Generalised velocity of trunk and joints, as in `quad_env.physics.dynamics`, (n, 18).
 
-    Trunk velocity, level frame, m/s, then angular velocity, base frame, rad/s, then joint speeds, rad/s."""
+    The components are: velocity of the trunk centre, level frame, m/s; angular velocity, base frame, rad/s; and joint
+    speeds, rad/s."""
     joint_position: Floats
     """Joint angles, (n, 12), rad."""
     targets: Floats
-    """Joint targets of the last control period, (n, 12), rad."""
+    """Joint targets of the last control period, the previous action, (n, 12), rad."""
     command: Floats
-    """Commanded forward and lateral velocity, m/s, and yaw rate, rad/s, (n, 3)."""
+    """Velocity command: forward velocity, m/s, lateral velocity, m/s, and yaw rate, rad/s, (n, 3)."""
     bodies: DynamicsTerms
-    """Dynamics terms at this state."""
+    """Terms of the equations of motion in this state, for example inertia, bias force and Jacobians."""
     foot_velocity: Floats
     """Velocity of the feet, level frame, (n, 4, 3), m/s."""
 
@@ -46,12 +47,12 @@ def compute_motion_state(robot: Robot, dynamics: Dynamics, observation: NDArray[
     """Compute the motion state of n robots from their observations.
 
     Args:
-        robot: Robot of the observations.
-        dynamics: Dynamics of the robot.
-        observation: Observation, (n, k).
+        robot: Robot with the home pose.
+        dynamics: Rigid-body dynamics of the robot.
+        observation: Observation of n robots, (n, k).
 
     Returns:
-        State of n robots.
+        Motion state of n robots.
     """
     rows = observation.astype(np.float64)
     frame = level_frame(rows[:, OBSERVATION["projected_gravity"]].T)
@@ -78,10 +79,12 @@ def compute_motion_state(robot: Robot, dynamics: Dynamics, observation: NDArray[
 
 
 def _attitude(tilt: Floats) -> tuple[Floats, Floats]:
-    """Convert roll and pitch to the rotation from base to level frame: roll about x, then pitch about y.
+    """Convert roll and pitch to the rotation from the base frame to the level frame.
+
+    The rotation is first by the roll angle about x, then by the pitch angle about y.
 
     Args:
-        tilt: Roll and pitch, (2, n), rad.
+        tilt: Roll and pitch of the trunk, (2, n), rad.
 
     Returns:
         quaternion: Unit quaternion (w, x, y, z), (n, 4).

@@ -1,4 +1,4 @@
-"""Model of the joint servos for model-based controllers."""
+"""Model of the joint servos, from which model-based controllers compute the joint torques."""
 
 import numpy as np
 
@@ -9,11 +9,13 @@ from quad_env.robots.robot import Robot
 
 
 class ServoModel:
-    """PD law, torque limits and target filter of the joint servos; one for all robots.
+    """Model of the joint servos: PD law, torque limits, and low-pass filter of the joint targets.
+
+    One object serves all robots of a batch, because it has no state.
 
     Args:
         robot: Robot with the servo gains.
-        actuator: Drives of the joints.
+        actuator: Actuator model of the joints, with delay, bandwidth and torque-speed curve.
         period: Control period, s.
     """
 
@@ -26,18 +28,26 @@ class ServoModel:
         else:
             curve = actuator.curve.resolve(robot)
         self.limits = curve.limits
-        """Function: joint speeds, (…, 12), rad/s -> minimum and maximum torque, (…, 12) each, N·m."""
+        """Function that returns the torque limits of the joints at given joint speeds.
+
+        Its argument is the joint speeds, (…, 12), rad/s. Its result is the minimum and the maximum torque, each
+        (…, 12), N·m."""
         self.target_weights = actuator.target_weights(float(robot.model.opt.timestep), period)
-        """Weights of the last k targets in the mean target of a control period, newest first, (k,)."""
+        """Weights of the last k joint targets in the mean target that a motor follows in a control period, (k,).
+
+        The newest target comes first. Older targets have weights because of delay and bandwidth of the actuator."""
 
     def filtered_targets(self, targets: Floats) -> Floats:
-        """Return the mean targets that the motors followed in each of m control periods, newest first.
+        """Compute the mean joint targets that the motors follow in each of the last m control periods.
+
+        Delay and bandwidth of the actuator spread a commanded target over several control periods.
 
         Args:
-            targets: Commanded targets, newest first, (m + k - 1, n, 12), rad.
+            targets: Commanded joint targets of the last m + k - 1 control periods, newest first, (m + k - 1, n, 12),
+                rad; k is the number of `target_weights`.
 
         Returns:
-            Mean targets, (m, n, 12), rad.
+            Mean joint targets of each control period, newest first, (m, n, 12), rad.
         """
         if len(self.target_weights) == 1:
             return targets
@@ -45,10 +55,10 @@ class ServoModel:
         return ordered_sum(weight * targets[age : age + count] for age, weight in enumerate(self.target_weights))
 
     def torque(self, targets: Floats, angle: Floats, speed: Floats) -> Floats:
-        """Return the joint torques of the PD law, clipped to the torque limits.
+        """Compute the joint torques of the servos by their PD law, clipped to the torque limits.
 
         Args:
-            targets: Filtered joint targets, (n, 12), rad.
+            targets: Joint targets that the motors follow, see `filtered_targets`, (n, 12), rad.
             angle: Joint angles, (n, 12), rad.
             speed: Joint speeds, (n, 12), rad/s.
 

@@ -1,4 +1,7 @@
-"""Brace: a low, wide stance on all feet, in which a pushed robot slides to rest instead of tripping."""
+"""Brace: a low, wide stance on all four feet, in which a pushed robot slides to rest instead of tripping.
+
+The safety layer `Safe` commands the brace when it predicts a fall.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,41 +14,51 @@ from quad_env import OBSERVATION
 from quad_env.robots.robot import Robot
 
 HEIGHT = 0.13
-"""Height of the trunk centre above the centres of the feet in the brace, m."""
+"""Height of the hip joints above the centres of the feet in the brace (low, wide stance before a fall), m."""
 LENGTH = 0.6
-"""Distance between the front and the hind feet in the brace, m."""
+"""Distance between the front and the hind feet in the brace (low, wide stance before a fall), m."""
 WIDTH = 0.8
-"""Commanded distance between the left and the right feet, m. The hips reach their limits before this distance."""
+"""Commanded distance between the left and the right feet in the brace (low, wide stance before a fall), m.
+
+The actual distance is smaller, because the hip joints reach their limits first."""
 DAMPING = 0.04
-"""Rotation of the plane of the feet per angular velocity of the trunk, s; with 0 the legs would be rigid."""
+"""Gain of the roll and pitch damping by the legs in the brace (low, wide stance before a fall), s.
+
+It is the rotation of the plane through the feet, rad, per angular velocity of the trunk, rad/s. With a gain of 0 the
+legs would be rigid."""
 MIN_DROP = 0.08
-"""Smallest distance of a foot below the trunk centre, m."""
+"""Smallest commanded depth of a foot below its hip joint in the brace (low, wide stance before a fall), m."""
 REST_SPEED = 0.5
-"""Speed of the trunk along each axis below which a robot is at rest, m/s."""
+"""Absolute trunk velocity along each base axis below which a robot may count as at rest, m/s."""
 REST_TURNING = 1.5
-"""Angular velocity of the trunk about each axis below which a robot is at rest, rad/s."""
+"""Absolute angular velocity of the trunk about each base axis below which a robot may count as at rest, rad/s."""
 REST_TILT = np.deg2rad(30.0)
-"""Tilt of the trunk below which a robot is at rest, rad."""
+"""Tilt of the trunk from the horizontal below which a robot may count as at rest, rad."""
 REST_TIME = 0.1
-"""Time that a robot must be at rest before its brace is released, s."""
+"""Time for which a braced robot must be at rest (see `is_at_rest`) before its policy takes over again, s."""
 RELEASE_TIME = 0.15
-"""Duration of the blend from the brace to the targets of the policy, s."""
+"""Duration of the blend from the joint targets of the brace to the joint targets of the policy, s."""
 
 
 class Brace(PerRobotState):
-    """Blend of the brace with the targets of the policy, for n robots.
+    """Blend of the brace (low, wide stance before a fall) with the joint targets of a policy, for n robots.
 
-    The weight of the brace is 1 until a robot is at rest, and then falls to 0. `Safe` uses one object of this class.
+    The weight of the brace is 1 until a robot has been at rest for REST_TIME. It then falls to 0 within RELEASE_TIME.
+    The safety layer `Safe` uses one object of this class.
 
     Args:
-        robot: Robot.
+        robot: Robot with the link lengths and joint limits.
         control_period: Time between two calls of `advance`, s.
     """
 
     share: Floats = per_robot(1.0)
-    """Weight of the brace in the targets before smoothing, 0 to 1, (n,)."""
+    """Weight of the brace in the joint targets of each robot, falling from 1 to 0, (n,).
+
+    `blend` applies the function `smoothstep` to it."""
     _rest_steps: NDArray[np.int64] = per_robot(0)
+    """Number of consecutive control steps for which each robot has been at rest, (n,)."""
     _released: Mask = per_robot(False)
+    """True for robots that were at rest for REST_TIME and now blend back to their policy, (n,)."""
 
     def __init__(self, robot: Robot, control_period: float) -> None:
         self._robot = robot
@@ -53,15 +66,15 @@ class Brace(PerRobotState):
         super().__init__()
 
     def advance(self, catching: Mask, alarm: Mask, observation: Floats) -> Mask:
-        """Advance the robots in the mode CATCH by a control step.
+        """Update the weight of the brace of each robot for one control step.
 
         Args:
-            catching: Robots in the mode CATCH, (n,).
-            alarm: Robots with a predicted fall, (n,).
-            observation: Observation, (n, m).
+            catching: True for robots in the mode `Mode.CATCH`, in which the brace is active, (n,).
+            alarm: True for robots for which a fall is predicted in this control step, (n,).
+            observation: Observation of all robots, (n, m).
 
         Returns:
-            True for robots that follow their policy again, (n,).
+            True for robots with a weight of 0, which follow their policy alone again, (n,).
         """
         self._rest_steps = np.where(catching & is_at_rest(observation), self._rest_steps + 1, 0)
         rested = self._rest_steps >= round(REST_TIME / self._period)
@@ -70,22 +83,25 @@ class Brace(PerRobotState):
         return self._released & (self.share <= 0.0)
 
     def blend(self, rows: NDArray[np.intp], targets: Floats, observation: Floats) -> Floats:
-        """Blend the targets of the policy with the brace.
+        """Compute the weighted mean of the joint targets of the policy and of the brace, for k robots.
 
         Args:
-            rows: Indices of the robots, (k,).
-            targets: Joint targets of the policy, (k, 12), rad.
-            observation: Observation of the robots, (k, m).
+            rows: Indices of the k robots in the batch, (k,).
+            targets: Joint targets of the policy for these robots, (k, 12), rad.
+            observation: Observation of these robots, (k, m).
 
         Returns:
-            Joint targets, (k, 12), rad.
+            Blended joint targets, (k, 12), rad.
         """
         weight = smoothstep(self.share[rows])[:, None]
         return targets + weight * (brace_targets(self._robot, observation) - targets)
 
 
 def is_at_rest(observation: Floats) -> Mask:
-    """Return True for robots with a slow and upright trunk, (n,); `observation`: (n, m)."""
+    """Return True for robots with an upright trunk that moves and turns slowly, (n,).
+
+    The limits are REST_TILT, REST_SPEED and REST_TURNING. The `observation` of n robots has the shape (n, m).
+    """
     velocity = observation[:, OBSERVATION["linear_velocity"]]
     turning = observation[:, OBSERVATION["angular_velocity"]]
     upright = -observation[:, OBSERVATION["projected_gravity"]][:, 2] > np.cos(REST_TILT)
@@ -95,7 +111,15 @@ def is_at_rest(observation: Floats) -> Mask:
 
 
 def brace_targets(robot: Robot, observation: Floats) -> Floats:
-    """Compute the joint targets of the brace, (k, 12), rad, for a `robot` and an `observation`, (k, m)."""
+    """Compute the joint targets of the brace, a low, wide stance that damps roll and pitch.
+
+    Args:
+        robot: Robot with the link lengths and joint limits.
+        observation: Observation of k robots, (k, m).
+
+    Returns:
+        Joint targets within the joint limits, (k, 12), rad.
+    """
     turning = observation[:, OBSERVATION["angular_velocity"]]
     roll = DAMPING * turning[:, 0:1]
     pitch = DAMPING * turning[:, 1:2]
@@ -103,6 +127,6 @@ def brace_targets(robot: Robot, observation: Floats) -> Floats:
     hip_y = robot.hip_positions[:, 1]
     x = np.sign(hip_x) * (LENGTH / 2.0)
     y = robot.side * (WIDTH / 2.0)
-    # Legs on a side that moves upward are shortened, which damps the rotation.
+    # The legs on a side of the trunk that moves upward are shortened, because this damps the rotation of the trunk.
     z = np.minimum(roll * y - pitch * x - HEIGHT, -MIN_DROP)
     return joint_targets(robot, x - hip_x, y - hip_y, z)

@@ -1,4 +1,4 @@
-"""Safety layer for any policy: controlled stop after failures, brace before falls, limits of targets."""
+"""Safety layer for any policy: controlled stop after failures, brace before falls, limits of joint targets."""
 
 from enum import IntEnum
 
@@ -15,50 +15,68 @@ from quad_env.files.text import format_exception
 
 
 class Mode(IntEnum):
-    """Source of the joint targets of a robot."""
+    """Mode of the safety layer for a robot: it determines where the joint targets of the robot come from."""
 
     FOLLOW = 0
-    """The policy gives the targets."""
+    """The policy determines the joint targets."""
     CATCH = 1
-    """The brace gives the targets after a predicted fall, until the robot is at rest."""
+    """After a predicted fall, the brace (low, wide stance) determines the joint targets.
+
+    The mode ends when the robot is at rest, or when it tilts by more than MAX_TILT."""
     STOP = 2
-    """A controlled stop gives the targets, until a reset."""
+    """After a failure or an emergency stop, a controlled stop determines the joint targets: the trunk sinks slowly.
+
+    The mode lasts until a reset, or until the robot tilts by more than MAX_TILT."""
     DAMP = 3
-    """The joints are damped, because the robot tilts too far or an emergency stop has requested it."""
+    """The servos only damp the motion of the joints, until a reset.
+
+    The reason is a tilt above MAX_TILT during a stop, or an emergency stop with damping."""
 
 
 TOO_FAR_OVER = "too far over"
-"""Reason of a change of mode because of a tilt above MAX_TILT."""
+"""Text in `Safe.reason` if the mode of a robot has changed because its trunk tilts by more than MAX_TILT."""
 
 MAX_TILT = np.deg2rad(65.0)
-"""Tilt above which neither the brace nor a controlled stop works, rad; 5° less than the fall rule, `FallRule.tilt`."""
-FALL_ALARM_DEVIATION = 0.8866
-"""Velocity deviation above which a fall is predicted, m/s.
+"""Tilt of the trunk above which neither the brace nor a controlled stop can work, rad.
 
-The value is 0.2 m/s more than the largest deviation in one hour of the undisturbed trot."""
+The value is 5° below the tilt at which the environment counts a fall, `FallRule.tilt`."""
+FALL_ALARM_DEVIATION = 0.8866
+"""Result of `velocity_deviation` above which the safety layer predicts a fall, m/s.
+
+The value is 0.2 m/s above the largest deviation in one hour of trot without a disturbance."""
 RESPONSE_TIME = 0.25
-"""Time constant of the velocity that a walking robot is expected to have after a new command, s."""
+"""Time constant with which a walking robot is expected to reach the velocity of a new command, s."""
 RECENT_TIME = 0.1
-"""Time constant of the filter of the recent velocity, s. A change of velocity that is slower is not a push."""
+"""Time constant of the low-pass filter of the measured velocity, s.
+
+A push is detected as a difference between measured and filtered velocity. Slower changes do not count as a push."""
 
 
 class Safe(Policy):
-    """Policy within the safety layer; `mode` and `reason` show the state of the layer.
+    """Policy inside a safety layer, which takes over after a predicted fall or a failure of the policy.
+
+    `mode` is the mode of the layer for each robot, and `reason` is the reason of its last change.
 
     Args:
         policy: Policy inside the safety layer.
-        limits: Limits of all targets; by default the limits of the robot with ideal actuators.
+        limits: Limits of all joint targets; None for the limits of the robot with ideal actuators.
     """
 
     reason: NDArray[np.object_] = per_robot(np.array("", object))
     """Reason of the last change of mode of each robot, text, (n,); empty after a reset."""
     _mode: NDArray[np.int8] = per_robot(np.int8(Mode.FOLLOW))
     _entered: Mask = per_robot(False)
+    """True for robots that have changed their mode since the last action, (n,)."""
     _targets: Floats = per_robot()
+    """Joint targets of the last action, (n, 12), rad; the home pose after a reset."""
     _reference: Floats = per_robot(np.zeros(2))
-    """Expected horizontal velocity: the command, low-pass filtered with RESPONSE_TIME, (n, 2), m/s."""
+    """Horizontal velocity that each robot is expected to have, base frame, (n, 2), m/s.
+
+    It is the commanded velocity after a low-pass filter with the time constant RESPONSE_TIME."""
     _recent_velocity: Floats = per_robot(np.zeros(2))
-    """Measured horizontal velocity, low-pass filtered with RECENT_TIME, (n, 2), m/s."""
+    """Measured horizontal velocity after a low-pass filter with the time constant RECENT_TIME, (n, 2), m/s.
+
+    It is in the base frame."""
 
     def __init__(self, policy: Policy, limits: SafetyLimits | None = None) -> None:
         super().__init__(robot=policy.robot, control_period=policy.control_period)
@@ -76,7 +94,10 @@ class Safe(Policy):
 
     @property
     def failure(self) -> NDArray[np.object_] | None:
-        """Reason of each robot's failure inside the policy, (n,), see `ExternalPolicy`; None if not reported."""
+        """Reason of the policy's failure for each robot, (n,), see `ExternalPolicy.failure`.
+
+        It is None for the whole batch if the policy does not report failures.
+        """
         return getattr(self.policy, "failure", None)
 
     @property
@@ -86,20 +107,27 @@ class Safe(Policy):
 
     @property
     def stopped(self) -> NDArray[np.bool_]:
-        """True for robots that the layer has stopped, (n,)."""
+        """True for robots in the modes STOP and DAMP, which only a reset ends, (n,)."""
         return np.isin(self._mode, (Mode.STOP, Mode.DAMP))
 
     def emergency_stop(self, mask: ArrayLike | None = None, *, damp: bool = False) -> None:
-        """Stop some robots from their next action on, until a reset.
+        """Stop some robots, from their next action until their next reset.
 
         Args:
-            mask: Robots to stop, (n,) bool; all by default.
-            damp: True to damp the joints at once; False for a controlled stop.
+            mask: True for robots to stop, (n,) bool; None stops all robots.
+            damp: True: the servos only damp the joints (mode DAMP). False: the trunk sinks slowly (mode STOP).
         """
         self._enter(validate_mask(mask, self.num_envs), Mode.DAMP if damp else Mode.STOP, "emergency stop requested")
 
     def reset(self, num_envs: int = 1, seed: int | None = None) -> None:
-        """Reset layer and policy for `num_envs` robots with a `seed`. Exceptions of the policy are not caught."""
+        """Reset the safety layer and its policy for a batch of robots.
+
+        An exception that the policy raises here is not caught.
+
+        Args:
+            num_envs: Number of robots in the batch.
+            seed: Seed for a policy that draws random numbers.
+        """
         super().reset(num_envs, seed)
         self.policy.reset(num_envs, seed)
 
@@ -129,7 +157,11 @@ class Safe(Policy):
         return to_actions(self.robot, self._targets)
 
     def _policy_targets(self, observation: NDArray[np.float32]) -> Floats:
-        """Return the targets of the policy, (n, 12), rad; the last targets for robots in other modes."""
+        """Return the joint targets of the policy for robots in the modes FOLLOW and CATCH, (n, 12), rad.
+
+        Robots in the modes STOP and DAMP keep their last targets. If the policy raises an exception, all robots in the
+        modes FOLLOW and CATCH change to STOP.
+        """
         targets = self._targets.copy()
         following = self._mode <= Mode.CATCH
         if following.any():
@@ -142,9 +174,10 @@ class Safe(Policy):
         return targets
 
     def _accept(self, answer: object, following: Mask, targets: Floats) -> None:
-        """Copy `answer`, the targets of the policy, into `targets` for the robots in the mask `following`.
+        """Copy `answer`, the return value of the policy, into `targets` for the robots in the mask `following`.
 
-        Robots with invalid targets are stopped.
+        `targets` are joint targets, (n, 12), rad, which are changed in place. `following` has the shape (n,). Robots
+        with invalid values in `answer` change to the mode STOP.
         """
         if not isinstance(answer, np.ndarray) or answer.shape != targets.shape or answer.dtype.kind != "f":
             self._enter(following, Mode.STOP, "policy returned targets of a wrong shape or type")
@@ -156,7 +189,10 @@ class Safe(Policy):
             self._enter(following & ~finite, Mode.STOP, "policy returned non-finite targets")
 
     def _slow_command(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the observation with the commands of braced robots scaled down."""
+        """Return the observation, (n, m), with smaller velocity commands for robots in the mode CATCH.
+
+        The factor on the command is 1 minus the weight of the brace. A fully braced robot is commanded to stand.
+        """
         catching = self._mode == Mode.CATCH
         if not catching.any():
             return observation
@@ -166,7 +202,11 @@ class Safe(Policy):
         return observation
 
     def _update_mode(self, rows: Floats) -> None:
-        """Update the mode: CATCH after a predicted fall, FOLLOW after rest or a tilt that is too large."""
+        """Update the mode of each robot from the observation `rows`, (n, m).
+
+        A predicted fall changes FOLLOW to CATCH. CATCH changes back to FOLLOW when the robot is at rest, or when it
+        tilts by more than MAX_TILT. STOP changes to DAMP when the robot tilts by more than MAX_TILT.
+        """
         velocity, command = (rows[:, OBSERVATION[name]][:, :2] for name in ("linear_velocity", "command"))
         self._reference = self._reference + (command - self._reference) * (self.control_period / RESPONSE_TIME)
         alarm = velocity_deviation(velocity, self._reference, self._recent_velocity) > FALL_ALARM_DEVIATION
@@ -184,25 +224,26 @@ class Safe(Policy):
         self._enter(tilted & (self._mode == Mode.STOP), Mode.DAMP, TOO_FAR_OVER)
 
     def _enter(self, mask: Mask, mode: Mode, reason: str) -> None:
-        """Set mode and reason of the robots in the mask."""
+        """Change the robots for which `mask`, (n,), is True to a mode, and store the reason of the change."""
         self._mode[mask] = mode
         self._entered |= mask
         self.reason[mask] = reason
 
 
 def velocity_deviation(velocity: Floats, reference: Floats, recent: Floats) -> Floats:
-    """Compute the smaller of two distances: velocity to reference, and velocity to recent velocity.
+    """Compute the velocity deviation, from which the safety layer predicts falls.
 
-    Each distance alone would give false alarms. The distance from the reference is also large in a gait that does not
-    reach its command. The distance from the recent velocity is also large after a change of the command.
+    The deviation is the smaller of two distances: velocity to `reference`, and velocity to `recent`. Each distance
+    alone would give false alarms. The distance to `reference` is also large in a gait that does not reach its command.
+    The distance to `recent` is also large after a change of the command.
 
     Args:
-        velocity: Measured horizontal velocity, (n, 2), m/s.
-        reference: Expected horizontal velocity, (n, 2), m/s.
-        recent: Recent horizontal velocity, (n, 2), m/s.
+        velocity: Measured horizontal velocity, base frame, (n, 2), m/s.
+        reference: Horizontal velocity that is expected from the command, base frame, (n, 2), m/s.
+        recent: Low-pass filtered measured velocity, base frame, (n, 2), m/s.
 
     Returns:
-        Smaller distance, (n,), m/s.
+        Velocity deviation, (n,), m/s.
     """
     error = velocity - reference
     change = velocity - recent

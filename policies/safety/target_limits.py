@@ -1,4 +1,4 @@
-"""Limits of all joint targets: joint range, rate of change, joint speed and predicted servo torque."""
+"""Limits of joint targets in the safety layer: joint range, rate of change, joint speed and servo torque."""
 
 import sys
 from dataclasses import dataclass
@@ -18,32 +18,44 @@ Limit = Annotated[float | Floats, Bounds("more than 0", sys.float_info.min, inf)
 
 @dataclass(frozen=True)
 class SafetyLimits(Settings):
-    """Limits of joint targets, each a number for all joints or an array, (12,); see `for_robot`."""
+    """Limits that the safety layer applies to joint targets; `for_robot` makes the limits of a robot.
+
+    The limits `torque` and `no_load_speed` are either one number for all joints or an array, (12,).
+    """
 
     torque: Limit
-    """Largest servo torque at a joint speed of zero, predicted for the time at which a target takes effect, N·m."""
+    """Largest servo torque at a joint speed of zero, N·m.
+
+    The torque of a joint target is predicted for the time at which the target takes effect, see `delay`."""
     target_rate: Positive = 60.0
-    """Largest rate of change of a target, rad/s; the swing of the trot reaches 35 rad/s."""
+    """Largest rate of change of a joint target, rad/s. A swing phase of the trot reaches 35 rad/s."""
     joint_speed: Positive = 30.0
-    """Speed above which a joint is braked, rad/s: the target may not lie ahead of the angle in the moving direction."""
+    """Joint speed above which the joint may not be driven further, rad/s.
+
+    The target of a faster joint is limited to the current angle, so that it does not lie ahead in the direction of
+    motion."""
     no_load_speed: Limit = inf
-    """Joint speed at which the limit of the driving torque has fallen linearly to zero, rad/s."""
+    """No-load speed of the motors, rad/s; infinite for a torque limit that does not depend on the speed.
+
+    The limit of the driving torque falls linearly from `torque` at standstill to zero at this joint speed."""
     delay: NonNegative = 0.0
-    """Time from a target to its effect, s. The prediction assumes that the joint keeps its speed during this time."""
+    """Delay from a joint target to its effect, s.
+
+    The prediction of the servo torque assumes that the joint keeps its speed during the delay."""
 
     @classmethod
     def for_robot(cls, robot: str | Robot, which: str | Actuator = "ideal") -> "SafetyLimits":
-        """Return the limits of a robot with an actuator.
+        """Make the limits of the joint targets for a robot with a given actuator model.
 
         Bandwidth and winding temperature of the actuator have no effect on the limits. A finite bandwidth only makes
         torques smaller, and a policy does not know the temperature.
 
         Args:
             robot: Robot or its name.
-            which: Actuator or its name.
+            which: Actuator model of the joints, or its name.
 
         Returns:
-            The limits.
+            Limits with the rated torque of the robot, or with the torque-speed curve of the actuator if it has one.
         """
         robot = get_robot(robot)
         servo = find_actuator(which)
@@ -61,27 +73,27 @@ class SafetyLimits(Settings):
     def limit_targets(
         self, robot: Robot, period: float, targets: Floats, previous: Floats, joints: Floats, speeds: Floats
     ) -> Floats:
-        """Return the nearest targets within the limits.
+        """Return the joint targets within the limits that are closest to given joint targets.
 
-        The torque limit is applied after the limits of rate and speed, so that it holds even if the target must jump.
-        Only the joint range is applied later.
+        The torque limit is applied after the limits of target rate and joint speed, because it must hold even if the
+        target has to jump. The limits of the joint range are applied last.
 
         Args:
-            robot: Robot.
+            robot: Robot with the servo gains and the joint range.
             period: Control period, s.
-            targets: Joint targets, (n, 12), rad.
-            previous: Targets one control period ago, (n, 12), rad.
+            targets: Wanted joint targets, (n, 12), rad.
+            previous: Joint targets of the previous control step, (n, 12), rad.
             joints: Current joint angles, (n, 12), rad.
             speeds: Current joint speeds, (n, 12), rad/s.
 
         Returns:
-            Joint targets, (n, 12), rad.
+            Limited joint targets, (n, 12), rad.
         """
         reach = self.target_rate * period
         targets = np.clip(targets, previous - reach, previous + reach)
         targets = np.where(speeds > self.joint_speed, np.minimum(targets, joints), targets)
         targets = np.where(speeds < -self.joint_speed, np.maximum(targets, joints), targets)
-        # Limit the servo torque, which is stiffness · (target - angle) - damping · speed.
+        # The servo torque, stiffness · (target - angle) - damping · speed, is solved for the limits of the target.
         damping_torque = robot.servo_damping * speeds
         share = speeds / self.no_load_speed
         backward = self.torque * np.clip(1.0 + share, 0.0, 1.0)
