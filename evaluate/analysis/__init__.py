@@ -1,1 +1,1 @@
-"""Analysis of an evaluation run: summaries, differences, scores, ranking and breaking points."""
+"""Analysis of the measured episodes of an evaluation: summaries, comparisons, scores, ranking, breaking points."""

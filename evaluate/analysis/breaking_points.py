@@ -19,33 +19,39 @@ from evaluate.statistics.intervals import Interval
 from quad_env.cli.format import NO_BREAK
 
 FailureKind = Literal["falls", "success"]
-"""Kind of failure that a breaking point counts.
+"""Kind of failure that a breaking point counts (the severity of a disturbance at which half of the episodes fail).
 
 `falls` counts episodes in which the robot falls. `success` counts all episodes that do not succeed by the success rule.
 """
 FAILURE_KINDS: tuple[FailureKind, ...] = ("falls", "success")
-"""All kinds of failure; each policy has one breaking point for each of them on each disturbance axis."""
+"""All kinds of failure for which breaking points are computed: falls, and episodes without success.
+
+Each policy has one breaking point for each kind of failure and each kind of disturbance.
+"""
 BREAKING_POINT_WORDS: dict[FailureKind, str] = {
     "success": "half of the episodes no longer succeed at",
     "falls": "half of the episodes fall at",
 }
-"""Kind of failure -> words that are printed before the breaking points of this kind."""
+"""Kind of failure -> words that are printed before the breaking points of this kind (severities)."""
 
 
 @dataclass(frozen=True)
 class AxisBreakingPoint:
-    """Breaking point of one policy on one disturbance axis. The field names are the keys in results.json."""
+    """Severity of one kind of disturbance at which half of the episodes of one policy fail (breaking point).
+
+    The field names are the keys in results.json.
+    """
 
     axis: str
-    """Name of the disturbance axis, for example `push`."""
+    """Name of the disturbance axis (kind of disturbance with several severities), for example `push`."""
     policy: str
-    """Name of the policy."""
+    """Name of the policy that has this breaking point."""
     unit: str
-    """Unit of the severities on this disturbance axis, for example `N·s`."""
+    """Unit of the severities on this disturbance axis, for example `N·s`; empty for severities without unit."""
     severity50: float
-    """Severity at which half of the episodes fail; NaN if `found` is `never` or `always`."""
+    """Severity at which half of the episodes fail, in `unit`; NaN if `found` is `never` or `always`."""
     ci: Interval
-    """95 % confidence interval of `severity50`; an end outside of the tested severities is infinite."""
+    """95 % confidence interval of `severity50`, in `unit`; an end beyond the tested severities is infinite."""
     found: BreakingPointKind
     """Result of the search for the severity at which half of the episodes fail.
 
@@ -62,17 +68,20 @@ class AxisBreakingPoint:
     It equals `lowest` if smaller values are harder (friction), otherwise `highest` (push impulse).
     """
     of: FailureKind = "falls"
-    """Kind of failure that the breaking point counts: `falls`, or episodes without success (`success`)."""
+    """Kind of failure that the breaking point counts: `falls`, or all episodes without success (`success`)."""
 
 
 def breaking_points(cells: Sequence[PolicyScenarioResult]) -> list[AxisBreakingPoint]:
-    """Compute the breaking points of every policy on each disturbance axis with MIN_LEVELS severities.
+    """Compute the breaking points of every policy on each disturbance axis with at least MIN_LEVELS severities.
+
+    A breaking point is the severity of a disturbance, for example pushes, at which half of the episodes fail.
 
     Args:
-        cells: Results of a run, one for each pair of policy and scenario.
+        cells: Measured episodes of an evaluation, one result for each policy-scenario pair.
 
     Returns:
-        Breaking points for falls, then for success, each sorted by disturbance axis and then by policy.
+        Breaking points that count falls, then breaking points that count all failures. Both are sorted by disturbance
+        axis and then by policy.
     """
     cell_by_level = {(cell.scenario.name, cell.policy): cell for cell in cells}
     axes = [axis for axis in severity_axes(cells) if axis.scenarios[0].axis]
@@ -86,18 +95,18 @@ def breaking_points(cells: Sequence[PolicyScenarioResult]) -> list[AxisBreakingP
 
 
 def _axis_breaking_point(axis: str, levels: Sequence[PolicyScenarioResult], kind: FailureKind) -> AxisBreakingPoint:
-    """Compute the breaking point of one policy on one disturbance axis.
+    """Compute the severity of one disturbance at which half of the episodes of one policy fail.
 
     Args:
-        axis: Name of the disturbance axis.
-        levels: Results of the policy at each severity of the axis, the mildest first.
-        kind: Kind of failure to count.
+        axis: Name of the disturbance axis, for example `push`.
+        levels: Result of the policy at each severity of the axis, the mildest first.
+        kind: Kind of failure to count: `falls`, or all episodes without success (`success`).
 
     Returns:
-        The breaking point.
+        The breaking point with its confidence interval.
 
     Raises:
-        ValueError: The results at two severities hold different episodes.
+        ValueError: The episodes at two severities have different seeds.
     """
     first = levels[0]
     mildest = levels[0].scenario
@@ -120,11 +129,10 @@ def _axis_breaking_point(axis: str, levels: Sequence[PolicyScenarioResult], kind
 
 
 def breaking_point_text(point: AxisBreakingPoint) -> str:
-    """Format a breaking point as text, for example `48 N·s [45, 51]`.
+    """Format a breaking point (severity at which half of the episodes fail) as text, such as `48 N·s [45, 51]`.
 
-    This form with the 95 % interval is used if the failure rate crosses one half. The text is `none up to 100 N·s` if
-    less than half of the episodes fail at the hardest severity. It is `already at 20 N·s` if half or more fail at the
-    mildest severity.
+    The brackets contain the 95 % interval. The text is `none up to 100 N·s` if less than half of the episodes fail at
+    the hardest severity. It is `already at 20 N·s` if half or more fail at the mildest severity.
     """
     is_rising = point.hardest == point.highest
     if point.found == "never":
@@ -138,5 +146,5 @@ def breaking_point_text(point: AxisBreakingPoint) -> str:
 
 
 def _round_to_three_digits(value: float) -> float:
-    """Round a severity to three significant digits; all intervals are wider than this rounding error."""
+    """Round a severity to three significant digits; confidence intervals are wider than this rounding error."""
     return float(f"{value:.3g}")

@@ -1,4 +1,4 @@
-"""Combined ranking of the policies of two runs, on the scenarios and seeds that both runs have."""
+"""Combined ranking of the policies of two evaluations (runs A and B), on their common scenarios and seeds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,42 +18,42 @@ from evaluate.records.episode_table import cell_of
 from evaluate.records.store import rows_of
 
 Labels = Mapping[str, str]
-"""Name of a policy in one run -> name with which the combined results show the policy."""
+"""Name of a policy in one run -> display name, with which the combined results of two runs show the policy."""
 ClaimKey = tuple[str, frozenset[str]]
-"""Key of a comparison: name of the scenario, and display names of the two policies compared on it."""
+"""Key of a comparison of two policies on one scenario: scenario name, and display names of the policies."""
 
 
 @dataclass(frozen=True)
 class CombinedRuns:
-    """Results of two runs A and B that are analysed together, made by `combine_runs`."""
+    """Results of two evaluations (runs A and B) that are analysed together, made by `combine_runs`."""
 
     ranking: Ranking
-    """Ranking of the policies of both runs, on the scenarios and seeds that both runs have."""
+    """Ranking of the policies of both runs, on the scenarios and episode seeds that both runs have."""
     matches: tuple[Match, ...]
-    """Comparison of a policy of run A with its partner in run B, for each pair and each common scenario.
+    """Comparisons of policies of run A with policies of run B, one for each pair and each common scenario.
 
-    The p-values are corrected for the number of tests.
+    The user chooses the pairs. The p-values are corrected for the number of all tests.
     """
     correlation: RankCorrelation | None
-    """Agreement of the two runs on the order of the compared policies, as a rank correlation.
+    """Rank correlation between the scores in run A and in run B: do both runs rank the policies in the same order?
 
-    It is None for fewer than MIN_POLICIES policies.
+    It is None for fewer than MIN_POLICIES compared policies.
     """
 
 
 def combine_runs(
     matches: Sequence[Match], runs: tuple[StoredRun, StoredRun], labels: tuple[Labels, Labels]
 ) -> CombinedRuns:
-    """Rank the policies of two runs together, and correct the p-values of all comparisons at once.
+    """Rank the policies of two evaluations (runs A and B) together, and correct the p-values of all comparisons.
 
     Args:
-        matches: Comparison of a policy of run A with its partner in run B, for each pair and each common scenario.
-        runs: Manifest and episode table of run A, and of run B.
+        matches: Comparisons of policies of run A with policies of run B, one for each pair and each common scenario.
+        runs: Run A and run B, each as manifest and episode table.
         labels: Name of a policy -> display name, for run A and for run B. Policies with equal display names count as
             one policy.
 
     Returns:
-        The combined results, with corrected p-values.
+        Ranking, comparisons with corrected p-values, and rank correlation between the two runs.
     """
     cells_of_a = _shared_cells(runs[0], runs[1], labels[0])
     cells_of_b = _shared_cells(runs[1], runs[0], labels[1])
@@ -73,15 +73,15 @@ def combine_runs(
 
 
 def _shared_cells(run: StoredRun, other: StoredRun, labels: Labels) -> list[PolicyScenarioResult]:
-    """Return the results of `run`, reduced to the scenarios and seeds that the run `other` has as well.
+    """Return the results of one run, reduced to the scenarios and episode seeds that another run has as well.
 
     Args:
         run: Manifest and episode table of the run to reduce.
         other: Manifest and episode table of the other run.
-        labels: Name of a policy of `run` -> display name; other policies are left out.
+        labels: Name of a policy of `run` -> display name; policies that are no key are left out.
 
     Returns:
-        Results, one for each pair of policy and scenario, with the display names of the policies.
+        Results with the display names of the policies, one for each policy-scenario pair that has all common seeds.
     """
     manifest, rows = run
     _, other_rows = other
@@ -101,7 +101,15 @@ def _shared_cells(run: StoredRun, other: StoredRun, labels: Labels) -> list[Poli
 def _merge_cells(
     cells_of_a: Sequence[PolicyScenarioResult], cells_of_b: Sequence[PolicyScenarioResult]
 ) -> list[PolicyScenarioResult]:
-    """Merge the results of runs A and B; A's result is kept if both have the same policy and scenario."""
+    """Merge the results of runs A and B into one list.
+
+    Args:
+        cells_of_a: Results of run A, one for each policy-scenario pair, with display names.
+        cells_of_b: Results of run B, one for each policy-scenario pair, with display names.
+
+    Returns:
+        One result for each policy-scenario pair. If both runs have a result for a pair, the result of run A is kept.
+    """
     merged = {(cell.scenario.name, cell.policy): cell for cell in (*cells_of_b, *cells_of_a)}
     return list(merged.values())
 
@@ -109,13 +117,14 @@ def _merge_cells(
 def _pareto_points(
     run: StoredRun, cells: Sequence[PolicyScenarioResult], scored: ScoredCells, *, hardware: bool
 ) -> dict[str, ParetoPoint]:
-    """Compute success and cost of transport of the policies in `scored`, from the results of one run.
+    """Compute success and cost of transport of policies from the results of one run.
 
     Args:
         run: Manifest and episode table of the run.
-        cells: Results of the run, one for each pair of policy and scenario.
-        scored: Scored results of both runs together; other policies are left out.
-        hardware: True for the scenarios with the hardware profile, False for the scenarios without it.
+        cells: Results of the run, one for each policy-scenario pair.
+        scored: Results of both runs that enter the score. Policies that are not in it are left out.
+        hardware: True to use the scenarios with the hardware profile (models of the real robot's motors and sensors),
+            False to use the scenarios without it.
 
     Returns:
         Name of the policy -> success and cost of transport.
@@ -130,7 +139,15 @@ def _claim_key(match: Match, labels: tuple[Labels, Labels]) -> ClaimKey:
 
 
 def _success_comparison(match: Match, labels: tuple[Labels, Labels]) -> Comparison:
-    """Return the difference in success rate of a matched pair: policy of run B minus policy of run A."""
+    """Convert the difference in success rate between two runs to a comparison with display names.
+
+    Args:
+        match: Comparison of a policy of run A with a policy of run B on one scenario.
+        labels: Name of a policy -> display name, for run A and for run B.
+
+    Returns:
+        Success rate of the policy of run B minus success rate of the policy of run A, with interval and p-value.
+    """
     (difference,) = (contrast for contrast in match.contrasts if contrast.metric == SUCCESS_RATE)
     return Comparison(
         scenario=match.scenario,
@@ -149,11 +166,11 @@ def _adjacent_claims(ranked: Ranking, scored: ScoredCells) -> dict[ClaimKey, Com
     """Compare the success rates of each adjacent pair of the ranking on every scored scenario.
 
     Args:
-        ranked: Combined ranking of both runs.
-        scored: Results that enter the ranking.
+        ranked: Combined ranking of the policies of both runs.
+        scored: Results of both runs from which the ranking was computed.
 
     Returns:
-        Scenario and pair of policies -> comparison of their success rates.
+        (scenario name, two policy names) -> comparison of the success rates of the two policies on the scenario.
     """
     claims = {}
     for pair in ranked.neighbours:
@@ -168,15 +185,17 @@ def _adjacent_claims(ranked: Ranking, scored: ScoredCells) -> dict[ClaimKey, Com
 def _correlation(
     matches: Sequence[Match], scored: ScoredCells, labels: tuple[Labels, Labels]
 ) -> RankCorrelation | None:
-    """Compute the rank correlation between the two runs over all compared policies that have a score.
+    """Compute the rank correlation between the scores in run A and in run B: is the order of the policies the same?
+
+    Only compared policies that have a score in both runs count.
 
     Args:
-        matches: Comparison of a policy of run A with its partner in run B, for each pair and each common scenario.
-        scored: Results that enter the score.
+        matches: Comparisons of policies of run A with policies of run B, one for each pair and each common scenario.
+        scored: Results of both runs that enter the score.
         labels: Name of a policy -> display name, for run A and for run B.
 
     Returns:
-        Rank correlation; None for fewer than MIN_POLICIES policies.
+        Rank correlation with its interval; None for fewer than MIN_POLICIES policies.
     """
     pairs = [
         (a, b)

@@ -1,4 +1,7 @@
-"""Comparisons of two policies in one run, and of policies in two runs, paired by episode."""
+"""Paired comparisons of policies: two policies in one evaluation, or policies of two evaluations.
+
+Paired means that the differences are computed between episodes with the same seed and scenario.
+"""
 
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -16,35 +19,41 @@ from evaluate.statistics.intervals import Floats, Interval, difference_interval,
 from evaluate.statistics.significance import holm, mcnemar, sign_flip_test
 
 BASELINE = "trot"
-"""Name of the policy that all others are compared with if the user does not choose a baseline."""
+"""Name of the default baseline, which is the policy that all other policies are compared with."""
 SUCCESS_RATE = "success_rate"
-"""Name of the metric: proportion of successful episodes."""
+"""Name of the metric success rate: proportion of episodes that succeed, 0 … 1."""
 FALL_RATE = "fall_rate"
-"""Name of the metric: proportion of episodes in which the robot falls."""
+"""Name of the metric fall rate: proportion of episodes in which the robot falls, 0 … 1."""
 RATES = (SUCCESS_RATE, FALL_RATE)
-"""Metrics that are proportions of episodes.
+"""Names of the metrics that are proportions of episodes: success rate and fall rate.
 
-A larger success rate is better; a larger value of any other metric is worse.
+A larger success rate is better, but a larger fall rate is worse.
 """
 CAPS = {"velocity_error": VELOCITY_CAP, "yaw_rate_error": YAW_RATE_CAP, "mean_velocity_error": VELOCITY_CAP}
-"""Tracking error -> its largest possible value in an episode, m/s or rad/s."""
+"""Name of a tracking error -> its largest possible value in an episode, m/s or rad/s.
+
+A tracking error is a difference between the robot's velocity and the velocity command.
+"""
 ERRORS = tuple(CAPS)
-"""Names of the metrics that are errors of command tracking, for which a smaller value is better."""
+"""Names of the metrics that are tracking errors: differences between the robot's velocity and its command.
+
+A smaller value is better.
+"""
 SCORE = "score"
-"""Name of the score: a policy's mean success over the disturbance axes of a run, 0 … 1."""
+"""Name of the score: the mean success of a policy over all kinds of disturbance in an evaluation, 0 … 1."""
 _METRIC_BOUNDS = CAPS | LIMITS | {SCORE: 1.0}
-"""Metric that is not a rate -> its largest possible value, which limits its bootstrap interval."""
+"""Name of a metric that is not a rate -> its largest possible value, which limits its bootstrap interval."""
 METRICS = (*RATES, *ERRORS)
 """Names of the metrics in which policies are compared, in display order: rates, then tracking errors."""
 SIGNIFICANT = 0.05
-"""Significance level: a difference is reported as significant if its corrected p-value is below it."""
+"""Significance level: a difference is reported as significant if its corrected p-value is below this value."""
 NO_INTERVAL: Interval = (np.nan, np.nan)
-"""Interval that stands for "not defined", for example for the difference of bit-identical episodes."""
+"""Confidence interval that is not defined, for example of the difference between bit-identical episodes."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Difference between two policies, a minus b, in one metric on one scenario.
+    """Difference between two policies, a minus b, in one metric on one scenario, with a significance test.
 
     The field names are the keys in results.json.
     """
@@ -52,13 +61,13 @@ class Comparison:
     scenario: str
     """Name of the scenario on which both policies ran."""
     a: str
-    """Name of policy a."""
+    """Name of the policy a in the difference a − b."""
     b: str
-    """Name of policy b; the baseline if it is one of the two policies."""
+    """Name of the policy b in the difference a − b. If one of the two policies is the baseline, it is b."""
     metric: str
-    """Name of the compared metric, one of METRICS."""
+    """Name of the compared metric, one of METRICS, for example `success_rate`."""
     difference: float
-    """Mean over the episodes of the difference a − b, in the unit of the metric."""
+    """Mean over the episodes of the difference a − b between two policies, in the unit of the metric."""
     ci: Interval
     """95 % confidence interval of `difference`, in the unit of the metric.
 
@@ -66,13 +75,13 @@ class Comparison:
     the paired episodes.
     """
     p_value: float
-    """p-value of the paired test, before any correction for the number of tests."""
+    """p-value of the paired test of `difference`, before any correction for the number of tests."""
     test: str
-    """Name of the paired test that gave `p_value`."""
+    """Name of the paired test that gave `p_value`: exact McNemar, or paired sign-flip permutation."""
     p_value_holm: float
-    """p-value after Holm's correction for the number of tests.
+    """p-value of `difference` after Holm's correction for the number of tests.
 
-    `compare` or `ranking.correct_p_values` computes the correction.
+    `compare` or `ranking.correct_p_values` applies the correction.
     """
     identical: bool = False
     """True if every measure of every episode of the two policies is bit-identical.
@@ -86,15 +95,16 @@ def compare(
     baseline: str | None = None,
     adjacent_pairs: Container[frozenset[str]] = (),
 ) -> list[Comparison]:
-    """Compare every policy with the baseline, and the adjacent policies of a ranking, in every metric.
+    """Compare every policy with the baseline policy, and the adjacent policies of a ranking, on every scenario.
 
-    The p-values of each metric are corrected by Holm's method within two families of tests. One family is the
-    comparisons with the baseline on all scenarios; the other is all other comparisons on all scenarios.
+    The policies are compared in every metric, paired by episode. The p-values of each metric are corrected by Holm's
+    method within two families of tests. One family contains the comparisons with the baseline on all scenarios. The
+    other family contains all other comparisons on all scenarios.
 
     Args:
-        cells: Results of a run, one for each pair of policy and scenario.
-        baseline: Name of the policy that the others are compared with; None for `default_baseline`.
-        adjacent_pairs: Pairs of policies that are adjacent in the ranking.
+        cells: Measured episodes of an evaluation, one result for each policy-scenario pair.
+        baseline: Name of the policy that all other policies are compared with; None for `default_baseline`.
+        adjacent_pairs: Sets of two policy names that are adjacent in the ranking.
 
     Returns:
         The comparisons, sorted by scenario, then pair of policies, then metric.
@@ -111,11 +121,13 @@ def compare(
 
 
 def _correct_families(comparisons: list[Comparison], baseline: str) -> list[Comparison]:
-    """Correct the p-values by Holm's method, separately for each metric and each family of `compare`.
+    """Correct the p-values by Holm's method, separately for each metric and each family of tests.
+
+    One family contains the comparisons with the baseline on all scenarios, the other family all other comparisons.
 
     Args:
-        comparisons: Comparisons with uncorrected p-values.
-        baseline: Name of the policy that the others are compared with.
+        comparisons: Comparisons of two policies on single scenarios, with uncorrected p-values.
+        baseline: Name of the policy that all other policies are compared with.
 
     Returns:
         The comparisons with corrected p-values, in the same order.
@@ -134,7 +146,14 @@ def _correct_families(comparisons: list[Comparison], baseline: str) -> list[Comp
 
 
 def default_baseline(policies: Sequence[str]) -> str:
-    """Return the default baseline: BASELINE if it is among the `policies`, otherwise the first policy."""
+    """Return the name of the policy that all other policies are compared with, if the user chooses none.
+
+    Args:
+        policies: Names of the policies, in the order of the evaluation.
+
+    Returns:
+        BASELINE if it is among the policies, otherwise the name of the first policy.
+    """
     return BASELINE if BASELINE in policies or not policies else policies[0]
 
 
@@ -145,14 +164,14 @@ def compare_pair(
 
     Args:
         a: Result of policy a on the scenario.
-        b: Result of policy b on the same scenario, with the same seeds.
-        metrics: Names of the metrics to compare.
+        b: Result of policy b on the same scenario, with the same episode seeds.
+        metrics: Names of the metrics to compare, for example `success_rate`.
 
     Yields:
-        A comparison for each metric, a minus b, with an uncorrected p-value.
+        Difference between the policies, a minus b, in each metric, with an uncorrected p-value.
 
     Raises:
-        ValueError: The two results hold different episodes.
+        ValueError: The episodes of the two results have different seeds.
     """
     if not np.array_equal(a.seeds, b.seeds):
         raise ValueError(f"{a.policy} and {b.policy} ran different episodes on {a.scenario.name}: nothing to pair")
@@ -176,7 +195,15 @@ def compare_pair(
 
 
 def is_identical(a: PolicyScenarioResult, b: PolicyScenarioResult) -> bool:
-    """Return True if every measure of every episode of the results `a` and `b` is bit-identical."""
+    """Return True if two policies have bit-identical measures in every episode of one scenario.
+
+    Args:
+        a: Result of the first policy on the scenario.
+        b: Result of the second policy on the same scenario.
+
+    Returns:
+        True if the seeds and all measures are equal to the last bit; NaN equals NaN.
+    """
     if not np.array_equal(a.seeds, b.seeds):
         return False
     pairs: list[tuple[NDArray[Any], NDArray[Any]]] = [(a.fall_reason, b.fall_reason), (a.failure, b.failure)]
@@ -195,7 +222,15 @@ def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> bool:
 
 
 def metric_by_episode(cell: PolicyScenarioResult, metric: str) -> Floats:
-    """Return a `metric` of each episode of the result `cell`, (n,); a rate becomes 1.0 or 0.0 per episode."""
+    """Return the value of a metric in each of n episodes.
+
+    Args:
+        cell: Result of one policy on one scenario.
+        metric: Name of the metric, for example `velocity_error`.
+
+    Returns:
+        Value in each episode, (n,), in the unit of the metric. A rate such as `success_rate` becomes 1.0 or 0.0.
+    """
     measure_of_rate = {SUCCESS_RATE: "succeeded", FALL_RATE: "fell"}
     return np.asarray(getattr(cell.measures, measure_of_rate.get(metric, metric)), np.float64)
 
@@ -203,18 +238,20 @@ def metric_by_episode(cell: PolicyScenarioResult, metric: str) -> Floats:
 def paired_difference(
     metric: str, a: Floats, b: Floats, *, identical: bool = False
 ) -> tuple[float, Interval, float, str]:
-    """Compute the paired difference a − b of one metric over the same episodes, with interval and test.
+    """Compute the mean difference a − b between two policies in one metric, with interval and significance test.
+
+    Rates get Tango's interval and McNemar's test. Other metrics get a bootstrap interval and a sign-flip permutation
+    test.
 
     Args:
-        metric: Name of the metric. Rates get Tango's interval and McNemar's test, other metrics a bootstrap interval
-            and a sign-flip permutation test.
-        a: Value of the first policy in each episode, (n,).
-        b: Value of the second policy in each episode, (n,).
-        identical: True if the episodes of both policies are bit-identical; the difference is then 0 with a p-value of
-            1.
+        metric: Name of the metric, for example `success_rate`.
+        a: Value of the metric for the first policy in each episode, (n,).
+        b: Value of the metric for the second policy in the same episodes, (n,).
+        identical: True if all measures of both policies are bit-identical. The difference is then 0 and the p-value 1.
 
     Returns:
-        Mean difference a − b, its 95 % interval, the uncorrected p-value, and the name of the test.
+        Mean difference a − b in the unit of the metric, its 95 % interval, the uncorrected p-value, and the name of the
+        test.
     """
     test = "exact McNemar" if metric in RATES else "paired sign-flip permutation"
     if identical:
@@ -229,38 +266,41 @@ def paired_difference(
 
 @dataclass(frozen=True)
 class MetricDifference:
-    """Difference of one metric between two runs, B minus A. The field names are the keys in the JSON file."""
+    """Difference in one metric between two evaluations (runs A and B), B minus A, with a significance test.
+
+    The field names are the keys in the JSON file that the command `compare` writes.
+    """
 
     metric: str
-    """Name of the compared metric or effort measure."""
+    """Name of the compared metric, for example `success_rate` or `cost_of_transport`."""
     a: float
-    """Mean of the metric over the compared episodes of run A."""
+    """Mean of the metric over the compared episodes of run A, in the unit of the metric."""
     b: float
-    """Mean of the metric over the compared episodes of run B."""
+    """Mean of the metric over the compared episodes of run B, in the unit of the metric."""
     difference: float
-    """Mean over the episodes of the paired difference, B minus A."""
+    """Mean of the difference B minus A over pairs of episodes with the same seed, in the unit of the metric."""
     ci: Interval
-    """95 % confidence interval of `difference`; NaN if it is not defined."""
+    """95 % confidence interval of `difference`, in the unit of the metric; NaN if it is not defined."""
     p_value: float
-    """p-value of the paired test, before any correction for the number of tests."""
+    """p-value of the paired test of `difference`, before any correction for the number of tests."""
     test: str
-    """Name of the paired test that gave `p_value`."""
+    """Name of the paired test that gave `p_value`: exact McNemar, or paired sign-flip permutation."""
 
 
 def compare_metrics(
     a: Mapping[str, Floats], b: Mapping[str, Floats], *, identical: bool = False
 ) -> Iterator[MetricDifference]:
-    """Compare every metric and every effort measure between two runs, paired by episode.
+    """Compare two evaluations (runs A and B) in every metric, paired by episode.
 
-    An episode is left out of the comparison of a metric if the metric is NaN in either run.
+    An episode is left out of the comparison of a metric if the metric is NaN in this episode of run A or of run B.
 
     Args:
-        a: Metric or effort measure -> value in each episode of run A, (n,).
-        b: Metric or effort measure -> value in each episode of run B, (n,), for the same episodes in the same order.
-        identical: True if all measures of these episodes are bit-identical.
+        a: Name of a metric -> value in each episode of run A, (n,).
+        b: Name of a metric -> value in each episode of run B, (n,). The episodes have the seeds and the order of `a`.
+        identical: True if all measures of these episodes are bit-identical in both runs.
 
     Yields:
-        The difference, B minus A, of each metric that both runs have.
+        The difference, B minus A, in each metric that both runs have.
     """
     for metric in (metric for metric in (*METRICS, *EFFORT) if metric in a and metric in b):
         known = ~(np.isnan(a[metric]) | np.isnan(b[metric]))

@@ -1,4 +1,4 @@
-"""Effort measures of each episode (cost of transport, duty factor, …), their means and intervals."""
+"""Effort measures of each episode, for example cost of transport and duty factor, with means and intervals."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,20 +13,23 @@ from evaluate.statistics.intervals import Floats, Interval, bootstrap_interval
 COST = "cost_of_transport"
 """Name of the effort measure cost of transport: energy / (weight · distance)."""
 LIMITS = dict.fromkeys(EFFORT, np.inf) | dict.fromkeys(("duty_factor", "flight"), 1.0)
-"""Effort measure -> its largest possible value, which limits its interval; infinite if none."""
+"""Name of an effort measure -> its largest possible value, in its unit; infinite if there is no limit.
+
+The confidence interval of the measure does not exceed this value.
+"""
 
 
 def effort_by_episode(column: Callable[[str], NDArray[Any]], weight: float) -> dict[str, Floats]:
-    """Compute every effort measure of each episode.
+    """Compute every effort measure, for example the cost of transport, in each of n episodes.
 
     Args:
-        column: Function that receives the name of a field of `Measures` and returns its values, (n,) or (n, 4) with one
-            column for each foot.
+        column: Function that returns the values of a measure for its name (a field of `Measures`). The values have the
+            shape (n,), or (n, 4) with one column for each foot.
         weight: Weight of the robot with its payload, N.
 
     Returns:
-        Effort measure (a name in EFFORT) -> value of each episode, (n,). The duty factor is the mean over the four
-        feet.
+        Name of the effort measure, as in EFFORT -> value in each episode, (n,). The duty factor is the mean over the
+        four feet.
     """
     cost = cost_by_episode(column("energy"), column("distance"), weight)
     duty_factor = column("duty_factor")
@@ -35,19 +38,20 @@ def effort_by_episode(column: Callable[[str], NDArray[Any]], weight: float) -> d
 
 
 def cost_by_episode(energy: Floats, distance: Floats, weight: float) -> Floats:
-    """Compute a linearised cost of transport for each episode; its mean is the cost of all episodes.
+    """Compute a cost of transport for each episode; the mean over the episodes is the cost of all episodes together.
 
-    The cost of transport of all episodes together is a quotient of sums: ∑ energy / (weight · ∑ distance).
-    Linearisation of this quotient (Woodruff 1971, Journal of the American Statistical Association 66) turns it into a
-    mean over episodes. Its interval and its paired differences can then be computed in the same way as for any mean.
+    The cost of transport of all episodes together is a quotient of sums: ∑ energy / (weight · ∑ distance). This
+    function linearises the quotient (Woodruff 1971, Journal of the American Statistical Association 66), which turns it
+    into a mean over the episodes. Confidence intervals and paired differences can then be computed as for any mean.
 
     Args:
-        energy: Energy of each episode, (n,), J.
+        energy: Mechanical energy of each episode, (n,), J.
         distance: Distance that the robot covered in each episode, (n,), m.
         weight: Weight of the robot with its payload, N.
 
     Returns:
-        Linearised cost of each episode, (n,), without unit; all NaN if the cost of all episodes together is NaN.
+        Linearised cost of transport of each episode, (n,), without unit. All values are NaN if the cost of all episodes
+        together is NaN.
     """
     total_cost = cost_of_all(energy, distance, weight)
     if np.isnan(total_cost):
@@ -60,10 +64,10 @@ def mean_and_interval(values: Floats, name: str) -> tuple[float, Interval]:
 
     Args:
         values: Value of the measure in each episode, (n,).
-        name: Name of the effort measure in EFFORT; it selects the largest possible value.
+        name: Name of the effort measure, as in EFFORT. It determines the largest possible value.
 
     Returns:
-        Mean and interval, in the unit of the measure; NaN if every value is NaN.
+        Mean and 95 % bootstrap interval, in the unit of the measure; NaN if every value is NaN.
     """
     known = values[~np.isnan(values)]
     mean = float(known.mean()) if len(known) else np.nan

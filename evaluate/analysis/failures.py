@@ -1,6 +1,7 @@
-"""Selection of the worst and the most typical failed episode of each policy on each disturbance axis.
+"""Selection of the failed episodes that a report shows: the worst and the most typical one of each policy.
 
-A disturbance axis is a kind of disturbance, for example pushes, that is tested at several severities.
+Both are selected for each disturbance axis. A disturbance axis is a kind of disturbance, for example pushes, that is
+tested at several severities.
 """
 
 import hashlib
@@ -18,17 +19,17 @@ from evaluate.analysis.severity_levels import SeverityAxis, severity_axes
 from evaluate.cells import PolicyScenarioResult
 
 PAGES_FOLDER = "pages"
-"""Name of the folder, inside the results folder, that contains an HTML page for each filmed episode."""
+"""Name of the subfolder of a results folder that contains an HTML page with a film for each filmed episode."""
 
 
 class FailedEpisode(NamedTuple):
     """A failed episode that the report lists, made by `select_failures`.
 
     Attributes:
-        policy: Name of the policy.
-        axis: Name of the disturbance axis.
-        scenario: Name of the scenario.
-        level: Index of the scenario's severity on its disturbance axis, 0 for the mildest.
+        policy: Name of the policy that controlled the robot.
+        axis: Name of the disturbance axis (kind of disturbance with several severities), for example `push`.
+        scenario: Name of the scenario, which has one severity of the disturbance.
+        level: Index of this severity among the severities of the disturbance axis, 0 for the mildest.
         number: Index of the episode among the episodes of this policy on this scenario.
         row: Row index of the episode in episodes.parquet.
         page: File name of the HTML page that shows the episode. It contains a hash of all inputs of the page.
@@ -53,13 +54,16 @@ class FailedEpisode(NamedTuple):
 def select_failures(results: Results) -> Iterator[tuple[str, FailedEpisode]]:
     """Select the worst and the most typical failed episode of each policy on each disturbance axis.
 
-    The worst failure occurs at the mildest severity at which the policy fails. It is the earliest fall at this
-    severity, or the earliest failure if the robot falls in no episode. The typical failure has the policy's most
-    frequent cause of failure on this disturbance axis. If two causes are equally frequent, the cause that occurs at the
-    milder severity is chosen. Among the failures with this cause, the typical one is the nearest to their median time.
+    A disturbance axis is a kind of disturbance, for example pushes, that is tested at several severities. The worst
+    failure occurs at the mildest severity at which the policy fails. It is the earliest fall at this severity, or the
+    earliest failure if the robot falls in no episode.
+
+    The typical failure has the policy's most frequent cause of failure on this disturbance axis. If two causes are
+    equally frequent, the cause that occurs at the milder severity is chosen. The typical failure is the one closest to
+    the median time of all failures with this cause.
 
     Args:
-        results: Results of a run.
+        results: Results of an evaluation.
 
     Yields:
         Kind of selection (`worst`, `typical` or `worst and typical`) and failed episode, sorted by policy and then by
@@ -84,7 +88,14 @@ def select_failures(results: Results) -> Iterator[tuple[str, FailedEpisode]]:
 
 
 def _typical_failure(failures: Sequence[FailedEpisode]) -> FailedEpisode:
-    """Return the typical one of some `failures`, sorted from the mildest severity; see `select_failures`."""
+    """Return the typical failure: the one closest to the median time among failures with the most frequent cause.
+
+    Args:
+        failures: Failed episodes of one policy on one disturbance axis, sorted from the mildest severity.
+
+    Returns:
+        The typical failed episode.
+    """
     cause = Counter(failure.cause for failure in failures).most_common(1)[0][0]
     same_cause = [failure for failure in failures if failure.cause == cause]
     median_time = median_low(failure.time for failure in same_cause)
@@ -100,10 +111,10 @@ def _failures_on_axis(
     """Yield the failed episodes of one policy on one disturbance axis.
 
     Args:
-        cells: Results of the run, one for each pair of policy and scenario.
+        cells: Measured episodes of the evaluation, one result for each policy-scenario pair.
         policy: Name of the policy.
-        axis: Disturbance axis.
-        run: Hash that identifies the run, as part of the page names.
+        axis: Disturbance axis (kind of disturbance with several severities) with its scenarios.
+        run: Hash that identifies the evaluation; it enters the file names of the pages that show the episodes.
 
     Yields:
         Failed episodes, sorted by scenario in the order of the run and then by episode.
@@ -121,10 +132,10 @@ def _failures_of_cell(
     """Yield the failed episodes of one policy on one scenario.
 
     Args:
-        cell: Result of the policy on the scenario.
-        axis: Disturbance axis of the scenario.
-        first_row: Row index of the first of these episodes in episodes.parquet.
-        run: Hash that identifies the run, as part of the page names.
+        cell: Result of the policy on the scenario: all measured episodes.
+        axis: Disturbance axis (kind of disturbance with several severities) of the scenario.
+        first_row: Row index in episodes.parquet of the first episode of this result.
+        run: Hash that identifies the evaluation; it enters the file names of the pages that show the episodes.
 
     Yields:
         Failed episodes, sorted by their index.
