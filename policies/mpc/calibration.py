@@ -1,6 +1,7 @@
-"""Calibration after a reset: the robot stands to measure sensor noise, then bends its legs.
+"""Calibration after a reset: the robot stands still and then bends its legs, before it walks.
 
-The joint motion while the legs bend shows the delay from joint target to joint reading.
+While the robot stands still, the noise of its sensors is measured. The motion of the joints while the legs bend shows
+the delay from joint target to joint reading.
 """
 
 import numpy as np
@@ -13,11 +14,13 @@ from quad_env.columns import Mask
 from quad_env.robots.robot import Robot
 
 CALIBRATION_STEPS = (4, 8)
-"""Durations of the noise measurement, control steps: 4 for robots without sensor noise, 8 for robots with noise."""
-CALIBRATION_BEND = 1.1
-"""Factor on the joint angles of the home pose in the second phase.
+"""Durations of the noise measurement after a reset, control steps.
 
-The joint motion that it causes is needed to estimate the delay."""
+The first is for robots without sensor noise, the second for robots with sensor noise."""
+CALIBRATION_BEND = 1.1
+"""Factor on the joint angles of the home pose in the second phase of the calibration, in which the legs bend.
+
+The motion of the joints is needed to estimate the delay from joint target to joint reading."""
 
 
 class Calibration(PerRobotState):
@@ -29,13 +32,14 @@ class Calibration(PerRobotState):
 
     Args:
         robot: Robot model; it supplies the home pose.
-        identifies_delay: False if the delay is known, because encoders read the joints. There is no second phase then.
+        identifies_delay: True if the delay from joint target to joint reading must be estimated. False if it is known,
+            because encoders with a known delay read the joints; the second phase is then left out.
     """
 
     is_active: Mask = per_robot(True)
-    """True for robots in calibration, with noise or delay not known yet, (n,)."""
+    """True for robots that are still in calibration, because their sensor noise or delay is not known yet, (n,)."""
     measures_noise: Mask = per_robot(True)
-    """True for robots in the first phase, in which the sensor noise is measured, (n,)."""
+    """True for robots in the first phase of the calibration: they stand while the sensor noise is measured, (n,)."""
 
     def __init__(self, robot: Robot, *, identifies_delay: bool) -> None:
         self._home_pose = robot.home_pose
@@ -56,10 +60,10 @@ class Calibration(PerRobotState):
         self.is_active = self.measures_noise | ~delay_identified & (steps_after_noise <= self._max_bend_steps)
 
     def targets(self, targets: Floats) -> Floats:
-        """Return the joint targets of a control step, (n, 12), rad.
+        """Return the joint targets of n robots for a control step, (n, 12), rad.
 
-        They are the home pose in the first phase of the calibration, bent legs in the second phase, and `targets`
-        afterwards.
+        In the first phase of the calibration, they are the home pose. In the second phase, they are the home pose times
+        `CALIBRATION_BEND`, so that the legs bend. After the calibration, they are the given `targets`, (n, 12), rad.
         """
         bend = np.where(self.measures_noise, 1.0, CALIBRATION_BEND)[:, None]
         return np.where(self.is_active[:, None], bend * self._home_pose, targets)

@@ -1,6 +1,7 @@
-"""Estimate of the delay from joint target to joint reading.
+"""Estimator of the delay from joint target to joint reading.
 
-The joint speeds are predicted for each candidate delay. The estimate is the delay with the smallest prediction error.
+The joint speeds are predicted for each candidate delay. The estimate is the candidate with the smallest error of the
+predicted joint speeds.
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,9 @@ from quad_env.columns import Mask
 T = TypeVar("T", bound=np.generic)
 
 MAX_DELAY_STEPS = 19
-"""Longest delay that the estimate considers, control steps. The candidates are 0 to this number."""
+"""Longest candidate for the delay from joint target to joint reading, control steps.
+
+The candidates are all whole numbers from 0 to this number."""
 
 
 @dataclass(frozen=True)
@@ -24,25 +27,26 @@ class DelayEstimatorParameters:
     """Filter time and thresholds of `DelayEstimator`."""
 
     filter_time: float = 1.0
-    """Time constant of the low-pass filter of the squared prediction errors, s.
+    """Time constant of the low-pass filter of the squared errors of the predicted joint speeds, s.
 
-    Until this time has passed since the reset, the filtered errors are running means."""
+    Until this time has passed since the reset, a filtered error is the mean of all samples."""
     min_improvement: float = 0.1
-    """Reduction of the mean squared prediction error that a new delay must give, as a fraction.
+    """Smallest reduction of the squared prediction error of the joint speeds that a new delay must give, as a fraction.
 
-    The fraction refers to the mean squared error of the present delay minus the noise variance."""
+    The fraction refers to the mean squared error of the present delay minus the variance of the sensor noise. A smaller
+    reduction does not change the estimated delay."""
     noise_fraction: float = 0.1
-    """Additional reduction that a new delay must give, as a fraction of the noise variance.
+    """Additional reduction of the squared prediction error that a new delay must give.
 
-    It is added to the reduction by `min_improvement`."""
+    It is a fraction of the noise variance of the joint speeds, and is added to the reduction by `min_improvement`."""
     model_error: float = 0.05
-    """Mean squared prediction error of the joint speeds that model errors cause at the true delay, rad²/s²."""
+    """Mean squared error of the predicted joint speeds that model errors cause even at the true delay, rad²/s²."""
     samples_without_error: int = 2
-    """Number of observations after a reset with prediction errors that are ignored."""
+    """Number of first observations after a reset that do not update the filtered prediction errors."""
     min_samples: int = 16
-    """Number of observations after a reset before the delay may change.
+    """Number of observations after a reset during which the estimated delay stays at its initial value.
 
-    A robot with a delay that is identified already may change it earlier."""
+    If the motion of the joints has already identified the delay, it may change earlier."""
 
 
 DEFAULT_PARAMETERS = DelayEstimatorParameters()
@@ -65,9 +69,9 @@ class DelayEstimator(PerRobotState):
 
     It is the time from a joint reading to the time when the joint target computed from it acts."""
     is_identified: Mask = per_robot(False)
-    """True for robots with joint motion since the reset that has distinguished the candidate delays, (n,).
+    """True for robots that have moved their joints enough since the reset to distinguish the candidate delays, (n,).
 
-    It stays False if encoders read the joints."""
+    It stays False if encoders read the joints, because their delay is known."""
     _errors: Floats = per_robot(np.zeros(MAX_DELAY_STEPS + 1), axis=1)
     """Low-pass filtered squared error of the predicted joint speeds, (MAX_DELAY_STEPS + 1, n), rad²/s².
 
@@ -82,7 +86,7 @@ class DelayEstimator(PerRobotState):
         super().__init__(delays=np.int64(joint_delay_steps))
 
     def update(self, errors: Floats, noise: Floats, sample_count: NDArray[np.int64], is_excited: Mask) -> None:
-        """Update the filtered prediction errors, and change the delay if another one predicts better.
+        """Update the filtered prediction errors, and change the estimated delay if another one predicts better.
 
         Args:
             errors: Squared error of the predicted joint speeds, mean over the joints, (MAX_DELAY_STEPS + 1, n),
@@ -106,8 +110,8 @@ class DelayEstimator(PerRobotState):
         self.delays = np.where(is_better, self._errors.argmin(axis=0), self.delays)
 
     def at_delay(self, history: NDArray[T]) -> NDArray[T]:
-        """Return for each robot the item of `history` that is as old as its estimated delay, (n, …).
+        """Return for each of n robots the item of `history` that is as old as the estimated delay of the robot, (n, …).
 
-        `history`: items of the last control steps, newest first, (MAX_DELAY_STEPS + 1 or more, n, …).
+        `history` holds one item per control step and robot, newest first, (MAX_DELAY_STEPS + 1 or more, n, …).
         """
         return history[self.delays, np.arange(len(self.delays))]

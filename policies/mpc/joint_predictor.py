@@ -1,6 +1,6 @@
 """Smith predictor of the present joint angles and speeds from delayed encoder readings.
 
-It integrates the planned joint accelerations over the delay.
+It integrates the joint accelerations that the controller has planned over the delay of the encoders.
 """
 
 import numpy as np
@@ -12,33 +12,35 @@ from quad_env import OBSERVATION
 from quad_env.columns import Mask
 
 VELOCITY_OBSERVER_GAIN = 90.0
-"""Observer gain: correction of the joint speed per error of the predicted joint angle, 1/s.
+"""Observer gain: correction of a predicted joint speed per error of the predicted joint angle, 1/s.
 
-A gain of 100 would remove the error within one control step of 10 ms."""
+With a gain of 100, the corrected speed would remove the error of the angle within one control step of 10 ms."""
 
 
 class JointPredictor(PerRobotState):
-    """Predicts the present joint angles and speeds of n robots from readings that are `delay_steps` old.
+    """Predicts the present joint angles and speeds of n robots from encoder readings that are `delay_steps` old.
 
     The prediction is needed because an encoder angle that is one control step old differs from the present angle by the
-    joint speed times 10 ms. A controller that inverts the servo law would turn this error into a torque error, 9 N·m in
-    a trot.
+    joint speed times 10 ms. A controller that inverts the servo law would turn this error into a torque error, which is
+    9 N·m in a trot.
 
-    The predictor assumes that the joints follow the planned accelerations, and integrates them from the time of the
-    reading to now. The error of the angle that was predicted for the time of the reading corrects the joint speed
-    (Smith, "Closer control of loops with dead time", 1957).
+    The predictor assumes that the joints follow the planned accelerations. It integrates these accelerations from the
+    time of the reading to the present. The predicted angle for the time of a reading is compared with the reading, and
+    the difference corrects the joint speed (Smith, "Closer control of loops with dead time", 1957).
 
     Args:
-        delay_steps: Delay of the joint readings, control steps; 0 if the readings are not delayed.
+        delay_steps: Delay of the encoder readings, control steps; 0 if the readings are not delayed.
         period: Control period, s.
     """
 
     _is_started: Mask = per_robot(False)
-    """True for robots that have had a reading since their reset, and thus a prediction for the next one, (n,)."""
+    """True for robots that have had an encoder reading since their reset, (n,).
+
+    For these robots there is a prediction of the next reading."""
     _expected_angles: Floats = per_robot(np.zeros(12))
-    """Predicted joint angles at the time of the next reading, (n, 12), rad."""
+    """Predicted joint angles at the measurement time of the next encoder reading, (n, 12), rad."""
     _expected_speeds: Floats = per_robot(np.zeros(12))
-    """Predicted joint speeds at the time of the next reading, (n, 12), rad/s."""
+    """Predicted joint speeds at the measurement time of the next encoder reading, (n, 12), rad/s."""
     _accelerations: Floats = per_robot(axis=1)
     """Planned joint accelerations of the last control periods, oldest first, (delay_steps, n, 12), rad/s²."""
 
@@ -48,9 +50,9 @@ class JointPredictor(PerRobotState):
         super().__init__(_accelerations=np.zeros((delay_steps, 12)))
 
     def predict(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the observations, (n, k), with predicted instead of delayed joint angles and speeds.
+        """Return the observations, (n, k), with predicted present instead of delayed joint angles and speeds.
 
-        The observations are returned unchanged if `delay_steps` is 0.
+        The `observation`, (n, k), of n robots is returned unchanged if the encoders have no delay.
         """
         if not self.delay_steps:
             return observation
@@ -62,7 +64,7 @@ class JointPredictor(PerRobotState):
         for number, acceleration in enumerate(self._accelerations):
             angles = angles + period * speeds + 0.5 * period**2 * acceleration
             speeds = speeds + period * acceleration
-            if number == 0:  # because the next reading is one control period newer than the present one
+            if number == 0:  # because the next encoder reading is one control period newer than the present reading
                 self._expected_angles = angles
                 self._expected_speeds = speeds
         self._is_started[:] = True
@@ -72,6 +74,6 @@ class JointPredictor(PerRobotState):
         return predicted
 
     def record(self, acceleration: Floats) -> None:
-        """Store the planned joint `acceleration`, (n, 12), rad/s², of the control period that begins."""
+        """Store the planned joint `acceleration`, (n, 12), rad/s², of the control period that begins now."""
         if self.delay_steps:
             self._accelerations = np.concatenate((self._accelerations[1:], acceleration[None]))

@@ -1,4 +1,4 @@
-"""Operations on motion states: position feedback, load on the trunk, and selection of robots."""
+"""Operations on the motion states of robots: position feedback, load on the trunk, and selection of robots."""
 
 from typing import Any, NamedTuple, TypeVar
 
@@ -14,21 +14,22 @@ from quad_env.physics.rotations import cross, skew
 P = TypeVar("P", bound=Any)
 
 MAX_LOAD = 40.0
-"""Upper bound of the estimated mass of a load on the trunk, kg."""
+"""Upper bound of the mass of a load on the trunk that the controller estimates, kg."""
 MAX_LOAD_OFFSET = 0.25
-"""Bound of the estimated forward and lateral distance of a load from the trunk centre, m."""
+"""Bound of the estimated forward and of the estimated lateral distance of a load from the trunk centre, m."""
 MIN_LOAD = 0.5
-"""Smallest estimated mass that is taken as a load on the trunk, kg.
+"""Smallest estimated mass of a load on the trunk that is not set to zero, kg.
 
 A smaller mass is set to zero, because it may come from an error of the robot model."""
 
 
 def select_robots(state: P, robots: EnvIndices) -> P:
-    """Return a copy of the nested tuple `state` in which every array has only the rows of some `robots`.
+    """Return a copy of the nested tuple `state` in which every array has only the rows of the selected `robots`.
 
     Args:
-        state: Array of n robots, or nested (named) tuple of arrays of n robots, for example a `MotionState`.
-        robots: Indices of the robots, (g,), or mask, (n,).
+        state: Array of n robots, or nested (named) tuple of arrays of n robots, for example a `MotionState`. The first
+            axis of each array runs over the robots.
+        robots: Indices of the g selected robots, (g,), or mask with True for them, (n,).
 
     Returns:
         Tuple of the same type, with arrays of g robots.
@@ -43,12 +44,13 @@ def replace_robots(state: P, robots: EnvIndices, replacement: P) -> P:
     """Return a copy of a nested tuple of arrays in which the rows of some robots are replaced.
 
     Args:
-        state: Nested (named) tuple of arrays of n robots, for example a `MotionState`.
-        robots: Indices of the robots to replace, (g,).
+        state: Nested (named) tuple of arrays of n robots, for example a `MotionState`. The first axis of each array
+            runs over the robots.
+        robots: Indices of the g robots to replace, (g,).
         replacement: Tuple of the same type with the new rows of the g robots.
 
     Returns:
-        Copy of `state` with the rows of `replacement`.
+        Copy of `state` with the rows of `replacement` for the g robots.
     """
     if isinstance(state, tuple):
         pairs = zip(state, replacement, strict=True)
@@ -59,25 +61,25 @@ def replace_robots(state: P, robots: EnvIndices, replacement: P) -> P:
 
 
 class PositionErrorIntegrator(PerRobotState):
-    """Integrates the velocity error of n robots into a position error, and feeds it back.
+    """Integrates the velocity error of n robots into a position error, and corrects the velocity command by it.
 
-    The feedback adds a velocity to the command that reduces the position error.
+    The correction is an additional velocity that reduces the position error.
 
-    The velocity error is commanded minus actual velocity, in the heading frame (yaw only). The position error has the
-    function of the position set point of `ConvexMPCLocomotion` in MIT's Cheetah-Software. A new command resets it to
-    zero.
+    The velocity error is commanded minus actual velocity, in the heading frame (yaw only). A new command resets the
+    position error to zero. `ConvexMPCLocomotion` in MIT's Cheetah-Software uses a position set point for the same
+    purpose.
 
     Args:
-        max_error: Bound of the position error, m, and of the yaw error, rad.
+        max_error: Bound of the forward and lateral position error, m, and of the yaw error, rad.
         period: Control period, s.
-        max_return_speed: Largest horizontal speed of the corrected command, m/s. If the command itself is faster, its
-            speed is the limit.
+        max_return_speed: Largest horizontal speed of the corrected command, m/s. If the command without the correction
+            is faster, its speed is the limit.
     """
 
     position_error: Floats = per_robot(np.zeros(3))
     """Integrated velocity error, heading frame, (n, 3): forward and lateral position error, m, and yaw error, rad."""
     _command: Floats = per_robot(np.zeros(3))
-    """Last velocity command, (n, 3): forward and lateral, m/s, and yaw rate, rad/s."""
+    """Velocity command of the last control step, (n, 3): forward and lateral velocity, m/s, and yaw rate, rad/s."""
 
     def __init__(self, max_error: float, period: float, max_return_speed: float = np.inf) -> None:
         self._max_error = max_error
@@ -90,10 +92,10 @@ class PositionErrorIntegrator(PerRobotState):
 
         Args:
             state: State of n robots with their commands.
-            gain: Velocity added to the command per position error, 1/s.
+            gain: Feedback gain, 1/s: velocity added to the command per position error, and yaw rate per yaw error.
 
         Returns:
-            The state with the corrected command: command + gain × position error, with a limited speed.
+            The state with the corrected command: command + gain × position error, with a limited horizontal speed.
         """
         velocity = np.concatenate((state.velocity[:, :2], state.angular_velocity[:, 2:]), axis=1)
         position_error = self.position_error + self._period * (state.command - velocity)
@@ -113,12 +115,12 @@ class PointLoad(NamedTuple):
     """Estimated loads on the trunks of n robots, each a point mass fixed to the trunk."""
 
     mass: Floats
-    """Mass of the load, (n,), kg; 0 for a robot that carries no load."""
+    """Mass of the load on the trunk of each robot, (n,), kg; 0 for a robot that carries no load."""
     position: Floats
-    """Position of the load relative to the trunk centre, base frame, (n, 3), m."""
+    """Position of the load of each robot relative to the trunk centre, base frame, (n, 3), m."""
 
     def gravity_wrench(self, rotation: Floats) -> Floats:
-        """Return the weight of the loads as a wrench on the trunk.
+        """Return the weight of the loads as a wrench (force and moment) on the trunks.
 
         Args:
             rotation: Rotation from the base to the level frame, (n, 3, 3).
@@ -135,10 +137,10 @@ class PointLoad(NamedTuple):
 
 
 def estimate_load(wrench: Floats, height: float) -> PointLoad:
-    """Estimate the load on the trunk from the lasting external wrench.
+    """Estimate the load on the trunk of each robot from the low-pass filtered external wrench.
 
-    The downward force is the weight of the load. The roll and pitch moments divided by the weight give the lateral and
-    forward position of the load.
+    The downward force is taken as the weight of the load. The roll moment divided by the weight gives the lateral
+    position of the load, and the pitch moment divided by the weight gives the forward position.
 
     Args:
         wrench: External wrench on the trunk, (n, 6): force, level frame, N, then moment, base frame, N·m.
@@ -160,8 +162,9 @@ def estimate_load(wrench: Floats, height: float) -> PointLoad:
 def add_load(motion: MotionState, load: PointLoad) -> MotionState:
     """Add the loads on the trunks to the dynamics terms of the robots.
 
-    A load of mass m adds m Jᵀ J to the inertia matrix and m Jᵀ (a + g) to the bias force. J is the Jacobian of its
-    position, a is its acceleration at zero generalised acceleration, and g is the gravity acceleration.
+    A load of mass m adds m Jᵀ J to the inertia matrix and m Jᵀ (a + g) to the bias force. J is the Jacobian of the load
+    position, a the acceleration of the load at zero generalised acceleration, and g the acceleration of gravity, upward
+    and positive.
 
     Args:
         motion: State of n robots, with the dynamics of the robots alone.
@@ -194,10 +197,7 @@ def add_load(motion: MotionState, load: PointLoad) -> MotionState:
 
 
 def _load_jacobian(motion: MotionState, load: PointLoad) -> Floats:
-    """Return the Jacobian of the load position: load velocity, level frame, per generalised velocity.
-
-    Its shape is (n, 3, 18).
-    """
+    """Return the Jacobian of the load position: load velocity, level frame, per generalised velocity, (n, 3, 18)."""
     count, size = motion.generalised_velocity.shape
     jacobian = np.zeros((count, 3, size))
     jacobian[:, :, :3] = np.eye(3)
@@ -206,7 +206,10 @@ def _load_jacobian(motion: MotionState, load: PointLoad) -> Floats:
 
 
 def _load_bias_acceleration(motion: MotionState, load: PointLoad) -> Floats:
-    """Return the centripetal acceleration of the load about the trunk centre, level frame, (n, 3), m/s²."""
+    """Return the centripetal acceleration ω × (ω × r) of the load, level frame, (n, 3), m/s².
+
+    ω is the angular velocity of the trunk and r the position of the load relative to the trunk centre.
+    """
     angular_velocity_base = motion.generalised_velocity[:, 3:6]
     centripetal = cross(angular_velocity_base, cross(angular_velocity_base, load.position))
     acceleration: Floats = np.einsum("nij,nj->ni", motion.rotation, centripetal)

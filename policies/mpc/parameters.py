@@ -16,9 +16,9 @@ class ModelParameters(Parameters):
     frequency: float = parameter(2.5, limits=(0.05, 50.0), search=(1.8, 4.5), unit="Hz")
     """Step frequency: gait cycles per second, Hz."""
     frequency_gain: float = parameter(0.0, limits=(0.0, 100.0), search=(0.0, 3.0), unit="1/m")
-    """Increase of the step frequency per horizontal velocity error above 0.4 m/s, Hz per m/s."""
+    """Increase of the step frequency per horizontal velocity error in excess of 0.4 m/s, Hz per m/s."""
     most_faster: float = parameter(2.0, limits=(0.0, 50.0), unit="Hz")
-    """Largest increase of the step frequency by a velocity error, Hz."""
+    """Upper bound of the increase of the step frequency that a velocity error causes, Hz."""
     duty: float = parameter(0.5, limits=(0.05, 0.95), search=(0.45, 0.65))
     """Duty factor: fraction of the gait cycle in which a foot is in stance."""
     height: float = parameter(0.36, limits=(0.01, 5.0), search=(0.34, 0.48), unit="m")
@@ -27,68 +27,91 @@ class ModelParameters(Parameters):
     step_height: float = parameter(0.08, limits=(0.0, 2.0), search=(0.02, 0.2), unit="m")
     """Height of a swing foot above the terrain at mid-swing, m."""
     roughness_gain: float = parameter(0.0, limits=(0.0, 100.0), search=(0.0, 6.0))
-    """Additional height of a swing foot at mid-swing, m, per m of ground roughness (`TerrainEstimator.roughness`)."""
+    """Additional height of a swing foot at mid-swing per ground roughness, m/m.
+
+    The ground roughness is the largest distance of a footprint from the plane through the last four footprints, m."""
     width: float = parameter(0.5, limits=(0.005, 10.0), search=(0.42, 0.62), unit=LATERAL_LENGTH)
-    """Lateral distance between the left and the right nominal footholds, m."""
+    """Lateral distance between the left and the right nominal footholds (the footholds of a robot at rest), m."""
     length: float = parameter(0.5, limits=(0.005, 10.0), search=(0.4, 0.6), unit=LONGITUDINAL_LENGTH)
-    """Longitudinal distance between the fore and the hind nominal footholds, m."""
+    """Longitudinal distance between the fore and the hind nominal footholds (the footholds of a robot at rest), m."""
     shift: float = parameter(0.0, limits=(-2.0, 2.0), search=(-0.05, 0.05), unit="m ahead")
-    """Forward shift of the centre of the four nominal footholds from the centre of mass, m."""
+    """Forward distance of the centre of the four nominal footholds from the centre of mass, m.
+
+    The nominal footholds are the footholds of a robot at rest."""
     step_gain: float = parameter(0.06, limits=(-1.0, 1.0), search=(0.0, 0.2), unit="s")
-    """Shift of a foothold per velocity error of the centre of mass, s (m per m/s)."""
+    """Shift of a foothold per velocity error (actual minus commanded) of the centre of mass, s (m per m/s)."""
     position_gain: float = parameter(0.0, limits=(0.0, 100.0), search=(0.0, 3.0), unit="1/s")
-    """Position feedback, 1/s: velocity (yaw rate) added to the command per position error (yaw error)."""
+    """Gain of the position feedback, 1/s.
+
+    The feedback adds to the velocity command this gain times the position error, m, and to the yaw-rate command this
+    gain times the yaw error, rad."""
     farthest_behind: float = parameter(0.6, limits=(0.0, 100.0), search=(0.1, 3.0), unit="m")
-    """Bound of the position error in the position feedback, m; also the bound of the yaw error, rad."""
+    """Bound of the forward and lateral position error in the position feedback, m; also of the yaw error, rad.
+
+    The errors are integrals of commanded minus actual velocity and yaw rate."""
     fastest_return: float = parameter(1.2, limits=(0.0, 100.0), search=(0.5, 2.0), unit="m/s")
-    """Largest speed of a command with position feedback, m/s; a faster original command sets a higher limit."""
+    """Largest horizontal speed of the velocity command after the position feedback has been added, m/s.
+
+    If the command without the feedback is faster, its speed is the limit."""
     friction: float = parameter(0.65, limits=(0.01, 2.0), search=(0.2, 0.7))
-    """Assumed friction coefficient before the first slip: largest horizontal force along each axis / vertical force."""
+    """Friction coefficient between feet and ground that the controller assumes before a foot has slipped.
+
+    It bounds the horizontal force along each axis, divided by the vertical force."""
     swing_stiffness: float = parameter(300.0, limits=(0.0, 1000000.0), search=(100.0, 1500.0), unit="1/s²")
-    """Acceleration of a swing foot per position error (P gain of the trajectory tracking), 1/s²."""
+    """P gain with which a swing foot tracks its trajectory: acceleration per position error of the foot, 1/s²."""
     swing_damping: float = parameter(30.0, limits=(0.0, 1e4), search=(10.0, 80.0), unit="1/s")
-    """Acceleration of a swing foot per velocity error (D gain of the trajectory tracking), 1/s."""
+    """D gain with which a swing foot tracks its trajectory: acceleration per velocity error of the foot, 1/s."""
     stance_damping: float = parameter(20.0, limits=(0.0, 1e4), unit="1/s")
-    """Deceleration of a stance foot per foot velocity, 1/s."""
+    """Planned deceleration of a stance foot per velocity of this foot, 1/s; it brings a moving stance foot to rest."""
     disturbance_time: float = parameter(0.3, limits=(0.02, 1e6), search=(0.1, 2.0), unit="s")
-    """Time constant of the low-pass filter of the external wrench on the trunk, s."""
+    """Time constant of the low-pass filter of the external wrench on the trunk (force and moment by pushes), s."""
     load_time: float = parameter(0.06, limits=(0.0, 1e6), search=(0.005, 0.5), unit="s")
-    """Time constant of the low-pass filter of the vertical external force, which includes the weight of a load, s."""
+    """Time constant of the low-pass filter of the vertical external force on the trunk, s.
+
+    This force includes the weight of a load."""
     load_height: float = parameter(0.15, limits=(-2.0, 10.0), unit="m")
-    """Assumed height of a load above the trunk centre, m."""
+    """Height above the trunk centre at which the controller assumes a load on the trunk, m."""
     most_force: float = parameter(1.2, limits=(0.1, 100.0), search=(0.7, 2.0))
     """Largest planned vertical force on one foot, as a fraction of the weight of the robot with its load."""
     slope_time: float = parameter(0.2, limits=(0.0, 1e3), search=(0.05, 1.0), unit="s")
     """Time constant of the low-pass filter of the estimated ground slope, s."""
     touch_force: float = parameter(15.0, limits=(0.0, 100000.0), unit="N")
-    """Vertical force above which a foot counts as in contact, N."""
+    """Estimated vertical force on a foot above which the foot counts as in contact with the ground, N."""
     early_force: float = parameter(20.0, limits=(0.0, 100000.0), unit="N")
-    """Vertical force above which a foot has landed before the end of its swing phase, N."""
+    """Estimated vertical force on a swing foot above which the foot counts as landed before its swing phase ends, N."""
     search_speed: float = parameter(0.5, limits=(0.0, 50.0), search=(0.1, 1.5), unit="m/s")
-    """Speed at which a foot is lowered if it should be in stance but has no contact, m/s."""
+    """Speed at which a foot is lowered if it should be in stance but has not touched the ground, m/s."""
     landing_depth: float = parameter(0.01, limits=(0.0, 1.0), search=(0.0, 0.04), unit="m")
-    """Depth below the ground at which a swing trajectory ends, m; above 0 because feet lag behind the trajectory."""
+    """Depth below the ground at which a swing trajectory ends, m.
+
+    It is above 0 because a foot lags behind its trajectory and would otherwise stop above the ground."""
     lean_gain: float = parameter(1.0, limits=(0.0, 10.0), search=(0.0, 1.5))
-    """Shift of the footholds by a lasting external force, as a fraction of the shift that balances the force."""
+    """Shift of the footholds in the direction of a lasting external force.
+
+    It is a fraction: 1 stands for the shift at which the feet balance the force."""
     slip_speed: float = parameter(0.25, limits=(0.0, 10.0), search=(0.1, 0.6), unit="m/s")
     """Horizontal speed above which a foot under load counts as slipping, m/s."""
     grip_memory: float = parameter(3.0, limits=(0.01, 1e6), search=(0.5, 20.0), unit="s")
-    """Time constant with which the friction estimate returns to `friction` after a slip, s."""
+    """Time constant with which the estimated friction coefficient returns to `friction` after a slip, s."""
 
 
 @dataclass(frozen=True)
 class MpcParameters(ModelParameters):
     """Parameters of the model-predictive controllers: gait, estimators, and weights of the costs.
 
-    The weights belong to the MPC of the contact forces and to the whole-body QP of the joint torques.
+    Two controllers have weights: the MPC, which plans the contact forces, and the whole-body QP, which computes the
+    joint torques.
 
-    The defaults were set by hand on a few search episodes. The parameters in `mpc_wbc.json` were found by a search.
+    The defaults were set by hand on a few search episodes (episodes for the tuning of parameters). Most parameters in
+    `mpc_wbc.json` were found by a parameter search.
     """
 
     horizon_step: float = parameter(0.04, limits=(0.001, 1.0), unit="s")
-    """Duration of one of the steps of the MPC horizon, s."""
+    """Duration of one step of the prediction horizon of the MPC, s."""
     plan_period: float = parameter(0.0, limits=(0.0, 1.0), unit="s")
-    """Time between two force plans while the stance feet are as planned, s; 0: a new plan in every control step."""
+    """Age at which a plan of the contact forces is replaced, s; with 0, every control step makes a new plan.
+
+    If other feet are in stance than planned, the plan is replaced at once."""
     roll_weight: float = parameter(10.0, limits=(0.0, 1e6))
     """Weight of the squared roll error in the cost of the MPC, 1/rad²."""
     pitch_weight: float = parameter(10.0, limits=(0.0, 1e6))
@@ -106,7 +129,9 @@ class MpcParameters(ModelParameters):
     vertical_weight: float = parameter(0.5, limits=(0.0, 1e6), unit="s²/m²")
     """Weight of the squared vertical velocity error in the cost of the MPC, s²/m²."""
     force_weight: float = parameter(1e-5, limits=(1e-12, 1000.0), unit="1/N²")
-    """Weight of the squared deviation of the contact forces from an even distribution, in the cost of the MPC, 1/N²."""
+    """Weight of the squared deviation of the contact forces from an even distribution, in the cost of the MPC, 1/N².
+
+    In the even distribution, the stance feet carry equal parts of the weight of the robot."""
     turning_priority: float = parameter(1.0, limits=(1e-6, 1e6), search=(0.1, 20.0), unit="s⁴")
     """Weight of the squared error of the trunk's angular acceleration in the whole-body QP, s⁴/rad²."""
     standing_priority: float = parameter(10.0, limits=(1e-6, 1e6), search=(0.1, 25.0), unit="s⁴/m²")
@@ -127,7 +152,7 @@ OTHER_GAITS = {
 }
 """Gait name -> parameters of this gait, for all gaits except the trot.
 
-They were set by hand on a few search episodes."""
+The parameters were set by hand on a few search episodes (episodes for the tuning of parameters)."""
 
 
 SEARCH_RANGES = search_ranges_of(MpcParameters)
@@ -137,7 +162,8 @@ FILE = ParameterFile(Path(__file__).with_name("mpc_wbc.json"), MpcParameters)
 def parameters_of(gait: str, robot: Robot = SIMPLE_QUAD) -> MpcParameters:
     """Return the parameters of a gait, scaled to the size of a robot.
 
-    The parameters of the trot are read from `mpc_wbc.json`, and all other gaits are in `OTHER_GAITS`.
+    The parameters of the trot are read from the file `mpc_wbc.json`. The parameters of the other gaits are in the
+    dictionary `OTHER_GAITS`.
 
     Args:
         gait: Name of the gait: trot, bound, pace, pronk or walk.

@@ -1,6 +1,7 @@
-"""Batches of small dense quadratic programs, solved by DAQP.
+"""Batches of small dense quadratic programs, solved by the active-set solver DAQP.
 
-A program minimises ½ xᵀHx + gᵀx subject to lower ≤ Ax ≤ upper. The programs of a batch have the same size.
+A program minimises ½ xᵀHx + gᵀx over the variables x, subject to lower ≤ Ax ≤ upper. All programs of a batch have the
+same numbers of variables and constraints.
 """
 
 from collections.abc import Callable
@@ -17,43 +18,44 @@ DAQP_EQUALITY = 5
 DAQP_OPTIMAL = 1
 """Exit flag that DAQP returns if it has found the optimum."""
 MAX_VIOLATION = 1e-4
-"""Largest constraint violation of a valid solution.
+"""Largest constraint violation at which the solution of a quadratic program still counts as valid.
 
-It is relative to the largest absolute finite bound of the program, or absolute if this bound is below 1."""
+The violation is divided by the largest absolute finite bound of the program if this bound is above 1."""
 MAX_ITERATIONS = 300
-"""Iteration limit of DAQP for each program; ten times the number of iterations that the controllers' programs need.
+"""Iteration limit of the solver DAQP for each quadratic program.
 
-A limit is needed because a solution that takes longer comes too late for the control step. A limit on iterations gives
-the same result on every machine, whereas a limit on time does not."""
+It is ten times the number of iterations that the programs of the controllers need. A limit is needed because a solution
+that takes longer comes too late for the control step. The number of iterations is limited instead of the time, so that
+the result is the same on every machine."""
 
 
 class QpBatch(NamedTuple):
-    """Batch of g quadratic programs, each with k variables and m constraints.
+    """Batch of n quadratic programs, each with k variables and m constraints.
 
-    Each program minimises ½ xᵀHx + gᵀx subject to lower ≤ Ax ≤ upper.
+    Each program minimises ½ xᵀHx + gᵀx over the variables x, subject to lower ≤ Ax ≤ upper.
     """
 
     hessian: Floats
-    """Hessian matrices H of the cost, positive definite, (g, k, k)."""
+    """Positive definite Hessian H of the cost ½ xᵀHx + gᵀx of each of n programs with k variables, (n, k, k)."""
     gradient: Floats
-    """Gradients g of the cost at x = 0, (g, k)."""
+    """Gradient g of the cost ½ xᵀHx + gᵀx at x = 0 of each of n programs with k variables, (n, k)."""
     constraint_matrix: Floats
-    """Constraint matrices A, (g, m, k)."""
+    """Matrix A of the m constraints lower ≤ Ax ≤ upper of each of n programs with k variables, (n, m, k)."""
     lower: Floats
-    """Lower bounds of A x, (g, m)."""
+    """Lower bounds of the m constraints lower ≤ Ax ≤ upper of each of n programs, (n, m); -inf for no bound."""
     upper: Floats
-    """Upper bounds of A x, (g, m)."""
+    """Upper bounds of the m constraints lower ≤ Ax ≤ upper of each of n programs, (n, m); inf for no bound."""
     equalities: int = 0
-    """Number of equality constraints (lower = upper); they are the first rows of A."""
+    """Number of equality constraints (lower = upper) of each program; they are the first rows of A."""
 
 
 class Solutions(NamedTuple):
-    """Solutions of g quadratic programs with k variables each."""
+    """Solutions of n quadratic programs with k variables each."""
 
     x: Floats
-    """Optimal variables, (g, k); valid where `solved` is True."""
+    """Optimal values of the k variables of each of n programs, (n, k); valid only if `solved` is True."""
     solved: NDArray[np.bool_]
-    """True for programs with a valid solution: optimal, finite and within all bounds, (g,)."""
+    """True for each of n programs that has a valid solution: optimal, finite and within all bounds, (n,)."""
 
 
 Solver = Callable[[QpBatch], Solutions]
@@ -62,7 +64,7 @@ Solver = Callable[[QpBatch], Solutions]
 def solve(programs: QpBatch) -> Solutions:
     """Solve the programs of a batch one by one with DAQP's dual active-set method.
 
-    A program that needs more than `MAX_ITERATIONS` iterations counts as not solved.
+    If a program needs more than `MAX_ITERATIONS` iterations, the result marks it as not solved.
     """
     hessian = np.ascontiguousarray(programs.hessian)
     gradient = np.ascontiguousarray(programs.gradient)
@@ -81,9 +83,10 @@ def solve(programs: QpBatch) -> Solutions:
 
 
 def _is_feasible(programs: QpBatch, x: Floats) -> NDArray[np.bool_]:
-    """Return the mask of programs, (g,), with an `x`, (g, k), that is finite and within the bounds.
+    """Return True for programs with a solution `x` that is finite and within the bounds, (n,).
 
-    A violation of the bounds up to `MAX_VIOLATION` is accepted.
+    `x`, (n, k), are the solutions of n `programs` with k variables. A violation of the bounds up to `MAX_VIOLATION` is
+    accepted.
     """
     values = np.matmul(programs.constraint_matrix, x[..., None])[..., 0]
     violation: Floats = np.maximum(values - programs.upper, programs.lower - values).max(axis=1, initial=0.0)

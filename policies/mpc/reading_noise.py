@@ -1,9 +1,9 @@
-"""Variance of the sensor noise, estimated from the noisy readings alone.
+"""Estimator of the variance of the sensor noise, which needs only the noisy readings.
 
-The second difference of a reading z is d_k = z_k - 2 z_{k-1} + z_{k-2}. For white noise with the variance σ², the
-covariance of two consecutive second differences is -4 σ². A smooth motion contributes little to this covariance,
-because its second differences are small. The method, noise variance from autocorrelation, is by Mehra, "On the
-identification of variances and adaptive Kalman filtering", 1970.
+The second difference of a reading z at sample k is d_k = z_k - 2 z_{k-1} + z_{k-2}. For white noise with the variance
+σ², the covariance of two consecutive second differences is -4 σ². A smooth motion contributes little to this
+covariance, because its second differences are small. Mehra introduced the noise variance from an autocorrelation in "On
+the identification of variances and adaptive Kalman filtering", 1970.
 """
 
 from collections.abc import Sequence
@@ -16,20 +16,24 @@ from policies.memory import PerRobotState, lowpass_gain, per_robot, warm_start_g
 from policies.mpc.readings import GROUPS
 
 NOISE_FLOOR_STD = np.array([0.001, 0.12, 0.025, 0.0015, 0.4])
-"""Noise floor: standard deviation estimated for noise-free readings of a walking robot, per group of readings.
+"""Noise floor: standard deviation that the noise estimator finds in noise-free readings of a walking robot, (5,).
 
-The motion itself causes it. Groups and units: gravity (unit vector), angular velocity, rad/s, linear velocity, m/s,
-joint angles, rad, and joint speeds, rad/s."""
+It is caused by the motion of the robot, and its square is subtracted from the estimated variance. There is one number
+for each group of readings: gravity direction (unit vector), angular velocity, rad/s, linear velocity, m/s, joint
+angles, rad, and joint speeds, rad/s."""
 FILTER_TIME = 0.5
-"""Time constant of the low-pass filter of the variance estimate, s.
+"""Time constant of the low-pass filter of the estimated noise variance, s.
 
-Until this time has passed since the reset, the estimate is a running mean."""
+Until this time has passed since the reset, the estimate is the mean of all samples."""
 EARLY_SAMPLES = 8
-"""Sample count E in the factor 1 + E/k on the variance of the noise floor after k samples.
+"""Number of samples E in the factor 1 + E/k, which multiplies the noise floor after k estimates of the variance.
 
-The floor is higher at first, because an estimate from few samples scatters."""
+The noise floor is the variance that is estimated for noise-free readings. It is higher at first, because an estimate
+from few samples scatters."""
 SAMPLES_WITHOUT_ESTIMATE = 3
-"""Number of samples after a reset without an estimate, because two second differences are not available yet."""
+"""Number of samples after a reset for which no noise variance is estimated.
+
+The estimate needs two consecutive second differences of the readings, and these need four samples."""
 
 
 class NoiseEstimator(PerRobotState):
@@ -37,17 +41,23 @@ class NoiseEstimator(PerRobotState):
 
     Args:
         period: Control period, s.
-        groups: Slices of the m groups in a row of readings, adjacent and in order. A group holds readings of one
+        groups: Slices of the m groups in the readings of a robot, adjacent and in order. A group holds readings of one
             quantity, for example all joint angles.
-        noise_floor_std: Standard deviation that is estimated for noise-free readings of each group, (m,).
+        noise_floor_std: Standard deviation that is estimated for noise-free readings of each group, (m,), in the unit
+            of the readings. Its square is subtracted from the estimated variance.
     """
 
     sample_count: NDArray[np.int64] = per_robot(0)
     """Number of observations of each robot since its reset, (n,)."""
     _last: Floats = per_robot(axis=1)
-    """Readings one sample ago, readings two samples ago, and the last second difference, (3, n, k)."""
+    """Previous values of the k readings of n robots, (3, n, k), in the units of the readings.
+
+    The first axis holds the readings one sample ago, the readings two samples ago, and the second difference one sample
+    ago."""
     _raw_variance: Floats = per_robot()
-    """Filtered variance of each group, before the noise floor is subtracted, (n, m)."""
+    """Low-pass filtered noise variance of each of m groups of readings, (n, m), before the noise floor is subtracted.
+
+    The noise floor is the variance that is estimated for noise-free readings."""
 
     def __init__(
         self, period: float, groups: Sequence[slice] = GROUPS, noise_floor_std: Floats = NOISE_FLOOR_STD
@@ -60,9 +70,10 @@ class NoiseEstimator(PerRobotState):
         super().__init__(_last=np.zeros((3, width)), _raw_variance=np.zeros(len(groups)))
 
     def update(self, readings: Floats) -> Floats:
-        """Update the estimate with `readings`, (n, k), and return the noise variances, (n, m).
+        """Update the estimate with the k `readings` of n robots, (n, k), and return the noise variances, (n, m).
 
-        The variance of the noise floor is subtracted; a variance below the floor is returned as zero.
+        There is one variance for each of the m groups of readings. The noise floor (the variance that is estimated for
+        noise-free readings) is subtracted. A variance below the noise floor is returned as zero.
         """
         last, second_last, last_difference = self._last
         difference = readings - 2.0 * last + second_last

@@ -1,6 +1,7 @@
-"""Readings: the sensor values at the beginning of an observation, their groups, and their prediction.
+"""Sensor readings in an observation: their slices, and their prediction by one control period.
 
-The groups are gravity direction, angular velocity, linear velocity, joint angles and joint speeds.
+The readings are the first 33 numbers of an observation. They form five groups: gravity direction, angular velocity,
+linear velocity, joint angles and joint speeds.
 """
 
 import numpy as np
@@ -19,33 +20,35 @@ JOINT_POSITION = OBSERVATION["joint_position"]
 JOINT_VELOCITY = OBSERVATION["joint_velocity"]
 
 GROUPS = (GRAVITY, ANGULAR_VELOCITY, LINEAR_VELOCITY, JOINT_POSITION, JOINT_VELOCITY)
-"""Slices of the five groups of readings in an observation; the readings of a group have the same noise variance.
+"""Slices of the five groups of sensor readings in an observation; all readings of a group have one noise variance.
 
-Gravity direction (unit vector), angular velocity, rad/s, linear velocity, m/s, joint angles, rad, joint speeds, rad/s.
-"""
+The groups are gravity direction (unit vector), angular velocity, rad/s, linear velocity, m/s, joint angles minus home
+pose, rad, and joint speeds, rad/s."""
 SENSED = slice(0, JOINT_VELOCITY.stop)
-"""Slice of all readings in an observation: its first 33 numbers."""
+"""Slice of all sensor readings in an observation: its first 33 numbers."""
 MAX_READING = np.repeat([1.0, 10.0, 4.0, 3.0, 30.0], [group.stop - group.start for group in GROUPS])
-"""Bounds of the absolute values of predicted readings, in the units of `GROUPS`, (33,).
+"""Bounds of the absolute values of the 33 predicted sensor readings, (33,), in the order and units of `GROUPS`.
 
-Predictions are clipped to them, so that a diverging prediction stays finite."""
+A predicted reading is clipped to its bound, so that a diverging prediction stays finite."""
 
 
 def predict_readings(robot: Robot, state: MotionState, velocity: Floats, period: float) -> Floats:
-    """Predict the readings after a control period from the state before it and the velocity after it.
+    """Predict the sensor readings at the end of a control period.
 
-    The direction of gravity in the base frame, g, changes to g - T ω × g. The trunk velocity is rotated into the new
-    base frame by the same formula. The joint angles q change to q + T q̇. Here ω and q̇ are the angular velocity and the
-    joint speeds, averaged over the period.
+    The prediction uses the state at the beginning of the period and the generalised velocity at its end. The direction
+    of gravity in the base frame, g, changes to g - T ω × g. The trunk velocity is rotated into the new base frame by
+    the same formula. The joint angles q change to q + T q̇. Here ω and q̇ are the angular velocity and the joint speeds,
+    averaged over the period.
 
     Args:
-        robot: Robot model; it supplies the home pose, because joint readings are relative to it.
-        state: State of n robots before the control period.
-        velocity: Generalised velocity after the control period, (n, 18), m/s and rad/s.
+        robot: Robot model; it supplies the home pose, which is subtracted from the joint angles.
+        state: State of n robots at the beginning of the control period.
+        velocity: Generalised velocity at the end of the control period, (n, 18): trunk velocity, level frame, m/s,
+            angular velocity, base frame, rad/s, and joint speeds, rad/s.
         period: Control period T, s.
 
     Returns:
-        Readings in the order of `GROUPS`, (n, 33), clipped to ±`MAX_READING`.
+        Sensor readings in the order and units of `GROUPS`, (n, 33), clipped to ±`MAX_READING`.
     """
     mean_velocity = 0.5 * (state.generalised_velocity + velocity)
     rotation_vector = period * mean_velocity[:, 3:6]
@@ -61,6 +64,6 @@ def predict_readings(robot: Robot, state: MotionState, velocity: Floats, period:
 
 
 def normalise_gravity(readings: Floats) -> Floats:
-    """Normalise the gravity direction in `readings`, (n, k), in place, and return `readings`."""
+    """Scale the gravity directions in `readings`, (n, 33), to length 1, in place, and return `readings`."""
     readings[:, GRAVITY] = unit(readings[:, GRAVITY])
     return readings

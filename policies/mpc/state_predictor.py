@@ -1,6 +1,6 @@
-"""Smith predictor of the robot state over the delay.
+"""Smith predictor of the robot state over the delay from a sensor reading until the next joint targets act.
 
-It simulates the effect of the joint targets that have been sent but have not acted yet.
+It simulates the motion that the joint targets cause that have been sent but have not acted yet.
 """
 
 from typing import NamedTuple
@@ -20,41 +20,44 @@ from quad_env.physics.dynamics import Dynamics
 from quad_env.robots.robot import Robot
 
 UNSEEN_GROUND_DEPTH = 10.0
-"""Assumed depth of the ground below the trunk before a foot has touched it, m."""
-PREDICTION_WEIGHT = 0.5
-"""Weight of the simulated joint angles and speeds when they are averaged with the planned ones, 0 to 1."""
-MAX_PLAN_DEVIATION = 1.0
-"""Largest deviation of the simulated from the planned joint speeds when both are averaged, rad/s.
+"""Depth of the ground below the trunk centre that is assumed until a foot touches the ground, m.
 
-The limit is needed because a foot may land at another place than predicted. The joint speeds would then deviate by up
-to 9 rad/s and the torques by 100 N·m."""
+It is large, so that no foot lands in the prediction."""
+PREDICTION_WEIGHT = 0.5
+"""Weight of the simulated joint angles and speeds in their average with the planned ones, 0 to 1."""
+MAX_PLAN_DEVIATION = 1.0
+"""Bound of the deviation of the simulated from the planned joint speeds before they are averaged, rad/s.
+
+The bound is needed because a foot may land at another place than predicted. The simulated joint speeds are then wrong
+by up to 9 rad/s, which would cause a torque error of 100 N·m."""
 
 
 class ContactGround(NamedTuple):
-    """Ground under n robots at the time of the readings: a plane, and heights of the contacts above it."""
+    """Ground under n robots at the time of the readings: a ground plane, and heights of the contacts above it."""
 
     height: Floats
-    """Height of the plane under the trunk centre, relative to the trunk centre, (n,), m; negative below the trunk."""
+    """Height of the ground plane below the trunk centre, relative to the trunk centre, (n,), m; negative."""
     unevenness: Floats
-    """Height of each foot in contact above the plane, (n, 4), m; zero for feet in the air."""
+    """Height of each foot in contact above the ground plane, (n, 4), m; zero for feet in the air."""
     slope: Floats
-    """Slope of the plane forward and to the left, rise per metre, (2, n)."""
+    """Slope of the ground plane forward and to the left, level frame, rise per metre, (2, n)."""
 
 
 class StatePredictor(PerRobotState):
     """Predicts the state of n robots at the time when their next joint targets act.
 
-    The motion is simulated from the time of the readings, one control period per step of the delay.
+    The motion is simulated from the time of the sensor readings over the delay, in steps of one control period.
 
     Args:
         robot: Robot model; it supplies home pose and servo gains.
         dynamics: Dynamics model of the robot.
         period: Control period, s.
-        joint_delay_steps: Delay of the encoders, control steps; 0 if the joint readings are the undelayed true values.
+        joint_delay_steps: Delay of the joint encoders, control steps; 0 if the joint readings are the undelayed true
+            values.
     """
 
     _ground_height: Floats = per_robot(-UNSEEN_GROUND_DEPTH)
-    """Height of the ground plane under the trunk centre, relative to the trunk centre, (n,), m."""
+    """Height of the ground plane below the trunk centre, relative to the trunk centre, (n,), m; negative."""
 
     def __init__(self, robot: Robot, dynamics: Dynamics, period: float, joint_delay_steps: int) -> None:
         self._robot = robot
@@ -73,21 +76,23 @@ class StatePredictor(PerRobotState):
         ground: ContactGround,
         planned: Floats | None,
     ) -> MotionState:
-        """Predict the state after the delay of each robot.
+        """Predict the state of each robot at the end of its delay, when its next joint targets act.
 
         Args:
-            state: State at the time of the readings.
-            observation: Observation of that state, (n, k).
+            state: State of n robots at the time of the readings.
+            observation: Observations of n robots from which `state` was computed, (n, k).
             delays: Estimated delay of each robot: number of control steps to predict, (n,).
-            targets: Joint targets of the last m control periods as the motors follow them, newest first, (m, n, 12),
-                rad.
-            wrench: External wrench on the trunks, (n, 6), N and N·m.
-            ground: Ground at the time of the readings, see `locate_ground`.
-            planned: Observations with joint angles and speeds as planned for the end of the delay, (n, k), or None.
-                They are used for robots with an estimated delay of `joint_delay_steps`.
+            targets: Mean joint targets that the motors follow in each of the last m control periods, newest first,
+                (m, n, 12), rad.
+            wrench: External wrench on the trunks, (n, 6): force, level frame, N, then moment about the trunk centre,
+                base frame, N·m.
+            ground: Ground at the time of the readings, from `locate_ground`.
+            planned: Observations with the joint angles and speeds that are planned for the end of the delay, (n, k), or
+                None. Their average with the prediction is used for robots with an estimated delay of
+                `joint_delay_steps`.
 
         Returns:
-            State at the time when the next targets act; unchanged for robots with a delay of zero.
+            State at the time when the next joint targets act; it equals `state` for robots with a delay of zero.
         """
         predicted = observation.copy()
         height = ground.height.copy()
@@ -111,12 +116,12 @@ class StatePredictor(PerRobotState):
         return after if len(robots) == len(delays) else replace_robots(state, robots, after)
 
     def locate_ground(self, state: MotionState, in_contact: Mask, slope: Floats) -> ContactGround:
-        """Estimate the ground plane from the feet in contact.
+        """Estimate the ground plane under each robot from the feet in contact.
 
-        If a robot has no contact, its ground plane keeps its height in the world while the trunk moves.
+        If no foot of a robot is in contact, its ground plane keeps its height in the world while the trunk moves.
 
         Args:
-            state: State at the time of the readings.
+            state: State of n robots at the time of the readings.
             in_contact: True for feet that touch the ground, (n, 4).
             slope: Slope of the ground forward and to the left, rise per metre, (2, n).
 
@@ -134,8 +139,8 @@ class StatePredictor(PerRobotState):
     def _blend_with_plan(self, predicted: Floats, planned: Floats, robots: EnvIndices) -> None:
         """Average the predicted joint angles and speeds of some robots with the planned ones, in place.
 
-        `predicted` and `planned`: observations, (n, k); `robots`: indices of the robots. The deviation from the plan is
-        limited by `MAX_PLAN_DEVIATION`.
+        `predicted` and `planned`: observations of n robots, (n, k); `robots`: indices of the robots to change. The
+        deviation of the predicted from the planned numbers is limited by `MAX_PLAN_DEVIATION` before the average.
         """
         for group, max_deviation in (
             (JOINT_POSITION, self._period * MAX_PLAN_DEVIATION),
@@ -147,9 +152,9 @@ class StatePredictor(PerRobotState):
 
 
 def _height_above(state: MotionState, slope: Floats) -> Floats:
-    """Return the height of the feet above a plane through the trunk centre, (n, 4), m.
+    """Return the height of the feet above a plane through the trunk centre, (n, 4), m; negative below the plane.
 
-    `slope`: slope of the plane forward and to the left, rise per metre, (2, n).
+    `slope`: slope of the plane forward and to the left, level frame, rise per metre, (2, n).
     """
     forward, lateral = slope
     return height_above_plane((np.zeros(len(forward)), forward, lateral), state.bodies.feet.T).T
