@@ -1,4 +1,4 @@
-"""Joint motions of robots over time: damping, a controlled stop, and sequences of poses such as a jump."""
+"""Joint motions of robots over time: damping, controlled stop, and sequences of poses such as a jump."""
 
 from abc import ABC, abstractmethod
 from typing import Any
@@ -102,7 +102,7 @@ STOP_OUTWARD = 0.04
 
 
 class Stop(Motion):
-    """Controlled stop: the feet move below the hips, and the hips sink slowly to STOP_HEIGHT above the feet."""
+    """Controlled stop: the feet move below the hips, and the hips sink slowly to STOP_HEIGHT."""
 
     _height: Floats = per_robot(0.0)
     """Commanded height of the hip joints above the centres of the feet, (n,), m.

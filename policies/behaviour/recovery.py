@@ -1,4 +1,4 @@
-"""Recovery of a fallen robot from any pose: key poses in a sequence that depends on the direction of gravity.
+"""Recovery of a fallen robot from any pose: key poses, selected by the direction of gravity.
 
 1. A robot on the ground gathers its legs and waits until it lies on its back, because a kick from the side rarely
    succeeds. If it comes to rest on its side, it rocks: it gathers the legs as if the other side were the lower one.

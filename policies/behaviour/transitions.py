@@ -1,4 +1,4 @@
-"""Transition table of the behaviours: states, transitions between them, and conditions of the transitions."""
+"""Transition table of the behaviours: states, transitions between them, and their conditions."""
 
 from dataclasses import dataclass
 from enum import IntEnum

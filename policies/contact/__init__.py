@@ -1,1 +1,1 @@
-"""Motion state of the robots, and estimates of the forces on their feet; contact sensors are not needed."""
+"""Motion state of the robots, and estimates of the foot forces that need no contact sensors."""

@@ -1,4 +1,4 @@
-"""Motion state of the robots, computed from their observations, and the terms of the equations of motion."""
+"""Motion state of the robots from their observations, and the terms of the equations of motion."""
 
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from quad_env.robots.robot import Robot
 
 
 class MotionState(NamedTuple):
-    """Motion, command and dynamics terms of n robots; `compute_motion_state` computes them from an observation.
+    """Motion, command and dynamics terms of n robots; `compute_motion_state` computes them.
 
     The level frame has its origin at the trunk centre, x along the heading and z up.
     """

@@ -1,1 +1,1 @@
-"""Gaits such as walk, pace and bound, smooth transitions between them, and the policy that walks in a gait."""
+"""Gaits (walk, trot, pace, bound, pronk), smooth transitions between them, and the policy `Gaits`."""

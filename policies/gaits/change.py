@@ -9,25 +9,29 @@ from policies.memory import PerRobotState, per_robot
 CHANGE_TIME = 1.0
 """Duration of a transition from one gait to another, s."""
 _ROUNDING = 1e-9
+"""Tolerance for rounding errors of a phase shift by half a cycle, rad."""
 
 
 class GaitTransition(PerRobotState):
-    """Transitions of n robots between gaits: interpolates the gait parameters and the phase offsets of the legs.
+    """Transitions of n robots between gaits: interpolated gait parameters and phase offsets of the legs.
 
-    Each robot has its own transition. Initially no robot is in a transition. The policy `Gaits` uses one object of this
-    class.
+    Each robot has its own transition, which lasts CHANGE_TIME. Initially no robot is in a transition. The policy
+    `Gaits` uses one object of this class.
 
     Args:
-        values: Parameters of the initial gait, (k,).
+        values: The k parameters of the initial gait as an array, (k,).
         offsets: Phase offsets of the legs from the gait clock in the initial gait, (4,), rad.
         control_period: Time between two calls of `advance`, s.
     """
 
     goal: Floats = per_robot()
-    """Gait parameters of each robot at the end of its transition, (n, k)."""
+    """The k gait parameters of each robot at the end of its transition, (n, k)."""
     _old: Floats = per_robot()
+    """Gait parameters of each robot at the start of its transition, (n, k)."""
     _old_offsets: Floats = per_robot()
+    """Phase offsets of the legs at the start of the transition, (n, 4), rad."""
     _new_offsets: Floats = per_robot()
+    """Phase offsets of the legs at the end of the transition, (n, 4), rad."""
     _share: Floats = per_robot(1.0)
     """Elapsed fraction of the transition of each robot, 0 to 1, (n,); 1 if it is not in a transition."""
 
@@ -37,12 +41,12 @@ class GaitTransition(PerRobotState):
 
     @property
     def values(self) -> Floats:
-        """Current gait parameters of each robot, (n, k), interpolated in a transition."""
+        """The k current gait parameters of each robot, (n, k); interpolated while a robot is in a transition."""
         return self._interpolate(self._old, self.goal)
 
     @property
     def offsets(self) -> Floats:
-        """Current phase offset of each leg from the gait clock, (n, 4), rad, not wrapped to [0, 2π)."""
+        """Current phase offset of each leg from the gait clock, (n, 4), rad; it may lie outside of [0, 2π)."""
         return self._interpolate(self._old_offsets, self._new_offsets)
 
     @property
@@ -65,8 +69,8 @@ class GaitTransition(PerRobotState):
         rows = mask[:, None]
         old = self.values
         old_offsets = self.offsets
-        # Each phase is shifted in the direction of the shorter way. A shift of half a cycle always goes backward, so
-        # that all legs with this shift change in the same direction.
+        # Each phase offset changes by at most half a cycle. A change by exactly half a cycle always goes backward,
+        # because all legs with this change must move in the same direction.
         shift = (offsets - old_offsets + np.pi + _ROUNDING) % TURN - np.pi - _ROUNDING
         self._old = np.where(rows, old, self._old)
         self.goal = np.where(rows, values, self.goal)
@@ -75,7 +79,7 @@ class GaitTransition(PerRobotState):
         self._share = np.where(mask, 0.0, self._share)
 
     def place(self, mask: NDArray[np.bool_], values: Floats, offsets: Floats) -> None:
-        """Set some robots immediately to the parameters and phase offsets of a gait, without a transition.
+        """Set the gait parameters and phase offsets of some robots to a gait immediately, with no transition.
 
         Args:
             mask: True for robots that are set to the gait, (n,).
@@ -90,6 +94,9 @@ class GaitTransition(PerRobotState):
         self._share = np.where(mask, 1.0, self._share)
 
     def _interpolate(self, old: Floats, new: Floats) -> Floats:
-        """Interpolate between old and new values, (n, k), smoothly over the elapsed fraction of the transition."""
+        """Interpolate smoothly from `old` to `new` values over the elapsed fraction of each transition.
+
+        Both arguments and the result have the shape (n, k).
+        """
         weight = smoothstep(self._share)[:, None]
         return old + weight * (new - old)

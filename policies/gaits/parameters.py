@@ -1,4 +1,7 @@
-"""Parameters of the gaits: footfall patterns, frequency and duty factor at a velocity, and command limits."""
+"""Parameters of the gaits walk, trot, pace, bound, pronk and stand.
+
+They define the footfall patterns, the frequency and duty factor at a commanded velocity, and the velocity limits.
+"""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -14,7 +17,7 @@ from quad_env.robots.similarity import LATERAL_LENGTH
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 PARAMETERS_FILE = Path(__file__).with_name("gaits.json")
-"""Path of the JSON file with the parameters of each gait, which a search has found."""
+"""Path of the JSON file with the parameters of each stepping gait for SimpleQuad, which a search has found."""
 
 OFFSETS = {
     "bound": BOUND_OFFSETS,
@@ -25,29 +28,35 @@ OFFSETS = {
 }
 """Name of each stepping gait -> phase offsets of the legs (fl, fr, hl, hr) from the gait clock, rad."""
 STAND = "stand"
+"""Name of the gait in which a robot stands still."""
 GAITS = (*OFFSETS, STAND)
-"""Names of all gaits, including standing."""
+"""Names of all gaits: the stepping gaits bound, pace, pronk, trot and walk, and `stand`."""
 
 UNLIMITED = 10.0
-"""Value of a velocity limit of a gait that has no limit, m/s or rad/s: no command is as large."""
+"""Velocity limit of a gait that stands for `unlimited`, m/s or rad/s, because no command is that large."""
 
 
 @dataclass(frozen=True)
 class GaitParameters(CommandMap):
-    """Parameters of one gait. In a transition between two gaits, all of them are interpolated."""
+    """Parameters of one gait, such as frequency, duty factor, step height and velocity limits.
+
+    In a transition between two gaits, all parameters are interpolated.
+    """
 
     frequency: float = parameter(3.0, limits=(0.05, 50.0), unit="Hz")
-    """Gait frequency, the gait cycles per second, if the commanded velocity is zero, Hz."""
+    """Gait frequency, the number of gait cycles per second, at a commanded velocity of zero, Hz."""
     frequency_rise: float = parameter(0.5, limits=(0.0, 50.0), unit="Hz")
-    """Increase of the gait frequency at Froude number 1, Hz.
+    """Increase of the gait frequency at a commanded velocity with Froude number 1, Hz.
 
-    Below Froude number 1, the increase is proportional to the square root of the Froude number."""
+    Below Froude number 1, the increase is proportional to the square root of the Froude number, and thus to the
+    commanded speed. See `froude_number`."""
     duty: float = parameter(0.6, limits=(0.1, 0.95))
-    """Duty factor, the fraction of the gait cycle that a foot is on the ground, if the commanded velocity is zero."""
+    """Duty factor, the fraction of the gait cycle that a foot is on the ground, at a commanded velocity of zero."""
     duty_fall: float = parameter(0.05, limits=(0.0, 0.5))
-    """Decrease of the duty factor at Froude number 1.
+    """Decrease of the duty factor at a commanded velocity with Froude number 1.
 
-    Below Froude number 1, the decrease is proportional to the square root of the Froude number."""
+    Below Froude number 1, the decrease is proportional to the square root of the Froude number, and thus to the
+    commanded speed. See `froude_number`."""
     body_height: float = parameter(0.32, limits=(0.01, 5.0), unit="m")
     """Height of the hip joints above the centres of the stance feet, m."""
     step_height: float = parameter(0.08, limits=(0.0, 2.0), unit="m")
@@ -55,18 +64,23 @@ class GaitParameters(CommandMap):
     stance_width: float = parameter(0.5, limits=(0.005, 10.0), unit=LATERAL_LENGTH)
     """Lateral distance between the left and the right feet, m; at 0.5 the legs of SimpleQuad hang straight down."""
     stance_shift: float = parameter(0.0, limits=(-2.0, 2.0), unit="m ahead")
-    """Forward distance of the middle of a stride of each foot from its hip joint, m."""
+    """Forward position of the middle of the stride of each foot, relative to its hip joint, m."""
     bounce: float = parameter(0.0, limits=(0.0, 2.0))
-    """Rise of a hip while its leg swings, as a fraction of the rise in a ballistic flight of the same duration."""
-    sway: float = parameter(0.0, limits=(-2.0, 2.0), unit="m")
-    """Lateral displacement of the trunk towards the stance feet while the feet of the other side swing, m."""
-    stance_load: float = parameter(0.8, limits=(0.0, 3.0))
-    """Force on a stance foot for which the joint targets compensate the sag of the servos.
+    """Scale of the vertical motion of the hips over a gait cycle, dimensionless; 0 for a constant height.
 
-    It is a fraction of the mean load of a stance leg."""
+    With 1, a hip follows a ballistic flight while its leg swings, see `hip_bounce`."""
+    sway: float = parameter(0.0, limits=(-2.0, 2.0), unit="m")
+    """Lateral displacement of the trunk per swing foot, away from the side of this foot, m.
+
+    In the pace, both feet of a side swing together, so that the amplitude is twice this value."""
+    stance_load: float = parameter(0.8, limits=(0.0, 3.0))
+    """Assumed largest force on a stance foot, for which the joint targets compensate the sag of the servos.
+
+    It is a multiple of the mean force on a stance foot, the weight of the robot / (number of legs · duty factor)."""
     servo_lead: float = parameter(0.01, limits=(0.0, 1.0), unit="s")
-    """Lead time of the joint targets, s: target + lead time · rate of the target; it compensates the lag of the
-    servos."""
+    """Lead time of the joint targets, which compensates the lag of the servos, s.
+
+    A joint target is the wanted angle plus the lead time times the rate of change of the wanted angle."""
     forward_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="m/s")
     """Largest forward velocity of the gait, m/s; a larger command is scaled down, see `limit_command`."""
     backward_limit: float = parameter(UNLIMITED, limits=(0.01, 100.0), unit="m/s")
@@ -78,25 +92,26 @@ class GaitParameters(CommandMap):
 
 
 NO_LIMITS = dict.fromkeys(("forward_limit", "backward_limit", "lateral_limit", "yaw_limit"), UNLIMITED)
-"""Values of the four velocity limits for a gait without limits: field name of `GaitParameters` -> `UNLIMITED`.
+"""Velocity limits of a gait that follows every command: field name of `GaitParameters` -> `UNLIMITED`.
 
-The order is forward, backward, lateral, yaw."""
+The order of the fields is forward, backward, lateral and yaw velocity."""
 MIN_FREQUENCY = 0.3
-"""Lower limit of the gait frequency at any velocity, Hz."""
+"""Lower limit of the gait frequency at every commanded velocity, Hz."""
 MAX_FREQUENCY = 15.0
-"""Upper limit of the gait frequency at any velocity, Hz."""
+"""Upper limit of the gait frequency at every commanded velocity, Hz."""
 MIN_DUTY = 0.1
-"""Lower limit of the duty factor at any velocity."""
+"""Lower limit of the duty factor (fraction of the gait cycle in stance) at every commanded velocity."""
 MAX_DUTY = 0.95
-"""Upper limit of the duty factor at any velocity."""
+"""Upper limit of the duty factor (fraction of the gait cycle in stance) at every commanded velocity."""
 
 NAMES = tuple(field.name for field in fields(GaitParameters))
+"""Names of all gait parameters, the fields of `GaitParameters`, in the order of the columns of a parameter array."""
 INDEX = {name: column for column, name in enumerate(NAMES)}
 """Name of each gait parameter -> its column in an array with the parameters of n robots, (n, len(NAMES))."""
 
 
 def stand_parameters(robot: Robot) -> GaitParameters:
-    """Return the parameters of the gait `stand`, in which the robot stands in the home pose.
+    """Return the parameters of the gait `stand`, in which a `robot` stands in its home pose.
 
     A robot that changes to this gait steps in place, as in a walk, until its feet are at their home positions.
     """
@@ -112,7 +127,7 @@ def stand_parameters(robot: Robot) -> GaitParameters:
 
 
 def froude_number(robot: Robot, command: Floats, body_height: Floats) -> Floats:
-    """Compute the Froude number v²/(g·h), with the commanded speed v of the fastest hip and the hip height h.
+    """Compute the Froude number v²/(g·h): commanded speed v of the fastest hip, hip height h.
 
     Args:
         robot: Robot with the hip positions.
@@ -128,9 +143,10 @@ def froude_number(robot: Robot, command: Floats, body_height: Floats) -> Floats:
 
 
 def limit_command(values: Floats, command: Floats) -> Floats:
-    """Limit velocity commands to an ellipsoid with the velocity limits of the gait as half axes.
+    """Scale velocity commands down to the velocity limits of the gait.
 
-    A command outside of the ellipsoid is scaled to its surface, which keeps the direction and the turning radius.
+    The velocity limits are the half axes of an ellipsoid. A command outside of the ellipsoid is scaled to its surface.
+    The scaling keeps the direction of motion and the turning radius.
 
     Args:
         values: Gait parameters of n robots, with the columns of `INDEX`, (n, len(NAMES)).
@@ -148,7 +164,7 @@ def limit_command(values: Floats, command: Floats) -> Floats:
 
 
 def gait_timing(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, Floats]:
-    """Compute the gait frequency and the duty factor of each robot at its commanded velocity.
+    """Compute the gait frequency and the duty factor for the commanded velocity of each robot.
 
     Args:
         robot: Robot with the hip positions.
@@ -166,14 +182,15 @@ def gait_timing(robot: Robot, values: Floats, command: Floats) -> tuple[Floats, 
 
 
 def parameter_row(parameters: GaitParameters) -> Floats:
-    """Return the parameters of a gait as an array in the order of `NAMES`, (len(NAMES),)."""
+    """Return the `parameters` of a gait as an array with one element per name in `NAMES`, (len(NAMES),)."""
     return np.array([getattr(parameters, name) for name in NAMES], dtype=np.float64)
 
 
 def searched_parameters(robot: Robot = SIMPLE_QUAD) -> dict[str, GaitParameters]:
-    """Load the searched parameters of all stepping gaits, scaled to a `robot`: gait name -> parameters.
+    """Load the parameters of all stepping gaits from `PARAMETERS_FILE`, and scale them to a `robot`.
 
-    Raises PolicyError if `PARAMETERS_FILE` is damaged.
+    A search has found the parameters for SimpleQuad. The result is a dictionary gait name -> parameters. Raises
+    PolicyError if `PARAMETERS_FILE` is damaged.
     """
 
     def decode(gaits: dict[str, Any]) -> dict[str, GaitParameters]:

@@ -1,9 +1,9 @@
-"""Policy that follows a velocity command in a gait; each robot of a batch can change its gait smoothly.
+"""Policy that follows a velocity command in a gait; each robot can change its gait smoothly.
 
 A transition to another gait interpolates phase offsets, duty factor, frequency and all other parameters. Relative to
-the trunk, a stance foot always moves against the velocity of the trunk at this foot. A swing always starts where the
-foot left the ground. Therefore joint targets do not jump and feet do not scuff, neither within a gait nor in a
-transition.
+the trunk, a stance foot always moves opposite to the velocity of the trunk at this foot. A swing phase always starts at
+the position where the foot left the ground. Therefore joint targets do not jump and stance feet do not slide, in a gait
+and in a transition.
 """
 
 from collections.abc import Mapping
@@ -37,20 +37,21 @@ from quad_env.robots.robot import Robot
 from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 LINEAR_ACCELERATION = 3.0
-"""Largest rate of change of the forward and of the lateral velocity that the gait follows, m/s²."""
+"""Largest rate of change of the forward and the lateral velocity with which a gait follows a command, m/s²."""
 YAW_ACCELERATION = 8.0
-"""Largest rate of change of the yaw rate that the gait follows, rad/s²."""
+"""Largest rate of change of the yaw rate with which a gait follows a command, rad/s²."""
 MAX_REACH = 0.2
 """Largest distance of a foot from the middle of its stride, separately along x and y, m."""
 PLACEMENT_TOLERANCE = 0.005
-"""Largest distance of a foot of a standing robot from the middle of its stride, along x and y, m.
+"""Largest distance of a foot from the middle of its stride, along x and y, at which a standing robot rests it, m.
 
 A foot at a larger distance takes another step."""
 _ACCELERATION = np.array([LINEAR_ACCELERATION, LINEAR_ACCELERATION, YAW_ACCELERATION])
+"""Largest rates of change of the command (forward, lateral, yaw rate), (3,), m/s² and rad/s²."""
 
 
 class ParameterView:
-    """Access to the gait parameters of n robots as attributes, for example `view.duty`, each (n, 1).
+    """View of the gait parameters of n robots as attributes, for example `view.duty`, (n, 1).
 
     Args:
         values: Gait parameters, with the columns of `INDEX`, (n, len(NAMES)).
@@ -64,19 +65,19 @@ class ParameterView:
 
 
 class GaitState(NamedTuple):
-    """State of the gait of n robots in one control step: leg cycles, and durations of swing and stance."""
+    """Gait of n robots in one control step: state of each leg, and durations of swing and stance phases."""
 
     cycle: LegCycle
-    """Swing or stance state of each leg by the gait clock, (n, 4)."""
+    """Swing or stance phase of each leg according to the gait clock, with its elapsed fraction, (n, 4)."""
     swing_time: Floats
     """Duration of a swing phase, (n, 1), s."""
     stance_time: Floats
     """Duration of a stance phase, (n, 1), s."""
     sway: Floats
-    """Signal for the lateral sway of the trunk, from -1 to 1, (n, 1).
+    """Smooth number of left swing feet minus right swing feet, from -2 to 2, (n, 1).
 
-    It is the first harmonic, over the gait cycle, of the number of left swing feet minus the number of right swing
-    feet. It is 1 if the left feet are in the air."""
+    Each foot contributes a sinusoid over the gait cycle. The trunk sways to the right by this number times the
+    parameter `GaitParameters.sway`."""
 
 
 class Gaits(GaitedPolicy):
@@ -87,25 +88,33 @@ class Gaits(GaitedPolicy):
     Args:
         gait: Gait after a reset, one of `policies.gaits.parameters.GAITS`. The name of the policy is the name of this
             gait, or `gaits` if it is the trot.
-        parameters: Name of every stepping gait -> its parameters; None for the searched parameters.
-        robot: See `Policy`.
-        control_period: See `Policy`.
+        parameters: Name of every stepping gait -> its parameters; None for the result of `searched_parameters`.
+        robot: Robot that walks, or its name.
+        control_period: Time between two control steps, s.
     """
 
     swing: Mask = per_robot(np.zeros(4, np.bool_))
-    """True for feet that are lifted in a swing phase, (n, 4)."""
+    """True for feet that the policy has lifted for a swing phase, (n, 4)."""
     duty: Floats
     """Current duty factor of each robot, the fraction of the gait cycle that a foot is on the ground, (n,)."""
     clock_rate: Floats
     """Current gait frequency of each robot, (n,), Hz."""
     _gait: NDArray[np.int64] = per_robot(GAITS.index(STAND))
+    """Index in `GAITS` of the last requested gait of each robot, (n,)."""
     _command: Floats = per_robot(np.zeros(3))
+    """Internal command after the limits of acceleration (forward, lateral, yaw rate), (n, 3), m/s and rad/s."""
     _window: Mask = per_robot(np.zeros(4, np.bool_))
+    """True for feet that are in a swing phase according to the gait clock, lifted or not, (n, 4)."""
     _x: Floats = per_robot(np.zeros(4))
+    """Forward coordinate of each foot in the frame of its hip, (n, 4), m."""
     _y: Floats = per_robot()
+    """Lateral coordinate of each foot in the frame of its hip, before the sway is added, (n, 4), m."""
     _liftoff_x: Floats = per_robot(np.zeros(4))
+    """Value of `_x` at the last lift-off of each foot, (n, 4), m."""
     _liftoff_y: Floats = per_robot()
+    """Value of `_y` at the last lift-off of each foot, (n, 4), m."""
     _joints: Floats = per_robot()
+    """Joint targets of the last control step before the lead time is added, (n, 12), rad."""
 
     def __init__(
         self,
@@ -169,15 +178,15 @@ class Gaits(GaitedPolicy):
         self._start_first_gait(mask)
 
     def _start_first_gait(self, mask: Mask) -> None:
-        """Start the first gait after a reset, for the robots for which `mask`, (n,), is True."""
+        """Start the transition from standing to the initial gait, for robots for which `mask`, (n,), is True."""
         self.clock_rate, self.duty = gait_timing(self.robot, self._transition.values, self._command)
         self._start_transition(self._initial_gait, mask)
 
     def _start_transition(self, gait: str, mask: Mask) -> None:
         """Start the transition of the robots for which `mask`, (n,), is True to the gait called `gait`."""
         offsets = np.array(_leg_offsets(self.robot, gait))
-        # A robot that stands still gets the new phase offsets immediately, because all its feet are on the ground. Its
-        # step height starts at zero.
+        # A robot that stands still gets the new phase offsets immediately, because all its feet are on the ground. The
+        # step height rises from zero in the transition, because the feet would otherwise jump up.
         unlifted = np.where(np.array(NAMES) == "step_height", 0.0, self._transition.values)
         self._transition.place(mask & self._standing & self.settled, unlifted, offsets)
         self._transition.start(mask, parameter_row(self.parameters[gait]), offsets)
@@ -207,7 +216,7 @@ class Gaits(GaitedPolicy):
         `command`, (n, 3), m/s and rad/s, is the observed command (forward, lateral, yaw rate). `values`,
         (n, len(NAMES)), are the gait parameters.
         """
-        # In a transition, the limits of the current parameters and of the new gait must both hold.
+        # The minimum is used, because in a transition the limits of both the current parameters and the new gait hold.
         limited = limit_command(np.minimum(values, self._transition.goal), command)
         goal = np.where(self._standing[:, None], 0.0, limited)
         reach = self.control_period * _ACCELERATION
@@ -230,9 +239,9 @@ class Gaits(GaitedPolicy):
         return flat_joints(np.stack(compensate_servo_load(robot, hip, thigh, calf, self._x, y, force), axis=-1))
 
     def _advance_gait(self, values: Floats) -> GaitState:
-        """Advance the gait clocks by a control step, and start and end swing phases.
+        """Advance the gait clocks by a control step, start and end swing phases, and return the gait state.
 
-        `values`, (n, len(NAMES)), are the gait parameters.
+        `values`, (n, len(NAMES)), are the current gait parameters.
         """
         self.clock_rate, self.duty = gait_timing(self.robot, values, self._command)
         self._phase = (self._phase + TURN * self.control_period * self.clock_rate) % TURN
@@ -264,7 +273,8 @@ class Gaits(GaitedPolicy):
         """Move the feet by a control step relative to the trunk.
 
         Stance feet move at -(v + ω × r), with the position r of the foot. Swing feet move towards the next foothold.
-        `velocity` has the forward velocity, m/s, the lateral velocity, m/s, and the yaw rate, rad/s, each (n, 1).
+        `state` is the state of the gait, and `p` are the gait parameters. `velocity` has the forward velocity, m/s, the
+        lateral velocity, m/s, and the yaw rate, rad/s, each (n, 1).
         """
         forward, lateral, yaw_rate = velocity
         hip_x = self.robot.hip_positions[:, 0]
@@ -282,9 +292,9 @@ def _swing_position(state: GaitState, liftoff: Floats, middle: Floats, velocity:
     """Compute one coordinate, x or y, of the swing feet between lift-off and the next foothold.
 
     Args:
-        state: Gait state: leg cycles, and durations of swing and stance.
+        state: State of the gait: phases of the legs, and durations of swing and stance.
         liftoff: Coordinate at which each foot left the ground, in the frame of its hip, (n, 4), m.
-        middle: Coordinate of the middle of the stride, same frame, m.
+        middle: Coordinate of the middle of the stride, in the frame of the hip, m.
         velocity: Velocity of the trunk at the middle of the stride, along the same axis, m/s.
 
     Returns:
@@ -293,19 +303,22 @@ def _swing_position(state: GaitState, liftoff: Floats, middle: Floats, velocity:
     half_stance = 0.5 * state.stance_time
     landing = middle + np.clip(half_stance * velocity, -MAX_REACH, MAX_REACH)
     share, _ = cycloid(state.cycle.progress)
-    # The foot has covered the fraction `share` of its path relative to the ground, and the ground moves at constant
-    # speed relative to the trunk.
+    # `share` is the covered fraction of the path relative to the ground. The term `passed * velocity` is added, because
+    # the ground moves at constant speed relative to the trunk.
     passed = state.swing_time * (share - state.cycle.progress)
     return liftoff + (landing - liftoff) * share + passed * velocity
 
 
 def _stride_middle(robot: Robot, p: ParameterView) -> tuple[Floats, Floats]:
-    """Return the middle of the stride of each foot in the frame of its hip: x, (n, 1), and y, (n, 4), m."""
+    """Return the coordinates of the middle of each foot's stride, in the frame of its hip.
+
+    The first item of the result is x (forward), (n, 1), m, and the second is y (to the left), (n, 4), m.
+    """
     return p.stance_shift, robot.side * (p.stance_width / 2.0) - robot.hip_positions[:, 1]
 
 
 def _leg_offsets(robot: Robot, gait: str) -> tuple[float, ...]:
-    """Return the phase offsets of the legs from the gait clock in a gait, in the leg order of the robot, rad."""
+    """Return the phase offset of each leg from the gait clock in a `gait`, in the robot's leg order, rad."""
     return robot.in_leg_order(OFFSETS.get(gait, OFFSETS["walk"]))
 
 

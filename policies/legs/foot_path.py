@@ -1,8 +1,8 @@
-"""Foot paths: dimensionless functions of the gait cycle of a leg, and swing trajectories to a foothold.
+"""Foot paths: dimensionless functions of the gait cycle, and swing trajectories to a foothold.
 
 In the stance phase a foot moves relative to the hip from +1/2 to -1/2 of the stride length at constant speed. In the
-swing phase it moves back. At lift-off and touch-down the swing foot has the velocity of a stance foot. It then moves
-with the ground, so that it neither scuffs at lift-off nor brakes at touch-down.
+swing phase it moves back. At lift-off and touch-down a swing foot has the velocity of a stance foot, so that it does
+not slide on the ground.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ def stride_displacement(cycle: LegCycle, duty: float) -> Floats:
     r = (swing time)/(stance time).
 
     Args:
-        cycle: Swing or stance state of each leg.
+        cycle: Swing or stance phase of each leg, and its elapsed fraction.
         duty: Duty factor: fraction of the gait cycle that a foot is on the ground.
 
     Returns:
@@ -34,7 +34,8 @@ def stride_displacement(cycle: LegCycle, duty: float) -> Floats:
 def swing_lift(cycle: LegCycle) -> Floats:
     """Compute the height of each foot as a fraction of the step height: 0 in stance, 1 at mid-swing.
 
-    The slope of the height is 0 at both ends of the swing. The result has the shape of `cycle.progress`.
+    The vertical velocity is 0 at lift-off and touch-down. The argument `cycle` is the swing or stance phase of each
+    leg. The result has the shape of `cycle.progress`.
     """
     t = cycle.progress
     arc = 4.0 * t * (1.0 - t)
@@ -42,9 +43,11 @@ def swing_lift(cycle: LegCycle) -> Floats:
 
 
 def load_fraction(cycle: LegCycle) -> Floats:
-    """Compute the load of each foot as a fraction of its maximum: 0 in swing, near 1 for most of the stance.
+    """Compute the assumed load of each foot as a fraction of its maximum.
 
-    The load rises from 0 at touch-down and falls to 0 at lift-off. The result has the shape of `cycle.progress`.
+    The load is 0 in swing and near 1 for most of the stance phase. It rises from 0 at touch-down and falls to 0 at
+    lift-off. The argument `cycle` is the swing or stance phase of each leg. The result has the shape of
+    `cycle.progress`.
     """
     t = cycle.progress
     edge = (2.0 * t - 1.0) ** 2
@@ -54,7 +57,7 @@ def load_fraction(cycle: LegCycle) -> Floats:
 def cycloid(progress: Floats) -> tuple[Floats, Floats]:
     """Compute the cycloid path of a swing foot: t - sin(2πt)/2π along the step, and sin²(πt) upward.
 
-    The foot has zero velocity at lift-off and touch-down.
+    The velocity of the foot is zero at lift-off and touch-down.
 
     Args:
         progress: Elapsed fraction t of the swing phase, 0 to 1.
@@ -68,20 +71,20 @@ def cycloid(progress: Floats) -> tuple[Floats, Floats]:
 
 
 def hip_bounce(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce: Floats) -> Floats:
-    """Compute the bounce of a hip: its height over the gait cycle, positive in swing and negative in stance.
+    """Compute the bounce of a hip: its height over the gait cycle, up in swing and down in stance.
 
     With `bounce` 1 the hip follows a free flight in swing, with the height g·t·(T - t)/2 at the time t. In stance the
     hip moves down and up along a half sine with the vertical speed gT/2 at both ends. A smaller `bounce` scales both
     parts.
 
     Args:
-        cycle: Swing or stance state of each leg.
+        cycle: Swing or stance phase of each leg, and its elapsed fraction.
         swing_time: Duration T of a swing phase, s; broadcasts with `cycle`.
         stance_time: Duration of a stance phase, s; broadcasts with `cycle`.
         bounce: Scale of the bounce, 0 to 1; broadcasts with `cycle`.
 
     Returns:
-        Height relative to the height at touch-down and lift-off, m.
+        Height of each hip relative to its height at touch-down and lift-off, m.
     """
     t = cycle.progress
     fall = 0.5 * GRAVITY * bounce * swing_time
@@ -94,7 +97,7 @@ def hip_bounce(cycle: LegCycle, swing_time: Floats, stance_time: Floats, bounce:
 def cubic_swing(start: Floats, end: Floats, slope: Floats, progress: Floats) -> Floats:
     """Interpolate from a start to an end value by a cubic polynomial with the same slope at both ends.
 
-    The function computes a coordinate of a swing foot.
+    The function computes one coordinate of a swing foot between lift-off and touch-down.
 
     Args:
         start: Value at progress 0.

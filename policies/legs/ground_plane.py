@@ -13,19 +13,19 @@ from quad_env.columns import ordered_sum
 MAX_SLOPE = 1.2
 """Largest slope of the fitted ground plane along the forward and the lateral axis, m/m."""
 _SPREAD_REGULARISATION = 1e-6
-"""Regularisation that is added to the sums of squares in the plane fit, m².
+"""Regularisation that is added to the sums of squares in the least-squares fit of the ground plane, m².
 
-With it, footprints on a line also define a plane."""
+It is needed because footprints on a straight line would otherwise define no plane."""
 
 Plane = tuple[Floats, Floats, Floats]
-"""Type of the ground plane of n robots, level frame.
+"""Type of the ground planes under n robots, level frame: a tuple of height, forward slope and lateral slope.
 
-The items are the height of the plane at the trunk position, relative to the trunk centre, (n,), m; its slope forward,
-(n,), m/m; and its slope to the left, (n,), m/m."""
+The height, (n,), m, is the height of the plane below the trunk, relative to the trunk centre. The slopes, forward and
+to the left, are the rise per metre, (n,)."""
 
 
 def advect_footprints(prints: Floats, velocity: Vector | Floats, yaw_rate: Floats, period: float) -> Floats:
-    """Update the positions of the footprints relative to the trunk after a time step in which the trunk moves.
+    """Compute the positions of the footprints relative to the trunk after a time step of trunk motion.
 
     A footprint is the last contact position of a foot.
 
@@ -49,7 +49,8 @@ def advect_footprints(prints: Floats, velocity: Vector | Floats, yaw_rate: Float
 def fit_plane(prints: Floats) -> Plane:
     """Fit the ground plane of n robots to their footprints by least squares.
 
-    `prints`, (3, 4, n), m, are the last contact positions of the four feet in the level frame.
+    The footprints `prints`, (3, 4, n), m, are the last contact positions of the four feet in the level frame. The
+    slopes of the plane are limited to ±MAX_SLOPE.
     """
     legs = prints.swapaxes(0, 1)
     mean = 0.25 * ordered_sum(legs)
@@ -64,7 +65,7 @@ def fit_plane(prints: Floats) -> Plane:
 
 
 def plane_height(plane: Plane, x: Floats, y: Floats) -> Floats:
-    """Compute the height of the ground plane at some points, relative to the trunk centre.
+    """Compute the height of the ground plane at given points, relative to the trunk centre.
 
     Args:
         plane: Ground plane of n robots, level frame.
@@ -80,14 +81,14 @@ def plane_height(plane: Plane, x: Floats, y: Floats) -> Floats:
 
 
 def height_above_plane(plane: Plane, prints: Floats) -> Floats:
-    """Compute the height of footprints above the ground plane, (4, n), m.
+    """Compute the vertical distance of each footprint from the ground plane, positive above the plane.
 
     Args:
         plane: Ground plane of n robots.
         prints: Last contact positions of the four feet, level frame, (3, 4, n), m.
 
     Returns:
-        Heights, (4, n), m.
+        Height of each footprint above the plane, (4, n), m.
     """
     height: Floats = prints[2] - plane_height(plane, prints[0], prints[1])
     return height

@@ -21,7 +21,7 @@ from quad_env.robots.robot import Robot
 
 
 def min_leg_length(robot: Robot) -> float:
-    """Return the distance from the thigh joint to the foot if the knee is fully folded, m.
+    """Return the distance from the thigh joint to the foot of a `robot` with a fully folded knee, m.
 
     The joint limits are ignored.
     """
@@ -76,17 +76,17 @@ def leg_angles(
 def _plane_angles(robot: Robot, x: Floats, drop: Floats, knee: Floats) -> tuple[Floats, Floats]:
     """Return the thigh and the calf angles, rad, for a foot position in the leg plane.
 
-    Relative to the thigh joint, the foot is at the distance `x` forward and `drop` down, m. `knee` is the sign of the
-    calf angle.
+    In the leg plane, the foot is at the distance `x` forward and `drop` down from the thigh joint, m. `knee` is the
+    sign of the calf angle, see `Robot.knee_direction`.
     """
     upper = robot.thigh_length
     lower = robot.calf_length
     squared_length = np.clip(x * x + drop * drop, min_leg_length(robot) ** 2, robot.leg_length**2)
     bend = (squared_length - upper**2 - lower**2) / (2.0 * upper * lower)
-    bend = np.clip(bend, -1.0, 1.0)  # because rounding errors can make it slightly larger than 1
+    bend = np.clip(bend, -1.0, 1.0)  # because rounding errors can make the absolute value slightly larger than 1
     calf = knee * np.arccos(bend)
-    # Position of the foot relative to the thigh joint: `along` is the component along the thigh, `behind` the component
-    # perpendicular to the thigh, negative to the front.
+    # Position of the foot relative to the thigh joint: `along` is the component along the thigh. `behind` is the
+    # component perpendicular to the thigh, positive to the rear.
     along = upper + lower * bend
     behind = knee * lower * np.sqrt(1.0 - bend * bend)
     # The thigh angle rotates the vector (behind, along) to (-x, drop). Their cross and dot products give its sine and
@@ -96,7 +96,7 @@ def _plane_angles(robot: Robot, x: Floats, drop: Floats, knee: Floats) -> tuple[
 
 
 def joint_targets(robot: Robot, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Floats:
-    """Compute the joint angles for foot positions, clipped to the joint limits, as joint targets.
+    """Compute joint targets from foot positions: joint angles that are clipped to the joint limits.
 
     Args:
         robot: Robot with the link lengths and joint limits.
@@ -114,12 +114,12 @@ def joint_targets(robot: Robot, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Flo
 def compensate_servo_load(
     robot: Robot, hip: Floats, thigh: Floats, calf: Floats, x: Floats, y: Floats, force: Floats, leg_axis: int = -1
 ) -> tuple[Floats, Floats, Floats]:
-    """Compute the joint targets with which the servos hold given joint angles under an upward force on the foot.
+    """Compute joint targets with which the servos hold given angles under an upward force on each foot.
 
-    The joint angle of a servo with stiffness k deviates from its target by torque / k. By the leg Jacobian, the torque
-    is the force times ∂z/∂(joint angle). This derivative is y for the hip, -x cos(hip) for the thigh and
-    L2 sin(thigh + calf) cos(hip) for the calf, with the calf length L2. Arrays are (n, 4), or (4, n) if `leg_axis` is
-    0.
+    The joint angle of a servo with stiffness k deviates from its target by torque / k. According to the leg Jacobian,
+    the torque is the force times ∂z/∂(joint angle). This derivative is y for the hip, -x cos(hip) for the thigh and
+    L2 sin(thigh + calf) cos(hip) for the calf, with the calf length L2. All arrays have the shape (n, 4) for n robots,
+    or (4, n) if `leg_axis` is 0.
 
     Args:
         robot: Robot with the link lengths and the servo stiffness.
@@ -144,9 +144,9 @@ def compensate_servo_load(
 
 
 def leg_height(robot: Robot, gravity: Floats, joints: Floats) -> Floats:
-    """Compute the height of the trunk centre above the underside of the lowest foot, from the joint angles.
+    """Compute the height of the trunk centre above the sole of the lowest foot, from the joint angles.
 
-    On level ground this is the trunk height from which the environment decides if a robot has fallen.
+    On level ground, this height equals the trunk height in the fall rule of the environment.
 
     Args:
         robot: Robot with the link lengths.

@@ -1,6 +1,6 @@
-"""Level frame: coordinate frame with the origin at the trunk centre, x along the heading of the trunk, z up.
+"""Level frame: coordinate frame with its origin at the trunk centre, x along the heading, z up.
 
-A vector is a tuple of three arrays that broadcast, one for each coordinate, or an array (3, …).
+A vector is a tuple of three arrays, one for each coordinate, or an array (3, …). The arrays of a tuple must broadcast.
 """
 
 from typing import NamedTuple
@@ -10,25 +10,29 @@ import numpy as np
 from policies.gait_cycle import Floats
 
 Vector = tuple[Floats, Floats, Floats]
+"""Type of a vector: arrays of its x, y and z coordinates, which broadcast."""
 
 _NO_HEADING = 1e-6
-"""Lower bound of `LevelFrame.level_x`, dimensionless; it avoids a division by zero if the trunk is vertical."""
+"""Lower bound of `LevelFrame.level_x`, dimensionless.
+
+It avoids a division by zero if the x axis of the trunk is vertical."""
 
 
 class LevelFrame(NamedTuple):
-    """Attitude of the trunks of n robots: unit vector of the world's up direction in the base frame.
+    """Attitude of the trunks of n robots: components of the upward unit vector in the base frame.
 
-    `level_frame` computes it from the gravity vector. Each field is an array (n,).
+    The function `level_frame` computes it from the gravity vector. The attitude defines the rotation from the base
+    frame to the level frame. Each field is an array (n,).
     """
 
     up_x: Floats
-    """x component of the up direction in the base frame, (n,); positive if the front of the trunk is up."""
+    """x component of the upward unit vector in the base frame, (n,); positive if the front of the trunk is up."""
     up_y: Floats
-    """y component of the up direction in the base frame, (n,); positive if the left side of the trunk is up."""
+    """y component of the upward unit vector in the base frame, (n,); positive if the left side is up."""
     up_z: Floats
-    """z component of the up direction in the base frame, (n,): the cosine of the tilt of the trunk."""
+    """z component of the upward unit vector in the base frame, (n,): the cosine of the tilt of the trunk."""
     level_x: Floats
-    """Length of the horizontal projection of the unit vector along the x axis of the trunk, (n,)."""
+    """Length of the horizontal projection of the base frame's x axis (a unit vector), (n,), dimensionless."""
 
     @property
     def roll(self) -> Floats:
@@ -42,9 +46,10 @@ class LevelFrame(NamedTuple):
         return pitch
 
     def to_level(self, vector: Vector | Floats) -> Vector:
-        """Rotate a `vector`, three coordinates, from the base frame to the level frame.
+        """Rotate a `vector` from the base frame to the level frame.
 
-        The axes of the level frame in the base frame are z = up, y = up × x / |up × x| and x = y × z.
+        The vector has three coordinates, each an array. In the base frame, with its unit vector e along x, the level
+        frame has the axes z = up, y = up × e / |up × e| and x = y × z.
         """
         x, y, z = vector
         length = self.level_x

@@ -1,4 +1,4 @@
-"""Safety layer around any policy: it limits joint targets, and takes over after failures and predicted falls.
+"""Safety layer of a policy: limits joint targets, takes over after failures and predicted falls.
 
 Make a policy with this layer by `Safe(policies.make("trot"))` or by `policies.make("safe:trot")`.
 """

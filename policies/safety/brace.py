@@ -1,4 +1,4 @@
-"""Brace: a low, wide stance on all four feet, in which a pushed robot slides to rest instead of tripping.
+"""Brace: a low, wide stance on all feet, in which a pushed robot slides to rest and does not trip.
 
 The safety layer `Safe` commands the brace when it predicts a fall.
 """
@@ -41,7 +41,7 @@ RELEASE_TIME = 0.15
 
 
 class Brace(PerRobotState):
-    """Blend of the brace (low, wide stance before a fall) with the joint targets of a policy, for n robots.
+    """Blend of the brace (low, wide stance before a fall) with the targets of a policy, for n robots.
 
     The weight of the brace is 1 until a robot has been at rest for REST_TIME. It then falls to 0 within RELEASE_TIME.
     The safety layer `Safe` uses one object of this class.

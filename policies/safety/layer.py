@@ -1,4 +1,4 @@
-"""Safety layer for any policy: controlled stop after failures, brace before falls, limits of joint targets."""
+"""Safety layer of a policy: controlled stop after failures, brace before falls, limits of targets."""
 
 from enum import IntEnum
 
@@ -174,7 +174,7 @@ class Safe(Policy):
         return targets
 
     def _accept(self, answer: object, following: Mask, targets: Floats) -> None:
-        """Copy `answer`, the return value of the policy, into `targets` for the robots in the mask `following`.
+        """Copy `answer`, the result of the policy, into `targets` for the robots in the mask `following`.
 
         `targets` are joint targets, (n, 12), rad, which are changed in place. `following` has the shape (n,). Robots
         with invalid values in `answer` change to the mode STOP.

@@ -1,4 +1,4 @@
-"""Limits of joint targets in the safety layer: joint range, rate of change, joint speed and servo torque."""
+"""Limits of joint targets in the safety layer: range, rate, joint speed and servo torque."""
 
 import sys
 from dataclasses import dataclass

@@ -1,1 +1,1 @@
-"""Diagonal trot gaits, open loop and with velocity feedback, and the reports of the searches for parameters."""
+"""Diagonal trot, open loop or with velocity feedback, and the reports of its parameter searches."""

@@ -1,7 +1,7 @@
 """Trot with integral action: the integral of the velocity error is added to the command of the trot.
 
-The command is the only input of the trot. A slope, a steady force, a load or a slippery floor therefore cause a lasting
-velocity error, which the integral removes.
+The open-loop trot uses only the command, not the measured velocity. A slope, a steady force, a load or a slippery floor
+therefore cause a lasting velocity error. The integral of this error removes it.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -26,23 +26,27 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class IntegralParameters(TrotParameters):
-    """Parameters of the trot and of the integral.
+    """Parameters of the trot with integral action: open-loop trot and integral.
 
-    The defaults of the integral were chosen by hand on search episodes.
+    The defaults of the integral were chosen by hand on episodes with seeds for searches.
     """
 
     integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
-    """Rate of the velocity correction per velocity error, 1/s."""
+    """Integral gain of the forward and the lateral velocity, as rate of the correction per velocity error, 1/s."""
     yaw_integral_gain: float = parameter(1.0, limits=(0.0, 100.0), search=(0.0, 4.0), unit="1/s")
-    """Rate of the yaw-rate correction per yaw-rate error, 1/s."""
+    """Integral gain of the yaw rate, as rate of the yaw-rate correction per yaw-rate error, 1/s."""
     settling_time: float = parameter(0.3, limits=(0.01, 100.0), search=(0.05, 1.0), unit="s")
-    """Time constant of the expected velocity after a new command, s; the velocity error is relative to it."""
-    largest_error: float = parameter(0.5, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m/s")
-    """Largest velocity error that the integral counts, because a larger error is caused by a push or a fall.
+    """Time constant with which the expected velocity follows the command, s.
 
-    The limit of SimpleQuad's yaw-rate error has the same number, in rad/s; this limit is in m/s."""
+    The integral counts the error of the measured velocity relative to the expected velocity. It would otherwise count
+    the time that the robot needs to accelerate after a new command."""
+    largest_error: float = parameter(0.5, limits=(0.0, 100.0), search=(0.1, 1.0), unit="m/s")
+    """Largest forward or lateral velocity error that the integral counts; a larger error is clipped.
+
+    Larger errors are caused by a push or a fall. The limit of SimpleQuad's yaw-rate error has the same number, in
+    rad/s; this limit is in m/s."""
     largest_correction: float = parameter(0.8, limits=(0.0, 100.0), search=(0.2, 2.0), unit="m/s")
-    """Largest correction of each velocity.
+    """Largest correction that the integral adds to the commanded forward or lateral velocity.
 
     The limit of SimpleQuad's yaw-rate correction has the same number, in rad/s; this limit is in m/s."""
 
@@ -54,15 +58,19 @@ SEARCH_RANGES = search_ranges_of(IntegralParameters) | {
     "yaw_gain": (0.8, 1.8),
     "yaw_per_lateral": (-0.8, 0.2),
 }
-"""Parameter name -> bounds of a search, also for the command map, which the search of the trot fits instead."""
+"""Parameter name -> (lower, upper) bound of the parameter search for the trot with integral action.
+
+The ranges include the five parameters of the command map, see `CommandMap`. The search for the open-loop trot does not
+vary them, but fits them to measured velocities."""
 FILE = ParameterFile(Path(__file__).with_name("trot_integral.json"), IntegralParameters)  # TROT_INTEGRAL.md
 
 
 def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:
-    """Return the parameters of the integral trot for a `robot`, see `ParameterFile`.
+    """Return the parameters of the trot with integral action for a `robot`.
 
-    If only the trot of the robot was searched, the function takes the parameters of that trot and the scaled parameters
-    of the integral. Raises PolicyError if the file is missing or damaged.
+    They are loaded by `ParameterFile.load_for_robot`. If the robot has a parameter file of the open-loop trot, but none
+    of the trot with integral action, the gait parameters are read from that file. The parameters of the integral are
+    then scaled from SimpleQuad. Raises PolicyError if a file is damaged.
     """
     parameters = FILE.load_for_robot(robot)
     folder = models_folder(robot)
@@ -72,19 +80,29 @@ def integral_parameters(robot: Robot = SIMPLE_QUAD) -> IntegralParameters:
 
 
 class TrotIntegral(Trot):
-    """Trot that follows a velocity command without a lasting error; steps in place if the command is zero."""
+    """Trot with integral action, which follows a velocity command with no lasting error.
+
+    The integral of the velocity error is added to the command of the open-loop trot. The robot steps in place if the
+    command is zero.
+    """
 
     name = "trot_integral"
     parameters: IntegralParameters
     _expected: Floats = per_robot(np.zeros(3))
+    """Velocity that each robot is expected to have (forward, lateral, yaw rate), (n, 3), m/s and rad/s."""
     _integral: Floats = per_robot(np.zeros(3))
+    """Correction of the command (forward, lateral, yaw rate), the integral of the error, (n, 3), m/s and rad/s."""
 
     def _searched(self) -> IntegralParameters:
         return integral_parameters(self.robot)
 
     @cached_property
     def _limit_scale(self) -> Floats:
-        """Factors on the limits for forward, lateral and yaw velocity, (3,); all are 1 on SimpleQuad."""
+        """Factors on `largest_error` and `largest_correction` for the forward, lateral and yaw velocity, (3,).
+
+        The factor of the yaw rate converts a limit in m/s, scaled to the robot, to a limit in rad/s. All factors are 1
+        for SimpleQuad.
+        """
         return np.array([1.0, 1.0, scale_to_robot(self.robot, 1.0, "rad/s") / scale_to_robot(self.robot, 1.0, "m/s")])
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
@@ -101,7 +119,10 @@ class TrotIntegral(Trot):
         return super()._act(corrected)
 
     def _velocity_error(self, observation: NDArray[np.float32]) -> Floats:
-        """Update the expected velocity, and return expected minus measured velocity, (n, 3), m/s and rad/s."""
+        """Update the expected velocity from the command, and return the velocity error.
+
+        The error, (n, 3), is expected minus measured forward velocity, m/s, lateral velocity, m/s, and yaw rate, rad/s.
+        """
         command = observation[:, OBSERVATION["command"]].astype(np.float64)
         gain = lowpass_gain(self.control_period, self.parameters.settling_time)
         self._expected = self._expected + (command - self._expected) * gain

@@ -1,8 +1,8 @@
 """Open-loop diagonal trot that follows a velocity command; the baseline of the benchmark.
 
 Relative to the trunk, each stance foot moves with the velocity -(v + ω × r). Here v and ω are the commanded linear and
-angular velocity, and r is the position of the foot. This formula covers forward, lateral and turning commands. Each
-swing phase moves the foot back. The command is the only input of the trot.
+angular velocity, and r is the position of the foot relative to the trunk centre. This formula covers forward, lateral
+and turning commands. Each swing phase moves the foot back. The trot does not use measurements, only the command.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class TrotParameters(CommandMap):
-    """Parameters of the open-loop trot, which a parameter search tunes."""
+    """Parameters of the open-loop trot: gait, foot paths, servo compensation and limits of acceleration."""
 
     frequency: float = parameter(2.8, limits=(0.1, 50.0), search=(2.0, 3.1), unit="Hz")
     """Gait frequency: gait cycles per second, Hz."""
@@ -38,30 +38,38 @@ class TrotParameters(CommandMap):
     stance_width: float = parameter(0.54, limits=(-10.0, 10.0), search=(0.4, 0.72), unit=LATERAL_LENGTH)
     """Lateral distance between the left and the right feet, m; at 0.5 the legs of SimpleQuad hang straight down."""
     stance_shift: float = parameter(-0.02, limits=(-1.0, 1.0), search=(-0.1, 0.05), unit="m ahead")
-    """Forward distance of the middle of a stride of each foot from its hip joint, m."""
+    """Forward position of the middle of the stride of each foot, relative to its hip joint, m."""
     servo_lead: float = parameter(0.01, limits=(-1.0, 1.0), search=(0.0, 0.05), unit="s")
-    """Lead time of the joint targets, s: target + lead time · rate of the target; it compensates the lag of the
-    servos."""
+    """Lead time of the joint targets, which compensates the lag of the servos, s.
+
+    A joint target is the wanted angle plus the lead time times the rate of change of the wanted angle."""
     stance_load: float = parameter(50.0, limits=(-1e5, 1e5), search=(0.0, 90.0), unit="N")
-    """Force on a stance foot for which the joint targets compensate the sag of the servos, N."""
+    """Assumed largest force on a stance foot, for which the joint targets compensate the sag of the servos, N."""
     blend_time: float = parameter(0.3, limits=(1e-3, 100.0), unit="s")
     """Duration of the transition from the home pose to the gait at the start of an episode, s."""
     turn_lead: float = parameter(0.06, limits=(-10.0, 10.0), search=(0.0, 0.2), unit="s")
-    """Lead time of the direction of motion of the gait in a curve, s.
+    """Lead time of the direction of motion in a curve, s.
 
-    It compensates that the direction in which the trunk moves lags behind the command."""
+    The direction in which the trunk moves lags behind the command. The gait therefore walks in the commanded direction
+    rotated by the lead time times the yaw rate."""
     linear_acceleration: float = parameter(14.0, limits=(1e-3, 1e6), search=(2.0, 20.0), unit="m/s²")
-    """Largest rate of change of the forward and of the lateral velocity that the gait follows, m/s²."""
+    """Largest rate of change of the forward and the lateral velocity with which the gait follows a command, m/s²."""
     yaw_acceleration: float = parameter(16.0, limits=(1e-3, 1e6), search=(3.0, 40.0), unit="rad/s²")
-    """Largest rate of change of the yaw rate that the gait follows, rad/s²."""
+    """Largest rate of change of the yaw rate with which the gait follows a command, rad/s²."""
 
 
 SEARCH_RANGES = search_ranges_of(TrotParameters)
+"""Parameter name -> (lower, upper) bound of the parameter search for the open-loop trot."""
 FILE = ParameterFile(Path(__file__).with_name("trot.json"), TrotParameters, "trot")
+"""Parameter file of the open-loop trot, which the command `python -m train search trot` writes."""
 
 
 def searched_parameters(robot: Robot = SIMPLE_QUAD) -> TrotParameters:
-    """Return the searched parameters of the open-loop trot for a robot, see `ParameterFile.load_for_robot`."""
+    """Return the searched parameters of the open-loop trot for a `robot`.
+
+    The parameters of SimpleQuad are scaled to the robot if it has no parameter file of its own, see
+    `ParameterFile.load_for_robot`.
+    """
     return FILE.load_for_robot(robot)
 
 
@@ -69,14 +77,16 @@ class Trot(GaitedPolicy):
     """Open-loop trot that follows a velocity command. The robot steps in place if the command is zero.
 
     Args:
-        parameters: Parameters of the gait; the searched parameters by default.
-        robot: See `Policy`.
-        control_period: See `Policy`.
+        parameters: Parameters of the gait; None for the result of `searched_parameters`.
+        robot: Robot that trots, or its name.
+        control_period: Time between two control steps, s.
     """
 
     name = "trot"
     _command: Floats = per_robot(np.zeros(3))
+    """Internal command after the limits of acceleration (forward, lateral, yaw rate), (n, 3), m/s and rad/s."""
     _joints: Floats = per_robot()
+    """Joint targets of the last control step before the lead time is added, (n, 12), rad."""
 
     def __init__(
         self,
@@ -93,7 +103,7 @@ class Trot(GaitedPolicy):
         initialize_state(self, _joints=self.robot.home_pose)
 
     def _searched(self) -> TrotParameters:
-        """Return the parameters of the trot that a search has found for the robot of the policy."""
+        """Return the default parameters of the policy for its robot, which a parameter search has found."""
         return searched_parameters(self.robot)
 
     def _act(self, observation: NDArray[np.float32]) -> Actions:
@@ -149,7 +159,7 @@ class Trot(GaitedPolicy):
         foot_x = self.robot.hip_positions[:, 0] + p.stance_shift
         foot_y = self.robot.side * (p.stance_width / 2.0)
         forward, lateral, yaw_rate = np.split(velocity, 3, axis=1)
-        # Relative to the trunk, a stance foot moves at -(v + ω × r), with r from the trunk centre to the foot.
+        # Relative to the trunk, a stance foot moves at -(v + ω × r), because it stands still on the ground.
         stance_time = p.duty / p.frequency
         along = stride_displacement(cycle, p.duty) * stance_time
         x = p.stance_shift + along * (forward - yaw_rate * foot_y)

@@ -1,8 +1,8 @@
-"""Upright trot on compliant servos, the reference trajectory that learned policies modulate.
+"""Reference trot: an upright trot on compliant servos, to which learned policies add corrections.
 
-The reference is the trot with integral control of the velocity. Its parameters are chosen by hand. The gait
-frequency is low for a trot without balance control, and the compliant servos yield at impacts. The reference provides
-swing times, step height and body height, so that the network need not generate them (A. Iscen et al., Policies
+The reference trot is the trot with integral action on the velocity error. Its parameters are chosen by hand. The gait
+frequency is low for a trot that has no balance control. The compliant servos yield at impacts. The reference trot
+provides swing times, step height and body height, so that the network need not generate them (A. Iscen et al., Policies
 Modulating Trajectory Generators, 2018).
 """
 
@@ -19,30 +19,31 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 @dataclass(frozen=True)
 class ReferenceParameters(IntegralParameters):
-    """Parameters of the reference trot, chosen by hand: trot with integral control, and servo gains."""
+    """Parameters of the reference trot, chosen by hand: trot with integral action, and servo gains."""
 
     body_height: float = parameter(0.34, limits=(0.01, 5.0), unit="m")
     """Height of the hip joints above the centres of the stance feet, m.
 
-    The height is scaled with the leg length of the robot."""
+    For robots other than SimpleQuad, it is scaled in proportion to the leg length."""
     stiffness: float = parameter(150.0, limits=(1e-9, 1e9), unit="N·m")
-    """Position gain of the joint servos, N·m/rad."""
+    """Stiffness of the joint servos: torque per angle error, N·m/rad."""
     damping: float = parameter(7.5, limits=(1e-9, 1e9), unit="N·m·s")
-    """Velocity gain of the joint servos, N·m·s/rad."""
+    """Damping of the joint servos: braking torque per joint speed, N·m·s/rad."""
 
 
 FILE = ParameterFile(Path(__file__).with_name("trot_reference.json"), ReferenceParameters)
+"""Parameter file of the reference trot; no search writes it."""
 
 
 class TrotReference(TrotIntegral):
-    """Trot with integral control on soft servos, the default base policy of residual training.
+    """Reference trot: trot with integral action on soft servos, a base policy of residual policies.
 
     The robot steps in place if the command is zero.
 
     Args:
-        parameters: Parameters of the gait and the servo gains; by default from the parameter file of the robot.
-        robot: See `Policy`.
-        control_period: See `Policy`.
+        parameters: Parameters of the gait and the servo gains; None for the parameter file of the robot.
+        robot: Robot that trots, or its name. It gets the servo gains in the parameters, unless its gains are fixed.
+        control_period: Time between two control steps, s.
     """
 
     name = "trot_reference"

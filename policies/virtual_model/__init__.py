@@ -1,1 +1,1 @@
-"""Diagonal trot by virtual model control of the stance feet."""
+"""Diagonal trot by virtual model control: stance feet act as springs and dampers of the trunk."""

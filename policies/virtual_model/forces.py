@@ -1,9 +1,9 @@
 """Contact forces by virtual model control: virtual springs and dampers hold the trunk.
 
 The method is by Pratt et al., "Virtual model control: an intuitive approach for bipedal locomotion", IJRR 2001. The
-springs and dampers define a wanted acceleration of the trunk. The stance feet produce it with minimum-norm contact
-forces. Two stance feet can produce only five of its six components. Weights determine how the error is distributed over
-the components.
+springs and dampers define a wanted acceleration of the trunk with six components, linear and angular. The stance feet
+produce it with contact forces of minimum norm. Two stance feet can produce only five of the six components. Weights
+determine how the remaining error is distributed over the components.
 """
 
 import numpy as np
@@ -28,22 +28,22 @@ MIN_ACCELERATION = np.array([-5.0, -5.0, -4.0, -60.0, -60.0, -60.0])
 The items are the linear acceleration (x, y, z), m/s², and the angular acceleration (x, y, z), rad/s², level frame. The
 vertical limit is above -9.81 m/s², because the feet carry no load if the trunk falls freely."""
 _DAMPING = 1e-5
-"""Regularisation of the minimum-norm contact forces.
+"""Damping λ of the least-squares solution for the contact forces of minimum norm.
 
-The number is added to the diagonal of the squared matrix of weighted trunk accelerations per contact force."""
+It is added to the diagonal of E Eᵀ; the matrix E maps the contact forces to the weighted trunk accelerations."""
 
 
 def virtual_acceleration(p: VirtualParameters, state: MotionState, ground: TerrainPlane, height: float) -> Floats:
-    """Return the trunk acceleration that the virtual springs and dampers define.
+    """Compute the trunk acceleration that the virtual springs and dampers define for the present motion.
 
     Args:
         p: Stiffness and damping of the virtual springs and dampers.
         state: Motion state of n robots.
-        ground: Ground plane. The springs keep the trunk parallel to it.
-        height: Reference height of the trunks above the ground, m.
+        ground: Ground plane of each robot. The springs keep the trunk parallel to this plane.
+        height: Reference height of the trunk centres above the ground, m.
 
     Returns:
-        Linear and angular acceleration, level frame, (n, 6), m/s² and rad/s².
+        Linear and angular acceleration within the limits, level frame, (n, 6), m/s² and rad/s².
     """
     forward, lateral, yaw_rate = state.command.T
     climb = ground.forward * forward + ground.lateral * lateral
@@ -63,14 +63,15 @@ def distribute_acceleration(
     """Compute contact forces of the stance feet that produce a wanted acceleration of the trunk.
 
     Args:
-        p: Weights of the components of the acceleration. Two feet cannot produce all of them.
+        p: Weights of the components of the acceleration, because two stance feet cannot produce all six.
         state: Motion state of n robots.
         acceleration: Wanted linear and angular acceleration, level frame, (n, 6), m/s² and rad/s².
         stance: True for stance feet, (n, 4).
-        friction: Friction coefficient and largest normal force.
+        friction: Friction coefficient and largest normal force of each robot.
 
     Returns:
-        Minimum-norm contact forces, scaled down to the friction cone, level frame, (n, 4, 3), N.
+        Contact forces of minimum norm, level frame, (n, 4, 3), N. Horizontal forces are scaled down to the friction
+        cone.
     """
     bodies = state.bodies
     moment_arms = skew(bodies.feet - bodies.com_position[:, None])

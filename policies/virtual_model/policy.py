@@ -14,13 +14,15 @@ from quad_env.robots.simple_quad import SIMPLE_QUAD
 
 
 class TrotFeedback(ModelBased):
-    """Trot by virtual model control that follows a velocity command. The robot steps in place if it is zero.
+    """Trot by virtual model control that follows a velocity command.
+
+    Virtual springs and dampers hold the trunk. The robot steps in place if the command is zero.
 
     Args:
-        parameters: Parameters of gait, springs and dampers; None for the result of `searched_parameters`.
+        parameters: Parameters of the gait and the virtual springs and dampers; None for `searched_parameters(robot)`.
         robot: Robot that is controlled, or its name.
         control_period: Time between two control steps, s.
-        joint_delay_steps: Delay of the observed joint angles, control steps; 0 if they are true values.
+        joint_delay_steps: Delay of the observed joint angles, control steps; 0 if the joint angles have no delay.
         actuator: Actuator model of the joints.
     """
 
@@ -47,7 +49,10 @@ class TrotFeedback(ModelBased):
         )
 
     def _compute_stance_forces(self, control_state: ControlState, contact_plan: ContactPlan) -> StanceForces:
-        """Compute the contact forces of the stance feet that produce the acceleration of the springs and dampers."""
+        """Compute the contact forces of the stance feet that act as virtual springs and dampers of the trunk.
+
+        The forces produce the acceleration of `virtual_acceleration` minus the acceleration by lasting external forces.
+        """
         state = control_state.motion
         acceleration = virtual_acceleration(self.parameters, state, contact_plan.ground, self._trunk_height)
         wanted = acceleration - control_state.disturbance_acceleration
