@@ -1,8 +1,9 @@
 """Mapping of an external policy's joints to a robot's joints: names, order, signs and zeros.
 
-A robot's joint angles are zero if the leg points straight down. They grow about +x or +y (see `quad_env.robots.scene`).
-A policy's joint angles follow the model on which the policy was trained. The mapping assumes that this model is the
-robot's own model file. The robot's angle is zero + sign * the policy's angle.
+The joint angles of this project's robots are zero if the leg points straight down. They are positive for rotations
+about +x or +y (see `quad_env.robots.scene`). The joint angles of an external policy follow the model on which the
+policy was trained. The mapping assumes that this model is the model file of the robot. Then
+`robot_angle = zero + sign * policy_angle` holds for each joint.
 """
 
 from collections.abc import Sequence
@@ -25,48 +26,57 @@ LINK_INDICES = LINK_WORDS | {
     **dict.fromkeys(("lower", "shank", "shin", "kn"), "2"),
     **dict.fromkeys(("y", "pitch"), "12"),
 }
-"""Word in a joint's name -> digits of the joint's possible indices in the leg, from the trunk on."""
+"""Word in a joint's name -> possible indices of the joint in its leg, written as digits.
+
+The indices are 0 for the hip (abduction), 1 for the thigh and 2 for the calf (knee); `12` means thigh or calf.
+"""
 
 
 @dataclass(frozen=True)
 class JointMapping:
-    """Mapping of a policy's joints to a robot's joints: indices, signs and zeros, each (12,)."""
+    """Mapping of an external policy's joints to a robot's joints: indices, signs and zeros, each (12,)."""
 
     joint_ids: NDArray[np.intp]
-    """Index of each joint of the policy among the robot's joints."""
+    """Index of each joint of the policy among the robot's joints, in the policy's joint order, (12,)."""
     signs: Floats
-    """-1 if the policy's joint turns opposite to the robot's joint, else 1."""
+    """-1 if the policy's joint turns opposite to the robot's joint, else 1, in the policy's order, (12,)."""
     zeros: Floats
-    """Angle of each robot joint if the policy's angle is zero, rad."""
+    """Robot joint angles at which the policy's joint angles are zero, in the policy's order, (12,), rad."""
 
     def policy_angles(self, robot_angles: Floats) -> Floats:
-        """Convert the robot's joint angles to the policy's joint angles, both (n, 12), rad."""
+        """Convert joint angles from the order, signs and zeros of the robot to the policy's, (n, 12), rad."""
         return self.signs * (robot_angles[:, self.joint_ids] - self.zeros)
 
     def policy_rates(self, robot_rates: Floats) -> Floats:
-        """Convert the robot's joint speeds or torques to the policy's, both (n, 12), rad/s or N·m."""
+        """Convert joint velocities or torques from the robot's order and signs to the policy's, (n, 12).
+
+        The unit, rad/s or N·m, is unchanged.
+        """
         return self.signs * robot_rates[:, self.joint_ids]
 
     def robot_angles(self, policy_angles: Floats) -> Floats:
-        """Convert the policy's joint angles to the robot's joint angles, both (n, 12), rad."""
+        """Convert joint angles from the order, signs and zeros of the policy to the robot's, (n, 12), rad."""
         return self.to_robot_order(self.zeros + self.signs * policy_angles)
 
     def to_robot_order(self, values: Floats) -> Floats:
-        """Reorder values from the policy's order of joints to the robot's order, both (…, 12)."""
+        """Reorder values per joint, (…, 12), from the policy's joint order to the robot's joint order."""
         reordered = np.empty_like(values)
         reordered[..., self.joint_ids] = values
         return reordered
 
 
 def map_joints(names: Sequence[str], robot: Robot) -> JointMapping:
-    """Map joint names to a robot's joints. Raises PolicyError if a name fits no joint of the robot.
+    """Map the joint names in a policy's file to a robot's joints.
+
+    Raises PolicyError if a name fits no joint of the robot.
 
     Args:
-        names: Joint names of the robot, in upper or lower case, or other names that contain a leg and a link.
-        robot: The robot.
+        names: Joint names of the robot, in upper or lower case, or other names that contain words for leg and link, for
+            example `FL_hip_joint`.
+        robot: Robot that the policy moves.
 
     Returns:
-        Mapping in the order of `names`.
+        Mapping in the order of `names`; its signs and zeros convert angles of the robot's model file.
     """
     joint_ids = np.array(_match_exactly(names, robot) or _match_by_words(names, robot))
     signs, zeros = _model_file_convention(robot)
@@ -74,19 +84,19 @@ def map_joints(names: Sequence[str], robot: Robot) -> JointMapping:
 
 
 def map_action_joints(spec: PolicySpec, robot: Robot) -> JointMapping:
-    """Map the joints of `spec`, in the order of its actions, to the joints of `robot`."""
+    """Return the mapping from the joints of `spec`, in the order of its actions, to the joints of `robot`."""
     return _map_spec_joints(spec.joints, spec, robot)
 
 
 def map_observed_joints(spec: PolicySpec, robot: Robot) -> JointMapping:
-    """Map the joints of `spec`, in the order of its observation, to the joints of `robot`."""
+    """Return the mapping from the joints of `spec`, in the observed order, to the joints of `robot`."""
     return _map_spec_joints(spec.observed_joints or spec.joints, spec, robot)
 
 
 def _map_spec_joints(names: Sequence[str], spec: PolicySpec, robot: Robot) -> JointMapping:
-    """Return the mapping of joint names to a robot.
+    """Return the mapping from the joints `names` of a specification to the joints of a robot.
 
-    It combines the signs and zeros of the specification with the signs and zeros of the robot's model file.
+    The mapping combines the signs and zeros of the specification with the signs and zeros of the robot's model file.
     """
     mapping = map_joints(names, robot)
     order = [spec.joints.index(name) for name in names]
@@ -96,9 +106,9 @@ def _map_spec_joints(names: Sequence[str], spec: PolicySpec, robot: Robot) -> Jo
 
 
 def _match_exactly(names: Sequence[str], robot: Robot) -> list[int]:
-    """Return the indices of the robot's joints with these names, in upper or lower case.
+    """Return the indices of the robot's joints with the given names, in the order of the names.
 
-    The list is empty unless the names are all joint names of the robot, each once.
+    Upper and lower case are equal. The list is empty unless the names are all joint names of the robot, each once.
     """
     index_by_name = {name.lower(): index for index, name in enumerate(robot.joint_names)}
     indices = [index_by_name.get(name.lower(), -1) for name in names]
@@ -106,9 +116,9 @@ def _match_exactly(names: Sequence[str], robot: Robot) -> list[int]:
 
 
 def _match_by_words(names: Sequence[str], robot: Robot) -> list[int]:
-    """Return the indices of the robot's joints, found by the words for leg and link in the names.
+    """Return the indices of the robot's joints that fit the words for leg and link in the given names.
 
-    Raises PolicyError, with the first name that fits no joint.
+    Raises PolicyError, which quotes the first name that fits no joint.
     """
     words = [split_words(name) for name in names]
     legs = [leg_from_words(each) for each in words]
@@ -129,16 +139,20 @@ def _match_by_words(names: Sequence[str], robot: Robot) -> list[int]:
 
 
 def _possible_link_orders(leg: Sequence[Sequence[str]]) -> list[tuple[int, ...]]:
-    """Return the permutations of hip (0), thigh (1) and calf (2) that three joint names allow.
+    """Return the permutations of hip (0), thigh (1) and calf (2) that the joint names of a leg allow.
 
-    The list `leg` has the words of each of the three names.
+    `leg` has one list per joint name, with the words of the name.
     """
     possible_links = [[set(LINK_INDICES[word]) for word in words if word in LINK_INDICES] for words in leg]
     return [order for order in permutations(range(JOINTS_PER_LEG)) if _is_possible(order, possible_links)]
 
 
 def _is_possible(order: Sequence[int], possible_links: Sequence[Sequence[set[str]]]) -> bool:
-    """Return True if each joint has a word for a link, and all its words allow its link in `order`."""
+    """Return True if the words in the three joint names of a leg allow the link indices in `order`.
+
+    `possible_links` has one list per joint name. It contains, for each word for a link in the name, the set of link
+    indices (as digits) that the word allows. A joint name must contain at least one word for a link.
+    """
     for link, link_sets in zip(order, possible_links, strict=True):
         if not link_sets or not all(str(link) in links for links in link_sets):
             return False
@@ -147,7 +161,7 @@ def _is_possible(order: Sequence[int], possible_links: Sequence[Sequence[set[str
 
 @cache
 def _model_file_convention(robot: Robot) -> tuple[Floats, Floats]:
-    """Return signs and zeros, rad, each (12,), that convert model file angles to robot angles."""
+    """Return signs and zeros, rad, each (12,), that convert angles of the model file to robot angles."""
     if not robot.imported:
         return np.ones(robot.num_joints), np.zeros(robot.num_joints)
     model = robot.user_model.model

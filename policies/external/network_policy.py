@@ -1,4 +1,8 @@
-"""Policy of a specification: observation adapter, network, and conversion to joint targets."""
+"""Policy that runs an external network as described by its specification (`PolicySpec`).
+
+In each control step, the environment's observation is converted, the network is called, and its output is converted to
+joint targets.
+"""
 
 from typing import Unpack
 
@@ -14,18 +18,19 @@ from policies.memory import initialize_state, per_robot
 from quad_env.robots.robot import Robot
 
 TIME_TOLERANCE = 1e-6
-"""Maximum difference between equal times, as a fraction of the policy's control period."""
+"""Rounding tolerance of times: a fraction of the policy's control period; closer times count as equal."""
 
 
 class NetworkPolicy(Policy):
-    """Policy that runs the network of a specification.
+    """Policy that runs an external network as described by its specification.
 
-    It holds the joint targets until the next control step of the network, which may be slower than the environment.
-    The constructor raises PolicyError, one line, if the network contradicts its specification. It also raises
-    PolicyError if the robot or the environment cannot have the joints, the control rate or the height scan.
+    The network may have a lower control rate than the environment. The policy holds the joint targets until the next
+    control step of the network. The constructor raises PolicyError, one line, if the network contradicts its
+    specification. It also raises PolicyError if the robot lacks a joint of the specification, or if the environment
+    cannot provide its control rate or height scan.
 
     Args:
-        spec: Specification of the policy.
+        spec: Specification of the network: joints, servo gains, control rate, observation terms.
         **made_for: Robot and control period. The attribute `robot` has the servo gains of the specification.
     """
 
@@ -68,17 +73,17 @@ class NetworkPolicy(Policy):
 
 
 def with_spec_gains(robot: Robot, spec: PolicySpec) -> Robot:
-    """Return a copy of a robot with the servo gains of a specification.
+    """Return a copy of a robot with the servo gains (stiffness and damping) of a policy's specification.
 
     Args:
-        robot: Robot; its servo gains are replaced.
+        robot: Original robot.
         spec: Specification of a policy for the robot.
 
     Returns:
         Robot with the servo gains of `spec`.
 
     Raises:
-        PolicyError: The robot lacks a joint of the specification, or its servos cannot have the gains.
+        PolicyError: The robot lacks a joint of the specification, or its servos cannot have these gains.
     """
     joints = map_joints(spec.joints, robot)
     stiffness = joints.to_robot_order(np.array(spec.stiffness, float))
@@ -93,14 +98,15 @@ def control_period_ratio(spec: PolicySpec, control_period: float) -> float:
     """Return the environment's control period divided by the policy's control period, at most 1.
 
     A control step of the policy may be due between two control steps of the environment. The policy then acts in the
-    later one.
+    later control step of the environment.
 
     Args:
-        spec: Specification of the policy.
+        spec: Specification of the policy, with its control rate.
         control_period: Control period of the environment, s.
 
     Returns:
-        The ratio. It is rounded to the inverse of a whole number if their relative difference is below TIME_TOLERANCE.
+        Ratio of the periods. It is rounded to 1 / n, n a whole number, if the relative difference is below
+        TIME_TOLERANCE.
 
     Raises:
         PolicyError: The policy acts more often than the environment.

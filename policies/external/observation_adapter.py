@@ -1,8 +1,8 @@
 """Conversion of the environment's observation to the observation of an external policy, term by term.
 
-Three quantities are estimated because the environment does not observe them. The yaw in the world frame is the integral
-of the gyro's rates, from 0 at the reset. Foot contact follows from the joint torques, and the torques of the servos
-follow from the servo gains.
+Three quantities are estimated because the environment's observation does not contain them. The yaw in the world frame
+is the integral of the heading rate that follows from the gyro, from 0 at the reset. Foot contact is estimated from the
+joint torques. The torques of the servos are computed from the servo gains and the previous joint targets.
 """
 
 from dataclasses import dataclass
@@ -23,42 +23,50 @@ from quad_env.robots.structure import JOINTS_PER_LEG
 from quad_env.sensing.height_scan import HeightScan, table_with
 
 GRID_RESOLUTION = 1e-3
-"""Resolution of height scans: the coordinates of their points are multiples of this length, m."""
+"""Resolution of height scans: the coordinates of the scan points must be multiples of this length, m."""
 DEFAULT_SPACING = 100
-"""Spacing of a height scan that has a single point, at the trunk, in units of GRID_RESOLUTION."""
+"""Distance between the points of the environment's height scan, in units of GRID_RESOLUTION.
+
+The value is used if the policy observes only the point below the trunk's centre, because the distance then has no other
+definition.
+"""
 
 
 @dataclass(frozen=True)
 class RobotSignals:
-    """Signals of m robots in one control step, from which the terms are computed."""
+    """Quantities of m robots in one control step, from which a policy's observation terms are computed."""
 
     readings: dict[str, Floats]
-    """Name of a term of the environment's observation -> its values, (m, width)."""
+    """Name of a term of the environment's observation -> values of the term, (m, width)."""
     joint_angles: Floats
-    """Angles of the robot's joints, (m, 12), rad."""
+    """Joint angles in the order and signs of the robot, not of the policy, (m, 12), rad."""
     yaw: Floats
-    """Yaw in the world frame, (m,), rad."""
+    """Estimated yaw of the trunk in the world frame, 0 at the reset, (m,), rad."""
     steps: NDArray[np.int64]
     """Number of the policy's control steps since the reset, 0 in the first step, (m,)."""
     previous_action: Floats
-    """Previous action as the policy observes it, (m, 12)."""
+    """Previous action in the form that the policy observes, in the policy's joint order, (m, 12)."""
     foot_contact: NDArray[Any]
-    """True for feet in contact, legs in the robot's order, (m, 4)."""
+    """Estimated foot contact: True for feet on the ground, legs in the robot's order, (m, 4)."""
 
 
 class ObservationAdapter(PerRobotState):
-    """Converter of the observations of n robots to the form that a policy was trained on.
+    """Converter of the environment's observations of n robots to the observations of an external policy.
 
-    A `NetworkPolicy` has one. It keeps the history of the observations, the yaw and the foot contact of each robot.
+    A `NetworkPolicy` has one adapter. The adapter keeps the history of the observations, the yaw and the foot contact
+    of each robot.
 
     Args:
-        spec: Specification of the policy.
+        spec: Specification of the policy, which defines its observation terms.
         robot: Observed robot, with the servo gains that the policy uses.
         control_period: Control period of the environment, s.
     """
 
     action: Floats = per_robot()
-    """Previous action as the policy observes it, (n, 12); `NetworkPolicy` sets it after each action."""
+    """Previous action in the form that the policy observes, in the policy's joint order, (n, 12).
+
+    `NetworkPolicy` sets it after each call of the network.
+    """
     _yaw: Floats = per_robot(0.0)
     _has_started: Mask = per_robot(False)
     _steps: NDArray[np.int64] = per_robot(0)
@@ -82,13 +90,17 @@ class ObservationAdapter(PerRobotState):
         super().__init__(action=np.zeros(len(spec.joints)), _history=np.zeros(_history_shape(spec)))
 
     def update_state(self, observation: Floats) -> None:
-        """Update yaw and foot contact after a control step, from the environment's `observation`, (n, k)."""
+        """Update the estimated yaw and foot contact of all robots from the environment's observation, (n, k).
+
+        The method must be called once in each control step of the environment.
+        """
         if not self._has_state:
             return
         gravity = observation[:, self._slices["projected_gravity"]].T
         _, pitch_rate, yaw_rate = observation[:, self._slices["angular_velocity"]].T
         frame = level_frame(gravity)
-        # The heading is the direction of the base frame's x axis seen from above, so its rate is not the gyro's.
+        # The heading is the direction of the base frame's x axis, projected onto the horizontal plane. If the trunk is
+        # tilted, the heading rate therefore differs from the yaw rate of the gyro.
         heading_rate = (frame.up_y * pitch_rate + frame.up_z * yaw_rate) / frame.level_x**2
         self._yaw += np.where(self._has_started, self._period * heading_rate, 0.0)
         self._has_started[:] = True
@@ -96,14 +108,14 @@ class ObservationAdapter(PerRobotState):
             self._foot_contact = self._contact_estimator.estimate(observation)
 
     def observe(self, observation: Floats, env_ids: EnvIndices) -> NDArray[np.float32]:
-        """Return the policy's observations of some robots, and append them to the history of these robots.
+        """Return the policy's observations of m robots, and append them to the histories of these robots.
 
         Args:
-            observation: Observations of the robots by the environment, (m, k).
-            env_ids: Indices of the robots, (m,).
+            observation: The environment's observations of the robots in `env_ids`, (m, k).
+            env_ids: Indices of the robots in the batch, (m,).
 
         Returns:
-            Observations in the form of the policy, (m, width).
+            Observations with the terms and histories of the policy's specification, (m, width).
         """
         signals = self._collect_signals(observation, env_ids)
         terms = [_clip_and_scale(self._compute_term(term, signals), term) for term in self._spec.terms]
@@ -131,7 +143,7 @@ class ObservationAdapter(PerRobotState):
         )
 
     def _compute_term(self, term: SpecTerm, signals: RobotSignals) -> Floats:
-        """Return the values of a term in this control step, before they are clipped and scaled, (m, width)."""
+        """Return the values of an observation term in this control step, before clip and scale, (m, width)."""
         readings = signals.readings
         match term.name:
             case "joint_position":
@@ -158,9 +170,9 @@ class ObservationAdapter(PerRobotState):
         return _rotate_to_frame(readings[term.name], term.frame, signals)
 
     def _compute_clock(self, term: SpecTerm, signals: RobotSignals) -> Floats:
-        """Return sine and cosine of a clock, (m, 2).
+        """Return sine and cosine of the phase of a gait clock, (m, 2).
 
-        They are zero if the norm of the command is below the term's `zero_below`.
+        Both are zero if the norm of the velocity command is below `term.zero_below`.
         """
         angle = 2.0 * np.pi * term.clock / self._spec.control_rate * signals.steps
         clock = np.stack((np.sin(angle), np.cos(angle)), axis=1)
@@ -168,7 +180,11 @@ class ObservationAdapter(PerRobotState):
         return np.where(is_moving, clock, 0.0)
 
     def _compute_height_scan(self, term: SpecTerm, scan: Floats) -> Floats:
-        """Return the observed heights at the p points of a term, (m, p), m, from the environment's `scan`."""
+        """Return the heights of the trunk above the ground at the p points of the term's grid, (m, p), m.
+
+        The height at a point is the height at the nearest point of `scan`, the environment's height scan, (m, points),
+        minus the offset of the term's grid.
+        """
         assert self.height_scan is not None and term.grid is not None  # noqa: PT018
         differences = self.height_scan.points[None] - _grid_points(term.grid)[:, None]
         nearest = np.abs(differences).max(axis=-1).argmin(axis=1)
@@ -176,7 +192,7 @@ class ObservationAdapter(PerRobotState):
 
 
 def _rotate_to_frame(vectors: Floats, frame: str, signals: RobotSignals) -> Floats:
-    """Rotate vectors from the base frame to the frame `body`, `heading` or `world`, (m, 3)."""
+    """Rotate vectors, (m, 3), from the base frame to the base (`body`), `heading` or `world` frame."""
     if frame == "body":
         return vectors
     x, y, z = level_frame(signals.readings["projected_gravity"].T).to_level(vectors.T)
@@ -188,9 +204,10 @@ def _rotate_to_frame(vectors: Floats, frame: str, signals: RobotSignals) -> Floa
 
 
 def _servo_torque(robot: Robot, readings: dict[str, Floats]) -> Floats:
-    """Return the servo torques, clipped to the rated torque, (m, 12), N·m.
+    """Return the torques of the servos, clipped to the rated torque, (m, 12), N·m.
 
-    They are computed from the previous targets and the servo gains.
+    They follow from the servo gains, the previous joint targets, and the joint angles and velocities in `readings`
+    (name of a term of the environment's observation -> values).
     """
     position_error = readings["previous_action"] - readings["joint_position"]
     torque = robot.servo_stiffness * position_error - robot.servo_damping * readings["joint_velocity"]
@@ -198,20 +215,20 @@ def _servo_torque(robot: Robot, readings: dict[str, Floats]) -> Floats:
 
 
 def _clip_and_scale(values: Floats, term: SpecTerm) -> Floats:
-    """Clip the values of a term, then scale them."""
+    """Clip and then scale the values of an observation term, (m, width), as the term's settings define."""
     clipped: Floats = values if term.clip is None else np.clip(values, *term.clip)
     return np.multiply(clipped, term.scale)
 
 
 def _history_shape(spec: PolicySpec) -> tuple[int, int]:
-    """Return the number of control steps of the longest history, and the width of all terms in a step."""
+    """Return the number of control steps of the longest history, and the number of values in one step."""
     return max(term.history for term in spec.terms), sum(term.width for term in spec.terms)
 
 
 def _history_indices(spec: PolicySpec) -> NDArray[np.intp]:
-    """Return the index in the flattened history of each number of the policy's observation, (width,).
+    """Return, for each number of the policy's observation, its index in the flattened history, (width,).
 
-    The history consists of control steps from the oldest to the newest; each step has all terms.
+    The history has one row per control step, from the oldest to the newest. Each row has the values of all terms.
     """
     shape = _history_shape(spec)
     is_newest_first = spec.history_newest == "first"
@@ -228,22 +245,22 @@ def _history_indices(spec: PolicySpec) -> NDArray[np.intp]:
 
 
 def _grid_points(grid: HeightGrid) -> Floats:
-    """Return the coordinates x, y of a grid's points, heading frame, in the observed order, (p, 2), m."""
+    """Return the coordinates (x, y) of a grid's p points, heading frame, in observed order, (p, 2), m."""
     x, y = np.meshgrid(grid.x, grid.y, indexing="xy" if grid.x_first else "ij")
     return np.stack((x.ravel(), y.ravel()), axis=1)
 
 
 def required_height_scan(spec: PolicySpec) -> HeightScan | None:
-    """Return the smallest height scan of the environment that includes all points of a policy's scan.
+    """Return the smallest height scan of the environment that includes all points that a policy observes.
 
     Args:
         spec: Specification of the policy.
 
     Returns:
-        Settings of the height scan; None if the policy observes no heights.
+        Settings of the environment's height scan; None if the policy observes no heights.
 
     Raises:
-        PolicyError: The environment cannot provide this height scan.
+        PolicyError: The points are not on a grid through the trunk's centre, or the grid has too many points.
     """
     grids = [_grid_points(term.grid) for term in spec.terms if term.grid is not None]
     if not grids:

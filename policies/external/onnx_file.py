@@ -1,14 +1,15 @@
 """Policies in ONNX files: a network, or the correction of a residual policy.
 
-The network maps one observation to one action.
+A plain network maps one observation of the environment to one action.
 
-A residual policy adds a network's correction to the action of a base policy. Its action depends on more than the
-observation, because the base policy has a clock. Therefore its file holds the network and, as metadata, the
-`policy.json` of its bundle (policy folder): network inputs, base policy and limits of the correction.
+A residual policy adds the output of a network, the correction, to the action of a base policy. The action depends on
+more than the observation, because the base policy has a clock. The file of a residual policy therefore contains the
+network and, as metadata, the `policy.json` of its bundle (policy folder). `policy.json` defines the network inputs, the
+base policy and the limits of the correction.
 
-The ONNX runtime rounds sums differently from NumPy, by 1e-7. On rough ground this difference changes the episode within
-a second. Therefore a residual policy is computed in NumPy, with the same bits as its bundle. When the file is loaded,
-the output of NumPy is compared with the output of the runtime.
+Sums in the ONNX runtime and in NumPy have different rounding errors, of about 1e-7. On rough ground this difference
+changes the episode within a second. A residual policy is therefore computed in NumPy, with the same bits as its bundle.
+When the file is loaded, the output of NumPy is compared with the output of the ONNX runtime.
 """
 
 from pathlib import Path
@@ -29,33 +30,33 @@ from quad_env.files.text import format_exception
 from quad_env.robots.robot import Robot
 
 FEATURES = "features"
-"""Name of the network's input in the file of a residual policy."""
+"""Name of the network's input in the ONNX file of a residual policy."""
 CORRECTION = "correction"
-"""Name of the network's output in the file of a residual policy."""
+"""Name of the network's output in the ONNX file of a residual policy."""
 PROBE_COUNT = 16
-"""Number of random feature vectors on which the runtime and NumPy are compared at loading."""
+"""Number of random network inputs for which ONNX runtime and NumPy are compared when a file is loaded."""
 TOLERANCE = 1e-5
-"""Maximum difference between the corrections by runtime and NumPy, as a fraction of the authority.
+"""Maximum difference between the network outputs of ONNX runtime and NumPy.
 
-The authority is the limit of the correction.
+It is a fraction of the authority, which is the limit of the correction by a residual policy.
 """
 _OPSET = 17
-"""ONNX opset version of exported files; all supported runtimes read it."""
+"""Version of the ONNX operator set in exported files; all supported ONNX runtimes can read it."""
 _IR_VERSION = 8
-"""ONNX format version of exported files; all supported runtimes read it."""
+"""Version of the ONNX file format of exported files; all supported ONNX runtimes can read it."""
 
 
 def load_onnx(reference: PolicyReference, robot: Robot) -> Policy | ActFactory:
-    """Load a policy from an ONNX file.
+    """Load a policy from an ONNX file without a specification: a plain network or a residual policy.
 
-    Raises PolicyError if the file is not a policy, or is a residual policy for another robot.
+    Raises PolicyError if the file contains no policy, or contains a residual policy for another robot.
 
     Args:
-        reference: Reference to the file.
-        robot: Robot that a residual policy moves.
+        reference: Reference to the ONNX file.
+        robot: Robot that the policy moves.
 
     Returns:
-        Residual policy, or a factory of functions from one observation to one action.
+        Residual policy, or a function without arguments that returns a function from one observation to one action.
     """
     session = open_session(reference.file)
     make, _ = make_network_factory(session, reference.file)
@@ -64,9 +65,10 @@ def load_onnx(reference: PolicyReference, robot: Robot) -> Policy | ActFactory:
 
 
 def _load_residual(file: Path, description: str, act: ActFunction, robot: Robot) -> ResidualPolicy:
-    """Return the residual policy in a file, after a comparison of NumPy with the runtime.
+    """Load the residual policy in an ONNX file, and compare its network in NumPy with the ONNX runtime.
 
-    The `description` is the text of the bundle's `policy.json`; `act` is the network in the runtime.
+    `description` is the text of the bundle's `policy.json`. `act` calls the network in the ONNX runtime. Raises
+    PolicyError if the outputs differ by more than TOLERANCE.
     """
     onnx = import_package("onnx")
     tensors = {each.name: onnx.numpy_helper.to_array(each) for each in onnx.load(file).graph.initializer}
@@ -84,9 +86,10 @@ def _load_residual(file: Path, description: str, act: ActFunction, robot: Robot)
 
 
 def _max_difference(act: ActFunction, network: Network, count: int) -> float:
-    """Return the largest difference between the outputs of `act` and `network` for random features.
+    """Return the largest absolute difference between the outputs of `act` and `network`.
 
-    The result is infinite if the shapes of the outputs differ, and NaN if an output is NaN.
+    Both are called with `count` random inputs. The result is infinite if the shapes of the outputs differ, and NaN if
+    an output is NaN.
     """
     features = np.random.default_rng(0).standard_normal((count, network.sizes[0])).astype(np.float32)
     corrections = np.array([act(row) for row in features])
@@ -96,19 +99,20 @@ def _max_difference(act: ActFunction, network: Network, count: int) -> float:
 
 
 def export_residual(folder: Path, file: Path, probe_count: int, robot: Robot | None = None) -> float:
-    """Write the residual policy of a bundle as an ONNX file, and compare the outputs of file and bundle.
+    """Export the residual policy of a bundle (policy folder) to an ONNX file, and check the file.
 
     Args:
         folder: Folder of the bundle.
         file: ONNX file to write.
-        probe_count: Number of random feature vectors of the comparison.
+        probe_count: Number of random network inputs for which file and bundle are compared.
         robot: Robot that the policy moves, as in `policies.load`.
 
     Returns:
-        Largest difference between the corrections, as a fraction of the authority.
+        Largest difference between the network outputs of file and bundle, as a fraction of the authority (the limit of
+        the correction).
 
     Raises:
-        PolicyError: The folder has no residual policy, or the difference exceeds TOLERANCE.
+        PolicyError: The folder contains no residual policy, or the difference exceeds TOLERANCE.
     """
     onnx = import_package("onnx")
     import_package("onnxruntime")
@@ -134,7 +138,7 @@ def export_residual(folder: Path, file: Path, probe_count: int, robot: Robot | N
 
 
 def _graph(onnx: Any, network: Network) -> Any:
-    """Return the network as an ONNX graph, with one Gemm per layer and an Elu activation between layers."""
+    """Return a network as an ONNX graph: one Gemm operator per layer, and Elu activations between layers."""
     nodes = []
     values = FEATURES
     last = len(network.weights) - 1

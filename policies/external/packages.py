@@ -1,4 +1,4 @@
-"""Import of optional packages only when a file needs them."""
+"""Import of optional Python packages when a policy file needs them, with an error if they are missing."""
 
 from importlib import import_module
 from importlib.util import find_spec
@@ -8,14 +8,15 @@ from policies.base import PolicyError
 
 
 def import_package(name: str, extra: str = "onnx") -> Any:
-    """Import a module of an optional package.
+    """Import a module of an optional Python package.
 
     Args:
         name: Name of the module.
-        extra: Optional dependency group of this project that installs the package, for the error.
+        extra: Optional dependency group of this project (`pip install .[extra]`) that installs the package. The error
+            text names it.
 
     Returns:
-        The module.
+        The imported module.
 
     Raises:
         PolicyError: The package is not installed.
@@ -27,11 +28,12 @@ def import_package(name: str, extra: str = "onnx") -> Any:
 
 
 def check_package(name: str, extra: str = "onnx") -> None:
-    """Check that a module is installed, without loading it.
+    """Check that a module of an optional Python package is installed; the module is not imported.
 
     Args:
         name: Name of the module.
-        extra: Optional dependency group of this project that installs the package, for the error.
+        extra: Optional dependency group of this project (`pip install .[extra]`) that installs the package. The error
+            text names it.
 
     Raises:
         PolicyError: The package is not installed.

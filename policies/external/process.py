@@ -1,4 +1,4 @@
-"""Parent side of an external policy: runs the policy in a subprocess, with a timeout on every call.
+"""External policies, run in a subprocess with a timeout on every call; this is the parent's side.
 
 A failure of the policy ends only the episodes of the robots that the policy controls.
 """
@@ -33,45 +33,48 @@ from policies.external.spec import PolicySpec
 from quad_env.cli.child_process import Watchdog, without_ctrl_c, without_main
 
 START_TIMEOUT = 60.0
-"""Maximum time in which the subprocess makes its policy, s.
+"""Maximum time in which the subprocess loads its policy after the imports, s.
 
-Time spent waiting for a processor does not count.
+Time in which the subprocess waits for a processor core does not count.
 """
 IMPORT_TIMEOUT = 300.0
-"""Maximum time in which the subprocess starts and imports the project, s."""
+"""Maximum time in which the subprocess of a policy starts and imports this project's modules, s."""
 ACT_DEADLINE = 5.0
-"""Maximum time of one call, s; the first call may take FIRST_CALL_TIMEOUT_FACTOR times as long."""
-KILL_GRACE_PERIOD = 2.0
-"""Time after the deadline until a subprocess that has not answered is killed, s.
+"""Maximum time of one call of the policy, s.
 
-The episodes of all robots of the policy then fail.
+The first call may take FIRST_CALL_TIMEOUT_FACTOR times as long.
+"""
+KILL_GRACE_PERIOD = 2.0
+"""Time after the deadline of a call, until a subprocess that has not answered is killed, s.
+
+If the subprocess is killed, the episodes of all robots that the policy controls fail.
 """
 LOAD_TIMEOUT = "QUAD_ENV_LOAD_TIMEOUT"
-"""Environment variable that replaces START_TIMEOUT, s."""
+"""Name of the environment variable with a time, s, that replaces START_TIMEOUT."""
 ACT_TIMEOUT = "QUAD_ENV_ACT_TIMEOUT"
-"""Environment variable that replaces ACT_DEADLINE, s."""
+"""Name of the environment variable with a time, s, that replaces ACT_DEADLINE."""
 
 
 class DeadlineMissedError(RuntimeError):
-    """Raised when the policy did not answer in time; its subprocess has been killed."""
+    """Raised when a policy's subprocess did not answer a call in time and was killed."""
 
 
 class PolicyProcessError(RuntimeError):
-    """Raised when the policy raised an exception in its subprocess, or the subprocess died.
+    """Raised when a called method raised an exception in the policy's subprocess, or the subprocess ended.
 
-    The message says which.
+    The message describes the exception, or states that the subprocess has ended.
     """
 
 
 class PolicyProcess:
     """Proxy of an object in a subprocess, with a timeout on every call.
 
-    A subprocess that misses a timeout or breaks is killed; the next call starts another subprocess.
+    A subprocess that exceeds a timeout is killed. After a timeout or a crash, the next call starts another subprocess.
 
     Args:
-        make: Function that makes the object in the subprocess; it must be picklable, for example
+        make: Function without arguments that makes the object in the subprocess. It must be picklable, for example
             `functools.partial(policies.make, "trot")`.
-        load_time: Maximum time of `make`, s.
+        load_time: Maximum time of `make()` in the subprocess, s.
     """
 
     def __init__(self, make: Callable[[], object], load_time: float = START_TIMEOUT) -> None:
@@ -81,7 +84,7 @@ class PolicyProcess:
         self._connection: Connection | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state for a copy, for example in another process; the copy starts its own subprocess."""
+        """Return the attributes for pickle or copy, except the subprocess; a copy starts its own subprocess."""
         return vars(self) | {"_process": None, "_connection": None}
 
     def close(self) -> None:
@@ -102,21 +105,22 @@ class PolicyProcess:
         with without_ctrl_c(), without_main(bytes(ForkingPickler.dumps(self._make))):
             self._process.start()
         child_connection.close()
-        self.call(("__repr__",), IMPORT_TIMEOUT, self._load_time)  # because the answer comes after the object is made
+        # This call waits until the object is made, because the subprocess answers only after that.
+        self.call(("__repr__",), IMPORT_TIMEOUT, self._load_time)
 
     def call(self, request: tuple[object, ...], timeout: float, heartbeat_timeout: float | None = None) -> Any:
         """Call a method of the object in the subprocess, which is started if needed.
 
-        The subprocess is killed if the answer is late. Time spent waiting for a processor does not count. A busy
-        subprocess sends heartbeats, which restart the timeout.
+        The subprocess is killed if the answer is late. Time in which it waits for a processor core does not count. A
+        busy subprocess sends heartbeats, which restart the timeout.
 
         Args:
             request: Name of the method, then its arguments.
             timeout: Maximum time until the answer or the first heartbeat, s.
-            heartbeat_timeout: Maximum time after each heartbeat, s; None: `timeout`.
+            heartbeat_timeout: Maximum time after each heartbeat, s; None: the same as `timeout`.
 
         Returns:
-            Result of the method.
+            Result of the called method.
 
         Raises:
             DeadlineMissedError: No answer came in time; the subprocess was killed.
@@ -131,7 +135,7 @@ class PolicyProcess:
         watchdog = Watchdog(process, timeout)
         try:
             connection.send(request)
-            while (reply := connection.recv()) is None:  # a heartbeat
+            while (reply := connection.recv()) is None:  # None is a heartbeat: the subprocess is still busy.
                 watchdog.cancel()
                 timeout = timeout if heartbeat_timeout is None else heartbeat_timeout
                 watchdog = Watchdog(process, timeout)
@@ -149,22 +153,23 @@ class PolicyProcess:
 
 
 class ExternalPolicy(Policy):
-    """Policy from a Python object (`my_file.py:NAME`) or from another file, run in a subprocess.
+    """Policy from a user's file or another project's file, run in a subprocess.
 
-    A robot for which the policy has failed holds the home pose. The policy's signals, such as its clock phase, are
-    attributes named in SIGNAL_NAMES; a signal that the policy lacks is None. The constructor raises PolicyError, one
-    line, if the reference names no policy.
+    The file is a Python file (`my_file.py:NAME`), a network, a specification file, or a model of Stable-Baselines3. A
+    robot for which the policy has failed holds the home pose. The policy's signals, such as the phase of its gait
+    clock, are attributes with the names in SIGNAL_NAMES. A signal that the policy lacks is None. The constructor raises
+    PolicyError, one line, if the policy cannot be loaded.
 
     Args:
-        reference: Reference to the policy.
-        trust: True to load files in which code can be hidden.
+        reference: Path of the policy's file, or `FILE.py:NAME` for a class or object in a Python file.
+        trust: True to load files in which code can be hidden, for example pickles.
         **made_for: Robot and control period. The attribute `robot` has the servo gains of the policy's specification.
     """
 
     failure: NDArray[np.object_]
-    """Reason for the policy's failure, for each robot, (n,); None for robots without a failure."""
+    """Reason for the policy's failure as a text, one per robot, (n,); None for robots without a failure."""
     spec: PolicySpec | None = None
-    """Specification of the policy's network; None if the policy acts on the environment's own observation."""
+    """Specification of the policy's network; None if its input is the environment's own observation."""
     remarks: tuple[str, ...]
     """Assumptions made because the policy's files are incomplete, one line each."""
 
@@ -186,11 +191,14 @@ class ExternalPolicy(Policy):
         self._allocate(1)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state for a copy, for example in another process; the copy starts its own subprocess."""
+        """Return the attributes for pickle or copy; the copy starts its own subprocess."""
         return vars(self) | {"_stepped": False}
 
     def _smoke_test(self) -> None:
-        """Raise PolicyError if the policy cannot be loaded or gives no actions."""
+        """Load the policy in a subprocess, and raise PolicyError if it cannot be loaded or returns no action.
+
+        The subprocess is ended afterwards.
+        """
         try:
             self._process.call(("reset", 1, None), _time_limit(LOAD_TIMEOUT, START_TIMEOUT))
         except (DeadlineMissedError, PolicyProcessError) as error:
@@ -200,7 +208,7 @@ class ExternalPolicy(Policy):
             self._process.close()
 
     def close(self) -> None:
-        """End the policy's subprocess; `reset` starts another one."""
+        """End the policy's subprocess; the next call of `reset` starts another one."""
         self._process.close()
         self._stepped = False
 
@@ -209,7 +217,7 @@ class ExternalPolicy(Policy):
 
         Args:
             num_envs: Number of robots, n.
-            seed: Seed of the policy.
+            seed: Seed of the policy's random numbers; None: no seed.
         """
         super().reset(num_envs, seed)
         self._record_failures(self._request("reset", num_envs, seed) or {})
@@ -236,9 +244,9 @@ class ExternalPolicy(Policy):
         return within_limits(self.robot, np.where(is_working[:, None], result.actions, home))
 
     def _request(self, method: str, *arguments: object) -> Any:
-        """Return the result of a method in the subprocess.
+        """Call a method of the `PolicyServer` in the subprocess, and return its result.
 
-        Returns None and records a failure of every robot if no answer comes.
+        If no result comes, a failure is recorded for every robot and None is returned.
         """
         timeout = _time_limit(ACT_TIMEOUT, ACT_DEADLINE) * (1 if self._stepped else FIRST_CALL_TIMEOUT_FACTOR)
         try:
@@ -260,12 +268,18 @@ class ExternalPolicy(Policy):
 
 
 def _time_limit(variable: str, default: float) -> float:
-    """Return the time in an environment variable, s, or the default if it is not a positive number."""
+    """Return the time limit in an environment variable, s.
+
+    Returns `default` if the variable is missing or is not a positive number.
+    """
     text = os.environ.get(variable, "")
     return float(text) if re.fullmatch(r"[0-9]{1,6}(\.[0-9]+)?", text) and float(text) > 0 else default
 
 
 def _make_with_stderr(make: Callable[[], PolicyServer]) -> PolicyServer:
-    """Redirect standard output to standard error, and return the server that `make` makes."""
+    """Return the server that `make` makes, after redirecting standard output to standard error.
+
+    Text that the policy prints thus does not enter the standard output of the command.
+    """
     sys.stdout = sys.stderr
     return make()

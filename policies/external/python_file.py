@@ -1,4 +1,4 @@
-"""Policies in Python files: a `Policy`, or any callable that maps an observation to an action."""
+"""Loader of policies from users' Python files: a `Policy`, or a callable from observation to action."""
 
 import copy
 import importlib.util
@@ -16,20 +16,21 @@ from quad_env.robots.robot import Robot
 
 
 def load_python(reference: PolicyReference, robot: Robot, control_period: float) -> Policy | ActFactory:
-    """Load the policy that a name in a Python file refers to.
+    """Load a policy from a Python file by the name of its class or object.
 
-    A class is called to make an instance. It gets the arguments `robot` and `control_period` that it accepts.
+    If the name refers to a class, an instance is made. The constructor gets the arguments `robot` and `control_period`
+    if it accepts them.
 
     Args:
-        reference: Reference to the file and the name.
+        reference: Reference to the Python file, with the name of the class or object.
         robot: Robot that the policy moves.
         control_period: Control period of the environment, s.
 
     Returns:
-        Policy, or a factory of functions from one observation to one action.
+        Policy, or a function without arguments that returns a function from one observation to one action.
 
     Raises:
-        PolicyError: The file fails, the name does not exist, or its object is not a policy.
+        PolicyError: The file raises an exception or does not define the name, or the named object is not a policy.
     """
     named_object = find_object(reference)
     if isinstance(named_object, Policy):
@@ -48,7 +49,10 @@ def load_python(reference: PolicyReference, robot: Robot, control_period: float)
 
 
 def find_object(reference: PolicyReference) -> Any:
-    """Return the object that a reference names. Raises PolicyError if the file fails or lacks this name."""
+    """Execute the Python file of a reference, and return the class or object that the reference names.
+
+    Raises PolicyError if the file raises an exception or does not define the name.
+    """
     contents = vars(_run(reference))
     if reference.name not in contents:
         own = [name for name, value in contents.items() if callable(value) and not name.startswith("_")]
@@ -57,7 +61,11 @@ def find_object(reference: PolicyReference) -> Any:
 
 
 def _run(reference: PolicyReference) -> ModuleType:
-    """Execute a Python file and return it as a module; it can import other modules of its folder."""
+    """Execute the Python file of a reference and return it as a module.
+
+    The folder of the file is added to `sys.path`, so that the file can import other modules of this folder. Raises
+    PolicyError if the file raises an exception.
+    """
     file = reference.file.resolve()
     sys.path.insert(0, str(file.parent))
     name = f"policy_of_{file.stem}"
@@ -72,7 +80,7 @@ def _run(reference: PolicyReference) -> ModuleType:
 
 
 def _check_callable(candidate: Any, reference: PolicyReference) -> ActFunction:
-    """Return the object if it can be called. Raises PolicyError otherwise."""
+    """Return `candidate`, an object from a user's file, if it is callable; raise PolicyError otherwise."""
     if not callable(candidate):
         raise PolicyError(
             f"{reference} must be a policies.Policy or callable with an observation, not {candidate!r:.80}"
@@ -82,19 +90,19 @@ def _check_callable(candidate: Any, reference: PolicyReference) -> ActFunction:
 
 
 def _accepted_arguments(kind: type, **known: Any) -> dict[str, Any]:
-    """Return the arguments in `known` that the constructor of a class accepts, as a dictionary."""
+    """Return the arguments in `known` that the constructor of the class `kind` accepts: name -> value."""
     try:
         parameters = inspect.signature(kind).parameters
-    except ValueError:  # because a class that is not written in Python may have no signature
+    except ValueError:  # A class that is implemented in C may have no signature.
         return {}
     accepts_all = any(each.kind is inspect.Parameter.VAR_KEYWORD for each in parameters.values())
     return {name: value for name, value in known.items() if accepts_all or name in parameters}
 
 
 def _copy_of(act: ActFunction) -> ActFunction:
-    """Return a copy of a callable that has not been called yet.
+    """Return a copy of a policy function in its initial state, so that each robot has its own state.
 
-    Returns the callable itself if it cannot be copied.
+    Returns the function itself if it cannot be copied; the robots then share its state.
     """
     try:
         return copy.deepcopy(act)

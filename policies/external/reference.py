@@ -1,4 +1,8 @@
-"""References to external policies: `my_file.py:MyPolicy`, a network, or a specification file."""
+"""Parser of references to external policies, such as `my_file.py:MyPolicy` or `policy.onnx`.
+
+An external policy is an object in a user's Python file, a model of Stable-Baselines3, or a network of another project.
+The parser checks all files of the policy and reads the specification (`PolicySpec`) of a network.
+"""
 
 import hashlib
 from dataclasses import dataclass, replace
@@ -17,18 +21,21 @@ from quad_env.files.reading import MAX_TEXT_SIZE, check_file, max_network_size
 from quad_env.files.text import brief
 
 SPEC_SUFFIXES = ".onnx", ".pt", ".jit", ".toml", ".yaml", ".yml", ".json"
-"""Suffixes of files that may have a specification inside, or in a file next to them."""
-SUFFIXES = ".py", ".zip", *SPEC_SUFFIXES
-"""Suffixes of supported policy files."""
-SIDECAR_SUFFIXES = ".toml", ".yaml", ".json"
-"""Suffixes of the specification file of a .pt or .jit file.
+"""Suffixes of policy files for which `resolve_reference` looks for a specification (`PolicySpec`).
 
-The specification file has the same name and folder as the network.
+The specification is in the policy file itself, or for .pt and .jit files in a file next to it.
+"""
+SUFFIXES = ".py", ".zip", *SPEC_SUFFIXES
+"""Suffixes of the supported files of external policies."""
+SIDECAR_SUFFIXES = ".toml", ".yaml", ".json"
+"""Suffixes of the specification file of a TorchScript network (.pt, .jit), in the order of the search.
+
+The specification file has the same folder as the network and the same name but for the suffix.
 """
 UNSUPPORTED_SUFFIXES = ".pth", ".ckpt", ".h5", ".pkl"
-"""Suffixes of unsupported network files."""
+"""Suffixes of network files that are rejected with an error that proposes supported formats."""
 _REQUIRED_PACKAGES = {".onnx": "onnx", ".yaml": "yaml", ".yml": "yaml"}
-"""Suffix -> optional package that reads files with this suffix."""
+"""Suffix of a file -> name of the optional Python package that is needed to read the file."""
 
 
 @dataclass(frozen=True)
@@ -36,24 +43,24 @@ class PolicyReference:
     """Files and specification of an external policy; `resolve_reference` makes it."""
 
     file: Path
-    """File of the policy."""
+    """Path of the file in the reference: Python file, network, model, or specification file."""
     name: str = ""
-    """Name of the policy's object in a Python file; empty for other files."""
+    """Name of the class or object in a Python file that is the policy; empty for other kinds of files."""
     normaliser: Path | None = None
     """File with the observation statistics (VecNormalize) of a Stable-Baselines3 model, or None."""
     spec: PolicySpec | None = None
-    """Specification of the policy's network; None if the policy acts on the environment's own observation."""
+    """Specification of the policy's network; None if its input is the environment's own observation."""
     remarks: tuple[str, ...] = ()
-    """Assumptions about the policy, one line each."""
+    """Assumptions about the policy that its files do not confirm, one line each."""
 
     @property
     def suffix(self) -> str:
-        """Suffix of the file in lower case, one of SUFFIXES."""
+        """Suffix of the policy's file in lower case, one of SUFFIXES."""
         return self.file.suffix.lower()
 
     @property
     def sha256(self) -> str:
-        """SHA-256 digest of the contents of all files of the policy, and of its specification."""
+        """SHA-256 digest of the contents of all files of the policy and of its specification, hexadecimal."""
         network = None if self.spec is None else self.spec.network
         files = [file for file in dict.fromkeys((self.file, self.normaliser, network)) if file is not None]
         spec_text = "" if self.spec is None else self.spec.digest_text
@@ -70,12 +77,16 @@ class PolicyReference:
 
 
 def is_reference(text: str | Path) -> bool:
-    """Return True if a text has the form of a reference to an external policy, and is not a folder."""
+    """Return True if a text has the form of a reference to an external policy.
+
+    The suffix of the file must be one of SUFFIXES, and the text must not be the path of a folder. The file may be
+    missing.
+    """
     return _parse_reference(text).suffix in SUFFIXES and not Path(text).is_dir()
 
 
 def unsupported_file_remedy(text: str | Path) -> str | None:
-    """Return an error text with a remedy if `text` names a file of an unsupported kind; None otherwise."""
+    """Return an error text with a remedy if the suffix of a file is in UNSUPPORTED_SUFFIXES, else None."""
     suffix = Path(text).suffix
     if suffix.lower() not in UNSUPPORTED_SUFFIXES:
         return None
@@ -94,14 +105,14 @@ def _parse_reference(text: str | Path) -> PolicyReference:
 
 
 def resolve_reference(text: str | Path, trust: bool) -> PolicyReference:
-    """Parse a reference, check all files of the policy, and read its specification.
+    """Parse a reference to an external policy, check all files of the policy, and read its specification.
 
     Args:
-        text: Path, or `FILE.py:NAME`.
-        trust: True to accept files in which code can be hidden.
+        text: Path of a policy file, or `FILE.py:NAME` for a class or object in a Python file.
+        trust: True to accept files in which code can be hidden, for example pickles.
 
     Returns:
-        Reference with absolute paths, for the process that loads the policy.
+        Reference with absolute paths, from which the subprocess of the policy loads the policy.
 
     Raises:
         PolicyError: A file is missing, unreadable, incomplete or not trusted; the message is one line.
@@ -132,7 +143,8 @@ def resolve_reference(text: str | Path, trust: bool) -> PolicyReference:
 def _with_statistics(model: PolicyReference, trust: bool) -> PolicyReference:
     """Return the reference to a Stable-Baselines3 model with the file of its observation statistics.
 
-    Raises PolicyError if `trust` is False, or if the statistics may belong to another model.
+    The statistics (VecNormalize) are the mean and variance that normalise the model's observations. Raises
+    PolicyError if `trust` is False, or if the statistics may belong to another model.
     """
     try:
         statistics, is_certain = find_statistics(model.file)
@@ -148,7 +160,7 @@ def _with_statistics(model: PolicyReference, trust: bool) -> PolicyReference:
 
 
 def _raise_untrusted(*files: Path) -> NoReturn:
-    """Raise the PolicyError for files that are loaded only with --trust."""
+    """Raise the PolicyError for files that can run hidden code, if the user did not give --trust."""
     names = " and ".join(map(str, files))
     them = "it" if len(files) == 1 else "them"
     origin = "it comes" if len(files) == 1 else "they come"
@@ -158,7 +170,7 @@ def _raise_untrusted(*files: Path) -> NoReturn:
 
 
 def _check_readable(file: Path) -> None:
-    """Raise PolicyError unless the file exists and can be read."""
+    """Raise PolicyError if the file is missing, cannot be read, or is too large."""
     if not file.is_file():
         raise PolicyError(f"there is no file {file}")
     try:
@@ -168,9 +180,11 @@ def _check_readable(file: Path) -> None:
 
 
 def _find_spec(file: Path) -> PolicySpec | None:
-    """Return the specification in a file, or in the file next to a TorchScript network.
+    """Return the specification of the policy in a network file or specification file.
 
-    Returns None for an ONNX file that has no specification. Raises PolicyError for a fault of the file.
+    The specification of a TorchScript network is in a file next to the network, see SIDECAR_SUFFIXES. Returns None for
+    an ONNX file that contains no specification. Raises PolicyError if a file has a fault, or if a TorchScript network
+    has no specification.
     """
     if file.suffix.lower() not in TORCHSCRIPT_SUFFIXES:
         spec = _read_spec(file)
@@ -186,9 +200,10 @@ def _find_spec(file: Path) -> PolicySpec | None:
 
 
 def _read_spec(file: Path) -> PolicySpec | None:
-    """Read a specification in a subprocess with time and memory limits, because any file may be given.
+    """Read the specification that a file contains, in a subprocess with limits on time and memory.
 
-    Raises PolicyError for a fault of the file, and if the subprocess exceeds a limit.
+    The limits are needed because users may give files that are slow or large to parse. Returns None if the file
+    contains no specification. Raises PolicyError if the file has a fault, or if the subprocess exceeds a limit.
     """
     package = _REQUIRED_PACKAGES.get(file.suffix.lower())
     if package is not None:
@@ -200,9 +215,10 @@ def _read_spec(file: Path) -> PolicySpec | None:
 
 
 def _check_network(spec: PolicySpec) -> PolicySpec:
-    """Check a user's specification against its network, in a subprocess with time and memory limits.
+    """Check a user's specification against its network, in a subprocess with limits on time and memory.
 
-    Raises PolicyError if they contradict each other, or if the subprocess exceeds a limit.
+    Returns the same specification. Raises PolicyError if network and specification contradict each other, or if the
+    subprocess exceeds a limit.
     """
     try:
         return call(readers.check_network_matches, spec, True)  # type: ignore[no-any-return]
@@ -211,9 +227,10 @@ def _check_network(spec: PolicySpec) -> PolicySpec:
 
 
 def draft_without_spec(file: Path) -> readers.IncompleteSpecError | None:
-    """Return an error that holds the known fields of a network without a specification.
+    """Return the error for a network file without a specification, from which a draft can be written.
 
-    Returns None if the file is not a network.
+    A draft is an incomplete specification file that the user completes. The only field that the error knows is the path
+    of the network. Returns None if the file is missing or has no suffix of a network.
     """
     if not file.is_file() or file.suffix.lower() not in (".onnx", *TORCHSCRIPT_SUFFIXES):
         return None

@@ -1,4 +1,4 @@
-"""Models of Stable-Baselines3, of any algorithm with an actor.
+"""Loader of policies from model files (.zip) of Stable-Baselines3, for all algorithms with an actor.
 
 Loading a model can run code that is hidden in the file.
 """
@@ -18,14 +18,15 @@ from quad_env.robots.robot import Robot
 
 
 def load_sb3(reference: PolicyReference, robot: Robot) -> ActFactory:
-    """Load a model of Stable-Baselines3.
+    """Load a model of Stable-Baselines3 as a function from observations to joint targets.
 
     Args:
-        reference: Reference to the model, with the file of its observation statistics.
+        reference: Reference to the model's file, with the file of its observation statistics.
         robot: Robot that the policy moves.
 
     Returns:
-        Factory of functions from one observation to the deterministic action: joint targets of the robot, rad.
+        Function without arguments that returns the policy function. The policy function maps the observation of one
+        robot to the joint targets of the deterministic action, rad.
 
     Raises:
         PolicyError: The file is not a model, or the meaning of its actions is unknown.
@@ -54,9 +55,10 @@ def load_sb3(reference: PolicyReference, robot: Robot) -> ActFactory:
 
 
 def _load_normaliser(reference: PolicyReference, space: Any) -> Callable[[Any], Any]:
-    """Return the function that normalises observations for the model.
+    """Return the function that normalises an observation with the model's statistics (VecNormalize).
 
-    Raises PolicyError if the statistics file is invalid or has another shape than the model's observations.
+    The function is the identity if the model has no statistics file. Raises PolicyError if the statistics file is
+    invalid, or if its shape differs from the shape of `space`, the model's observation space.
     """
     if reference.normaliser is None:
         return _identity
@@ -77,9 +79,10 @@ def _load_normaliser(reference: PolicyReference, space: Any) -> Callable[[Any], 
 def _action_conversion(space: Any, reference: PolicyReference, robot: Robot) -> Callable[[Any], Any]:
     """Return the function that converts a model's actions to joint targets, rad.
 
-    Raises PolicyError if the actions are for another robot, or if their unit is unknown.
+    `space` is the model's action space. Raises PolicyError if the action space was made for another robot, or if it is
+    [-1, 1], because the file then does not state the joint targets that the actions represent.
     """
-    # Imported here because commands that only print their help would otherwise wait for Gymnasium.
+    # Gymnasium is imported here because commands that only print their help would otherwise wait for its import.
     from gymnasium.spaces import Box
 
     from quad_env.envs.home_pose import HomePoseSpace

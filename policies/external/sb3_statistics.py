@@ -1,4 +1,7 @@
-"""Search for the file with the observation statistics (VecNormalize) of a Stable-Baselines3 model."""
+"""Search for the file with the observation statistics (VecNormalize) of a Stable-Baselines3 model.
+
+The statistics are the mean and variance of the observations in training, with which each observation is normalised.
+"""
 
 import itertools
 import os
@@ -8,34 +11,34 @@ from pathlib import Path
 from policies.base import PolicyError
 
 STATISTICS_NAMES = "vecnormalize.pkl", "vec_normalize.pkl"
-"""Usual names of statistics files."""
+"""Usual names of files with observation statistics (VecNormalize)."""
 BEST_MODEL_FOLDERS = "best_model", "best", "best_models", "eval"
-"""Names of folders that hold the best model of a run.
+"""Names of folders in which training scripts save the best model of a training run.
 
-The statistics lie in the run's folder above, under any name.
+The file of the observation statistics is then in the parent folder and can have any name.
 """
 MAX_FOLDERS = 1000
-"""Maximum number of entries of a folder that are searched for subfolders with statistics."""
+"""Maximum number of directory entries that are searched for subfolders with statistics files."""
 _STATISTICS_NAME = re.compile(r"normali[sz]e|vec_?norm")
-"""Pattern that less common names of statistics files contain."""
+"""Pattern that a file name in lower case must contain if the file may hold observation statistics."""
 
 
 def find_statistics(model: Path) -> tuple[Path | None, bool]:
-    """Find the file with the observation statistics (VecNormalize) of a model.
+    """Find the file with the observation statistics (VecNormalize) of a Stable-Baselines3 model.
 
-    Stable-Baselines3's `CheckpointCallback` writes `PREFIX_vecnormalize_N_steps.pkl` next to `PREFIX_N_steps.zip`.
-    `EvalCallback` has its own folder for `best_model.zip`; the statistics lie in the run's folder above it. RL Zoo
+    `CheckpointCallback` of Stable-Baselines3 writes `PREFIX_vecnormalize_N_steps.pkl` next to `PREFIX_N_steps.zip`.
+    `EvalCallback` writes `best_model.zip` into its own folder; the statistics are then in the parent folder. RL Zoo
     writes the statistics into the folder `ENV` next to `ENV.zip` and `best_model.zip`.
 
     Args:
-        model: File of the model.
+        model: Path of the model's .zip file.
 
     Returns:
-        file: File of the statistics; None if there is none.
-        is_certain: False if the file was chosen only because no other statistics file is near.
+        file: Path of the statistics file; None if there is none.
+        is_certain: False if the file was chosen only because it is the only statistics file near the model.
 
     Raises:
-        PolicyError: There are statistics near the model, but they may belong to another model.
+        PolicyError: There are statistics files near the model, but they may belong to another model.
     """
     start, _, end = model.stem.rpartition("_steps")[0].rpartition("_")
     own_names = [f"{model.stem}_vecnormalize.pkl", f"{start}_vecnormalize_{end}_steps.pkl"]
@@ -48,7 +51,8 @@ def find_statistics(model: Path) -> tuple[Path | None, bool]:
     candidates = _statistics_in_subfolders(model.parent) or _statistics_above(model)
     if not neighbours and len(candidates) == 1:
         return candidates[0], False
-    if not candidates and model.parent.name in BEST_MODEL_FOLDERS:  # the run's checkpoints may have their own folder
+    if not candidates and model.parent.name in BEST_MODEL_FOLDERS:
+        # The statistics may be in the folder of the checkpoints, which is next to the folder of the best model.
         candidates = _statistics_in_subfolders(model.parent.parent)
     if neighbours or candidates:
         names = ", ".join(os.path.relpath(file, model.parent) for file in neighbours or candidates)
@@ -60,9 +64,9 @@ def find_statistics(model: Path) -> tuple[Path | None, bool]:
 
 
 def _statistics_above(model: Path) -> list[Path]:
-    """Return the paths of the statistics files in the parent of the model's folder.
+    """Return the paths of the observation statistics files in the parent of the model's folder.
 
-    Files with unusual names are included if the model's folder is one of BEST_MODEL_FOLDERS.
+    Files with other names than STATISTICS_NAMES are included if the model's folder is in BEST_MODEL_FOLDERS.
     """
     folder = model.parent.parent
     files = _statistics_in(folder) if model.parent.name in BEST_MODEL_FOLDERS else []
@@ -72,16 +76,16 @@ def _statistics_above(model: Path) -> list[Path]:
 
 
 def _statistics_in_subfolders(folder: Path) -> list[Path]:
-    """Return the paths of the statistics files in the subfolders of a folder, sorted by subfolder."""
+    """Return the paths of the observation statistics files in all subfolders of a folder, sorted."""
     entries = itertools.islice(folder.iterdir(), MAX_FOLDERS)
     subfolders = sorted(entry for entry in entries if entry.is_dir())
     return [file for subfolder in subfolders for file in _statistics_in(subfolder)]
 
 
 def _statistics_in(folder: Path) -> list[Path]:
-    """Return the paths of the files in a folder that may be statistics (VecNormalize).
+    """Return the sorted paths of the files in a folder that may be observation statistics (VecNormalize).
 
-    They may have no suffix, because `VecNormalize.save` does not add one.
+    A file without suffix may be one, because `VecNormalize.save` does not add a suffix.
     """
     return sorted(
         file

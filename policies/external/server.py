@@ -1,4 +1,4 @@
-"""Child side of an external policy: loads and calls the policy, and records its failures."""
+"""Server of an external policy in its subprocess: loads and calls the policy, records its failures."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -20,7 +20,7 @@ from quad_env.robots.robot import Robot
 from quad_env.sensing.height_scan import table_with
 
 SIGNAL_NAMES = ("phase", "correction", "base_action", "stopped")
-"""Names of the signals that some policies report, in addition to their actions.
+"""Names of the signals that some policies report for n robots, in addition to their actions.
 
 - `phase`: Phase of the gait clock, (n,), rad.
 - `correction`: Correction of a residual policy, as a fraction of its limit (authority), (n, 12).
@@ -28,13 +28,17 @@ SIGNAL_NAMES = ("phase", "correction", "base_action", "stopped")
 - `stopped`: True for robots that the policy's own safety layer has stopped, (n,).
 """
 FIRST_CALL_TIMEOUT_FACTOR = 6
-"""Factor on the deadline of the first call, because some policies compile themselves in it."""
-MAX_REASON = 200
-"""Maximum number of characters of the reason of a failure."""
-HEARTBEAT_PERIOD = 1.0
-"""Maximum period of the heartbeats, s; a fifth of the deadline if that is shorter.
+"""Ratio of the deadline of a policy's first call to the deadline of its later calls.
 
-A busy subprocess sends heartbeats to restart the timeout of the parent.
+The first call may take longer because some policies compile themselves in it.
+"""
+MAX_REASON = 200
+"""Maximum number of characters of the text that describes the failure of a policy."""
+HEARTBEAT_PERIOD = 1.0
+"""Minimum time between two heartbeats, s.
+
+A fifth of the deadline of a call is used instead if it is shorter. A busy subprocess sends heartbeats to its parent
+between the calls of several robots. A heartbeat restarts the timeout with which the parent waits.
 """
 
 _parent_connection: Connection | None = None
@@ -43,30 +47,31 @@ _parent_connection: Connection | None = None
 
 @dataclass(frozen=True)
 class PolicyStepResult:
-    """Result of a control step of n robots, which the child sends to its parent."""
+    """Result of a control step of n robots, which the policy's subprocess sends to its parent."""
 
     actions: Actions
     """Joint targets, (n, 12), rad; meaningless for robots for which the policy has failed."""
     failures: dict[int, str]
     """Index of each robot for which the policy failed in this step -> reason."""
     signals: dict[str, NDArray[Any]] = field(default_factory=dict)
-    """Name of each available signal, one of SIGNAL_NAMES -> values."""
+    """Name of each signal that the policy has, one of SIGNAL_NAMES -> values with one row per robot."""
 
 
 def serve_requests(connection: Connection, make: Callable[[], object]) -> None:
-    """Answer the parent's requests until the connection closes; the subprocess runs this function.
+    """Answer the method calls of the parent process until the connection closes.
 
-    A request is a tuple: the name of a method and its arguments. An answer is a pair: an error text or None, and the
-    result of the method. The subprocess ends together with its parent, even while the policy hangs.
+    The subprocess of an external policy runs this function. A request is a tuple: the name of a method and its
+    arguments. An answer is a pair: an error text or None, and the result of the method. The subprocess ends together
+    with its parent, even while the policy hangs.
 
     Args:
-        connection: Connection to the parent.
-        make: Function that makes the object with the requested methods.
+        connection: Connection to the parent process.
+        make: Function without arguments that makes the object with the called methods.
     """
     global _parent_connection
     exit_with_parent()
     try:
-        connection.send(None)  # a heartbeat, because all modules are imported now
+        connection.send(None)  # This heartbeat informs the parent that all modules are imported.
         try:
             served = make()
             _parent_connection = connection
@@ -91,19 +96,19 @@ def send_heartbeat() -> None:
 
 
 def make_server(reference: PolicyReference, robot: Robot, control_period: float, deadline: float) -> "PolicyServer":
-    """Load a policy, and call it once with the observation of an upright robot.
+    """Load an external policy, and test it by one call with the observation of an upright robot.
 
     Args:
         reference: Reference to the policy, from `resolve_reference`.
         robot: Robot that the policy moves.
         control_period: Control period of the environment, s.
-        deadline: Maximum time of one call, s.
+        deadline: Maximum time of one call of the policy, s.
 
     Returns:
-        Server of the policy.
+        Server of the loaded policy.
 
     Raises:
-        PolicyError: The policy cannot be loaded, is made for another robot or control period, or gives no action.
+        PolicyError: The policy cannot be loaded, is made for another robot or control period, or returns no action.
     """
     loaded: Policy | ActFactory
     if reference.spec is not None:
@@ -122,16 +127,15 @@ def make_server(reference: PolicyReference, robot: Robot, control_period: float,
 
 
 class PolicyServer:
-    """Loaded policy of n robots, with a record of its failures.
+    """Server that calls a loaded external policy for n robots and records the robots for which it failed.
 
-    `make_server` makes it in the policy's subprocess.
-
-    A `Policy` is called once for all robots. Any other callable is called once per robot.
+    `make_server` makes the server in the policy's subprocess. A `Policy` is called once for all robots. Any other
+    callable is called once per robot.
 
     Args:
-        loaded: Policy, or factory of functions from one observation to one action.
+        loaded: Policy, or function without arguments that returns a function from one observation to one action.
         robot: Robot that the policy moves.
-        deadline: Maximum time of one call, s.
+        deadline: Maximum time of one call, s; a fifth of it limits the time between two heartbeats.
     """
 
     def __init__(self, loaded: Policy | ActFactory, robot: Robot, deadline: float) -> None:
@@ -140,9 +144,9 @@ class PolicyServer:
         self._deadline = deadline
         self._last_heartbeat = time.monotonic()
         self._acts: list[Any] = []
-        """Functions that compute actions: the method `act` of a `Policy`, or else one function per robot.
+        """Functions that compute actions: the method `act` of a `Policy`, or else one function per robot, n.
 
-        The function of a robot is None if it could not be made.
+        The function of a robot is None if the call that makes it has failed.
         """
         self._failed = np.zeros(0, np.bool_)
 
@@ -150,10 +154,10 @@ class PolicyServer:
         """Call the policy once with the observation of an upright robot that stands still.
 
         Args:
-            reference: Reference to the policy, for the error.
+            reference: Reference to the policy, named in the error.
 
         Raises:
-            PolicyError: The policy does not return an action of the right shape.
+            PolicyError: The policy raises an exception, or its action has a wrong shape.
         """
         policy = self._loaded if isinstance(self._loaded, Policy) else None
         table = table_with(self._robot, None if policy is None else policy.height_scan)
@@ -174,7 +178,7 @@ class PolicyServer:
             seed: Seed of a `Policy`; other callables have no seed.
 
         Returns:
-            Index of each robot for which the policy failed -> reason.
+            Index of each robot for which the reset of the policy failed -> reason as a text.
         """
         self._failed = np.zeros(num_envs, np.bool_)
         if isinstance(self._loaded, Policy):
@@ -187,7 +191,7 @@ class PolicyServer:
     def reset_where(self, mask: Mask) -> dict[int, str]:
         """Reset the policy for the robots for which `mask`, (n,), is True.
 
-        Returns the index of each robot for which the policy failed -> reason.
+        Returns a dictionary: index of each robot for which the reset failed -> reason as a text.
         """
         self._failed[mask] = False
         if isinstance(self._loaded, Policy):
@@ -200,7 +204,11 @@ class PolicyServer:
         return failures
 
     def step(self, observation: NDArray[np.float32]) -> PolicyStepResult:
-        """Return the actions for the observations of all robots, (n, k), with new failures and the signals."""
+        """Compute the actions for the observations of all robots, (n, k).
+
+        Returns the actions, the failures in this step, and the policy's signals. Robots for which the policy has failed
+        earlier are not computed.
+        """
         count = len(observation)
         joints = self._robot.num_joints
         actions = np.zeros((count, joints), np.float32)
@@ -220,7 +228,7 @@ class PolicyServer:
         return PolicyStepResult(actions, failures, self.signals())
 
     def signals(self) -> dict[str, NDArray[Any]]:
-        """Return the signals that the policy has: name, one of SIGNAL_NAMES -> values with n rows."""
+        """Return the signals that the policy has: name, one of SIGNAL_NAMES -> values with one row per robot."""
         signals = {}
         for name in SIGNAL_NAMES if isinstance(self._loaded, Policy) else ():
             value, _ = self._call(lambda name=name: np.array(getattr(self._loaded, name)))
@@ -230,9 +238,9 @@ class PolicyServer:
         return signals
 
     def _record_failures(self, robots: Iterable[int], reason: str | None) -> dict[int, str]:
-        """Mark `robots` as failed if `reason` is not None.
+        """Record that the policy failed for the robots with the indices `robots`, if `reason` is not None.
 
-        Returns the index of each newly failed robot -> reason.
+        Returns a dictionary: index of each robot without an earlier failure -> reason.
         """
         new = [] if reason is None else [robot for robot in robots if not self._failed[robot]]
         self._failed[new] = True
@@ -241,9 +249,9 @@ class PolicyServer:
     def _compute_action(
         self, act: ActFunction, observation: NDArray[np.float32], shape: tuple[int, ...]
     ) -> tuple[Actions | None, str | None]:
-        """Call `act` and check the shape of its action.
+        """Call the policy function `act`, and check that its action consists of numbers and has `shape`.
 
-        Returns the action and None, or None and the reason of a failure.
+        Returns the action and None, or None and the reason of the failure.
         """
         action, reason = self._call(lambda: np.asarray(act(observation)))
         if reason is not None:
@@ -254,13 +262,14 @@ class PolicyServer:
             return action.astype(np.float32), None
 
     def _call(self, call: Callable[..., Any], *arguments: Any) -> tuple[Any, str | None]:
-        """Call a function and return its result and None, or None and the reason of a failure.
+        """Call a function of the policy; return its result and None, or None and the reason of its failure.
 
-        An endless call is ended by the parent, which kills this process (`PolicyProcess`).
+        The call has no time limit here, because the parent kills this process if the call takes too long
+        (`PolicyProcess`).
         """
         try:
             return call(*arguments), None
-        except BaseException as error:  # includes SystemExit, because the other robots still need this process
+        except BaseException as error:  # SystemExit is caught too, because the other robots still need this process.
             return None, f"raised {format_exception(error)}"[:MAX_REASON]
         finally:
             now = time.monotonic()

@@ -1,7 +1,8 @@
-"""Specification of an external policy: joints, servo gains, scales and observation terms.
+"""Specification of an external policy: joints, servo gains, action scales and observation terms.
 
-Names, order and angles of the joints follow the convention of the policy's own files. The modules `joint_mapping` and
-`observation_adapter` convert them to the robot's convention. A joint target is `offset + scale * clip(action)`, rad.
+Names, order and signs of the joints are as in the policy's own files. The modules `joint_mapping` and
+`observation_adapter` convert them to the order and signs of this project's robots. A joint target is
+`offset + scale * clip(action)`, rad, where `action` is an output of the network.
 """
 
 from dataclasses import dataclass, field
@@ -19,20 +20,23 @@ Range = tuple[Finite, Finite]
 
 TERM_WIDTHS: dict[str, int | None] = {
     "projected_gravity": 3,  # unit vector of gravity, (0, 0, -1) if the robot is upright
-    "angular_velocity": 3,  # of the trunk, rad/s
-    "linear_velocity": 3,  # of the trunk, m/s
-    "joint_position": 12,  # angles minus the default position, rad
-    "absolute_joint_position": 12,  # angles, rad
-    "joint_velocity": 12,  # angular velocities, rad/s
-    "joint_torque": 12,  # torque of the servos, N·m
+    "angular_velocity": 3,  # angular velocity of the trunk, rad/s
+    "linear_velocity": 3,  # linear velocity of the trunk, m/s
+    "joint_position": 12,  # joint angles minus the default position, rad
+    "absolute_joint_position": 12,  # joint angles, rad
+    "joint_velocity": 12,  # angular velocities of the joints, rad/s
+    "joint_torque": 12,  # torques of the servos, N·m
     "previous_action": 12,
-    "command": 3,  # forward m/s, lateral m/s, yaw rate rad/s
-    "foot_contact": 4,  # 1 on the ground, 0 in the air, legs in the order of `joints`
-    "height_scan": None,  # heights of the trunk above the ground at the points, m
-    "gait_clock": 2,  # sine and cosine of a phase that is 0 at the start of the episode
-    "constant": None,  # constant numbers
+    "command": 3,  # commanded forward velocity, m/s, lateral velocity, m/s, and yaw rate, rad/s
+    "foot_contact": 4,  # 1 for feet on the ground, 0 for feet in the air, legs in the order of `joints`
+    "height_scan": None,  # heights of the trunk above the ground at the points of the term's grid, m
+    "gait_clock": 2,  # sine and cosine of a clock phase that is 0 at the start of the episode
+    "constant": None,  # the constant numbers in the term's setting `values`
 }
-"""Name of an observation term -> number of values; None if the term's settings define the number."""
+"""Name of an observation term -> number of its values in one control step.
+
+None: the settings of the term determine the number.
+"""
 
 JOINT_FIELDS = (
     "default_position",
@@ -44,14 +48,17 @@ JOINT_FIELDS = (
     "signs",
     "zeros",
 )
-"""Names of the fields of `PolicySpec` with one value per joint, in the order of `joints`."""
+"""Names of the fields of `PolicySpec` with one value per joint, in the order of the field `joints`."""
 
 MAX_SCAN_POINTS = 10_000
-"""Maximum number of points of a height scan."""
+"""Maximum number of points of a height scan that a policy observes."""
 MAX_NAME = 100
-"""Maximum number of characters of a joint's name."""
+"""Maximum number of characters of a joint's name in a specification."""
 MAX_OBSERVATION = 100_000
-"""Maximum size of an observation: values per control step times steps of the longest history."""
+"""Maximum size of a policy's observation.
+
+The size is the number of values in one control step times the number of control steps in the longest history.
+"""
 PLAUSIBLE_RANGES = {
     "control_rate": (1.0, 1e4, "Hz"),
     "default_position": (-100.0, 100.0, "rad"),
@@ -70,16 +77,16 @@ PLAUSIBLE_RANGES = {
     "action_clip": (-1e12, 1e12, ""),
     "target_clip": (-1e12, 1e12, "rad"),
 }
-"""Field -> minimum, maximum, unit.
+"""Name of a field of a specification -> plausible range of its numbers: minimum, maximum, unit.
 
-Values outside the range are errors in the file, because no robot has them.
+A number outside the range is rejected as an error in the file, because no robot has it.
 """
 _TERM_OF_SETTING = {"clock": "gait_clock", "grid": "height_scan", "values": "constant"}
-"""Setting of a `SpecTerm` -> the only observation term that has this setting."""
+"""Name of a setting of `SpecTerm` -> name of the only observation term that has this setting."""
 
 
 class _CheckedSpec:
-    """Base class of dataclasses that check the values of their fields against the fields' annotations.
+    """Base class of dataclasses that check each value against the annotation of its field.
 
     The constructor raises PolicyError for a wrong value.
     """
@@ -93,21 +100,24 @@ class _CheckedSpec:
 
 @dataclass(frozen=True)
 class HeightGrid(_CheckedSpec):
-    """Grid of points at which a height scan observes the ground, around the trunk's centre.
+    """Rectangular grid of points around the trunk's centre at which a policy observes the ground height.
 
-    The coordinates are in the heading frame.
+    The coordinates are relative to the trunk's centre, in the heading frame (yaw only).
     """
 
     x: Numbers
-    """Forward coordinates of the grid lines, in the order of the observation, m."""
+    """Forward coordinates of the grid points, one per row of the grid, in the order of the observation, m."""
     y: Numbers
-    """Lateral coordinates of the grid lines, positive to the left, in the order of the observation, m."""
-    x_first: bool = True
-    """True if x changes fastest in the sequence of observed points, False if y changes fastest."""
-    offset: Finite = 0.0
-    """Offset of the observed height, m.
+    """Lateral coordinates of the grid points, positive to the left, in the order of the observation, m.
 
-    The observed height is the trunk's height minus the ground's height minus this offset.
+    There is one number per column of the grid.
+    """
+    x_first: bool = True
+    """True if x changes fastest from one observed point to the next, False if y changes fastest."""
+    offset: Finite = 0.0
+    """Length that is subtracted from each observed height, m.
+
+    The observed height is the trunk's height minus the ground's height at the point minus this length.
     """
 
     def __post_init__(self) -> None:
@@ -119,29 +129,36 @@ class HeightGrid(_CheckedSpec):
 
 @dataclass(frozen=True)
 class SpecTerm(_CheckedSpec):
-    """Observation term of a policy; its values are clipped first and then scaled."""
+    """Observation term: a quantity, such as the joint positions, in the observation of an external policy.
+
+    Its values are clipped first and then scaled.
+    """
 
     name: str
     """Name of the term, one of TERM_WIDTHS."""
     scale: Numbers = (1.0,)
-    """One factor for all values of the term, or one factor per value."""
+    """Factors on the values of the term: one factor for all values, or one factor per value."""
     clip: Range | None = None
-    """Minimum and maximum of the values before they are scaled; None: no limits."""
+    """Minimum and maximum to which the values are clipped before they are scaled; None: no limits."""
     history: Annotated[int, Bounds("from 1 to 1000", 1, 1000)] = 1
-    """Number of observed control steps, including the present step."""
+    """Number of control steps of the term in the observation, including the present step."""
     frame: Literal["body", "heading", "world"] = "body"
-    """Frame of velocities and gravity.
+    """Frame in which the velocities or the gravity vector of the term are observed.
 
-    The world frame's x axis is the heading at the start of the episode.
+    `body` is the base frame and `heading` the yaw-only frame. The x axis of `world` is the heading of the robot at the
+    start of the episode. Terms that are no vectors ignore the frame.
     """
     values: Numbers = ()
     """Values of the term `constant`; empty for other terms."""
     clock: NonNegative = 0.0
-    """Frequency of the term `gait_clock`, Hz; 0 for other terms."""
+    """Frequency of the clock in the term `gait_clock`, Hz; 0 for other terms."""
     grid: HeightGrid | None = None
-    """Points of the term `height_scan`; None for other terms."""
+    """Grid of the points that the term `height_scan` observes; None for other terms."""
     zero_below: NonNegative = field(default=0.0, repr=False)
-    """Norm of the command below which the term `gait_clock` is (0, 0); 0: the clock always runs."""
+    """Threshold of the term `gait_clock`: it is (0, 0) if the norm of the velocity command is smaller.
+
+    0: the clock always runs.
+    """
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -161,7 +178,7 @@ class SpecTerm(_CheckedSpec):
 
     @property
     def width(self) -> int:
-        """Number of values in one control step."""
+        """Number of values of the term in one control step."""
         width = TERM_WIDTHS[self.name]
         if width is not None:
             return width
@@ -172,7 +189,8 @@ class SpecTerm(_CheckedSpec):
 class PolicySpec(_CheckedSpec):
     """Specification of an external policy: its network, observation, actions and servo gains.
 
-    The modules in `readers` read specifications from deployment files. A `NetworkPolicy` runs the specified policy.
+    The modules in `readers` read it from the deployment files of several projects. A `NetworkPolicy` runs the network
+    as the specification describes.
     """
 
     network: Path
@@ -180,11 +198,11 @@ class PolicySpec(_CheckedSpec):
     control_rate: Positive
     """Control rate of the policy, Hz."""
     joints: tuple[str, ...]
-    """Names of the twelve joints, in the order of the actions."""
+    """Names of the twelve joints, in the order of the network's actions."""
     default_position: Numbers
     """Joint angles at which the term `joint_position` is zero, in the order of `joints`, rad."""
     action_scale: Numbers
-    """Change of the joint target per unit of the action, in the order of `joints`, rad."""
+    """Change of each joint target per unit of the network's output, in the order of `joints`, rad."""
     stiffness: tuple[Positive, ...]
     """Servo stiffness, in the order of `joints`, N·m/rad."""
     damping: tuple[NonNegative, ...]
@@ -194,52 +212,49 @@ class PolicySpec(_CheckedSpec):
     action_offset: Numbers | None = None
     """Joint targets if all actions are zero, in the order of `joints`, rad; None: the default position."""
     action_clip: Range | None = None
-    """Minimum and maximum of an action before it is scaled; None: no limits."""
+    """Minimum and maximum to which each network output is clipped before it is scaled; None: no limits."""
     target_clip: tuple[Range, ...] | None = None
-    """Minimum and maximum of each joint target, in the order of `joints`, rad.
+    """Minimum and maximum to which each joint target is clipped, in the order of `joints`, rad.
 
     None: only the robot's own limits apply.
     """
     observed_joints: tuple[str, ...] | None = None
-    """Joint names in the order of the observed angles, velocities and torques.
+    """Joint names in the order of the observed joint angles, velocities and torques.
 
-    None: the order of `joints`.
-
-    The term `previous_action` always has the order of `joints`.
+    None: the order of `joints`. The term `previous_action` always has the order of `joints`.
     """
     observation_clip: Positive | None = None
-    """Maximum absolute value of an observed number after scaling; None: no limit."""
+    """Limit to which the absolute value of each observed number is clipped after scaling; None: no limit."""
     history_layout: Literal["term", "time"] = "term"
-    """Order of the numbers in a history.
+    """Order of the numbers in an observation with a history of control steps.
 
-    `term` puts all control steps of a term together, `time` all terms of a control step.
+    `term` puts all control steps of a term together, `time` puts all terms of a control step together.
     """
     history_newest: Literal["first", "last"] = "last"
-    """Position of the newest control step in the history."""
+    """Position of the newest control step in the history of the observation."""
     history_start: Literal["first", "zero"] = "first"
-    """Content of the history at the start of an episode.
+    """Content of the observation's history at the start of an episode.
 
-    `first` repeats the first observation, `zero` has zeros.
+    `first` repeats the first observation, `zero` fills the history with zeros.
     """
     previous_action: Literal["raw", "scaled"] = "raw"
-    """Observed previous action.
+    """Form in which the term `previous_action` observes the previous action.
 
-    `raw` is the network's clipped output, `scaled` is the target minus its offset, rad.
+    `raw` is the clipped output of the network. `scaled` is the joint target minus the action offset, rad.
     """
     signs: Numbers | None = None
-    """-1 if the policy's joint turns opposite to the joint in the robot file, else 1.
+    """Sense of rotation of each joint: -1 if it is opposite in policy and robot file, else 1.
 
-    The values are in the order of `joints`.
-
-    None means 1 for all joints. The angle in the robot file is `zeros + signs * the policy's angle`.
+    The values are in the order of `joints`. None means 1 for all joints. The joint angle in the robot file is
+    `zeros + signs * angle`, where `angle` is the policy's joint angle.
     """
     zeros: Numbers | None = None
-    """Joint angles in the robot file if the policy's angles are zero, in the order of `joints`, rad.
+    """Joint angles in the robot file at which the policy's joint angles are zero, rad.
 
-    None: zero for all joints.
+    The values are in the order of `joints`. None: zero for all joints.
     """
     remarks: tuple[str, ...] = field(default=(), compare=False)
-    """Assumptions that a reader made because the file is incomplete, one line each."""
+    """Assumptions that a reader made because the deployment file is incomplete, one line each."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -252,7 +267,7 @@ class PolicySpec(_CheckedSpec):
         self._check_terms()
 
     def _check_joints(self) -> None:
-        """Raise PolicyError for wrong joint names or a field of JOINT_FIELDS without twelve values."""
+        """Raise PolicyError if joint names are invalid, or if a field of JOINT_FIELDS has not twelve values."""
         names = (*self.joints, *(self.observed_joints or ()))
         if any(not name.isprintable() or len(name) > MAX_NAME for name in names):
             raise PolicyError(f"`joints` must be names of at most {MAX_NAME} printable characters")
@@ -268,9 +283,10 @@ class PolicySpec(_CheckedSpec):
             raise PolicyError(f"`signs` must be 1 or -1, not {brief(self.signs)}")
 
     def _check_terms(self) -> None:
-        """Raise PolicyError for a wrong combination of terms.
+        """Raise PolicyError if the observation terms do not fit together.
 
-        A specification has at least one term, at most MAX_OBSERVATION values, and equal histories in the layout `time`.
+        A specification must have at least one term and at most MAX_OBSERVATION values. In the history layout `time`,
+        the histories of all terms must have the same length.
         """
         if not self.terms:
             raise PolicyError("`terms` must be one term or more", f"the terms are {', '.join(TERM_WIDTHS)}")
@@ -284,14 +300,15 @@ class PolicySpec(_CheckedSpec):
 
     @property
     def width(self) -> int:
-        """Number of values of the whole observation, including histories."""
+        """Number of values of the policy's observation, including the histories of all terms."""
         return sum(term.width * term.history for term in self.terms)
 
     @property
     def digest_text(self) -> str:
-        """Text of all settings that affect the policy except its network; it is the input of a digest.
+        """Text of all fields that affect the policy except the network's path, for the policy's digest.
 
-        Fields that were added later are included only if they are set, because older specifications keep their digests.
+        Newer fields are included only if they differ from their defaults, so that the digests of older specifications
+        do not change.
         """
         newer = {name: value for name in ("signs", "zeros") if (value := getattr(self, name)) is not None}
         thresholds = [term.zero_below for term in self.terms]
@@ -299,11 +316,12 @@ class PolicySpec(_CheckedSpec):
             newer["zero_below"] = thresholds
         older = {name: value for name, value in vars(self).items() if name not in ("signs", "zeros", "remarks")}
         text = repr(older | {"network": ""}) + (repr(newer) if newer else "")
-        return text.replace("SpecTerm(", "Term(")  # because earlier digests contain the former name of the class
+        # Earlier digests contain the former name of the class, so that the text must contain it as well.
+        return text.replace("SpecTerm(", "Term(")
 
 
 def _check_plausible(settings: object) -> None:
-    """Raise PolicyError, one line, for the first number outside PLAUSIBLE_RANGES.
+    """Raise PolicyError, one line, for the first number in a dataclass that is outside PLAUSIBLE_RANGES.
 
     A `clock` of 0 is allowed, because it means that the term has no clock.
     """
