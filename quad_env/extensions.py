@@ -1,7 +1,7 @@
-"""Extensions: additions of other packages to the environment and the evaluation.
+"""Extensions: objects that other packages or scripts add to the environment and the evaluation.
 
-An extension has reward terms, observation terms, axes, scenarios, robots, policies and measures. An installed package
-with an entry point of the group `quad_env` adds its extension to every command:
+An extension contains reward terms, observation terms, disturbance axes, scenarios, robots, policies and measures. An
+installed package with an entry point of the group `quad_env` adds its extension to every command:
 
     [project.entry-points.quad_env]
     my_project = "my_project.quadruped:EXTENSION"
@@ -17,30 +17,48 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 GROUP = "quad_env"
-"""Entry-point group of extensions."""
+"""Name of the entry-point group in which installed packages register their `Extension`."""
 
 
 @dataclass(frozen=True)
 class Extension:
-    """Additions of another package or script, as a mapping of names for each kind of addition.
+    """Objects that another package or script adds to this project: one mapping, name -> object, for each kind.
 
     A name must differ from the built-in names of the same kind. docs/extending.md has an example of each kind.
     """
 
     rewards: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
-    """Reward terms: functions of a `QuadState`, available as `gym.make(..., rewards={name: weight})`."""
+    """Name of a reward term -> function that takes a `QuadState` and returns the value of the term.
+
+    `gym.make(..., rewards={name: weight})` makes an environment with the term.
+    """
     observations: Mapping[str, Any] = field(default_factory=dict)
-    """Observation terms: `quad_env.ObservationTerm`, available as `gym.make(..., observations=(name,))`."""
+    """Name of an observation term -> `quad_env.ObservationTerm`.
+
+    `gym.make(..., observations=(name,))` makes an environment with the term.
+    """
     axes: Mapping[str, Any] = field(default_factory=dict)
-    """Axes, that is kinds of disturbance: `quad_env.Axis` of the same name, available as `--scenarios NAME:all`."""
+    """Name of a disturbance axis -> `quad_env.Axis` of the same name, with scenarios of increasing severity.
+
+    The option `--scenarios NAME:all` evaluates policies at all levels of the axis.
+    """
     scenarios: Mapping[str, Any] = field(default_factory=dict)
-    """Scenarios: `quad_env.Scenario` of the same name."""
+    """Name of a scenario -> `quad_env.Scenario` of the same name."""
     robots: Mapping[str, Any] = field(default_factory=dict)
-    """Robots: a `quad_env.Robot`, the path of a robot model, or a function without arguments that returns either."""
+    """Name of a robot -> `quad_env.Robot`, path of the robot's model file, or function.
+
+    The function takes no arguments, and returns a `quad_env.Robot` or the path of a model file.
+    """
     policies: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
-    """Policies: functions or classes that take the keyword arguments `robot` and `control_period`, s."""
+    """Name of a policy (controller) -> function or class that makes the policy.
+
+    The function or class takes the keyword arguments `robot` and `control_period`, s.
+    """
     measures: Mapping[str, Any] = field(default_factory=dict)
-    """Measures of an episode: `evaluate.measures.extra.ExtraMeasure`; each is a column of `episodes.parquet`."""
+    """Name of a measure, which is a number per episode -> `evaluate.measures.extra.ExtraMeasure`.
+
+    Each measure becomes a column of `episodes.parquet`, the table of the evaluated episodes.
+    """
 
     def __post_init__(self) -> None:
         for kind in fields(self):
@@ -53,24 +71,24 @@ class Extension:
 
 
 KINDS = tuple(kind.name for kind in fields(Extension))
-"""Kinds of additions, in the order of the fields of `Extension`."""
+"""Kinds of objects that an extension can add, which are the names of the fields of `Extension`."""
 _added: list[Extension] = []
-"""Extensions from `add_extension`, in the order of the calls."""
+"""Extensions that `add_extension` has added to this process, in the order of the calls."""
 _added_observers: list[Callable[[], None]] = []
-"""Functions that clear caches of names; `add_extension` calls them after every addition."""
+"""Functions without arguments that clear cached lists of names; `add_extension` calls each of them at its end."""
 
 
 def add_extension(extension: Extension) -> None:
-    """Add an extension to this process; worker processes of an evaluation get the extension too.
+    """Add the objects of an extension to this process and to the worker processes of an evaluation.
 
-    A built-in name raises ValueError later, in `check_new`.
+    If an object has a built-in name, `check_new` raises ValueError later, when objects of this kind are first used.
 
     Args:
         extension: Extension to add.
 
     Raises:
         TypeError: The argument is not an `Extension`.
-        ValueError: Another extension has an addition of the same kind and name.
+        ValueError: Another extension has an object of the same kind and name.
     """
     if not isinstance(extension, Extension):
         raise TypeError(f"extension: expected a quad_env.Extension, got {extension!r}")
@@ -88,18 +106,21 @@ def added_extensions() -> tuple[Extension, ...]:
 
 
 def when_added(drop_cache: Callable[[], None]) -> None:
-    """Register a function without arguments that `add_extension` calls after every later addition."""
+    """Register `drop_cache`, a function without arguments, which each later call of `add_extension` calls.
+
+    The function clears a cached list of names, because the objects of the new extension are missing in this list.
+    """
     _added_observers.append(drop_cache)
 
 
 def named(kind: str) -> dict[str, Any]:
-    """Return all additions of a kind.
+    """Return the objects of one kind, for example all robots, that the extensions add.
 
     Args:
-        kind: Name of a field of `Extension`.
+        kind: Name of a field of `Extension`, such as `robots`.
 
     Returns:
-        Name -> addition; additions of installed packages precede additions to this process.
+        Name -> object. Objects of installed packages precede objects that `add_extension` has added.
     """
     additions: dict[str, Any] = {}
     for extension in (*_installed(), *_added):
@@ -108,17 +129,17 @@ def named(kind: str) -> dict[str, Any]:
 
 
 def check_new(kind: str, builtin: Mapping[str, Any]) -> dict[str, Any]:
-    """Return all additions of a kind after a check that no addition has a built-in name.
+    """Return the objects of one kind that the extensions add; check that their names differ from built-in names.
 
     Args:
-        kind: Name of a field of `Extension`.
+        kind: Name of a field of `Extension`, such as `robots`.
         builtin: Mapping with the built-in names of this kind as keys.
 
     Returns:
-        Name -> addition.
+        Name -> object that an extension adds.
 
     Raises:
-        ValueError: An addition has a built-in name.
+        ValueError: An object of an extension has a built-in name.
     """
     additions = named(kind)
     if taken := _shared_names(additions, builtin):
@@ -127,13 +148,17 @@ def check_new(kind: str, builtin: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _shared_names(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
-    """Return the names that both mappings have, sorted and joined by commas; empty if they share none."""
+    """Return the keys that `first` and `second` share, sorted and joined by commas; empty if they share none."""
     return ", ".join(sorted(set(first) & set(second)))
 
 
 @cache
 def _installed() -> tuple[Extension, ...]:
-    """Return the extensions of installed packages; warn about and leave out an extension that is invalid."""
+    """Return the extensions that installed packages register as entry points.
+
+    An extension is left out with a warning if it cannot be loaded, or if another extension has an object of the same
+    kind and name.
+    """
     extensions: list[Extension] = []
     for entry_point in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         extension = _load(entry_point)
@@ -148,10 +173,15 @@ def _installed() -> tuple[Extension, ...]:
 
 
 def _load(entry_point: EntryPoint) -> Extension | None:
-    """Return the extension of an entry point; warn and return None if it cannot be loaded."""
+    """Import the extension that an installed package registers as `entry_point`.
+
+    If the import fails or the imported object is not an `Extension`, the function warns and returns None.
+    """
     try:
         extension = entry_point.load()
-    except Exception as error:  # because the code of another package may raise any exception
+    except (
+        Exception
+    ) as error:  # All exceptions are caught, because the code of another package may raise any exception.
         _warn(entry_point, f"{type(error).__name__}: {error}")
         return None
     if not isinstance(extension, Extension):
@@ -161,7 +191,10 @@ def _load(entry_point: EntryPoint) -> Extension | None:
 
 
 def _first_clash(extensions: list[Extension], extension: Extension) -> str | None:
-    """Return kind and name of the first addition that another extension has too; None if all names differ."""
+    """Return the first kind and name, for example `robots rex`, that `extension` shares with one of `extensions`.
+
+    The result is None if `extension` shares no name of the same kind with the others.
+    """
     for kind in KINDS:
         for name in getattr(extension, kind):
             if any(name in getattr(other, kind) for other in extensions):

@@ -1,8 +1,9 @@
-"""Disturbance axes: each varies one disturbance from a harmless severity to one at which robots fall.
+"""Disturbance axes: each is a series of scenarios with one disturbance of increasing strength (severity).
 
-The severity is given in the physical unit of the axis. The levels of an axis are a few severities, chosen for
-SimpleQuad. Every shipped policy that walks falls in four of five episodes at the last level. On some axes the last
-level exceeds a physical limit instead, which the docstring of the axis states. On the axis `slow` no robot falls.
+The severity has a physical unit, such as N·s for pushes. The levels of an axis are numbered severities from harmless to
+hard, chosen for SimpleQuad. At the last level every shipped policy that walks falls in four of five episodes. On some
+axes the last level exceeds a physical limit instead, which the docstring of the axis states. On the axis `slow` no
+robot falls.
 """
 
 import math
@@ -20,51 +21,57 @@ from quad_env.scenarios.scenario import Scenario, scaled
 from quad_env.scenarios.terrain import Slope, SmoothRandom, Stairs
 
 AtSeverity = Callable[[float], Scenario]
-"""Function that returns the scenario of a severity."""
+"""Type of a function that takes a severity, in the unit of its disturbance axis, and returns a scenario."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A disturbance with adjustable severity: a scenario for each severity, and numbered levels."""
+    """Disturbance axis: scenarios with one disturbance of adjustable strength (severity).
+
+    The levels of the axis are a few numbered severities, from easy to hard.
+    """
 
     name: str
     at: AtSeverity
-    """Function from a severity to the scenario; `scenario` sets the name, axis and severity of its result."""
+    """Function that takes a severity, in `unit`, and returns its scenario.
+
+    The method `scenario` sets the name, axis and severity of the returned scenario.
+    """
     quantity: str
     """Description of the quantity that the severity measures, for example `mass on the trunk`."""
     unit: str
     levels: tuple[float, ...]
-    """Severities from the mildest to the hardest; decreasing if smaller is harder, as with friction."""
+    """Severities of the numbered levels from easy to hard, in `unit`; they decrease if less is harder (friction)."""
     nominal: float
-    """Severity of the scenario that is named like the axis, without a level or a severity."""
+    """Severity, in `unit`, of the scenario that has only the axis as its name, for example `push`; one of `levels`."""
     sentence: str = ""
-    """Description of the axis's scenarios, one sentence."""
+    """Description of the axis's scenarios in one sentence, for lists and reports."""
     scales: bool = True
-    """True if the levels are scaled to another robot.
+    """True if the severities are scaled to the size of another robot.
 
-    False for `slow`, because the speed that counts as success is the same for every robot.
+    It is False for the axis `slow`, because the speed that counts as success is the same for every robot.
     """
     note: str = ""
-    """Influences on the axis's results other than the policy; printed with the results."""
+    """Explanation of influences on the axis's results other than the policy; it is printed with the results."""
 
     @property
     def harder_when_smaller(self) -> bool:
-        """True if a smaller severity is harder."""
+        """True if a smaller severity is harder for the robot, as with friction."""
         return self.levels[0] > self.levels[-1]
 
     @property
     def nominal_level(self) -> int:
-        """Number of the level with the nominal severity, counted from 1."""
+        """Number of the level that has the nominal severity, counted from 1."""
         return self.levels.index(self.nominal) + 1
 
     def level(self, number: int) -> Scenario:
-        """Return the scenario of a level.
+        """Return the scenario of a numbered level of the axis.
 
         Args:
             number: Number of the level, counted from 1.
 
         Returns:
-            The scenario. Its name is the axis, a colon and the number.
+            The scenario; its name is, for example, `push:3` for level 3 of the axis `push`.
 
         Raises:
             ValueError: There is no level of this number; the message names the valid numbers.
@@ -74,11 +81,11 @@ class Axis:
         return self.scenario(self.levels[number - 1], f"{self.name}:{number}")
 
     def scenario(self, severity: float, name: str) -> Scenario:
-        """Return the scenario of a `severity` with the given `name`."""
+        """Return the scenario of the axis at a `severity`, in the unit of the axis, with the given `name`."""
         return replace(self.at(severity), name=name, axis=self.name, severity=severity, severity_unit=self.unit)
 
     def for_robot(self, robot: Robot) -> "Axis":
-        """Return the axis with levels that are as hard for `robot` as the present levels are for SimpleQuad."""
+        """Scale this axis of SimpleQuad: return an axis with severities that are as hard for `robot`."""
         if robot == SIMPLE_QUAD or not self.scales:
             return self
         factor = self.scaled(1.0, robot)
@@ -90,7 +97,7 @@ class Axis:
         )
 
     def scaled(self, severity: float, robot: Robot) -> float:
-        """Return the severity that is as hard for `robot` as `severity` is for SimpleQuad."""
+        """Scale a `severity`, in the unit of the axis, so that it is as hard for `robot` as for SimpleQuad."""
         return severity * (scale_factor(robot, self.unit) if self.scales and self.unit in ROBOT_SCALED_UNITS else 1.0)
 
     def of(self, robot: Robot) -> "Axis":
@@ -104,37 +111,39 @@ class Axis:
 
 
 ROBOT_SCALED_UNITS = ("m/s", "N·s", "m", "N", "kg", "N·m")
-"""Units of the severities that are scaled with the size of the robot.
+"""Units of the severities that are scaled to the size of the robot.
 
-Severities of electronics, in s, Hz and rad/s, are the same for every robot.
+Severities with other units, such as delays in s, bandwidths in Hz and gyro noise in rad/s, are the same for every
+robot.
 """
 _PUSH_NOTE = (
     "Pushed hard, the feet slide, and falls depend on friction and on how a simulator models it: of 24 episodes at "
     "65 N·s SimpleQuad's trot falls in 16, at friction 0.6 instead of 0.8 in 3 (docs/limits.md)."
 )
-"""Note on the axis `push`; measured by `python -m research sliding`."""
+"""Note that is printed with the results of the axis `push`; its numbers were measured by `python -m research sliding`.
+"""
 AXES: dict[str, Axis] = {}
-"""Name -> built-in axis for SimpleQuad."""
+"""Name -> built-in disturbance axis, with severities for SimpleQuad."""
 
 
 @lru_cache(maxsize=32)
 def axes_of(robot: Robot) -> dict[str, Axis]:
-    """Return the built-in axes scaled to `robot`: name -> axis.
+    """Return the built-in disturbance axes with severities scaled to `robot`: name -> axis.
 
-    Batteries, the predefined lists of scenarios, use only built-in axes.
+    Batteries, the predefined lists of scenarios of the evaluator, use only built-in axes.
     """
     return {name: axis.for_robot(robot) for name, axis in AXES.items()}
 
 
 @cache
 def extension_axes() -> dict[str, Axis]:
-    """Return the axes that installed extensions add.
+    """Return the disturbance axes that extensions add.
 
     Returns:
-        Name -> axis for SimpleQuad.
+        Name -> axis, with severities for SimpleQuad.
 
     Raises:
-        ValueError: An entry is not an `Axis`, the axis has another name, or a built-in axis has the same name.
+        ValueError: An object is not an `Axis`, its `name` is not its key in the extension, or the name is built-in.
     """
     axes = check_new("axes", AXES)
     for name, axis in axes.items():
@@ -147,12 +156,12 @@ when_added(extension_axes.cache_clear)
 
 
 def known_axis(name: str) -> Axis | None:
-    """Return the built-in or extension axis `name` for SimpleQuad; None if there is no axis of this name."""
+    """Return the disturbance axis `name`, built-in or of an extension, for SimpleQuad; None if there is none."""
     return AXES[name] if name in AXES else extension_axes().get(name)
 
 
 def known_axes(robot: Robot) -> dict[str, Axis]:
-    """Return all axes scaled to `robot`: name -> axis, built-in axes first, then axes of extensions."""
+    """Return all disturbance axes, built-in and of extensions, scaled to `robot`: name -> axis."""
     return axes_of(robot) | {name: axis.for_robot(robot) for name, axis in extension_axes().items()}
 
 

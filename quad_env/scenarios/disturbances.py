@@ -1,4 +1,4 @@
-"""Settings of each disturbance of an episode, in physical units; a `Scenario` combines disturbances."""
+"""Settings of the disturbances of an episode (pushes, payload, latency, ...); a `Scenario` combines them."""
 
 import math
 from dataclasses import dataclass
@@ -8,11 +8,15 @@ from quad_env.config import Bounds, NonNegative, Positive, Settings
 from quad_env.robots.robot import Robot
 
 Delay = Annotated[float, Bounds("from 0 s to 10 s", 0.0, 10.0)]
-"""A delay from 0 to 10 s."""
+"""Type of a setting that is a delay, from 0 to 10 s."""
 
 
 def _check_window(events: str, count: int, duration: float, window: tuple[float, float]) -> None:
-    """Raise ValueError if `count` events of a `duration`, s, do not fit into the time `window`, s."""
+    """Raise ValueError if `count` events of a `duration`, s, do not fit into a time `window`.
+
+    `window` is the start and the end of the time window, s since the start of the episode. `events` is the name of the
+    events in the error message, for example `pushes`.
+    """
     start, end = window
     if not (0 <= start < end < math.inf and duration > 0 and count >= 0 and count * duration <= end - start):
         raise ValueError(f"{count} {events} of {duration} s do not fit into the window {window} s")
@@ -22,7 +26,7 @@ def _check_window(events: str, count: int, duration: float, window: tuple[float,
 class Pushes(Settings):
     """Horizontal force pulses on the trunk's centre, at random times, in random world directions.
 
-    The window is cut into `count` equal parts with one push in each, so that pushes never overlap.
+    The time window is divided into `count` equal parts with one push in each, so that pushes never overlap.
     """
 
     count: int = 2
@@ -31,7 +35,7 @@ class Pushes(Settings):
     duration: float = 0.1
     """Duration of each push, s"""
     window: tuple[float, float] = (1.0, 9.0)
-    """Time window that contains every push, s since the start of the episode"""
+    """Start and end of the time window that contains every push, s since the start of the episode"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -48,24 +52,25 @@ class SteadyForce(Settings):
 
 @dataclass(frozen=True)
 class Ground(Settings):
-    """Contact properties of the ground.
+    """Contact properties of the ground: friction and softness.
 
     Every contact has the friction and softness of the ground, because the ground has a higher contact priority than the
     bodies that touch it.
 
     A soft ground is a linear spring and a damper under each contact point. MuJoCo pushes a foot out of the ground with
-    the force K s. s is the depth, and K = 1/((1 - d) T² Â). T is the time constant `solref[0]`. d = 0.95 is the largest
-    impedance `solimp[1]`. Â is the inverse inertia of a free leg's end, `body_invweight0`. A foot that carries a
-    quarter of the robot's weight sinks by `sink_depth`, because T² = sink_depth / ((1 - d) Â m g / 4). The spring is
+    the force K s. s is the depth of the foot, and K = 1/((1 - d) T² Â) the stiffness. T is the time constant
+    `solref[0]`, and d = 0.95 the largest impedance `solimp[1]`. Â is the inverse inertia of a free leg's end,
+    `body_invweight0`. m is the mass of the robot, and g the gravitational acceleration. A foot that carries a quarter
+    of the robot's weight sinks by `sink_depth`, because T² = sink_depth / ((1 - d) Â m g / 4). The spring is
     overdamped. A foot under side load creeps. Soft ground supports feet, knees and the trunk, but not the shins.
     """
 
     friction: Positive = 0.8
-    """Friction coefficient of every contact with the ground; 0.8 is rubber on concrete."""
+    """Friction coefficient of every contact with the ground; 0.8 is the value of rubber on concrete."""
     sink_depth: float = 0.0
-    """Depth of the feet in the ground while the robot stands in the home pose without a load, m.
+    """Depth of the feet in the ground, if the robot stands in the home pose and carries no load, m.
 
-    0 is hard ground, in which feet sink by 0.3 mm. Values between 0 and 1 mm are invalid.
+    The value 0 means hard ground, in which feet sink by 0.3 mm. Values between 0 and 1 mm are invalid.
     """
 
     def __post_init__(self) -> None:
@@ -76,18 +81,18 @@ class Ground(Settings):
 
 @dataclass(frozen=True)
 class Motors(Settings):
-    """Limits of the joint servos."""
+    """Limits of the joint servos: torque and bandwidth."""
 
     torque_limit: Positive | None = None
     """Torque limit of each joint servo, N·m; None for the robot's rated torque"""
     bandwidth: Positive | None = None
     """Corner frequency of a first-order low-pass filter of the joint targets, Hz; None for no filter.
 
-    The time constant is 1/(2π·bandwidth).
+    The time constant of the filter is 1/(2π·bandwidth), s.
     """
 
     def max_torque(self, robot: Robot) -> float:
-        """Return the torque limit of the joint servos of `robot`, N·m."""
+        """Return the torque limit of the joint servos of `robot`, N·m: `torque_limit`, or the robot's rated torque."""
         return robot.rated_torque if self.torque_limit is None else self.torque_limit
 
     def largest_torque(self, robot: Robot) -> float:
@@ -97,19 +102,22 @@ class Motors(Settings):
 
 @dataclass(frozen=True)
 class Payload(Settings):
-    """Cube welded to the top of the trunk, at a position drawn uniformly within `reach` at reset."""
+    """Load of the robot: a cube that is welded to the top of the trunk at a random position.
+
+    The position is drawn uniformly within `reach` at every reset.
+    """
 
     mass: Positive = 5.0
     """Mass of the cube, kg"""
     reach: tuple[NonNegative, NonNegative] = (0.2, 0.1)
-    """Largest distance of the cube from the trunk's centre, forward or back and to either side, m"""
+    """Largest distances of the cube from the trunk's centre (forward or backward, to either side), m"""
     edge: Positive = 0.2
     """Edge length of the cube, which has uniform density, m"""
 
 
 @dataclass(frozen=True)
 class Latency(Settings):
-    """Constant delays of actions and observations, each rounded to control steps."""
+    """Constant delays of actions (joint targets) and observations; each is rounded to whole control steps."""
 
     action: Delay = 0.02
     """Delay from the policy to the servos, s.
@@ -120,14 +128,14 @@ class Latency(Settings):
     observation: Delay = 0.02
     """Delay from the sensors to the policy, s.
 
-    The policy sees the first reading until the second reading arrives. Only sensed terms are delayed; `previous_action`
-    and `command` are not.
+    The policy observes the first measurement until the second measurement arrives. Only the observation terms that
+    sensors measure are delayed; `previous_action` and `command` are not.
     """
 
 
 @dataclass(frozen=True)
 class SensorNoise(Settings):
-    """White Gaussian noise on the sensed terms of the observation, drawn at every control step.
+    """White Gaussian noise on the observation terms that sensors measure, drawn at every control step.
 
     The proportions between the terms follow legged_gym's `LeggedRobotCfg.noise.noise_scales` (Rudin et al., 2022:
     angular velocity 0.2 rad/s, linear velocity 0.1 m/s, gravity 0.05, joint position 0.01 rad, joint velocity
@@ -137,20 +145,20 @@ class SensorNoise(Settings):
     gyro: NonNegative = 0.2
     """Standard deviation of each component of `angular_velocity`, rad/s.
 
-    The noise of the other terms is in proportion.
+    The noise of the other observation terms is in proportion to this value.
     """
 
     @property
     def height_scan(self) -> float:
         """Standard deviation of the noise on each point of a height scan, m.
 
-        At the default `gyro` the value is 0.1 m, as in legged_gym.
+        The value is proportional to `gyro`. With the default `gyro` it is 0.1 m, as in legged_gym.
         """
         return 0.5 * self.gyro
 
     @property
     def deviations(self) -> dict[str, float]:
-        """Sensed term of `quad_env.OBSERVATION` -> standard deviation of the noise, in the unit of the term."""
+        """Name of an observation term -> standard deviation of its noise, in the unit of the term."""
         return {
             "projected_gravity": 0.25 * self.gyro,
             "angular_velocity": self.gyro,
@@ -162,16 +170,17 @@ class SensorNoise(Settings):
 
 @dataclass(frozen=True)
 class Dropouts(Settings):
-    """Time intervals in which one joint servo receives no targets and holds its last target.
+    """Disturbance in which one joint servo at a time receives no targets and holds its last target.
 
-    The window is cut into `count` equal parts. Each part contains one dropout of a random joint at a random time.
+    The time window is divided into `count` equal parts. Each part contains one dropout of a random joint at a random
+    time.
     """
 
     count: int = 4
     duration: float = 0.3
     """Duration of each dropout, s"""
     window: tuple[float, float] = (1.0, 9.0)
-    """Time window that contains every dropout, s since the start of the episode"""
+    """Start and end of the time window that contains every dropout, s since the start of the episode"""
 
     def __post_init__(self) -> None:
         super().__post_init__()

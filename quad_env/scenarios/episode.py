@@ -1,4 +1,4 @@
-"""Random draws of an episode, which depend on the seed: initial state, commands and disturbances."""
+"""Random draws of an episode from its seed: initial state, commands and disturbances."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,19 +19,22 @@ from quad_env.seeding import EpisodeStreams
 
 @dataclass(frozen=True)
 class PushPlan:
-    """Pushes of one episode, or of n episodes if the arrays have a leading axis; pushes never overlap."""
+    """Pushes (force pulses on the trunk) of one episode, or of n episodes.
+
+    For n episodes the arrays have a first axis of length n. The pushes of an episode never overlap.
+    """
 
     first_step: NDArray[np.int64]
-    """Control step at which each push begins, (…, count)."""
+    """Control step in which each push begins, counted from 0 at the start of the episode, (…, count)."""
     steps: int
     """Duration of each push, control steps; 0 if there are no pushes."""
     force: Array
     """Force of each push, world frame, x and y, (…, count, 2), N."""
 
     def force_at(self, step: ArrayLike) -> Array | None:
-        """Return the force on each trunk in the control step `step`, (n,): world frame, (n, 2), N.
+        """Return the pushing force on each of n trunks in a control step, world frame, x and y, (n, 2), N.
 
-        The result is None if there are no pushes.
+        `step` is the control step of each robot's episode, (n,). The result is None if there are no pushes.
         """
         if not self.steps:
             return None
@@ -41,28 +44,29 @@ class PushPlan:
 
 
 class EpisodeSample:
-    """All random draws of one episode.
+    """Random draws of one episode: initial state, commands, disturbances and domain randomisation.
 
-    Each kind of draw has its own random stream, so that the draws of one kind do not depend on the other kinds.
+    Each kind of random draw has its own random stream, so that the draws of one kind do not depend on other kinds.
 
     Args:
         robot: Robot of the episode.
         scenario: Scenario that defines the distributions of initial state, commands and disturbances.
-        seed: Seed of the robot's sequence of episodes.
-        number: Number of this episode in the sequence, from 0.
+        seed: Seed that defines a sequence of episodes.
+        number: Index of this episode in the sequence of the seed, from 0.
         dt: Control period, s.
 
     Attributes:
         streams: Random streams of the episode. Sensor models and noise draw from their streams during the episode.
-        start: Initial state in the order that `draw_start` documents, (35,).
-        pushes: Pushes of the episode.
+        start: Initial state (trunk pose, joint offsets, velocities) in the order that `draw_start` documents, (35,).
+        pushes: Pushes on the trunk in the episode.
         force: Steady force on the trunk, world frame, (2,), N; None if the scenario has none.
         payload_position: Centre of the payload relative to the trunk's centre, forward and left, (2,), m; None if the
             scenario has no payload.
-        dropouts: First control step and joint index of each dropout, (count,) each; None if the scenario has none.
+        dropouts: First control step of each dropout, (count,), and index of its joint, (count,). In a dropout a joint
+            receives no targets. None if the scenario has no dropouts.
         randomised: Randomised properties of robot and ground; None if the scenario has no domain randomisation.
         friction: Friction coefficient of the ground.
-        action_delay: Delay from the policy to the servos, control steps.
+        action_delay: Delay of the joint targets from the policy to the servos, control steps.
     """
 
     def __init__(self, robot: Robot, scenario: Scenario, seed: int, number: int, dt: float) -> None:
@@ -90,9 +94,10 @@ class EpisodeSample:
             self.action_delay += round(self.randomised.delay / dt)
 
     def next_command(self) -> Array:
-        """Draw the command of the next interval: forward and lateral velocity, m/s, and yaw rate, rad/s, (3,).
+        """Draw the velocity command of the next command interval, (3,): forward and lateral m/s, yaw rate rad/s.
 
-        Every call takes four numbers from the stream, so that later commands do not depend on zero commands.
+        Every call takes four numbers from the random stream, also if it returns a zero command. Later commands
+        therefore do not depend on the number of zero commands.
         """
         ranges = self._scenario.commands
         zero_draw, *unit_draws = self.streams.commands.random(4)
@@ -102,12 +107,12 @@ class EpisodeSample:
 
 
 def draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) -> Array:
-    """Draw the initial state of one robot.
+    """Draw the initial state of one robot at the start of an episode.
 
     Args:
-        robot: Robot that starts.
-        scenario: Scenario that sets the start noise and the spawn radius of the terrain.
-        stream: Random stream of the start.
+        robot: Robot, which defines the number of joints and their limits.
+        scenario: Scenario that defines the start noise and the spawn radius of the terrain.
+        stream: Random stream of the episode for the initial state.
 
     Returns:
         Initial state, (35,), in this order: x and y, m; yaw, roll and pitch, rad; 12 joint offsets from the home pose,
@@ -132,10 +137,11 @@ def draw_start(robot: Robot, scenario: Scenario, stream: np.random.Generator) ->
 
 
 def _draw_any_pose(robot: Robot, start: AnyPose, radius: float, stream: np.random.Generator) -> Array:
-    """Draw an initial state with a random orientation and random joint angles.
+    """Draw an initial state with a random orientation and random joint angles, (35,), as after a fall.
 
-    Yaw, roll, and the sine of the pitch are uniform. Joint angles are uniform within the joint limits. The entries have
-    the order that `draw_start` documents.
+    Yaw, roll, and the sine of the pitch are uniformly distributed. Joint angles are uniformly distributed within the
+    joint limits. The function `draw_start` documents the order of the components. `radius` is half of the side of the
+    square around the origin in which robots start, m.
     """
     position = radius * stream.uniform(-1, 1, 2)
     yaw, sin_pitch, roll = stream.uniform(-1, 1, 3)
@@ -146,7 +152,10 @@ def _draw_any_pose(robot: Robot, start: AnyPose, radius: float, stream: np.rando
 
 
 def _draw_pushes(pushes: Pushes | None, stream: np.random.Generator, dt: float) -> PushPlan:
-    """Draw one push in each part of the window, in a uniformly random horizontal direction."""
+    """Draw the pushes of an episode, one in each of the `count` equal parts of the time window.
+
+    The direction of each push is horizontal and uniformly random. `dt` is the control period, s.
+    """
     if pushes is None or pushes.count == 0:
         return PushPlan(np.empty(0, np.int64), 0, np.empty((0, 2)))
     steps = control_steps(pushes.duration, dt)
@@ -157,27 +166,27 @@ def _draw_pushes(pushes: Pushes | None, stream: np.random.Generator, dt: float) 
 
 
 def _draw_force(steady: SteadyForce, stream: np.random.Generator) -> Array:
-    """Draw the steady force, world frame, (2,), N, in a uniformly random horizontal direction."""
+    """Draw the steady force on the trunk in a uniformly random horizontal direction, world frame, (2,), N."""
     angle = stream.uniform(-np.pi, np.pi)
     return steady.force * np.array((np.cos(angle), np.sin(angle)))
 
 
 def control_steps(duration: float, dt: float) -> int:
-    """Return the number of control steps of period `dt`, s, in a `duration`, s; at least 1."""
+    """Convert a `duration`, s, to a number of control steps of period `dt`, s: rounded, and at least 1."""
     return max(1, round(duration / dt))
 
 
 def stack_initial_conditions(
     episodes: Sequence[EpisodeSample],
 ) -> tuple[Array, Array | None, Array | None, list[RandomizationSample]]:
-    """Stack the initial conditions of k episodes of one scenario.
+    """Stack the initial conditions of k episodes of one scenario to arrays, for `Simulation.reset`.
 
     Args:
-        episodes: The k episodes.
+        episodes: Random draws of the k episodes.
 
     Returns:
-        starts: Initial states, (k, 35).
-        forces: Steady forces, world frame, (k, 2), N; None if the scenario has none.
+        starts: Initial states in the order that `draw_start` documents, (k, 35).
+        forces: Steady forces on the trunk, world frame, (k, 2), N; None if the scenario has none.
         payload_positions: Payload centres relative to the trunk's centre, forward and left, (k, 2), m; None if the
             scenario has no payload.
         randomised: Randomised properties of the k episodes; empty if the scenario has no domain randomisation.
@@ -190,7 +199,11 @@ def stack_initial_conditions(
 
 
 def _stratified_start_steps(events: Pushes | Dropouts, stream: np.random.Generator, dt: float) -> NDArray[np.int64]:
-    """Draw the first control step of each event, one event in each equal part of the window, (count,)."""
+    """Draw the first control step of each push or dropout, (count,).
+
+    The time window of `events` is divided into `count` equal parts, and each part contains one event at a uniformly
+    random time. `dt` is the control period, s.
+    """
     edges = np.linspace(*events.window, events.count + 1)
     start = stream.uniform(edges[:-1], edges[1:] - events.duration)
     return np.floor(start / dt).astype(np.int64)

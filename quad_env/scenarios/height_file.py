@@ -1,6 +1,6 @@
-"""Files of a user's terrain: a grey picture (.png) or an array (.npy) of heights, and a TOML file.
+"""Reader of a user's terrain: a height file, which is a grey picture (.png) or an array (.npy), and a TOML file.
 
-The TOML file names the height file, and gives the size of the terrain and the start of the robots.
+The TOML file contains the name of the height file, the size of the terrain and the start position of the robots.
 """
 
 import hashlib
@@ -17,36 +17,40 @@ from quad_env.files.reading import parse_toml, read_bytes
 from quad_env.files.text import format_exception, one_line
 
 MAX_SAMPLES = 4_000_000
-"""Maximum number of height samples; bounds the memory of a terrain."""
+"""Maximum number of grid points (pixels or array elements) of a height file; it limits the memory of a terrain."""
 MAX_HEIGHT = 1e6
-"""Upper limit of the magnitude of a height, far above any real ground, m."""
+"""Upper limit of the absolute value of a height, far above any real ground, m."""
 KEYS = ("file", "size", "height", "start")
-"""Keys that the TOML file of a terrain may have."""
+"""Valid keys of the TOML file of a terrain."""
 EXAMPLE_LINES = 'file = "hill.png" or "hill.npy", size = [8.0, 8.0], and perhaps height = 0.4 or start = [0.0, 0.0]'
 
 
 class Heights(NamedTuple):
-    """Heights on a grid, stored as values from 0 to 1 with an offset and a factor."""
+    """Ground heights on a grid; the heights in m are `min_height` + `span` · `normalized`."""
 
     normalized: Array
-    """Height from 0, lowest, to 1, highest; rows along y, columns along x, (rows, columns)."""
+    """Heights, 0 for the lowest and 1 for the highest point, (rows, columns).
+
+    The row index increases with y, and the column index with x.
+    """
     min_height: float
-    """Lowest height, m."""
+    """Height of the lowest point, m."""
     span: float
-    """Highest minus lowest height, m; 1 if all heights are equal."""
+    """Height difference between the highest and the lowest point, m; 1 if all heights are equal."""
 
 
 def parse_terrain_toml(path: Path) -> list[Any]:
-    """Read the TOML file of a terrain.
+    """Read the values of all keys from the TOML file of a terrain.
 
     Args:
         path: Path of the TOML file.
 
     Returns:
-        Values of the keys in `KEYS`, in this order. TOML arrays become tuples, missing keys become None.
+        Values of `file`, `size`, `height` and `start`, in this order. TOML arrays become tuples, and the value of a
+        missing key is None.
 
     Raises:
-        ValueError: The file cannot be read, is not TOML or has other keys; the message is one line.
+        ValueError: The file cannot be read, is not TOML or has unknown keys; the message is one line.
     """
     content = _content(path)
     try:
@@ -60,23 +64,23 @@ def parse_terrain_toml(path: Path) -> list[Any]:
 
 
 def sha256_of(file: str) -> str:
-    """Return the SHA-256 of the present content of a file.
+    """Return the SHA-256 checksum of the present content of a file.
 
     Args:
         file: Path of the file.
 
     Returns:
-        Hexadecimal digest.
+        SHA-256 checksum, hexadecimal.
     """
     return hashlib.sha256(_content(Path(file))).hexdigest()
 
 
 def check_unchanged(file: str, sha256: str) -> None:
-    """Check that the content of a file has not changed.
+    """Check that the content of a file still has a known SHA-256 checksum.
 
     Args:
         file: Path of the file.
-        sha256: Expected SHA-256, hexadecimal.
+        sha256: Expected SHA-256 checksum, hexadecimal.
 
     Raises:
         ValueError: The content has changed; the message is one line.
@@ -87,15 +91,16 @@ def check_unchanged(file: str, sha256: str) -> None:
 
 @lru_cache(maxsize=4)
 def read(file: str, sha256: str, peak: float | None) -> Heights:
-    """Read the heights from a picture or array file.
+    """Read the ground heights of a user's terrain from a grey picture (.png) or an array (.npy).
 
     Args:
         file: Path of the picture or array.
-        sha256: Expected SHA-256 of the file, hexadecimal.
-        peak: Height to which the largest value is scaled, m; None if the file is an array of heights in m.
+        sha256: Expected SHA-256 checksum of the file, hexadecimal.
+        peak: Height that the largest value in the file represents, m; the other values represent heights in
+            proportion. None if the file is an array of heights in m.
 
     Returns:
-        The heights.
+        Ground heights; the row index increases with y, and the column index with x.
 
     Raises:
         ValueError: The file is missing, has changed or does not contain heights; the message is one line.
@@ -105,35 +110,41 @@ def read(file: str, sha256: str, peak: float | None) -> Heights:
     content = _content(path)
     try:
         values = _values(content, path.suffix.lower(), peak)
-    except Exception as error:  # because Pillow raises many kinds of exceptions for damaged files
+    except (
+        Exception
+    ) as error:  # All exceptions are caught, because Pillow raises many kinds of exceptions for damaged files.
         raise ValueError(f"{file}: {format_exception(error).removeprefix('ValueError: ')}") from error
     lowest = float(values.min())
     highest = float(values.max())
     if not max(-lowest, highest) < MAX_HEIGHT:
         raise ValueError(f"{file}: heights are numbers within ±{MAX_HEIGHT:g} m, not from {lowest:g} to {highest:g}")
     span = highest - lowest or 1.0
-    # The heights are rounded to single precision because MuJoCo stores height fields so, and both surfaces must be
-    # equal. The rows are reversed because the rows of MuJoCo run towards +y.
+    # The heights are rounded to single precision, because MuJoCo stores height fields in single precision and both
+    # surfaces must be equal. The rows are reversed, because in MuJoCo y increases with the row index.
     normalized = ((values[::-1] - lowest) / span).astype(np.float32).astype(np.float64)
     normalized.flags.writeable = False
     return Heights(normalized, lowest, span)
 
 
 def _content(path: Path) -> bytes:
-    """Return the content of a file; raise ValueError if the file cannot be read."""
+    """Return the bytes of the file at `path`; raise ValueError if the file cannot be read."""
     try:
         return read_bytes(path)
-    except (OSError, ValueError) as error:  # ValueError because the path may contain a NUL character
+    except (
+        OSError,
+        ValueError,
+    ) as error:  # ValueError is caught, because it is raised if the path contains a NUL character.
         raise ValueError(f"cannot read {path} ({getattr(error, 'strerror', None) or error})") from error
 
 
 def _values(content: bytes, suffix: str, peak: float | None) -> Array:
-    """Parse the content of a height file.
+    """Parse the bytes of a height file to an array of heights.
 
     Args:
-        content: Content of the file.
-        suffix: Suffix of the file name, in lower case.
-        peak: Height to which the largest value is scaled, m; None if the file is an array of heights in m.
+        content: Bytes of the file.
+        suffix: Suffix of the file name in lower case, `.png` or `.npy`.
+        peak: Height that the largest value in the file represents, m; the other values represent heights in
+            proportion. None if the file is an array of heights in m.
 
     Returns:
         Heights with the first row at the largest y, (rows, columns), m.
@@ -147,7 +158,9 @@ def _values(content: bytes, suffix: str, peak: float | None) -> Array:
             raise ValueError("of a picture, height is needed: how high its brightest pixel is above black, m")
     elif suffix == ".npy":
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # because NumPy repairs damaged headers and only warns about them
+            warnings.simplefilter(
+                "error"
+            )  # Warnings are errors here, because NumPy repairs damaged headers and only warns about them.
             values = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
     else:
         raise ValueError("heights are a grey picture (.png) or an array (.npy)")
@@ -163,7 +176,7 @@ def _values(content: bytes, suffix: str, peak: float | None) -> Array:
 
 
 def _picture(content: bytes) -> Array:
-    """Return the grey values of a PNG picture, (rows, columns)."""
+    """Decode the bytes of a PNG picture (`content`) to its grey values, (rows, columns)."""
     from PIL import Image
 
     image = Image.open(io.BytesIO(content), formats=["PNG"])
@@ -175,7 +188,7 @@ def _picture(content: bytes) -> Array:
 
 
 def _check_shape(shape: tuple[int, ...]) -> None:
-    """Raise ValueError unless the shape is a grid of at least 2 x 2 and at most `MAX_SAMPLES` samples."""
+    """Raise ValueError unless `shape` is a grid of at least 2 x 2 and at most `MAX_SAMPLES` points."""
     if len(shape) != 2 or min(shape) < 2 or shape[0] * shape[1] > MAX_SAMPLES:
         size = " x ".join(map(str, shape)) or "one number"
         raise ValueError(f"heights are at least 2 x 2 and at most {MAX_SAMPLES} samples, in rows; these are {size}")

@@ -1,4 +1,4 @@
-"""Text list of all scenarios, severities and the syntax of names: `python -m quad_env scenarios`."""
+"""Text list of all scenarios, severities and the syntax of scenario names: `python -m quad_env scenarios`."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ SYNTAX_EXAMPLES = {
     "quick": "a battery of scenarios; so are default, full and all",
     "my_file.py:NAME": "a quad_env.Scenario of yours, in a file",
 }
-"""Example of each way to write a scenario -> meaning of the example."""
+"""Example of a scenario name, one for each form of the syntax -> explanation of the example."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class RobotOptions:
 
 
 def main(options: RobotOptions) -> int:
-    """Run the command with `options` and return the exit code."""
+    """Print the list of scenarios for the robot in `options`, and return the exit code 0."""
     print(text(parse_robot(options.robot)))
     return 0
 
@@ -51,7 +51,7 @@ def text(robot: Robot = SIMPLE_QUAD) -> str:
 
 
 def axis_line(axis: Axis) -> str:
-    """Return the line about `axis`: name, nominal severity, quantity and levels."""
+    """Return the line of the list for a disturbance `axis`: name, nominal severity, quantity and levels."""
     unit = f" {axis.unit}" if axis.unit not in ("", "°") else axis.unit
     levels = " ".join(f"{level:.4g}" for level in axis.levels)
     return f"  {axis.name:13}{f'{axis.nominal:.4g}{unit}':12}{axis.quantity}: {levels}"

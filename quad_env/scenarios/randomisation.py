@@ -1,4 +1,4 @@
-"""Domain randomisation: properties of robot and ground that are drawn at random for each episode."""
+"""Domain randomisation: ranges and random draws of robot and ground properties for each episode."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -13,14 +13,14 @@ LargeFraction = Annotated[float, Bounds("from 0 to 0.9", 0.0, 0.9)]
 
 
 class RandomizationSample(NamedTuple):
-    """Randomised properties of one episode, drawn by `DomainRandomisation.draw`."""
+    """Randomised properties of robot and ground in one episode, drawn by `DomainRandomisation.draw`."""
 
     friction: float
     """Factor on the ground's friction coefficient."""
     trunk_mass: float
     """Factor on the trunk's mass."""
     centre_of_mass: Array
-    """Displacement of the trunk's centre of mass, base frame, (3,), m."""
+    """Displacement of the trunk's centre of mass, base frame (forward, left, up), (3,), m."""
     stiffness: Array
     """Factor on the stiffness of each joint servo, (12,)."""
     damping: Array
@@ -28,49 +28,49 @@ class RandomizationSample(NamedTuple):
     motor_strength: Array
     """Factor on the torque limit of each joint servo, (12,)."""
     delay: float
-    """Delay of actions, added to the delay of the scenario, s."""
+    """Delay of the joint targets from the policy to the servos, added to the scenario's latency, s."""
     encoder_offset: Array
-    """Offset of each encoder reading, (12,), rad."""
+    """Offset that is added to the reading of each joint encoder, (12,), rad."""
 
 
 @dataclass(frozen=True)
 class DomainRandomisation(Settings):
-    """Ranges of the properties of robot and ground that are drawn uniformly at every reset.
+    """Ranges from which properties of robot and ground are drawn uniformly at every reset.
 
-    A value of 0 leaves the property unchanged. For `friction` the range (1, 1) leaves the friction unchanged.
+    If a field is 0, its property stays unchanged. If `friction` is the range (1, 1), the friction stays unchanged.
 
-    The defaults are close to four projects:
+    The defaults are close to the ranges of four projects:
 
     - MuJoCo Playground (Go1): friction 0.4 to 1, trunk mass ± 1 of 5 kg, centre of mass ± 0.05 m.
     - legged_gym (`domain_rand`): friction_range 0.5 to 1.25, added_mass_range ± 1 kg.
     - Isaac Lab (velocity tasks): centre of mass ± 0.05, 0.05 and 0.01 m.
     - Walk These Ways (Margolis and Agrawal, 2022): motor_strength_range 0.9 to 1.1, motor_offset_range ± 0.02 rad.
 
-    Projects that build on the four usually have gains ± 20 % and delays up to 20 ms.
+    Projects that build on these four usually vary the servo gains by ± 20 % and have delays up to 20 ms.
     """
 
     friction: tuple[Positive, Positive] = (0.5, 1.25)
-    """Range of the factor on the ground's friction coefficient, which applies to all ground contacts"""
+    """Smallest and largest factor on the ground's friction coefficient, which applies to all ground contacts"""
     trunk_mass: LargeFraction = 0.2
-    """Largest change of the trunk mass, as a fraction; the trunk's inertia changes in proportion"""
+    """Largest change of the trunk mass, as a fraction of it; the trunk's inertia changes in proportion"""
     centre_of_mass: tuple[NonNegative, NonNegative, NonNegative] = (0.05, 0.05, 0.01)
-    """Largest displacement of the trunk's centre of mass along each axis: forward, to the left and up, m"""
+    """Largest displacement of the trunk's centre of mass in either direction along x, y and z of the base frame, m"""
     stiffness: LargeFraction = 0.2
-    """Largest change of the stiffness of each joint servo, as a fraction"""
+    """Largest change of the stiffness of each joint servo, as a fraction of it"""
     damping: LargeFraction = 0.2
-    """Largest change of the damping of each joint servo, as a fraction"""
+    """Largest change of the damping of each joint servo, as a fraction of it"""
     motor_strength: LargeFraction = 0.1
-    """Largest change of the torque limit of each joint servo, as a fraction.
+    """Largest change of the torque limit of each joint servo, as a fraction of it.
 
-    If motors have a torque-speed curve, the current limit changes instead.
+    If the motors have a torque-speed curve, the limit of their current is changed instead of the torque limit.
     """
     delay: Delay = 0.02
-    """Largest delay of actions, s; the smallest is 0.
+    """Largest delay of the joint targets from the policy to the servos, s; the smallest delay is 0.
 
     The delay is rounded to control steps and added to the scenario's `Latency`.
     """
     encoder_offset: NonNegative = 0.02
-    """Largest offset of each encoder's readings, rad; servos and rewards use the true angles"""
+    """Largest offset of the readings of each joint encoder, rad; servos and rewards use the true joint angles"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -78,17 +78,17 @@ class DomainRandomisation(Settings):
             raise ValueError(f"the range of friction must rise, got {self.friction}")
 
     def draw(self, joints: int, stream: np.random.Generator) -> RandomizationSample:
-        """Draw the properties of an episode.
+        """Draw the randomised properties of an episode.
 
-        The number of random numbers does not depend on the settings. The range of one property therefore does not
-        change the draws of other properties.
+        The number of drawn random numbers does not depend on the ranges. Therefore a change of one range does not
+        change the draws of the other properties.
 
         Args:
             joints: Number of joints.
             stream: Random stream of the episode.
 
         Returns:
-            Randomised properties of the episode.
+            Randomised properties of robot and ground in the episode.
         """
         friction, mass, delay, *centre = stream.uniform(-1, 1, 6).tolist()
         stiffness, damping, strength, offset = stream.uniform(-1, 1, (4, joints))

@@ -1,11 +1,19 @@
-"""Scenarios by name, and the syntax of scenario names.
+"""Registry of scenarios by name, and parser of scenario names.
 
-A name is a scenario `steady`, an axis `push`, a level of an axis `push:3`, a severity `push=42`, or a combination
-`payload=15+slope=10`. A name may also be a user's terrain, `hill.toml`. Any name may end with `+hardware`,
-`+randomised` or `+scan_lost`.
+A disturbance axis varies one disturbance. Its severity is the strength of the disturbance in a physical unit. A
+scenario name is one of:
 
-No scenario is tuned to a policy. To write a scenario, use the constructor or `dataclasses.replace`, and pass the
-scenario to `make`.
+- a built-in scenario, `steady`;
+- an axis at its nominal severity, `push`;
+- an axis at a numbered level, `push:3`;
+- an axis at a severity, `push=42`;
+- a combination of axes and severities, `payload=15+slope=10`;
+- the TOML file of a user's terrain, `hill.toml`.
+
+Any name may end with `+hardware`, `+randomised` or `+scan_lost`.
+
+No scenario is tuned to a policy. To write a scenario, use the constructor `Scenario` or `dataclasses.replace`, and pass
+the scenario to `gym.make`.
 """
 
 from collections.abc import Callable
@@ -32,29 +40,29 @@ SYNTAX_HELP = (
     "a terrain of yours such as hill.toml, "
     "any of them with +scan_lost, +randomised, +hardware or several of these, in this order, at its end"
 )
-"""Syntax of scenario names other than the names in `SCENARIOS`, for error messages and help texts."""
+"""Explanation of scenario names that are not in `SCENARIOS`, for error messages and help texts."""
 SEPARATOR = "+"
 EQUALS = "="
 TERRAIN = ".toml"
-"""Suffix of the path of a user's terrain."""
+"""File suffix of the description of a user's terrain, which is a TOML file."""
 MAX_SEVERITY = 1e6
-"""Upper limit of a severity, in the unit of its axis; larger values are meaningless on every axis."""
+"""Upper limit of a severity (strength of a disturbance), in the unit of its axis, far above any physical value."""
 STEADY = Scenario("steady", commands=CommandRanges.straight(0.5))
-"""Scenario for comparing effort: level ground, and 0.5 m/s straight ahead for every robot.
+"""Scenario in which the effort of policies is compared: flat ground, and 0.5 m/s straight ahead for every robot.
 
-The scenario belongs to no axis.
+The scenario belongs to no disturbance axis.
 """
 _LABELS = ("name", "axis", "severity", "severity_unit")
-"""Fields that a combination does not take from the scenarios that it combines."""
+"""Fields of `Scenario` that name and label it; a combination does not copy them from the scenarios it combines."""
 _MERGED_BY_FIELD = (Scenario, CommandRanges, Ground, Motors)
-"""Classes of settings that are merged field by field, because two axes may set different fields."""
+"""Classes of settings that are combined field by field, because two disturbance axes may set different fields."""
 
 
 @lru_cache(maxsize=32)
 def scenarios_of(robot: Robot) -> dict[str, Scenario]:
-    """Return the named scenarios of `robot`: name -> scenario.
+    """Return the built-in scenarios of `robot`: name -> scenario.
 
-    The scenarios are each axis at its nominal severity, and `STEADY`.
+    They are one scenario for each built-in disturbance axis, at its nominal severity, and `STEADY`.
     """
     return {name: axis.scenario(axis.nominal, name) for name, axis in axes_of(robot).items()} | {STEADY.name: STEADY}
 
@@ -66,11 +74,11 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
     """Return the scenario that a name describes.
 
     Args:
-        which: Name of a scenario, or a scenario, which is returned unchanged. A name is an axis `push`, a level
-            `push:3`, a severity in physical units `push=42`, a combination `payload=15+slope=10`, or a user's terrain
-            `hill.toml`. A name may end with a suffix, for example `push+hardware`.
-        robot: Robot, or name of a robot. Scenarios of axes and levels are scaled to be as hard for the robot as for
-            SimpleQuad.
+        which: Name of a scenario, or a scenario, which is returned unchanged. A name is a disturbance axis `push`, a
+            level of an axis `push:3`, a severity in physical units `push=42`, a combination `payload=15+slope=10`, or
+            the file of a user's terrain `hill.toml`. A name may end with a suffix, for example `push+hardware`.
+        robot: Robot, or name of a robot. Scenarios of axes and levels are scaled, so that they are as hard for the
+            robot as for SimpleQuad.
 
     Returns:
         The scenario for the robot.
@@ -91,17 +99,17 @@ def scenario(which: str | Scenario, robot: str | Robot = SIMPLE_QUAD) -> Scenari
 
 
 def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
-    """Return the scenario that a name describes, or None if the name is neither a scenario nor an axis.
+    """Return the scenario that a name describes, or None if the name is unknown.
 
     Args:
         name: Name of a scenario in the syntax of the function `scenario`.
         robot: Robot of the scenario.
 
     Returns:
-        The scenario; None if the name is unknown.
+        The scenario; None if the name is neither a scenario nor a disturbance axis.
 
     Raises:
-        ValueError: The name is an invalid level, combination or terrain.
+        ValueError: The name has an invalid level, severity, combination or terrain file.
     """
     base_name, apply_suffix = split(name)
     if apply_suffix is not None:
@@ -122,7 +130,11 @@ def find(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario | None:
 
 
 def _extension_scenario(name: str, robot: Robot) -> Scenario | None:
-    """Return the extension scenario `name`, or the extension axis `name` at nominal severity; else None."""
+    """Return the scenario `name` that an extension adds, scaled to `robot`; None if there is none.
+
+    `name` may also be a disturbance axis that an extension adds. The result is then the scenario of this axis at its
+    nominal severity.
+    """
     scenarios = extension_scenarios()
     if name in scenarios:
         return scaled(scenarios[name], robot)
@@ -134,13 +146,13 @@ def _extension_scenario(name: str, robot: Robot) -> Scenario | None:
 
 
 def extension_scenarios() -> dict[str, Scenario]:
-    """Return the scenarios that installed extensions add.
+    """Return the scenarios that extensions add.
 
     Returns:
         Name -> scenario for SimpleQuad.
 
     Raises:
-        ValueError: An entry is not a `Scenario`, its scenario has another name, or its name is built-in.
+        ValueError: An object is not a `Scenario`, its `name` is not its key in the extension, or the name is built-in.
     """
     scenarios = check_new("scenarios", SCENARIOS)
     for name, entry in scenarios.items():
@@ -150,23 +162,25 @@ def extension_scenarios() -> dict[str, Scenario]:
 
 
 def split(name: str) -> tuple[str, Callable[[Scenario, Robot], Scenario] | None]:
-    """Split the last suffix off the name of a scenario.
+    """Split the last suffix (`+hardware`, `+randomised` or `+scan_lost`) off the name of a scenario.
 
     Args:
         name: Name of a scenario in the syntax of the function `scenario`.
 
     Returns:
-        base_name: The name without its last suffix.
-        apply_suffix: Function of scenario and robot that returns the scenario with the suffix; None if there is none.
+        base_name: Name of the scenario without the suffix.
+        apply_suffix: Function that takes a scenario and a robot, and returns the scenario with the settings of the
+            suffix; None if the name has no suffix.
     """
     suffix = next(filter(name.endswith, SUFFIXES), "")
     return name.removesuffix(suffix), SUFFIXES.get(suffix)
 
 
 def _terrain_scenario(path: Path, robot: Robot) -> Scenario:
-    """Return a scenario on a user's terrain, named after the file and without disturbances.
+    """Return the scenario on the user's terrain that the TOML file `path` describes.
 
-    Commands are scaled to the robot; the terrain is not.
+    The scenario has the name of the file, and no disturbances. Its commands are scaled to the robot, but the terrain is
+    not.
     """
     if path.stem in SCENARIOS or ":" in path.stem or is_combination(path.stem):
         raise ValueError(f"{path}: a scenario of quad_env is written {path.stem}; call the file differently")
@@ -174,21 +188,21 @@ def _terrain_scenario(path: Path, robot: Robot) -> Scenario:
 
 
 def is_combination(name: str) -> bool:
-    """Return True if `name` has the syntax of severities, `axis=severity`, or of a combination.
+    """Return True if the scenario `name` contains `=` or `+`, as in `push=42` or `payload=15+slope=10`.
 
-    Names of other scenarios must not have this syntax.
+    Names of other scenarios must not contain these characters.
     """
     return EQUALS in name or SEPARATOR in name
 
 
 def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
-    """Return the scenario of a name that consists of severities, `axis=severity`, joined by +.
+    """Return the scenario of a name that combines disturbance axes and severities, such as `payload=15+slope=10`.
 
-    Severities are not scaled to the robot; commands and all other settings are. A single severity gives a scenario of
-    its axis. A combination of several severities belongs to no axis.
+    Severities are not scaled to the robot, but commands and all other settings are. A name with one axis gives a
+    scenario of this axis. A combination of several axes belongs to no axis.
 
     Args:
-        name: Severities, each in the unit of its axis, for example `payload=15+slope=10`.
+        name: Pairs `axis=severity` that are joined by +; each severity is in the unit of its axis.
         robot: Robot of the scenario.
 
     Returns:
@@ -214,14 +228,14 @@ def combined(name: str, robot: Robot = SIMPLE_QUAD) -> Scenario:
 def scaled_name(name: str, robot: Robot) -> str:
     """Return the name of the scenario that is as hard for `robot` as the scenario `name` is for SimpleQuad.
 
-    Severities in the name are scaled and rounded to three digits.
+    Severities in the name, for example 42 N·s in `push=42`, are scaled and rounded to three digits.
 
     Args:
         name: Name of a scenario for SimpleQuad.
-        robot: The robot.
+        robot: Robot to scale the severities to.
 
     Returns:
-        The name for the robot.
+        Name of the scenario for the robot.
     """
     base_name, apply_suffix = split(name)
     if apply_suffix is not None:
@@ -233,12 +247,18 @@ def scaled_name(name: str, robot: Robot) -> str:
 
 
 def _format_severities(severities: list[tuple[Axis, float]]) -> str:
-    """Return the shortest name that `_parse_severities` parses to exactly the given severities."""
+    """Format pairs of disturbance axis and severity as a scenario name, for example `payload=15+slope=10`.
+
+    The name is the shortest from which `_parse_severities` reads exactly these pairs.
+    """
     return SEPARATOR.join(f"{axis.name}{EQUALS}{repr(severity).removesuffix('.0')}" for axis, severity in severities)
 
 
 def _parse_severities(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, float]]:
-    """Parse the name of a combination to pairs of axis and severity; raise ValueError if it is invalid."""
+    """Parse a scenario name, for example `payload=15+slope=10`, to pairs of disturbance axis and severity.
+
+    `axes` contains the known axes, name -> axis. ValueError is raised for an unknown axis or an invalid severity.
+    """
     severities = []
     for part in name.split(SEPARATOR):
         axis_name, equals, number = (word.strip() for word in part.partition(EQUALS))
@@ -252,7 +272,11 @@ def _parse_severities(name: str, axes: dict[str, Axis]) -> list[tuple[Axis, floa
 
 
 def _parse_severity(name: str, axis: Axis, number: str, *, has_number: bool) -> float:
-    """Parse the severity after an axis in the name of a combination; raise ValueError if it is invalid."""
+    """Parse the severity of a disturbance axis in a scenario name; raise ValueError if it is invalid.
+
+    `number` is the text of the severity. `name` is the whole scenario name, for the error message. `has_number` is
+    False if there is no `=` after the axis in the name.
+    """
     try:
         severity = float(number)
     except ValueError:
@@ -260,35 +284,35 @@ def _parse_severity(name: str, axis: Axis, number: str, *, has_number: bool) -> 
         raise ValueError(f"{name}: {fact}; write {axis.name}{EQUALS}{axis.nominal:g} for {axis.quantity}") from None
     if not 0 <= severity <= MAX_SEVERITY:
         raise ValueError(f"{name}: {axis.quantity} is a number from 0 to {MAX_SEVERITY:g}, got {number}")
-    return severity + 0.0  # because -0 must become 0
+    return severity + 0.0  # Zero is added, because -0 must become 0.
 
 
 @dataclass(frozen=True)
 class _AxisSetting:
-    """Value of one setting of a scenario on one axis of a combination."""
+    """Value that one disturbance axis of a combination gives to one setting (field) of the scenario."""
 
     axis: str
-    """Name of the axis."""
+    """Name of the disturbance axis."""
     value: Any
-    """Value at the severity of the combination."""
+    """Value of the setting at the severity that the combination has on this axis."""
     level_values: list[Any]
-    """Value at each level of the axis."""
+    """Value of the setting at each level of the axis."""
 
     def is_set(self, default: Any) -> bool:
-        """Return True if the axis sets a value other than the `default` at any severity.
+        """Return True if the disturbance axis changes this setting from its `default`, the value without disturbances.
 
-        The levels are tested too, because the value at one severity may happen to equal the default.
+        The values at all levels are tested too, because the value at one severity may happen to equal the default.
         """
         return any(value != default for value in (self.value, *self.level_values))
 
     def of_field(self, name: str) -> "_AxisSetting":
-        """Return the value of the field `name` of this setting on the same axis."""
+        """Return the field `name` of this setting as a setting of the same disturbance axis."""
         level_values = [getattr(value, name) for value in self.level_values]
         return _AxisSetting(self.axis, getattr(self.value, name), level_values)
 
 
 def _combine(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
-    """Return a scenario that combines the settings of `parts`, scenarios on different axes."""
+    """Combine `parts`, one scenario of each disturbance axis, to one scenario with the given `name`."""
     axes = known_axes(robot)
     settings = []
     for part in parts:
@@ -299,21 +323,22 @@ def _combine(name: str, parts: list[Scenario], robot: Robot) -> Scenario:
 
 
 def _merge(default: Any, settings: list[_AxisSetting], name: str, path: str = "") -> Any:
-    """Merge the values of one setting on all axes of a combination.
+    """Merge the values that the disturbance axes of a combination give to one setting of the scenario.
 
-    Objects of the classes `_MERGED_BY_FIELD` are merged field by field.
+    Objects of the classes `_MERGED_BY_FIELD` are merged field by field. In all other cases at most one axis may change
+    the setting, unless the values are equal.
 
     Args:
-        default: Value of the setting if there are no disturbances.
+        default: Value of the setting, if there are no disturbances.
         settings: Value of the setting on each axis.
         name: Name of the combination, for error messages.
-        path: Description of the setting for error messages, empty or with a leading space.
+        path: Description of the setting for error messages; it is empty or begins with a space.
 
     Returns:
-        The merged value.
+        Value of the setting in the combination.
 
     Raises:
-        ValueError: Two axes set different values.
+        ValueError: Two axes change the setting to different values.
     """
     if isinstance(default, _MERGED_BY_FIELD):
         merged = {}

@@ -1,4 +1,4 @@
-"""Scenario: complete definition of an episode except the seed, with scaling to another robot."""
+"""Scenario: terrain, disturbances, commands and initial state of an episode, with scaling to another robot."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -14,18 +14,22 @@ from quad_env.scenarios.randomisation import DomainRandomisation
 from quad_env.scenarios.terrain import Flat, SmoothRandom, Stairs, Terrain
 
 HARDWARE = "+hardware"
-"""Name suffix of scenarios with the robot's hardware profile: motors, delays, sensors and estimator."""
+"""Name suffix of scenarios with the robot's hardware profile: realistic motors, delays, sensors and estimator."""
 RANDOMISED = "+randomised"
-"""Name suffix of scenarios with domain randomisation."""
+"""Name suffix of scenarios with domain randomisation: properties of robot and ground differ in every episode."""
 SCAN_LOST = "+scan_lost"
-"""Name suffix of scenarios in which the height scan shows nothing."""
+"""Name suffix of scenarios with a failed height scan: every point of the scan reads -2 m, as for unseen ground."""
 SUFFIX_FIELDS = {SCAN_LOST: "scan_lost", RANDOMISED: "randomisation", HARDWARE: "hardware"}
-"""Name suffix -> field of the scenario that the suffix sets, in the order of the suffixes in a name."""
+"""Name suffix -> name of the field of `Scenario` that the suffix sets, in the order of the suffixes in a name."""
 
 
 @dataclass(frozen=True)
 class Scenario(Settings):
-    """Terrain, disturbances, commands and initial state of an episode; None if a disturbance is absent."""
+    """Definition of an episode, except its seed: terrain, disturbances, commands and initial state.
+
+    The fields `pushes`, `force`, `payload`, `latency`, `noise` and `dropouts` are None if the scenario does not have
+    this disturbance.
+    """
 
     name: str
     terrain: Terrain = field(default_factory=Flat)
@@ -33,10 +37,10 @@ class Scenario(Settings):
     commands: CommandRanges = field(default_factory=CommandRanges)
     start: StartNoise | AnyPose = field(default_factory=StartNoise)
     severity: float = 0.0
-    """Severity on the scenario's axis, in `severity_unit`; 0 if the scenario belongs to no axis."""
+    """Strength of the disturbance that the scenario's axis varies, in `severity_unit`; 0 if `axis` is empty."""
     severity_unit: str = ""
     axis: str = ""
-    """Name of the axis of `quad_env.scenarios.axes` that contains the scenario; empty if there is none."""
+    """Name of the disturbance axis that the scenario belongs to, see `quad_env.scenarios.axes`; empty if none."""
     force: SteadyForce | None = None
     ground: Ground = field(default_factory=Ground)
     motors: Motors = field(default_factory=Motors)
@@ -47,37 +51,48 @@ class Scenario(Settings):
     hardware: bool = False
     """True if the robot has its hardware profile, which `quad_env.actuation.hardware` defines.
 
-    False for ideal motors, no delays, and observations of the true state.
+    If it is False, the motors are ideal, the observation shows the true state, and neither is delayed.
     """
     randomisation: DomainRandomisation | None = None
-    """Ranges of the properties of robot and ground that are drawn for each episode; None to draw nothing."""
+    """Ranges of robot and ground properties that are drawn at random for each episode; None for fixed properties."""
     scan_lost: bool = False
-    """True if the height scan is lost: every point of the scan reads -2 m, the value of unseen ground."""
+    """True if the height scan fails: every point of the scan reads -2 m, the value of unseen ground."""
 
     @property
     def suffix(self) -> str:
-        """Name suffixes that belong to the fields of the scenario, joined; empty if there are none."""
+        """Concatenated name suffixes of the scenario, such as `+randomised+hardware`; empty if it has none."""
         return "".join(end for end, field in SUFFIX_FIELDS.items() if getattr(self, field))
 
 
 def with_hardware_profile(scenario: Scenario) -> Scenario:
-    """Return the `scenario` with the hardware profile and its name suffix; unchanged if it has both."""
+    """Return `scenario` with the robot's hardware profile and the name suffix `+hardware`.
+
+    The hardware profile has realistic motors, delays, sensors and estimator. If the scenario has the profile already,
+    it is returned unchanged.
+    """
     return _with_settings(scenario, hardware=True)
 
 
 def _with_randomisation(scenario: Scenario, robot: Robot) -> Scenario:
-    """Return the scenario with domain randomisation, by default with the default ranges for the robot."""
+    """Return `scenario` with domain randomisation and the name suffix `+randomised`.
+
+    If the scenario has randomisation ranges already, it keeps them. Otherwise it gets the default ranges, scaled to
+    `robot`.
+    """
     default = scaled(Scenario("default", randomisation=DomainRandomisation()), robot).randomisation
     return _with_settings(scenario, randomisation=scenario.randomisation or default)
 
 
 def _without_scan(scenario: Scenario, _: Robot) -> Scenario:
-    """Return the scenario with a lost height scan."""
+    """Return `scenario` with a failed height scan (every point reads -2 m) and the name suffix `+scan_lost`."""
     return _with_settings(scenario, scan_lost=True)
 
 
 def _with_settings(scenario: Scenario, **settings: Any) -> Scenario:
-    """Return the scenario with changed settings and matching name suffixes; unchanged if nothing differs."""
+    """Return `scenario` with the `settings`, field name -> new value, and with the name suffixes that match them.
+
+    If no field changes, the scenario is returned unchanged.
+    """
     changed = replace(scenario, **settings)
     name = scenario.name.removesuffix(scenario.suffix) + changed.suffix
     return scenario if changed == scenario else replace(changed, name=name)
@@ -88,22 +103,24 @@ SUFFIXES: dict[str, Callable[[Scenario, Robot], Scenario]] = {
     RANDOMISED: _with_randomisation,
     SCAN_LOST: _without_scan,
 }
-"""Name suffix -> function of scenario and robot that returns the scenario with the suffix."""
+"""Name suffix -> function of scenario and robot that returns the scenario with this suffix and its settings."""
 
 
 def scaled(scenario: Scenario, robot: Robot) -> Scenario:
     """Scale a scenario of SimpleQuad to another robot by dynamic similarity.
 
-    Commands are scaled at equal Froude number, and pushes at equal speed change relative to the commands. Forces and
-    loads are scaled by weight, terrain by leg length, and torques by weight times leg length. Times, noise, friction,
-    angles and the severity do not change. The torque limit is at most the robot's rated torque.
+    Commanded velocities are scaled so that the Froude number stays the same. Impulses of pushes are scaled so that a
+    push changes the robot's speed by the same fraction of the commanded velocity. Forces and loads are scaled in
+    proportion to the robot's weight, lengths of the terrain to the leg length, and torques to weight times leg length.
+    Times, noise, friction, angles and the field `severity` do not change. The torque limit is at most the robot's rated
+    torque.
 
     Args:
         scenario: Scenario of SimpleQuad.
         robot: Robot to scale the scenario to.
 
     Returns:
-        The scaled scenario.
+        The scaled scenario; the same object if the robot is SimpleQuad.
     """
     if robot == SIMPLE_QUAD:
         return scenario
@@ -124,7 +141,7 @@ def scaled(scenario: Scenario, robot: Robot) -> Scenario:
 
 
 def _scaled_motors(motors: Motors, robot: Robot) -> Motors:
-    """Return the motors with a scaled torque limit, at most the robot's rated torque."""
+    """Scale the torque limit of SimpleQuad's motors to `robot`; the scaled limit is at most its rated torque."""
     if motors.torque_limit is None:
         return motors
     torque_limit = scale_factor(robot, "N·m") * motors.torque_limit
@@ -132,7 +149,7 @@ def _scaled_motors(motors: Motors, robot: Robot) -> Motors:
 
 
 def _scaled_payload(payload: Payload | None, robot: Robot) -> Payload | None:
-    """Return the payload with scaled mass and lengths."""
+    """Scale mass and lengths of SimpleQuad's payload to `robot`; None stays None."""
     if payload is None:
         return None
     length_factor = scale_factor(robot, "m")
@@ -146,7 +163,7 @@ def _scaled_payload(payload: Payload | None, robot: Robot) -> Payload | None:
 
 
 def _scaled_randomisation(randomisation: DomainRandomisation | None, factor: float) -> DomainRandomisation | None:
-    """Return the domain randomisation with scaled lengths."""
+    """Multiply the lengths of the randomisation, displacements of the centre of mass, by `factor`; None stays None."""
     if randomisation is None:
         return None
     forward, left, up = randomisation.centre_of_mass
@@ -154,9 +171,9 @@ def _scaled_randomisation(randomisation: DomainRandomisation | None, factor: flo
 
 
 def _scaled_terrain(terrain: Terrain, factor: float) -> Terrain:
-    """Return the terrain with scaled lengths; a user's height field keeps its size."""
+    """Multiply the lengths of stairs and random ground by `factor`; other terrains stay unchanged."""
     if isinstance(terrain, Stairs):
-        landing = max(1.0, factor) * terrain.landing  # because smaller robots need as much room at the start
+        landing = max(1.0, factor) * terrain.landing  # because a smaller robot needs as much room at the start
         lengths = {name: factor * getattr(terrain, name) for name in ("rise", "run", "half_width")}
         return replace(terrain, landing=landing, **lengths)
     if isinstance(terrain, SmoothRandom):

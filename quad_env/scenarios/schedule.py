@@ -1,4 +1,4 @@
-"""Present episodes of n robots: seeds, commands, pushes and elapsed control steps."""
+"""Schedule of the episodes of n robots: seeds, commands, pushes and elapsed control steps."""
 
 from collections.abc import Sequence
 
@@ -13,9 +13,9 @@ from quad_env.seeding import assign_seeds, fresh_seeds
 
 
 class EpisodeSchedule:
-    """Present episodes of n robots.
+    """Schedule of the episodes of n robots; it starts episodes and supplies the commands and pushes of each step.
 
-    Each seed defines a sequence of episodes. A robot that gets a seed runs the episodes of the sequence in order,
+    Each seed defines a sequence of episodes. A robot that gets a seed runs the episodes of this sequence in order,
     independent of the other robots.
 
     Args:
@@ -25,9 +25,9 @@ class EpisodeSchedule:
         dt: Control period, s.
 
     Attributes:
-        pushes: Pushes in the present episode of each robot.
+        pushes: Planned pushes on the trunk in the present episode of each robot.
         step_count: Control steps since the start of each robot's episode, (n,).
-        command: Command of the next control step: forward and lateral velocity, m/s, and yaw rate, rad/s, (n, 3).
+        command: Velocity command of the next control step, (n, 3): forward and lateral m/s, yaw rate rad/s.
     """
 
     def __init__(self, robot: Robot, scenario: Scenario, num_envs: int, dt: float) -> None:
@@ -46,15 +46,15 @@ class EpisodeSchedule:
         self.command = np.zeros((num_envs, 3))
         self._has_fixed_command = np.zeros(num_envs, bool)
         self._manual_force: Array | None = None
-        """Force of the last call of `apply_push`, world frame, (n, 2), N."""
+        """Force on each trunk, set by the last call of `apply_push`, world frame, x and y, (n, 2), N; None before."""
         self._manual_push_end = np.zeros(num_envs, np.int64)
-        """Control step at which the push of the last call ends, (n,)."""
+        """Control step of each robot's episode at which the push from `apply_push` ends, (n,)."""
 
     def reseed(self, seed: int | Sequence[int] | None, mask: Mask) -> None:
-        """Set the seeds of the next episodes.
+        """Set the seeds of some robots; each of them then starts with the first episode of its new seed.
 
         Args:
-            seed: Seeds of the robots, as `seeding.assign_seeds` accepts them; None changes nothing.
+            seed: One seed, or a sequence with the seed of each robot, see `seeding.assign_seeds`; None changes nothing.
             mask: True for the robots that get a new seed, (n,).
         """
         if seed is None:
@@ -66,14 +66,15 @@ class EpisodeSchedule:
                 self._next_number[i] = 0
 
     def reset(self, env_ids: NDArray[np.intp], fixed_command: Array | None) -> list[EpisodeSample]:
-        """Start the next episodes of some robots.
+        """Start the next episode of k robots.
 
         Args:
             env_ids: Indices of the robots, (k,).
-            fixed_command: Commands of all robots for the whole episode, (n, 3); None to draw commands.
+            fixed_command: Velocity commands of all robots for the whole episode, (n, 3): forward and lateral m/s, yaw
+                rate rad/s. If it is None, commands are drawn at random.
 
         Returns:
-            New episodes of the k robots.
+            Random draws of the new episodes of the k robots.
         """
         for i in env_ids:
             episode = EpisodeSample(self._robot, self._scenario, self._seeds[i], self._next_number[i], self._dt)
@@ -88,9 +89,9 @@ class EpisodeSchedule:
         return [self._episodes[i] for i in env_ids]
 
     def resample_commands(self, env_ids: EnvSelection) -> None:
-        """Draw a command for each robot of `env_ids` that begins a command interval.
+        """Draw a new velocity command for each robot of `env_ids` at the end of its command interval.
 
-        Robots with a fixed command keep the command.
+        The length of the interval is `CommandRanges.interval`, s. Robots with a fixed command keep this command.
         """
         begins_interval = self.step_count[env_ids] % self._interval == 0
         if np.count_nonzero(begins_interval):
@@ -99,24 +100,29 @@ class EpisodeSchedule:
                 self.command[i] = self._episodes[i].next_command()
 
     def fix_commands(self, commands: Array) -> None:
-        """Hold the `commands` of all robots, (n, 3), until the end of each episode, and draw no new commands."""
+        """Set the velocity commands of all robots, (n, 3), until the end of their episodes.
+
+        A command consists of forward and lateral velocity, m/s, and yaw rate, rad/s. In the present episodes no other
+        commands are drawn.
+        """
         self.command[:] = commands
         self._has_fixed_command[:] = True
 
     def apply_push(self, forces: Array, steps: int) -> None:
-        """Push the trunks in addition to the planned pushes.
+        """Push the trunks from the next control step on, in addition to the planned pushes of the scenario.
 
         Args:
-            forces: Force on each trunk, world frame, (n, 2), N.
+            forces: Force on each trunk, world frame, x and y, (n, 2), N.
             steps: Duration of the pushes, control steps.
         """
         self._manual_force = forces
         self._manual_push_end = self.step_count + steps
 
     def push_force(self) -> Array | None:
-        """Return the pushing force on each trunk in the next control step, world frame, (n, 2), N.
+        """Return the pushing force on each trunk in the next control step, world frame, x and y, (n, 2), N.
 
-        The result is None if the scenario has no pushes and `apply_push` was never called.
+        The force is the sum of the planned pushes and the push from `apply_push`. The result is None if the scenario
+        has no pushes and `apply_push` was never called.
         """
         planned = self.pushes.force_at(self.step_count)
         if self._manual_force is None:

@@ -1,4 +1,4 @@
-"""Terrains: ground height at a point, and centre height of a ball, such as a foot, on the ground."""
+"""Terrains: their settings, the ground height at a point, and the height of a ball (foot) on the ground."""
 
 import math
 import sys
@@ -16,9 +16,9 @@ from quad_env.scenarios import height_file
 from quad_env.scenarios.height_file import Heights
 
 Length = Annotated[float, Bounds("more than 0 m and at most 1e6 m", sys.float_info.min, 1e6)]
-"""A positive length of at most 1000 km, m."""
+"""Type of a setting that is a positive length of at most 1000 km, m."""
 MIN_START_CLEARANCE = 0.7
-"""Radius of level ground that a robot needs around the trunk's centre at the start, m."""
+"""Radius of the level ground that a robot on stairs needs around the trunk's centre at the start, m."""
 
 
 @dataclass(frozen=True)
@@ -26,22 +26,31 @@ class Flat(Settings):
     """Level ground, the plane z = 0."""
 
     spawn_radius: NonNegative = 0.0
-    """Half of the side of the square in which robots start, m"""
+    """Half of the side of the square around the origin in which the robots' start position is drawn, m"""
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the ground height, m, at the point `x`, `y`, world frame, m.
+        """Return the ground height at a point.
 
         Args:
-            x: World frame, m.
-            y: World frame, m.
+            x: X coordinate of the point, world frame, m.
+            y: Y coordinate of the point, world frame, m.
 
         Returns:
-            Ground height, m.
+            Ground height, world frame, m.
         """
         return 0.0 * x
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Return the centre height, m, of a ball of `radius`, m, on the ground at `x`, `y`, world frame, m."""
+        """Return the centre height of a ball that rests on the ground at a point.
+
+        Args:
+            x: X coordinate of the ball's centre, world frame, (n,), m.
+            y: Y coordinate of the ball's centre, world frame, (n,), m.
+            radius: Radius of the ball, m.
+
+        Returns:
+            Height of the ball's centre, world frame, (n,), m.
+        """
         return self.height(x, y) + radius
 
 
@@ -49,36 +58,45 @@ class Flat(Settings):
 class Slope(Settings):
     """Infinite plane through the origin that rises along the world's x axis.
 
-    Robots start parallel to the plane.
+    The trunks of the robots are parallel to the plane at the start.
     """
 
     angle: Annotated[float, Bounds("from 0 to 80° (1.396 rad)", 0.0, math.radians(80.0))] = math.radians(15.0)
     """Angle of the plane above the horizontal, rad"""
     spawn_radius: NonNegative = 0.0
-    """Half of the side of the square in which robots start, m"""
+    """Half of the side of the square around the origin in which the robots' start position is drawn, m"""
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the ground height, m, at the point `x`, `y`, world frame, m.
+        """Return the ground height at a point.
 
         Args:
-            x: World frame, m.
-            y: World frame, m.
+            x: X coordinate of the point, world frame, m.
+            y: Y coordinate of the point, world frame, m.
 
         Returns:
-            Ground height, m.
+            Ground height, world frame, m.
         """
         return math.tan(self.angle) * x
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Return the centre height, m, of a ball of `radius`, m, on the ground at `x`, `y`, world frame, m."""
+        """Return the centre height of a ball that rests on the ground at a point.
+
+        Args:
+            x: X coordinate of the ball's centre, world frame, (n,), m.
+            y: Y coordinate of the ball's centre, world frame, (n,), m.
+            radius: Radius of the ball, m.
+
+        Returns:
+            Height of the ball's centre, world frame, (n,), m.
+        """
         return self.height(x, y) + radius / math.cos(self.angle)
 
 
 @dataclass(frozen=True)
 class Stairs(Settings):
-    """Stairs with vertical risers, up towards the world's +x and down towards −x from a landing at z = 0.
+    """Stairs that rise towards the world's +x and descend towards −x from a landing at z = 0.
 
-    Each step is a box, so that edges and risers are exact. The ground is level beyond the last steps.
+    Each step is a box with a vertical riser, so that its edges are exact. The ground beyond the last steps is level.
     """
 
     rise: Length = 0.1
@@ -86,13 +104,13 @@ class Stairs(Settings):
     run: Length = 0.3
     """Depth of each step along the world's x axis, m"""
     steps: Annotated[int, Bounds("from 1 to 1000", 1, 1000)] = 60
-    """Number of steps in each direction; at the top commanded speed no robot leaves the stairs within 10 s"""
+    """Number of steps in each direction; the default keeps a robot at the top commanded speed on the stairs for 10 s"""
     landing: float = 0.75
     """Half of the landing's length along the world's x axis, m"""
     half_width: Length = 22.0
     """Half of the width of each step along the world's y axis, m"""
     spawn_radius: NonNegative = 0.0
-    """Half of the side of the square in which robots start, m"""
+    """Half of the side of the square around the origin in which the robots' start position is drawn, m"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -100,25 +118,23 @@ class Stairs(Settings):
             raise ValueError(f"the landing must be longer than the spawn_radius by {MIN_START_CLEARANCE} m, got {self}")
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the ground height, m, at the point `x`, `y`, world frame, m.
-
-        The height at a riser is the height of the tread of the same step.
+        """Return the ground height at a point; on a riser it is the height of the tread (top) of the same step.
 
         Args:
-            x: World frame, m.
-            y: World frame, m.
+            x: X coordinate of the point, world frame, m.
+            y: Y coordinate of the point, world frame, m.
 
         Returns:
-            Ground height, m.
+            Ground height, world frame, m.
         """
         steps = (abs(x) - self.landing) / self.run + 1.0
         climbed = self.rise * clipped_index(clip(steps, 0.0, float(self.steps)), self.steps)
         return cast("ScalarOrBatch", where(x > 0.0, climbed, -climbed))
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Return the centre height of a ball that rests on the tread at a point.
+        """Return the centre height of a ball that rests on the tread (top of a step) at a point.
 
-        The result is wrong if the point is closer to a riser than the radius.
+        The result is wrong if the horizontal distance from the point to a riser is smaller than the radius.
 
         Args:
             x: X coordinate of the point, world frame, (n,), m.
@@ -131,9 +147,9 @@ class Stairs(Settings):
         return self.height(x, y) + radius
 
     def boxes(self) -> list[tuple[tuple[float, float], float]]:
-        """Return the x range and the top height of the landing and of each step, world frame, m.
+        """Return ((smallest x, largest x), top height) of the landing and of each step, world frame, m.
 
-        The ground at the lowest level has no box.
+        Each item becomes a box of the simulation. The level ground at the foot of the descending steps has no box.
         """
         low = [-self.landing - k * self.run for k in range(self.steps)]
         high = [self.landing + k * self.run for k in range(self.steps)]
@@ -145,14 +161,14 @@ class Stairs(Settings):
 
 @dataclass(frozen=True)
 class SmoothRandom(Settings):
-    """Random height field: Gaussian-smoothed white noise with a uniform distribution of heights.
+    """Random uneven ground: a height field of Gaussian-smoothed noise with uniformly distributed heights.
 
-    The heights are uniformly distributed, so that a robot crosses the whole range within a few correlation lengths.
-    Gaussian heights would leave the field nearly flat in most places. The surface lies between z = 0 and
+    The heights are uniformly distributed, so that a robot crosses the whole range of heights within a few correlation
+    lengths. With Gaussian heights the field would be nearly flat in most places. The surface lies between z = 0 and
     z = `peak_to_valley`. The ground outside the field is at z = 0.
 
-    All simulations of a batch share one field, because MuJoCo stores height data in the model. Episodes differ in the
-    start, which is drawn within `spawn_radius` of the centre.
+    All robots of a batch walk on the same field, because MuJoCo stores height data in the model. Episodes differ in the
+    start position, which is drawn in a square around the centre; half of its side is `spawn_radius`.
     """
 
     peak_to_valley: Length = 0.12
@@ -160,13 +176,13 @@ class SmoothRandom(Settings):
     correlation_length: Length = 0.3
     """Distance at which the autocorrelation of the smoothed noise falls to 1/e, m"""
     half_size: Length = 34.0
-    """Half of the side of the field, m; at the top commanded speed no robot leaves the field within 10 s"""
+    """Half of the side of the field, m; the default keeps a robot at the top commanded speed on the field for 10 s"""
     spawn_radius: NonNegative = 16.0
-    """Half of the side of the square in which robots start, m"""
+    """Half of the side of the square around the origin in which the robots' start position is drawn, m"""
     cell: Length = 0.1
-    """Distance between grid points, m"""
+    """Distance between neighbouring grid points, m"""
     seed: Annotated[int, Bounds("at least 0", 0)] = 0
-    """Seed of the field, independent of the seeds of the episodes"""
+    """Seed of the random heights, independent of the seeds of the episodes"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -175,32 +191,34 @@ class SmoothRandom(Settings):
 
     @property
     def points(self) -> int:
-        """Number of grid points along each side."""
+        """Number of grid points along each side of the square field."""
         return round(2 * self.half_size / self.cell) + 1
 
     @property
     def half(self) -> tuple[float, float]:
-        """Half of the field's size along x and along y, m."""
+        """Half of the field's side lengths along x and along y, m."""
         return self.half_size, self.half_size
 
     @property
     def heights(self) -> Heights:
-        """Heights of the whole field, (points, points).
+        """Heights of all grid points of the field, an array of shape (points, points) with offset and factor in m.
 
-        Fields that differ only in `peak_to_valley` share the normalized grid in memory.
+        Fields that differ only in `peak_to_valley` share one array of normalized heights in memory.
         """
         normalized = _normalized_surface(self.points, self.correlation_length / 2 / self.cell, self.seed)
         return Heights(normalized, 0.0, self.peak_to_valley)
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the surface height, interpolated on two triangles per cell as in MuJoCo's collisions.
+        """Return the ground height at a point.
+
+        The height is interpolated linearly on two triangles per grid cell, as in the collision detection of MuJoCo.
 
         Args:
             x: X coordinate of the point, world frame, m.
             y: Y coordinate of the point, world frame, m.
 
         Returns:
-            Height, world frame, m.
+            Ground height, world frame, m; 0 outside the field.
         """
         column = (x + self.half_size) / self.cell
         row = (y + self.half_size) / self.cell
@@ -211,8 +229,8 @@ class SmoothRandom(Settings):
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
         """Return the centre height of a ball that rests on the ground at a point.
 
-        If the cells are wider than the ball, the ground under the ball is assumed to be level. Otherwise ground points
-        a third of a radius apart are tested.
+        If the grid cells are wider than the ball, the ground under the ball is assumed to be level. Otherwise the
+        method tests ground points under the ball that are a third of a radius apart.
 
         Args:
             x: X coordinate of the point, world frame, (n,), m.
@@ -229,23 +247,24 @@ class SmoothRandom(Settings):
 class HeightField(Settings):
     """Terrain of a user: heights on a grid around the world's origin, from a picture or an array.
 
-    The first row of samples, the top of the picture, lies at the largest y. The first column, the left of the picture,
-    lies at the smallest x. The ground around the field is level, at the height of the field's lowest point.
+    The first row of the file, which is the top of a picture, lies at the largest y. The first column, which is the left
+    of a picture, lies at the smallest x. The ground around the field is level, at the height of the field's lowest
+    point.
     """
 
     file: str = field(compare=False)
-    """Path of a grey picture, .png with 8 or 16 bits, or of an array of rows and columns, .npy"""
+    """Path of a grey picture (.png with 8 or 16 bits), or of an array of rows and columns (.npy)"""
     sha256: str
-    """SHA-256 of the file, hexadecimal"""
+    """SHA-256 checksum of the file, hexadecimal"""
     size: tuple[Length, Length]
-    """Distance between the outermost samples along x and along y, m"""
+    """Distance between the outermost grid points along x and along y, m"""
     peak: Length | None = None
-    """Height to which the largest value is scaled, m; None for an array of heights in m.
+    """Height that the largest value in the file represents, m; None for an array of heights in m.
 
-    Value 0 is at height 0.
+    The other values represent heights in proportion, so that the value 0 is at height 0.
     """
     start: tuple[float, float] | None = None
-    """Start of all robots relative to the middle of the field, x and y, m; None for random starts."""
+    """Start position of all robots relative to the middle of the field, x and y, m; None for random start positions."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -257,7 +276,8 @@ class HeightField(Settings):
         """Load the terrain that a TOML file describes.
 
         Args:
-            path: TOML file with the keys `file` and `size`, and optionally `height` (the field `peak`) and `start`.
+            path: TOML file with the keys `file` and `size`, and optionally `start` and `height`, which sets the field
+                `peak`.
 
         Returns:
             The terrain.
@@ -271,36 +291,41 @@ class HeightField(Settings):
             terrain = cls(heights_path, height_file.sha256_of(heights_path), size, height, start)
         except ValueError as error:
             raise ValueError(one_line(f"{path}: {error}; it wants lines such as {height_file.EXAMPLE_LINES}")) from None
-        height_file.read(heights_path, terrain.sha256, height)  # because invalid heights must raise ValueError here
+        height_file.read(
+            heights_path, terrain.sha256, height
+        )  # The heights are read here, because a file with invalid heights must raise ValueError here.
         return terrain
 
     @property
     def half(self) -> tuple[float, float]:
-        """Half of the field's size along x and along y, m."""
+        """Half of the field's side lengths along x and along y, m."""
         return self.size[0] / 2, self.size[1] / 2
 
     @property
     def spawn_radius(self) -> float:
-        """Half of the side of the central square in which robots start, m; 0 if `start` is given.
+        """Half of the side of the square in which the robots' start position is drawn, m; 0 if `start` is given.
 
-        By default the value is half of the distance from the middle to the nearest edge.
+        The square is in the middle of the field. If `start` is None, the value is half of the distance from the middle
+        of the field to its nearest edge.
         """
         return min(self.half) / 2 if self.start is None else 0.0
 
     @property
     def heights(self) -> Heights:
-        """Heights in the file; reading raises ValueError if the file is missing or has changed."""
+        """Heights of all grid points, read from the file; ValueError is raised if it is missing or has changed."""
         return height_file.read(self.file, self.sha256, self.peak)
 
     def height(self, x: ScalarOrBatch, y: ScalarOrBatch) -> ScalarOrBatch:
-        """Return the surface height, interpolated on two triangles per cell as in MuJoCo's collisions.
+        """Return the ground height at a point.
+
+        The height is interpolated linearly on two triangles per grid cell, as in the collision detection of MuJoCo.
 
         Args:
             x: X coordinate of the point, world frame, m.
             y: Y coordinate of the point, world frame, m.
 
         Returns:
-            Height, world frame, m.
+            Ground height, world frame, m; the field's lowest height outside the field.
         """
         normalized, min_height, span = self.heights
         half_x, half_y = self.half
@@ -312,21 +337,30 @@ class HeightField(Settings):
         return cast("ScalarOrBatch", min_height + where(inside, surface, 0.0))
 
     def sphere_center_height(self, x: Array, y: Array, radius: float) -> Array:
-        """Return the centre height, m, of a ball of `radius`, m, on the ground at `x`, `y`, world frame, m."""
+        """Return the centre height of a ball that rests on the ground at a point.
+
+        Args:
+            x: X coordinate of the ball's centre, world frame, (n,), m.
+            y: Y coordinate of the ball's centre, world frame, (n,), m.
+            radius: Radius of the ball, m.
+
+        Returns:
+            Height of the ball's centre, world frame, (n,), m.
+        """
         return _highest_touching(self, x, y, radius)
 
 
 def _interpolate_height(grid: Array, span: float, column: ScalarOrBatch, row: ScalarOrBatch) -> ScalarOrBatch:
-    """Return `span` times the grid's height at a position, interpolated on two triangles per cell.
+    """Return the height at a position of a grid, interpolated linearly on two triangles per cell.
 
     Args:
-        grid: Normalized heights, (rows, columns).
-        span: Factor on the heights, m.
-        column: Position along the columns, as a number of cells from the first sample.
-        row: Position along the rows, as a number of cells from the first sample.
+        grid: Normalized heights of the grid points, 0 to 1, (rows, columns).
+        span: Height difference between the normalized heights 0 and 1, m.
+        column: Column index of the position, a real number from 0 at the first grid point.
+        row: Row index of the position, a real number from 0 at the first grid point.
 
     Returns:
-        Height, m.
+        Height above the lowest point of the grid, m.
     """
     rows, columns = grid.shape
     column = clip(column, 0.0, float(columns - 1))
@@ -342,14 +376,17 @@ def _interpolate_height(grid: Array, span: float, column: ScalarOrBatch, row: Sc
 
 
 def _interpolate_triangle(start: Any, side: Any, end: Any, near: Any, far: Any) -> Any:
-    """Interpolate linearly in one of the two triangles of a cell.
+    """Interpolate the height linearly in one of the two triangles of a grid cell.
+
+    A position in the cell has two offsets from the cell's first corner, 0 to 1: along the columns and along the rows.
+    All heights are in the same unit.
 
     Args:
         start: Height at the cell's first corner, where both offsets are 0.
         side: Height at the third corner of the triangle, where one offset is 1 and the other is 0.
         end: Height at the corner opposite to the first, where both offsets are 1.
-        near: Smaller of the two offsets of the position from the first corner, 0 to 1.
-        far: Larger of the two offsets, 0 to 1.
+        near: Smaller of the two offsets of the position, 0 to 1.
+        far: Larger of the two offsets of the position, 0 to 1.
 
     Returns:
         Height at the position.
@@ -358,9 +395,11 @@ def _interpolate_triangle(start: Any, side: Any, end: Any, near: Any, far: Any) 
 
 
 def _highest_touching(terrain: SmoothRandom | HeightField, x: Array, y: Array, radius: float) -> Array:
-    """Return the lowest centre height at which no tested ground point is inside the ball, (n,), m.
+    """Return the centre height of a ball that rests on uneven ground, world frame, (n,), m.
 
-    The tested points under the ball are a third of a radius apart.
+    This is the smallest height at which no tested ground point is inside the ball. The tested points under the ball are
+    a third of the radius apart. `x` and `y` are the coordinates of the ball's centre in the world frame, (n,), m.
+    `radius` is the radius of the ball, m.
     """
     thirds = [(i / 3, j / 3) for i in range(-3, 4) for j in range(-3, 4) if i * i + j * j <= 9]
     touching = [
@@ -372,17 +411,19 @@ def _highest_touching(terrain: SmoothRandom | HeightField, x: Array, y: Array, r
 
 @lru_cache(maxsize=16)
 def _normalized_surface(points: int, width: float, seed: int) -> Array:
-    """Return a random surface with uniform heights from 0 to 1, (points, points).
+    """Generate a smooth random surface with uniformly distributed heights from 0 to 1, (points, points).
 
-    White noise convolved with exp(-2 r²/l²) has the autocorrelation exp(-r²/l²); `ndtr` makes the heights uniform.
+    White noise that is convolved with exp(-2 r²/l²) has the autocorrelation exp(-r²/l²), with the distance r and the
+    correlation length l. Then `ndtr`, the cumulative normal distribution function, makes the distribution of the
+    heights uniform.
 
     Args:
         points: Number of grid points along each side.
-        width: Standard deviation of the Gaussian kernel, half of the correlation length l, cells.
+        width: Standard deviation of the Gaussian kernel, in grid cells; it is half of the correlation length l.
         seed: Seed of the noise.
 
     Returns:
-        Heights from 0 to 1, a read-only array, (points, points).
+        Heights from 0 to 1, dimensionless, a read-only array, (points, points).
     """
     from scipy.ndimage import gaussian_filter
     from scipy.special import ndtr
@@ -391,8 +432,8 @@ def _normalized_surface(points: int, width: float, seed: int) -> Array:
     smooth = gaussian_filter(noise, width, mode="wrap")
     unit: Array = ndtr((smooth - smooth.mean()) / smooth.std())
     unit = (unit - unit.min()) / (unit.max() - unit.min())
-    # The heights are rounded to single precision because MuJoCo stores height fields so, and both surfaces must be
-    # equal.
+    # The heights are rounded to single precision, because MuJoCo stores height fields in single precision and both
+    # surfaces must be equal.
     grid: Array = unit.astype(np.float32).astype(np.float64)
     grid.flags.writeable = False
     return grid
